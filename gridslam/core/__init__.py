@@ -1,0 +1,1 @@
+"""Poses, messages, trajectories, errors and random streams: what every other part speaks."""

@@ -1,0 +1,53 @@
+"""The errors that gridslam raises on purpose, and the exit code that each one ends the command with.
+
+    GridslamError
+    +-- ConfigError    2   a config file, an override or an argument is wrong
+    +-- InputError     3   an input cannot be read
+    |   +-- LogError       ... a log
+    |   +-- MapError       ... a map
+    +-- MethodError    4   a method cannot go on
+    +-- GateError      1   a --require gate failed
+
+Anything else that escapes is a bug (exit code 70). A message says what is wrong, where (file, line or message
+index, key path) and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class GridslamError(Exception):
+    """Base of all errors raised on purpose; `str(error)` is the one line that the user sees."""
+
+    exit_code = 70
+
+
+class ConfigError(GridslamError):
+    """A config file, an override or an argument is wrong; the message names the key path."""
+
+    exit_code = 2
+
+
+class InputError(GridslamError):
+    """An input file cannot be read; the message names the file and the place in it."""
+
+    exit_code = 3
+
+
+class LogError(InputError):
+    """A log cannot be read, or lacks what the method needs."""
+
+
+class MapError(InputError):
+    """A map cannot be read."""
+
+
+class MethodError(GridslamError):
+    """A method cannot go on with what it was given."""
+
+    exit_code = 4
+
+
+class GateError(GridslamError):
+    """A measure did not meet the bound that `--require` sets."""
+
+    exit_code = 1

@@ -1,0 +1,206 @@
+"""What sensors say, whatever file it came from.
+
+Every message carries `stamp_ns` (integer nanoseconds, never rounded) and `frame_id`. Arrays are read-only. The values
+of a message do not depend on the container it was read from: what ROS stores as float32 is kept to float32 precision
+in every format, and yaw angles are kept to 2^-40 rad, so that a log and its conversion give the same run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_YAW_STEPS_PER_RAD = float(2**40)
+
+
+def canonical_yaw(yaw_rad: float) -> float:
+    """Yaw rounded to 2^-40 rad (1e-12): a detour through a quaternion gives the same number back."""
+    return float(np.round(yaw_rad * _YAW_STEPS_PER_RAD) / _YAW_STEPS_PER_RAD)
+
+
+def as_float32(value: float) -> float:
+    """The value as ROS would store it in a float32 field."""
+    return float(np.float32(value))
+
+
+def readonly(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
+    """A contiguous read-only array of the given type (a view where no conversion is needed)."""
+    array = np.ascontiguousarray(values, dtype=dtype).view()
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """T_parent_child: the pose of the child frame in the parent frame (static ones give a sensor's mounting)."""
+
+    stamp_ns: int
+    frame_id: str  # parent
+    child_frame_id: str
+    translation_m: tuple[float, float, float]
+    quat_wxyz: tuple[float, float, float, float]
+    is_static: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LaserScan:
+    """One sweep of a planar lidar: beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame.
+
+    `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    ranges_m: NDArray[np.float32]
+    angle_min_rad: float
+    angle_increment_rad: float
+    range_min_m: float
+    range_max_m: float
+    time_increment_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """T_odom_base with, where the log has them, velocities in the robot's frame (NaN where it has not)."""
+
+    stamp_ns: int
+    frame_id: str
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    vx_mps: float = float("nan")
+    wz_radps: float = float("nan")
+    child_frame_id: str = "base_link"
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """(x, y, yaw) as an array `(3,)`."""
+        return np.array([self.x_m, self.y_m, self.yaw_rad])
+
+
+@dataclass(frozen=True, slots=True)
+class Imu:
+    """Turn rate about the vertical."""
+
+    stamp_ns: int
+    frame_id: str
+    wz_radps: float
+
+
+@dataclass(frozen=True, slots=True)
+class WheelTicks:
+    """Accumulated angles of the left and right wheel."""
+
+    stamp_ns: int
+    frame_id: str
+    left_rad: float
+    right_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """One reading of a single-beam ranger at a servo bearing (0 = the sensor's mounting direction)."""
+
+    stamp_ns: int
+    frame_id: str  # also the sensor's name
+    bearing_rad: float
+    range_m: float
+    range_min_m: float
+    range_max_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseFix:
+    """An absolute pose in the map frame from outside, with its covariance `(3, 3)` over x, y, yaw."""
+
+    stamp_ns: int
+    frame_id: str
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """Pixels `(rows, cols)` grey or `(rows, cols, 3)` RGB, uint8."""
+
+    stamp_ns: int
+    frame_id: str
+    pixels: NDArray[np.uint8]
+    camera: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StereoPair:
+    """Rectified grey images of one moment, left and right, `(rows, cols)` uint8."""
+
+    stamp_ns: int
+    frame_id: str
+    left: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Disparity:
+    """Disparity image `(rows, cols)` float32 in pixels, NaN where there is no match."""
+
+    stamp_ns: int
+    frame_id: str
+    disparity_px: NDArray[np.float32]
+    focal_px: float
+    baseline_m: float
+    camera: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthImage:
+    """Depth along the optical axis `(rows, cols)` float32 in metres, NaN where there is none."""
+
+    stamp_ns: int
+    frame_id: str
+    depth_m: NDArray[np.float32]
+    camera: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraInfo:
+    """Calibration: K `(3, 3)`, projection P `(3, 4)`, distortion coefficients D `(n,)` in OpenCV's order."""
+
+    stamp_ns: int
+    frame_id: str
+    width_px: int
+    height_px: int
+    K: NDArray[np.float64]
+    P: NDArray[np.float64]
+    D: NDArray[np.float64]
+    camera: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TagInventory:
+    """All tags that one antenna read in one round; an empty round is information as well."""
+
+    stamp_ns: int
+    frame_id: str
+    antenna: str
+    tag_ids: tuple[str, ...]
+    rssi_dbm: tuple[float, ...]
+
+
+Event: TypeAlias = (
+    Transform
+    | LaserScan
+    | Odometry
+    | Imu
+    | WheelTicks
+    | Range
+    | PoseFix
+    | Image
+    | StereoPair
+    | Disparity
+    | DepthImage
+    | CameraInfo
+    | TagInventory
+)

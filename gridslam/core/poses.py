@@ -1,0 +1,78 @@
+"""Rigid motions of the plane as arrays `(..., 3)` of x (m), y (m), yaw (rad, counter-clockwise).
+
+A transform `T_a_b` maps points of frame b into frame a and reads "b expressed in a"; `compose(T_a_b, T_b_c)` is
+`T_a_c`. All functions broadcast over leading axes and return float64.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap_angle(angle_rad: ArrayLike) -> Array:
+    """Angles wrapped to (-pi, pi], same shape."""
+    angle = np.asarray(angle_rad, dtype=np.float64)
+    wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+    inside = (angle > -np.pi) & (angle <= np.pi)
+    return np.where(inside, angle, wrapped)
+
+
+def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
+    """T_a_c, shape the broadcast of both inputs, yaw wrapped."""
+    a = np.asarray(T_a_b, dtype=np.float64)
+    b = np.asarray(T_b_c, dtype=np.float64)
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
+    y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
+    return np.stack(np.broadcast_arrays(x, y, wrap_angle(a[..., 2] + b[..., 2])), axis=-1)
+
+
+def inverse(T_a_b: ArrayLike) -> Array:
+    """T_b_a."""
+    a = np.asarray(T_a_b, dtype=np.float64)
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = -cos * a[..., 0] - sin * a[..., 1]
+    y = sin * a[..., 0] - cos * a[..., 1]
+    return np.stack([x, y, wrap_angle(-a[..., 2])], axis=-1)
+
+
+def between(T_m_a: ArrayLike, T_m_b: ArrayLike) -> Array:
+    """T_a_b: pose b seen from pose a."""
+    return compose(inverse(T_m_a), T_m_b)
+
+
+def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:
+    """Points `(n, 2)` of frame b expressed in frame a; `T_a_b` is one pose `(3,)`."""
+    pose = np.asarray(T_a_b, dtype=np.float64)
+    points = np.asarray(points_b, dtype=np.float64)
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    rotation = np.array([[cos, -sin], [sin, cos]])
+    return np.asarray(points @ rotation.T + pose[:2])
+
+
+def interpolate(pose_0: ArrayLike, pose_1: ArrayLike, fraction: ArrayLike) -> Array:
+    """Poses between two poses: position along the straight line, yaw along the shorter way; fraction in [0, 1]."""
+    a = np.asarray(pose_0, dtype=np.float64)
+    b = np.asarray(pose_1, dtype=np.float64)
+    t = np.asarray(fraction, dtype=np.float64)
+    x = a[..., 0] + t * (b[..., 0] - a[..., 0])
+    y = a[..., 1] + t * (b[..., 1] - a[..., 1])
+    yaw = wrap_angle(a[..., 2] + t * wrap_angle(b[..., 2] - a[..., 2]))
+    return np.stack(np.broadcast_arrays(x, y, yaw), axis=-1)
+
+
+def yaw_of_quaternion(quat_wxyz: ArrayLike) -> Array:
+    """Yaw of quaternions `(..., 4)`, in (-pi, pi]."""
+    q = np.asarray(quat_wxyz, dtype=np.float64)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    return wrap_angle(np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z))
+
+
+def quaternion_of_yaw(yaw_rad: ArrayLike) -> Array:
+    """Unit quaternions (w, x, y, z) `(..., 4)` of rotations about the vertical."""
+    half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)

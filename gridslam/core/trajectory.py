@@ -1,0 +1,53 @@
+"""A robot's path: stamps and poses, in the order in which they were recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """`stamps_ns` int64 `(n,)`, `poses` float64 `(n, 3)` of x, y, yaw in the map frame."""
+
+    stamps_ns: NDArray[np.int64]
+    poses: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.poses.shape != (len(self.stamps_ns), 3):
+            raise ValueError(f"{len(self.stamps_ns)} stamps but poses of shape {self.poses.shape}")
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @staticmethod
+    def empty() -> Trajectory:
+        """A path without poses."""
+        return Trajectory(np.zeros(0, np.int64), np.zeros((0, 3)))
+
+    def sorted(self) -> Trajectory:
+        """The same poses by stamp (stable), the first of equal stamps kept."""
+        order = np.argsort(self.stamps_ns, kind="stable")
+        stamps = self.stamps_ns[order]
+        keep = np.r_[True, stamps[1:] != stamps[:-1]] if len(stamps) else np.zeros(0, bool)
+        return Trajectory(stamps[keep], self.poses[order][keep])
+
+    def at(self, stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Poses `(m, 3)` at any stamps, interpolated, and which of them lie inside the path `(m,)`.
+
+        Expects a path sorted by stamp. Outside it the nearest end is given, marked False.
+        """
+        query = np.asarray(stamps_ns, dtype=np.int64)
+        if not len(self):
+            return np.zeros((len(query), 3)), np.zeros(len(query), bool)
+        inside = (query >= self.stamps_ns[0]) & (query <= self.stamps_ns[-1])
+        right = np.clip(np.searchsorted(self.stamps_ns, query, side="left"), 1, max(len(self) - 1, 1))
+        right = np.minimum(right, len(self) - 1)
+        left = np.maximum(right - 1, 0)
+        span = np.maximum(self.stamps_ns[right] - self.stamps_ns[left], 1)
+        fraction = np.clip((query - self.stamps_ns[left]) / span, 0.0, 1.0)
+        return se2.interpolate(self.poses[left], self.poses[right], fraction), inside

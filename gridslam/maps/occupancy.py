@@ -1,0 +1,49 @@
+"""The finished map: probabilities on a regular grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class GridGeometry:
+    """Where a grid lies: `origin_xy_m` is the lower-left corner of cell (0, 0), `yaw_rad` turns the grid about it."""
+
+    resolution_m: float
+    origin_xy_m: tuple[float, float]
+    yaw_rad: float = 0.0
+
+    def cells(self, points_xy: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Cells `(n, 2)` as (row, col) of points `(n, 2)` in the map frame; they may lie outside the grid."""
+        local = points_xy - np.asarray(self.origin_xy_m)
+        if self.yaw_rad:
+            cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+            local = local @ np.array([[cos, -sin], [sin, cos]])
+        return np.floor(local[..., ::-1] / self.resolution_m).astype(np.int64)
+
+    def centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Centres `(n, 2)` as (x, y) in the map frame of cells `(n, 2)` given as (row, col)."""
+        local = (np.asarray(cells, dtype=np.float64)[..., ::-1] + 0.5) * self.resolution_m
+        if self.yaw_rad:
+            cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+            local = local @ np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(local + np.asarray(self.origin_xy_m))
+
+
+@dataclass(frozen=True, slots=True)
+class GridLayer:
+    """Any values `(rows, cols)` on a grid."""
+
+    values: NDArray[np.generic]
+    geometry: GridGeometry
+
+
+@dataclass(frozen=True, slots=True)
+class OccupancyGrid:
+    """Probability of occupancy, float32 `(rows, cols)`; NaN where nothing is known."""
+
+    probability: NDArray[np.float32]
+    geometry: GridGeometry

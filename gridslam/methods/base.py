@@ -1,0 +1,68 @@
+"""What a method is to the rest of the program: events in, one result out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.occupancy import GridLayer, OccupancyGrid
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows under named columns; written as CSV beside the map."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A diagnostic over time: stamps int64 `(n,)`, values float64 `(n,)`, and the unit for the plot's axis."""
+
+    stamps_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Where the method believes the robot to be; particles `(n, 3)` when it keeps any."""
+
+    stamp_ns: int
+    pose: NDArray[np.float64]
+    particles: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected."""
+
+    trajectory: Trajectory
+    occupancy: OccupancyGrid | None = None
+    layers: Mapping[str, GridLayer] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    series: Mapping[str, Series] = field(default_factory=dict)
+    counters: Mapping[str, int] = field(default_factory=dict)
+    timings_s: Mapping[str, float] = field(default_factory=dict)
+    measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json
+
+
+class Method(Protocol):
+    """Processes the events of one log in order; `result` may be asked at any time and then ends the run."""
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The present belief, for progress and plots; None before the first pose."""
+
+    def process(self, event: Event) -> None:
+        """Take in one event; events of kinds that the method does not use are ignored."""
+
+    def result(self) -> RunResult:
+        """Finish (offline stages run here) and hand over what was found."""

@@ -1,0 +1,41 @@
+"""The table of methods. Entries are text, loaded when asked for, so that `--help` imports no heavy library."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class MethodEntry:
+    """`config`, `mapper` and `localizer` are "module:Name"; an empty text means that the method has no such command."""
+
+    config: str
+    mapper: str = ""
+    localizer: str = ""
+    needs: tuple[str, ...] = ()  # streams that a log must have
+
+
+METHODS: Mapping[str, MethodEntry] = MappingProxyType(
+    {
+        "slam-sd": MethodEntry(
+            config="gridslam.methods.slam_sd.config:SlamSdConfig",
+            mapper="gridslam.methods.slam_sd.method:SlamSd",
+            needs=("scan", "odom"),
+        ),
+        "ispace-mcl": MethodEntry(
+            config="gridslam.methods.ispace_mcl.config:IspaceMclConfig",
+            localizer="gridslam.methods.ispace_mcl.method:IspaceMcl",
+            needs=("scan", "odom"),
+        ),
+    }
+)
+
+
+def load(reference: str) -> Any:
+    """The object that "module:Name" names."""
+    module, _, name = reference.partition(":")
+    return getattr(importlib.import_module(module), name)
