@@ -1,0 +1,1 @@
+"""Run configurations: strict models, the loader, and errors that name the key."""
