@@ -1,0 +1,80 @@
+"""The pixels of a map image as brightness levels: PGM (P2, P5), PNG and BMP."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from gridslam.core.errors import MapError
+
+MAX_PIXELS = 100_000_000
+"""Largest image that is read: 500 m x 500 m at 5 cm. A float32 map of that size takes 400 MB."""
+
+_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
+
+
+@dataclass(frozen=True, slots=True)
+class ImageLevels:
+    """`levels` uint16 `(rows, cols)`, top row first: mean of the colour channels = levels / maximum.
+
+    `opaque` bool `(rows, cols)` is None for an image without an alpha channel.
+    """
+
+    levels: NDArray[np.uint16]
+    maximum: int
+    opaque: NDArray[np.bool_] | None
+
+
+def read_levels(path: Path) -> ImageLevels:
+    """Read an image; MapError when it is missing, damaged, of another format, empty or too large."""
+    if not path.is_file():
+        raise MapError(f"{path}: no such image file; correct `image:` in the map's YAML")
+    try:
+        with warnings.catch_warnings():
+            # Pillow's own warning comes at 89 million pixels, before ours can be given.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
+                _check_size(path, image.size)
+                return _levels(path, image)
+    except Image.DecompressionBombError as error:
+        raise MapError(
+            f"{path}: the image is too large ({error}); at most {MAX_PIXELS} pixels are read"
+        ) from None
+    except _DAMAGE as error:
+        raise MapError(
+            f"{path}: not a readable PGM, PNG or BMP image ({error}); save the map again"
+        ) from None
+
+
+def _check_size(path: Path, size: tuple[int, int]) -> None:
+    width, height = size
+    if width < 1 or height < 1:
+        raise MapError(f"{path}: the image is empty ({width} x {height} pixels)")
+    if width * height > MAX_PIXELS:
+        raise MapError(
+            f"{path}: {width} x {height} pixels, at most {MAX_PIXELS} are read: "
+            "crop the map or use coarser cells"
+        )
+
+
+def _levels(path: Path, image: Image.Image) -> ImageLevels:
+    if image.mode.startswith("I"):  # 16-bit grey; its type differs between Pillow's releases
+        grey = np.asarray(image)
+        return ImageLevels(np.clip(grey, 0, 65535).astype(np.uint16), 65535, None)
+    if image.mode not in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa"):
+        raise MapError(
+            f"{path}: pixels of type {image.mode!r} have no brightness from 0 to 255; save it as 8-bit grey"
+        )
+    if "A" in image.mode.upper() or "transparency" in image.info:
+        rgba = np.asarray(image.convert("RGBA"))
+        return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, rgba[..., 3] == 255)
+    if image.mode in ("1", "L"):
+        return ImageLevels(np.asarray(image.convert("L")).astype(np.uint16), 255, None)
+    return ImageLevels(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 765, None)

@@ -1,0 +1,203 @@
+"""Maps as nav2's map_server keeps them: a YAML file and a grey image.
+
+The formulas are those of nav2_map_server's `map_io.cpp` (the releases with `>=` thresholds, in which a pixel
+that is not opaque is unknown), with these differences: the origin is written with full precision (nav2: three
+decimals); the brightness of a coloured pixel is the mean of its channels, as in the older releases; scale mode
+is written with the thresholds 1 and 0 unless told otherwise, since only with those the graded values survive.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+
+from gridslam.core.errors import ConfigError, MapError
+from gridslam.core.files import write_atomic
+from gridslam.maps.image_levels import ImageLevels, read_levels
+from gridslam.maps.map_yaml import MapYaml, Mode, read_map_yaml
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+
+logger = logging.getLogger(__name__)
+
+PIXEL_OCCUPIED, PIXEL_FREE, PIXEL_UNKNOWN = 0, 254, 205
+TRINARY_THRESHOLDS = (0.65, 0.196)
+SCALE_THRESHOLDS = (1.0, 0.0)
+UNKNOWN = -1
+
+ImageFormat = Literal["pgm", "png", "bmp"]
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Occupancies (0 to 1) from which a cell counts as occupied, and up to which as free."""
+
+    occupied: float
+    free: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.free < self.occupied <= 1.0:
+            raise ConfigError(
+                f"map thresholds: free {self.free:g}, occupied {self.occupied:g}; "
+                "expected 0 <= free < occupied <= 1"
+            )
+
+
+def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> OccupancyGrid:
+    """The map that a map_server YAML describes; probability = nav2's cell value / 100, NaN where unknown.
+
+    The image's path is relative to the YAML; like nav2, absolute paths and `..` are followed, for the user
+    wrote them. With `inside_folder` (maps that came along with a log) an image elsewhere is refused.
+
+    Raises MapError: a file is missing or damaged, a key is missing, a value makes no sense, the image is too
+    large.
+    """
+    path = Path(yaml_path)
+    meta = read_map_yaml(path)
+    image_path = path.parent / meta.image
+    if inside_folder and not image_path.resolve().is_relative_to(path.parent.resolve()):
+        raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
+    image = read_levels(image_path)
+    _warn_of_free_unknown(path, meta, image)
+    cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
+    probability = np.where(cells == UNKNOWN, np.float32(np.nan), cells.astype(np.float32) / np.float32(100))
+    return OccupancyGrid(probability, GridGeometry(meta.resolution_m, meta.origin_xy_m, meta.origin_yaw_rad))
+
+
+def _warn_of_free_unknown(path: Path, meta: MapYaml, image: ImageLevels) -> None:
+    """Old map savers wrote free_thresh 0.25, with which their own pixel for "unknown" reads as free."""
+    grey = PIXEL_UNKNOWN / 255
+    if meta.mode == "raw" or meta.negate or meta.free_thresh < 1.0 - grey:
+        return
+    count = int(np.count_nonzero(image.levels == round(grey * image.maximum)))
+    if count:
+        logger.warning(
+            "%s: free_thresh %g makes %d cells of grey 205 free, which map savers write for unknown; "
+            "free_thresh 0.196 keeps them unknown",
+            path,
+            meta.free_thresh,
+            count,
+        )
+
+
+def cells_of_image(
+    image: ImageLevels, mode: Mode, occupied_thresh: float, free_thresh: float, negate: bool
+) -> NDArray[np.int8]:
+    """nav2's cell values (0 to 100, -1 unknown) `(rows, cols)`, lower-left cell first, of an image."""
+    brightness = np.arange(image.maximum + 1) / image.maximum
+    table = _raw_cells(brightness)
+    if mode != "raw":
+        table = _threshold_cells(
+            brightness if negate else 1.0 - brightness, occupied_thresh, free_thresh, graded=mode == "scale"
+        )
+    cells = table[image.levels]
+    if mode != "raw" and image.opaque is not None:
+        cells[~image.opaque] = UNKNOWN
+    return np.ascontiguousarray(cells[::-1])
+
+
+def _threshold_cells(
+    occupancy: NDArray[np.float64], occupied_thresh: float, free_thresh: float, graded: bool
+) -> NDArray[np.int8]:
+    between = np.full(occupancy.shape, float(UNKNOWN))
+    if graded:
+        span = occupied_thresh - free_thresh
+        between = np.clip(np.rint((occupancy - free_thresh) / span * 100.0), 0.0, 100.0)
+    cells = np.where(occupancy >= occupied_thresh, 100.0, between)
+    return np.where(occupancy <= free_thresh, 0.0, cells).astype(np.int8)
+
+
+def _raw_cells(brightness: NDArray[np.float64]) -> NDArray[np.int8]:
+    value = np.rint(brightness * 255.0)
+    return np.where(value <= 100.0, value, float(UNKNOWN)).astype(np.int8)
+
+
+def save_map(
+    grid: OccupancyGrid,
+    base_path: str | Path,
+    mode: Mode = "trinary",
+    *,
+    occupied_thresh: float | None = None,
+    free_thresh: float | None = None,
+    image_format: ImageFormat | None = None,
+) -> Path:
+    """Write `base_path`.yaml and its image (.pgm, or .png in scale mode); returns the YAML's path.
+
+    In trinary mode the thresholds (default 0.65 and 0.196) sort the cells, and the YAML holds 0.65 and 0.196,
+    which fit the three pixel values; in scale mode (default 1 and 0) the YAML holds them. Each file is written
+    whole or not at all.
+
+    Raises ConfigError: thresholds out of order, or unknown cells in a scale image that has no alpha channel.
+    """
+    defaults = SCALE_THRESHOLDS if mode == "scale" else TRINARY_THRESHOLDS
+    limits = Thresholds(
+        defaults[0] if occupied_thresh is None else occupied_thresh,
+        defaults[1] if free_thresh is None else free_thresh,
+    )
+    kind = image_format or ("png" if mode == "scale" else "pgm")
+    base = Path(base_path)
+    image_path = base.with_name(f"{base.name}.{kind}")
+    yaml_path = base.with_name(f"{base.name}.yaml")
+    write_atomic(image_path, _image_bytes(cells_of_grid(grid), mode, limits, kind))
+    written = Thresholds(*TRINARY_THRESHOLDS) if mode == "trinary" else limits
+    write_atomic(yaml_path, _yaml_text(image_path.name, mode, grid.geometry, written).encode())
+    return yaml_path
+
+
+def cells_of_grid(grid: OccupancyGrid) -> NDArray[np.int8]:
+    """Probabilities as nav2's cell values: whole percent, -1 where unknown. ValueError outside [0, 1]."""
+    known = ~np.isnan(grid.probability)
+    percent = np.where(known, grid.probability, 0.0) * 100.0
+    if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
+        raise ValueError("an occupancy probability lies outside [0, 1]")
+    return np.where(known, np.rint(percent), float(UNKNOWN)).astype(np.int8)
+
+
+def _image_bytes(cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: ImageFormat) -> bytes:
+    if not cells.size:
+        raise ConfigError("an empty map (no rows or no columns) cannot be saved")
+    top_first = cells[::-1]
+    unknown = top_first == UNKNOWN
+    if mode == "trinary":
+        pixels = np.where(top_first >= np.rint(limits.occupied * 100.0), logger = logging.getLogger(__name__)
+
+PIXEL_OCCUPIED, PIXEL_UNKNOWN)
+        pixels = np.where(top_first <= np.rint(limits.free * 100.0), PIXEL_FREE, pixels)
+        pixels = np.where(unknown, PIXEL_UNKNOWN, pixels)
+    elif mode == "scale":
+        pixels = np.rint((100.0 - top_first) / 100.0 * 255.0)
+        pixels = np.where(unknown, 128, pixels)
+    else:
+        pixels = np.where(unknown, 255, top_first)
+    image = Image.fromarray(pixels.astype(np.uint8))
+    if mode == "scale" and kind == "png":
+        image.putalpha(Image.fromarray(np.where(unknown, 0, 255).astype(np.uint8)))
+        image = image.convert("RGBA")
+    elif mode == "scale" and unknown.any():
+        raise ConfigError(
+            f"a scale map with unknown cells needs an alpha channel, which {kind} lacks: use png"
+        )
+    buffer = io.BytesIO()
+    image.save(buffer, format={"pgm": "PPM", "png": "PNG", "bmp": "BMP"}[kind])
+    return buffer.getvalue()
+
+
+def _yaml_text(image_name: str, mode: Mode, geometry: GridGeometry, limits: Thresholds) -> str:
+    origin = ", ".join(_decimal(v) for v in (*geometry.origin_xy_m, geometry.yaw_rad))
+    return (
+        yaml.safe_dump({"image": image_name}, allow_unicode=True)
+        + f"mode: {mode}\nresolution: {_decimal(geometry.resolution_m)}\norigin: [{origin}]\nnegate: 0\n"
+        + f"occupied_thresh: {_decimal(limits.occupied)}\nfree_thresh: {_decimal(limits.free)}\n"
+    )
+
+
+def _decimal(value: float) -> str:
+    """The shortest decimal that reads back as the same float64; YAML 1.1 takes the form 1e-05 for text."""
+    return str(np.format_float_positional(value, unique=True, trim="0"))

@@ -1,0 +1,98 @@
+"""The YAML file of a map_server map, checked key by key."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from gridslam.core.errors import MapError
+
+Mode = Literal["trinary", "scale", "raw"]
+
+MODES: dict[str, Mode] = {"trinary": "trinary", "scale": "scale", "raw": "raw"}
+MAX_YAML_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class MapYaml:
+    """What the YAML says; `origin` is the pose of the lower-left corner of the lower-left cell."""
+
+    image: str
+    mode: Mode
+    resolution_m: float
+    origin_xy_m: tuple[float, float]
+    origin_yaw_rad: float
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+
+
+def read_map_yaml(path: Path) -> MapYaml:
+    """Read and check; MapError names the file and the key."""
+    document = _read_mapping(path)
+    image = _get(path, document, "image")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise MapError(f"{path}: image: expected the name of an image file, got {image!r}")
+    mode = document.get("mode", "trinary")
+    if mode not in MODES:
+        raise MapError(f"{path}: mode: expected trinary, scale or raw, got {mode!r}")
+    resolution = _number(path, "resolution", _get(path, document, "resolution"))
+    if not 1e-4 <= resolution <= 1e3:
+        raise MapError(
+            f"{path}: resolution: expected metres a cell between 0.0001 and 1000, got {resolution:g}"
+        )
+    origin = _get(path, document, "origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapError(f"{path}: origin: expected [x, y, yaw], got {origin!r}")
+    x, y, yaw = (_number(path, f"origin[{i}]", value) for i, value in enumerate(origin))
+    occupied = _number(path, "occupied_thresh", _get(path, document, "occupied_thresh"))
+    free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
+    if not free < occupied:
+        raise MapError(f"{path}: free_thresh {free:g} is not below occupied_thresh {occupied:g}")
+    return MapYaml(image, MODES[mode], resolution, (x, y), yaw, _negate(path, document), occupied, free)
+
+
+def _read_mapping(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise MapError(f"{path}: no such map; give the YAML file of a map_server map")
+    try:
+        if path.stat().st_size > MAX_YAML_BYTES:
+            raise MapError(f"{path}: too large for a map's YAML file; give the YAML, not the image")
+        document = yaml.safe_load(path.read_bytes())
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read ({error.strerror})") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise MapError(f"{path}: not a map's YAML file ({reason})") from None
+    if not isinstance(document, dict):
+        raise MapError(f"{path}: not a map's YAML file: expected keys image, resolution, origin, ...")
+    return document
+
+
+def _get(path: Path, document: dict[str, Any], key: str) -> Any:
+    if key not in document:
+        raise MapError(f"{path}: the key {key!r} is missing")
+    return document[key]
+
+
+def _number(path: Path, key: str, value: Any) -> float:
+    """A finite number; text such as 1e-3, which YAML 1.1 does not take for a number, counts as well."""
+    if not isinstance(value, bool) and isinstance(value, (int, float, str)):
+        try:
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+        if math.isfinite(number):
+            return number
+    raise MapError(f"{path}: {key}: expected a finite number, got {value!r}")
+
+
+def _negate(path: Path, document: dict[str, Any]) -> bool:
+    value = _get(path, document, "negate")
+    if isinstance(value, (bool, int)):
+        return bool(value)
+    raise MapError(f"{path}: negate: expected 0 or 1, got {value!r}")
