@@ -1,0 +1,1 @@
+"""Compiled loops over bare arrays: the only home of numba."""

@@ -1,0 +1,198 @@
+"""From the ranges of one planar scan to points with surface normals."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+MAX_MISSING_BEAMS = 12  # a surface is not followed across a wider hole
+MIN_RADIUS_M = 0.2
+MAX_RADIUS_M = 2.5
+RADIUS_IN_SPACINGS = 2.5  # at grazing incidence neighbours on a wall lie metres apart
+MAX_FLATNESS = 0.15  # smaller / larger eigenvalue of a patch that still counts as a line
+MAX_DEVIATION_M = 0.04  # root mean square distance from that line
+MIN_CHORD_AGREEMENT = 0.12  # sine of the angle between a chord and the surfaces at its ends
+
+
+@njit(cache=True)
+def scan_to_points(
+    ranges_m: NDArray[np.float32],
+    angle_min_rad: float,
+    angle_increment_rad: float,
+    range_min_m: float,
+    range_max_m: float,
+    mounting: NDArray[np.float64],
+    twist: NDArray[np.float64],
+    time_increment_s: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Returned beams as points `(m, 2)` in the robot's frame at the stamp of the scan, and their beam indices `(m,)`.
+
+    A beam counts when range_min_m < range < range_max_m (NaN fails both). `mounting` is T_base_laser `(3,)`; `twist` is the
+    robot's velocity (vx, vy, wz) `(3,)` during the sweep, by which beam i, measured i * time_increment_s later, is undone.
+    """
+    n = ranges_m.shape[0]
+    points = np.empty((n, 2))
+    beams = np.empty(n, np.int64)
+    m = 0
+    cos_m, sin_m = np.cos(mounting[2]), np.sin(mounting[2])
+    for i in range(n):
+        r = float(ranges_m[i])
+        if not (r > range_min_m and r < range_max_m):
+            continue
+        angle = angle_min_rad + i * angle_increment_rad
+        lx, ly = r * np.cos(angle), r * np.sin(angle)
+        x = mounting[0] + cos_m * lx - sin_m * ly
+        y = mounting[1] + sin_m * lx + cos_m * ly
+        if time_increment_s != 0.0:
+            dt = i * time_increment_s
+            yaw = twist[2] * dt
+            half = 0.5 * yaw
+            dx = dt * (twist[0] * np.cos(half) - twist[1] * np.sin(half))
+            dy = dt * (twist[0] * np.sin(half) + twist[1] * np.cos(half))
+            c, s = np.cos(yaw), np.sin(yaw)
+            x, y = dx + c * x - s * y, dy + s * x + c * y
+        points[m, 0] = x
+        points[m, 1] = y
+        beams[m] = i
+        m += 1
+    return points[:m].copy(), beams[:m].copy()
+
+
+@njit(cache=True)
+def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float, float]:
+    """Unit normal of the line through points lo..hi, (0, 0) when they do not form one."""
+    k = hi - lo + 1
+    mx = my = 0.0
+    for j in range(lo, hi + 1):
+        mx += points[j, 0]
+        my += points[j, 1]
+    mx /= k
+    my /= k
+    xx = xy = yy = 0.0
+    for j in range(lo, hi + 1):
+        dx, dy = points[j, 0] - mx, points[j, 1] - my
+        xx += dx * dx
+        xy += dx * dy
+        yy += dy * dy
+    spread = np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    larger = 0.5 * (xx + yy) + spread
+    smaller = max(0.5 * (xx + yy) - spread, 0.0)
+    if larger <= 0.0 or smaller > MAX_FLATNESS * larger or smaller > k * MAX_DEVIATION_M**2:
+        return 0.0, 0.0
+    along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    return -np.sin(along), np.cos(along)
+
+
+@njit(cache=True)
+def _distance(points: NDArray[np.float64], i: int, j: int) -> float:
+    return np.sqrt((points[i, 0] - points[j, 0]) ** 2 + (points[i, 1] - points[j, 1]) ** 2)
+
+
+@njit(cache=True)
+def surface_normals(
+    points: NDArray[np.float64], beams: NDArray[np.int64], viewpoint: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Unit normals `(m, 2)` facing the viewpoint `(2,)`; zero where the neighbouring beams do not lie on a line."""
+    m = points.shape[0]
+    normals = np.zeros((m, 2))
+    for i in range(m):
+        spacing = MAX_RADIUS_M
+        if i > 0:
+            spacing = _distance(points, i, i - 1)
+        if i < m - 1:
+            spacing = min(spacing, _distance(points, i, i + 1))
+        radius = min(max(MIN_RADIUS_M, RADIUS_IN_SPACINGS * spacing), MAX_RADIUS_M)
+        lo = i
+        while lo > 0 and beams[i] - beams[lo - 1] <= MAX_MISSING_BEAMS and _distance(points, i, lo - 1) < radius:
+            lo -= 1
+        hi = i
+        while hi < m - 1 and beams[hi + 1] - beams[i] <= MAX_MISSING_BEAMS and _distance(points, i, hi + 1) < radius:
+            hi += 1
+        if hi - lo < 2:
+            continue
+        nx, ny = _patch_normal(points, lo, hi)
+        if nx * (viewpoint[0] - points[i, 0]) + ny * (viewpoint[1] - points[i, 1]) < 0.0:
+            nx, ny = -nx, -ny
+        normals[i, 0] = nx
+        normals[i, 1] = ny
+    return normals
+
+
+@njit(cache=True)
+def thin_out(points: NDArray[np.float64], spacing_m: float, max_points: int) -> NDArray[np.int64]:
+    """Indices of a subset along the scan, at least `spacing_m` apart, and at most `max_points` of them by even stride."""
+    m = points.shape[0]
+    kept = np.empty(m, np.int64)
+    k = 0
+    limit = spacing_m * spacing_m
+    for i in range(m):
+        if k > 0:
+            dx = points[i, 0] - points[kept[k - 1], 0]
+            dy = points[i, 1] - points[kept[k - 1], 1]
+            if dx * dx + dy * dy < limit:
+                continue
+        kept[k] = i
+        k += 1
+    if k <= max_points:
+        return kept[:k].copy()
+    chosen = np.empty(max_points, np.int64)
+    for j in range(max_points):
+        chosen[j] = kept[(j * k) // max_points]
+    return chosen
+
+
+@njit(cache=True)
+def surface_chords(
+    points: NDArray[np.float64], normals: NDArray[np.float64], max_chord_m: float
+) -> NDArray[np.bool_]:
+    """Whether point i and point i + 1 lie on one flat surface `(m,)`: the chord agrees with the normals at both ends."""
+    m = points.shape[0]
+    chords = np.zeros(m, np.bool_)
+    for i in range(m - 1):
+        length = _distance(points, i, i + 1)
+        if length <= 0.0 or length > max_chord_m:
+            continue
+        dx, dy = (points[i + 1, 0] - points[i, 0]) / length, (points[i + 1, 1] - points[i, 1]) / length
+        flat = True
+        for j in (i, i + 1):
+            nx, ny = normals[j, 0], normals[j, 1]
+            if (nx == 0.0 and ny == 0.0) or abs(nx * dx + ny * dy) > MIN_CHORD_AGREEMENT:
+                flat = False
+        if normals[i, 0] * normals[i + 1, 0] + normals[i, 1] * normals[i + 1, 1] < 0.9:
+            flat = False
+        chords[i] = flat
+    return chords
+
+
+@njit(cache=True)
+def fill_chords(
+    points: NDArray[np.float64], normals: NDArray[np.float64], chords: NDArray[np.bool_], spacing_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The points with normals, and points no more than `spacing_m` apart along the chords of one surface between them."""
+    m = points.shape[0]
+    total = 0
+    for i in range(m):
+        total += 1
+        if chords[i]:
+            total += int(_distance(points, i, i + 1) / spacing_m)
+    filled = np.empty((total, 2))
+    filled_normals = np.empty((total, 2))
+    k = 0
+    for i in range(m):
+        filled[k] = points[i]
+        filled_normals[k] = normals[i]
+        k += 1
+        if not chords[i]:
+            continue
+        extra = int(_distance(points, i, i + 1) / spacing_m)
+        for j in range(extra):
+            t = (j + 1) / (extra + 1)
+            filled[k] = (1.0 - t) * points[i] + t * points[i + 1]
+            nx = (1.0 - t) * normals[i, 0] + t * normals[i + 1, 0]
+            ny = (1.0 - t) * normals[i, 1] + t * normals[i + 1, 1]
+            scale = 1.0 / np.sqrt(nx * nx + ny * ny)
+            filled_normals[k, 0] = nx * scale
+            filled_normals[k, 1] = ny * scale
+            k += 1
+    return filled[:k], filled_normals[:k]

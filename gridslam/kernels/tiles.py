@@ -1,0 +1,129 @@
+"""Copy-on-write tiles: which tile of which map holds a cell, and who owns it.
+
+A cell of the plane has signed integer coordinates (row, col) = floor((y, x) / resolution). A map is a window of tile
+numbers, `directory[map, tile_row - origin_row, tile_col - origin_col]`, -1 where nothing was written yet. Several maps may hold the
+same tile; `refcount[tile]` counts them, and a tile is copied before a map that shares it writes to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+TILE_BITS = 4
+TILE_CELLS = 1 << TILE_BITS  # 16 x 16 cells
+TILE_MASK = TILE_CELLS - 1
+
+
+@njit(cache=True)
+def mark_end_tiles(
+    wanted: NDArray[np.bool_],
+    origin: NDArray[np.int64],
+    pose: NDArray[np.float64],
+    points: NDArray[np.float64],
+    resolution_m: float,
+) -> None:
+    """Mark in `wanted` (rows, cols) the tiles in which the points `(m, 2)`, seen from `pose`, end."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    for i in range(points.shape[0]):
+        x = pose[0] + c * points[i, 0] - s * points[i, 1]
+        y = pose[1] + s * points[i, 0] + c * points[i, 1]
+        row = (int(np.floor(y / resolution_m)) >> TILE_BITS) - origin[0]
+        col = (int(np.floor(x / resolution_m)) >> TILE_BITS) - origin[1]
+        if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
+            wanted[row, col] = True
+
+
+@njit(cache=True)
+def mark_beam_tiles(
+    wanted: NDArray[np.bool_],
+    origin: NDArray[np.int64],
+    pose: NDArray[np.float64],
+    viewpoint: NDArray[np.float64],
+    points: NDArray[np.float64],
+    resolution_m: float,
+) -> None:
+    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross, a tile of margin included."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    tile_m = resolution_m * TILE_CELLS
+    x0 = pose[0] + c * viewpoint[0] - s * viewpoint[1]
+    y0 = pose[1] + s * viewpoint[0] + c * viewpoint[1]
+    for i in range(points.shape[0]):
+        x1 = pose[0] + c * points[i, 0] - s * points[i, 1]
+        y1 = pose[1] + s * points[i, 0] + c * points[i, 1]
+        length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
+        steps = int(length / (0.25 * tile_m)) + 1
+        for k in range(steps + 1):
+            t = k / steps
+            row = int(np.floor((y0 + t * (y1 - y0)) / tile_m)) - origin[0]
+            col = int(np.floor((x0 + t * (x1 - x0)) / tile_m)) - origin[1]
+            if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
+                wanted[row, col] = True
+
+
+@njit(cache=True)
+def own_tiles(
+    wanted: NDArray[np.bool_],
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    refcount: NDArray[np.int32],
+    free: NDArray[np.int32],
+    n_free: int,
+) -> int:
+    """Give one map's `directory` (rows, cols) a tile of its own wherever `wanted`; returns the free tiles left.
+
+    New tiles are zero. The caller has made sure that enough tiles are free: at most one for each wanted tile.
+    """
+    for row in range(wanted.shape[0]):
+        for col in range(wanted.shape[1]):
+            if not wanted[row, col]:
+                continue
+            wanted[row, col] = False
+            tile = directory[row, col]
+            if tile >= 0 and refcount[tile] == 1:
+                continue
+            n_free -= 1
+            new = free[n_free]
+            if tile >= 0:
+                pool[new] = pool[tile]
+                refcount[tile] -= 1
+            else:
+                pool[new] = 0
+            refcount[new] = 1
+            directory[row, col] = new
+    return n_free
+
+
+@njit(cache=True)
+def redistribute(
+    directory: NDArray[np.int32],
+    ancestors: NDArray[np.int64],
+    refcount: NDArray[np.int32],
+    free: NDArray[np.int32],
+    n_free: int,
+) -> int:
+    """Let map i become a copy of map ancestors[i]; tiles that no map holds any more become free. Returns their number."""
+    old = directory.copy()
+    n, rows, cols = directory.shape
+    for i in range(n):
+        if ancestors[i] == i:
+            continue
+        directory[i] = old[ancestors[i]]
+        for row in range(rows):
+            for col in range(cols):
+                tile = directory[i, row, col]
+                if tile >= 0:
+                    refcount[tile] += 1
+    for i in range(n):
+        if ancestors[i] == i:
+            continue
+        for row in range(rows):
+            for col in range(cols):
+                tile = old[i, row, col]
+                if tile >= 0:
+                    refcount[tile] -= 1
+                    if refcount[tile] == 0:
+                        free[n_free] = tile
+                        n_free += 1
+    return n_free

@@ -1,0 +1,143 @@
+"""Many growing grids that share what they have in common: tiles on demand, copied when a map that shares one writes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import MethodError
+from gridslam.kernels import tiles as kernel
+
+GROWTH_MARGIN_TILES = 4
+
+
+class TileStore:
+    """`n_maps` grids of `channels` float32 values a cell, zero where nothing was written.
+
+    The window that the directory covers grows with what is written. Memory is bounded: when the tiles and the
+    directory would exceed `memory_limit_mb`, MethodError says so (a wild pose must not eat the machine).
+    """
+
+    def __init__(self, n_maps: int, channels: int, resolution_m: float, memory_limit_mb: float = 1024.0) -> None:
+        self.resolution_m = resolution_m
+        self.memory_limit_mb = memory_limit_mb
+        self.origin = np.zeros(2, np.int64)  # tile (row, col) of directory[:, 0, 0]
+        self.directory = np.full((n_maps, 1, 1), -1, np.int32)
+        self.pool = np.zeros((0, kernel.TILE_CELLS, kernel.TILE_CELLS, channels), np.float32)
+        self.refcount = np.zeros(0, np.int32)
+        self.free = np.zeros(0, np.int32)
+        self.n_free = 0
+        self._wanted = np.zeros((1, 1), np.bool_)
+
+    @property
+    def memory_mb(self) -> float:
+        """What the tiles and the directory take now."""
+        return (self.pool.nbytes + self.directory.nbytes) / 1e6
+
+    @property
+    def tiles_in_use(self) -> int:
+        """Tiles that at least one map holds."""
+        return len(self.refcount) - self.n_free
+
+    def own_end_points(self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
+        """Make the tiles in which the points `(m, 2)` end, seen from pose k `(n, 3)`, writable in map maps[k]."""
+        self._cover(poses, points)
+        for k, map_index in enumerate(maps):
+            kernel.mark_end_tiles(self._wanted, self.origin, poses[k], points, self.resolution_m)
+            self._own(int(map_index))
+
+    def own_beams(
+        self,
+        maps: NDArray[np.int64],
+        poses: NDArray[np.float64],
+        viewpoint: NDArray[np.float64],
+        points: NDArray[np.float64],
+    ) -> None:
+        """The same for all tiles that the beams from the viewpoint (2,) in the robot's frame to the points cross."""
+        self._cover(poses, np.vstack([points, viewpoint[None, :2]]))
+        for k, map_index in enumerate(maps):
+            kernel.mark_beam_tiles(self._wanted, self.origin, poses[k], viewpoint, points, self.resolution_m)
+            self._own(int(map_index))
+
+    def redistribute(self, ancestors: NDArray[np.int64]) -> None:
+        """Resampling: map i becomes a copy of map ancestors[i]."""
+        self.n_free = kernel.redistribute(self.directory, ancestors, self.refcount, self.free, self.n_free)
+
+    def clear(self, map_index: int) -> None:
+        """Empty one map."""
+        held = self.directory[map_index][self.directory[map_index] >= 0]
+        self.refcount[held] -= 1
+        released = held[self.refcount[held] == 0]
+        self.free[self.n_free : self.n_free + len(released)] = released
+        self.n_free += len(released)
+        self.directory[map_index] = -1
+
+    def dense(self, map_index: int) -> tuple[NDArray[np.float32], tuple[int, int]]:
+        """One map as an array (rows, cols, channels), and the cell (row, col) of its lower-left corner."""
+        held = np.argwhere(self.directory[map_index] >= 0)
+        size = kernel.TILE_CELLS
+        if not len(held):
+            return np.zeros((0, 0, self.pool.shape[3]), np.float32), (0, 0)
+        lo, hi = held.min(axis=0), held.max(axis=0) + 1
+        rows, cols = (hi - lo) * size
+        out = np.zeros((rows, cols, self.pool.shape[3]), np.float32)
+        for row, col in held:
+            r, c = (row - lo[0]) * size, (col - lo[1]) * size
+            out[r : r + size, c : c + size] = self.pool[self.directory[map_index, row, col]]
+        corner = (self.origin + lo) * size
+        return out, (int(corner[0]), int(corner[1]))
+
+    def _own(self, map_index: int) -> None:
+        needed = int(np.count_nonzero(self._wanted))
+        if needed > self.n_free:
+            self._grow_pool(needed - self.n_free)
+        self.n_free = kernel.own_tiles(
+            self._wanted, self.directory[map_index], self.pool, self.refcount, self.free, self.n_free
+        )
+
+    def _cover(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
+        """Let the directory's window cover all points seen from all poses."""
+        if not len(points) or not len(poses):
+            return
+        if not (np.isfinite(poses).all() and np.isfinite(points).all()):
+            raise MethodError("a pose or a scan point is not finite: the map cannot take it in")
+        reach = float(np.sqrt((points**2).sum(axis=1).max()))
+        tile_m = self.resolution_m * kernel.TILE_CELLS
+        lo = np.floor((poses[:, 1::-1].min(axis=0) - reach) / tile_m).astype(np.int64)
+        hi = np.floor((poses[:, 1::-1].max(axis=0) + reach) / tile_m).astype(np.int64) + 1
+        rows, cols = self.directory.shape[1:]
+        end = self.origin + (rows, cols)
+        if (lo >= self.origin).all() and (hi <= end).all():
+            return
+        first = not (self.directory >= 0).any()
+        new_lo = (lo if first else np.minimum(lo, self.origin)) - GROWTH_MARGIN_TILES
+        new_hi = (hi if first else np.maximum(hi, end)) + GROWTH_MARGIN_TILES
+        n_maps = len(self.directory)
+        size = new_hi - new_lo
+        self._check_memory(self.pool.nbytes + 4.0 * n_maps * float(size[0]) * float(size[1]))
+        grown = np.full((n_maps, size[0], size[1]), -1, np.int32)
+        if not first:
+            r, c = self.origin - new_lo
+            grown[:, r : r + rows, c : c + cols] = self.directory
+        self.directory, self.origin = grown, new_lo
+        self._wanted = np.zeros((size[0], size[1]), np.bool_)
+
+    def _grow_pool(self, missing: int) -> None:
+        n = len(self.refcount)
+        tile_bytes = 4 * kernel.TILE_CELLS**2 * self.pool.shape[3]
+        grown = n + max(missing, n // 4, 64)
+        self._check_memory(float(grown) * tile_bytes + self.directory.nbytes)
+        self.pool = np.concatenate([self.pool, np.zeros((grown - n, *self.pool.shape[1:]), np.float32)])
+        self.refcount = np.concatenate([self.refcount, np.zeros(grown - n, np.int32)])
+        free = np.empty(grown, np.int32)
+        free[: self.n_free] = self.free[: self.n_free]
+        free[self.n_free : self.n_free + grown - n] = np.arange(grown - 1, n - 1, -1)
+        self.free = free
+        self.n_free += grown - n
+
+    def _check_memory(self, wanted_bytes: float) -> None:
+        if wanted_bytes > self.memory_limit_mb * 1e6:
+            raise MethodError(
+                f"the map would need {wanted_bytes / 1e6:.0f} MB, more than method.memory_limit_mb = {self.memory_limit_mb:g}: "
+                "either the trajectory has gone astray, or raise the limit, lower method.particles or coarsen the cells"
+            )

@@ -1,0 +1,1 @@
+"""SLAM in semi-dynamic environments: a Rao-Blackwellised particle filter over grid maps."""

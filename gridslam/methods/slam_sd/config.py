@@ -1,0 +1,90 @@
+"""The settings of `slam-sd`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from gridslam.config.base import StrictModel
+
+
+class ScanConfig(StrictModel):
+    """Which readings of a scan are used, and how many of them."""
+
+    min_range_m: float = Field(0.05, ge=0.0, description="shorter readings are skipped")
+    max_range_m: float = Field(40.0, gt=0.0, description="longer readings are skipped, whatever the log's range_max")
+    spacing_m: float = Field(0.03, ge=0.0, description="least distance between neighbouring points used for matching")
+    max_points: int = Field(360, ge=20, description="most points of a scan used by the front end")
+    max_chord_m: float = Field(2.0, ge=0.0, description="neighbouring points of one flat surface are joined up to here")
+    chord_spacing_m: float = Field(0.1, gt=0.0, description="spacing of the points put in between")
+
+
+class FrontEndConfig(StrictModel):
+    """Matching of every scan against a local map of the last key scans."""
+
+    resolution_m: float = Field(0.1, gt=0.0, description="cell of the local surface map")
+    key_scans: int = Field(30, ge=2, description="a local map is matched against after this many key scans")
+    sigma_m: float = Field(0.05, gt=0.0, description="scale of the robust loss on point-to-line distances")
+    reach_m: float = Field(0.4, gt=0.0, description="farthest correspondence in the first iteration")
+    final_reach_m: float = Field(0.1, gt=0.0, description="farthest correspondence in the last iterations")
+    iterations: int = Field(12, ge=1, description="most Gauss-Newton iterations")
+    yaw_step_rad: float = Field(0.02, gt=0.0, description="step of the search for the heading where odometry leaves it open")
+    yaw_points: int = Field(120, ge=20, description="most points used in that search")
+    min_points: int = Field(20, ge=3, description="with fewer correspondences the odometry stands")
+
+
+class OdometryConfig(StrictModel):
+    """Standard deviations of the odometry over one step, as floors and shares of the motion."""
+
+    translation_floor_m: float = Field(0.01, gt=0.0)
+    translation_per_m: float = Field(0.1, ge=0.0)
+    translation_per_rad_m: float = Field(0.02, ge=0.0)
+    rotation_floor_rad: float = Field(0.005, gt=0.0)
+    rotation_per_rad: float = Field(0.3, ge=0.0)
+    rotation_per_m_rad: float = Field(0.05, ge=0.0)
+
+
+class FilterConfig(StrictModel):
+    """The Rao-Blackwellised filter over the key scans."""
+
+    resolution_m: float = Field(0.1, gt=0.0, description="cell of a particle's surface map")
+    max_points: int = Field(120, ge=20, description="most points of a key scan used by a particle")
+    translation_floor_m: float = Field(0.004, gt=0.0, description="noise of the matched motion over one key step")
+    translation_per_m: float = Field(0.02, ge=0.0)
+    rotation_floor_rad: float = Field(0.002, gt=0.0)
+    rotation_per_rad: float = Field(0.02, ge=0.0)
+    scan_information_share: float = Field(
+        0.05, gt=0.0, le=1.0, description="share of a scan's information that counts (its beams are not independent)"
+    )
+    sigma_m: float = Field(0.06, gt=0.0, description="standard deviation of an end point about a surface")
+    reach_m: float = Field(0.3, gt=0.0, description="farthest correspondence")
+    random_share: float = Field(0.1, gt=0.0, lt=1.0, description="share of readings that no surface explains")
+    likelihood_share: float = Field(
+        0.1, gt=0.0, le=1.0, description="power of the scan likelihood in a particle's weight"
+    )
+    resample_below: float = Field(0.5, gt=0.0, le=1.0, description="resample when N_eff falls below this share")
+
+
+class MapConfig(StrictModel):
+    """Log-odds of the grid maps."""
+
+    resolution_m: float = Field(0.05, gt=0.0, description="cell of the particles' maps and of the map without final stage")
+    hit: float = Field(0.9, gt=0.0, description="log-odds that an end point adds to its cell")
+    miss: float = Field(-0.4, lt=0.0, description="log-odds that a crossing beam adds to a cell")
+    limit: float = Field(6.0, gt=0.0, description="log-odds are held within +-limit")
+
+
+class SlamSdConfig(StrictModel):
+    """SLAM in semi-dynamic environments; without tag reads a lidar SLAM."""
+
+    name: Literal["slam-sd"] = "slam-sd"
+    particles: int = Field(30, ge=1, le=1000, description="number of particles")
+    key_distance_m: float = Field(0.25, gt=0.0, description="a scan is a key scan after this much travel")
+    key_turn_rad: float = Field(0.25, gt=0.0, description="or after this much turning")
+    memory_limit_mb: float = Field(1024.0, gt=0.0, description="most memory for the particles' maps")
+    scan: ScanConfig = ScanConfig()
+    odometry: OdometryConfig = OdometryConfig()
+    front_end: FrontEndConfig = FrontEndConfig()
+    filter: FilterConfig = FilterConfig()
+    map: MapConfig = MapConfig()
