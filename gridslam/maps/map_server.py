@@ -3,7 +3,7 @@
 The formulas are those of nav2_map_server's `map_io.cpp` (the releases with `>=` thresholds, in which a pixel
 that is not opaque is unknown), with these differences: the origin is written with full precision (nav2: three
 decimals); the brightness of a coloured pixel is the mean of its channels, as in the older releases; scale mode
-is written with the thresholds 1 and 0 unless told otherwise, since only with those the graded values survive.
+is written with the thresholds 1 and 0 unless told otherwise: only with those the graded values survive.
 """
 
 from __future__ import annotations
@@ -131,8 +131,8 @@ def save_map(
     """Write `base_path`.yaml and its image (.pgm, or .png in scale mode); returns the YAML's path.
 
     In trinary mode the thresholds (default 0.65 and 0.196) sort the cells, and the YAML holds 0.65 and 0.196,
-    which fit the three pixel values; in scale mode (default 1 and 0) the YAML holds them. Each file is written
-    whole or not at all.
+    which fit the three pixel values; in scale mode (default 1 and 0) the YAML holds them. Each file is
+    written whole or not at all.
 
     Raises ConfigError: thresholds out of order, or unknown cells in a scale image that has no alpha channel.
     """
@@ -166,9 +166,7 @@ def _image_bytes(cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: 
     top_first = cells[::-1]
     unknown = top_first == UNKNOWN
     if mode == "trinary":
-        pixels = np.where(top_first >= np.rint(limits.occupied * 100.0), logger = logging.getLogger(__name__)
-
-PIXEL_OCCUPIED, PIXEL_UNKNOWN)
+        pixels = np.where(top_first >= np.rint(limits.occupied * 100.0), PIXEL_OCCUPIED, PIXEL_UNKNOWN)
         pixels = np.where(top_first <= np.rint(limits.free * 100.0), PIXEL_FREE, pixels)
         pixels = np.where(unknown, PIXEL_UNKNOWN, pixels)
     elif mode == "scale":

@@ -65,21 +65,21 @@ def render_map(
 ) -> Image.Image:
     """An RGB picture of the known part of the map, in the grid's axes (x to the right, y up).
 
-    Drawn over it: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame (red
-    dots) and `particles` `(n, 2)` or `(n, 3)` (orange dots). The longer side has about 600 to 2000 pixels. The
-    same input gives the same picture.
+    Drawn over it: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame
+    (red dots) and `particles` `(n, 2)` or `(n, 3)` (orange dots). The longer side has about 600 to 2000 pixels.
+    The same input gives the same picture.
     """
     path = _finite_xy(trajectory.poses if trajectory is not None else None)
     dots, cloud = _finite_xy(points), _finite_xy(particles)
     view = _choose_view(grid, path)
     picture = _draw_cells(grid, view)
-    line_px = max(2.0, min(4.0, max(picture.size) / 400))
+    line_px = max(2.5, min(4.0, max(picture.size) / 400))
     if len(cloud):
-        _paint(picture, PARTICLES, _dots(view.pixels(cloud), 0.5 * line_px), opacity=0.6)
+        _paint(picture, PARTICLES, _dots(view.pixels(cloud), 0.6 * line_px), opacity=0.6)
     if len(path):
         _draw_path(picture, view.pixels(path), line_px)
     if len(dots):
-        _paint(picture, POINTS, _dots(view.pixels(dots), 0.5 * line_px))
+        _paint(picture, POINTS, _dots(view.pixels(dots), 0.6 * line_px))
     return _frame(picture, view, title)
 
 

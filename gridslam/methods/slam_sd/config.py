@@ -23,7 +23,7 @@ class ScanConfig(StrictModel):
 class FrontEndConfig(StrictModel):
     """Matching of every scan against a local map of the last key scans."""
 
-    resolution_m: float = Field(0.1, gt=0.0, description="cell of the local surface map")
+    resolution_m: float = Field(0.2, gt=0.0, description="cell of the local surface map")
     key_scans: int = Field(30, ge=2, description="a local map is matched against after this many key scans")
     sigma_m: float = Field(0.05, gt=0.0, description="scale of the robust loss on point-to-line distances")
     reach_m: float = Field(0.4, gt=0.0, description="farthest correspondence in the first iteration")
@@ -38,17 +38,17 @@ class OdometryConfig(StrictModel):
     """Standard deviations of the odometry over one step, as floors and shares of the motion."""
 
     translation_floor_m: float = Field(0.01, gt=0.0)
-    translation_per_m: float = Field(0.1, ge=0.0)
+    translation_per_m: float = Field(0.2, ge=0.0)
     translation_per_rad_m: float = Field(0.02, ge=0.0)
     rotation_floor_rad: float = Field(0.005, gt=0.0)
-    rotation_per_rad: float = Field(0.3, ge=0.0)
-    rotation_per_m_rad: float = Field(0.05, ge=0.0)
+    rotation_per_rad: float = Field(0.5, ge=0.0)
+    rotation_per_m_rad: float = Field(0.1, ge=0.0)
 
 
 class FilterConfig(StrictModel):
     """The Rao-Blackwellised filter over the key scans."""
 
-    resolution_m: float = Field(0.1, gt=0.0, description="cell of a particle's surface map")
+    resolution_m: float = Field(0.2, gt=0.0, description="cell of a particle's surface map")
     max_points: int = Field(120, ge=20, description="most points of a key scan used by a particle")
     translation_floor_m: float = Field(0.004, gt=0.0, description="noise of the matched motion over one key step")
     translation_per_m: float = Field(0.02, ge=0.0)
