@@ -1,0 +1,58 @@
+"""gridslam config show|schema|check"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..options import AsJson, Overrides, Seed, common
+
+app = typer.Typer(
+    no_args_is_help=True, help="Show, describe and check configurations.", rich_markup_mode=None
+)
+
+ConfigArgument = Annotated[
+    str, typer.Argument(metavar="CONFIG", help="A YAML file, or a built-in config such as slam-sd.")
+]
+
+
+def show(
+    config: ConfigArgument, override: Overrides = None, seed: Seed = None, as_json: AsJson = False
+) -> None:
+    """Print a configuration with every default filled in."""
+    import yaml
+
+    from gridslam.run_config import load_run_config
+
+    document = load_run_config(config, override or (), seed).model_dump(mode="json", exclude_none=True)
+    if as_json:
+        console.emit_json(document)
+    else:
+        console.emit(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
+
+
+def schema() -> None:
+    """Print the JSON schema of configurations, for editors."""
+    from gridslam.run_config import run_config_schema
+
+    console.emit_json(run_config_schema())
+
+
+def check(
+    configs: Annotated[
+        list[str], typer.Argument(metavar="CONFIG...", help="YAML files or built-in configs.")
+    ],
+    override: Overrides = None,
+) -> None:
+    """Check configurations; the first that is wrong ends the command with 2."""
+    from gridslam.run_config import load_run_config
+
+    for name in configs:
+        loaded = load_run_config(name, override or ())
+        console.emit(f"{name}: valid ({loaded.method_name})")
+
+
+for command in (show, schema, check):
+    app.command(command.__name__)(common(command))

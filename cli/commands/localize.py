@@ -1,0 +1,38 @@
+"""gridslam localize"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed, Strict
+from .map import LogPath
+
+MapPath = Annotated[Path, typer.Option("--map", metavar="MAP.yaml", help="The map: a map_server YAML.")]
+Start = Annotated[
+    str | None,
+    typer.Option("--start", metavar="X,Y,YAW", help="Where the robot starts (m, m, rad); absent: anywhere."),
+]
+
+
+def run(
+    log: LogPath,
+    config: ConfigName,
+    map_path: MapPath,
+    output: Output,
+    start: Start = None,
+    override: Overrides = None,
+    seed: Seed = None,
+    jobs: Jobs = None,
+    force: Force = False,
+    strict: Strict = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the robot on a given map, all along a log."""
+    from ..running import RunOptions, run_command, start_override
+
+    overrides = (*(override or ()), *([start_override(start)] if start else []))
+    options = RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json)
+    run_command("localize", options, map_path)

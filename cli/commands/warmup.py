@@ -1,0 +1,16 @@
+"""gridslam warmup"""
+
+from __future__ import annotations
+
+import time
+
+from .. import console
+
+
+def run() -> None:
+    """Compile the kernels now, once, so that no later run waits for it."""
+    from gridslam.kernels import warm_up
+
+    started = time.perf_counter()
+    warm_up()
+    console.emit(f"kernels ready after {time.perf_counter() - started:.1f} s")

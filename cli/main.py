@@ -1,0 +1,103 @@
+"""The application and its one error boundary."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import gridslam
+from gridslam.core.errors import GridslamError
+
+from . import console
+from .commands import config, localize, warmup
+from .commands import map as map_command
+from .options import common
+
+BUG, INTERRUPTED, USAGE, METHOD = 70, 130, 2, 4
+
+# Typer's usage errors derive from click's ClickException, or from a copy of it that newer releases bundle.
+UsageProblem: type[Exception] = typer.BadParameter.__mro__[2]
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("map")(common(map_command.run))
+app.command("localize")(common(localize.run))
+app.add_typer(config.app, name="config")
+app.command("warmup")(common(warmup.run))
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        console.emit(f"gridslam {gridslam.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def main_options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Occupancy mapping, SLAM and localization from recorded sensor logs."""
+
+
+def run() -> None:
+    """The entry point of the program."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one command line; returns the exit code, having said in one line on stderr what went wrong.
+
+    0 done, 1 a gate failed, 2 usage or config, 3 input, 4 the method failed, 70 a bug, 130 interrupted.
+    """
+    console.settings.quiet = False
+    console.settings.debug = "--debug" in arguments
+    console.start()
+    try:
+        code = app(args=list(arguments), prog_name="gridslam", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except GridslamError as error:
+        return _fail(str(error), error.exit_code)
+    except UsageProblem as error:
+        return _fail(f"{_usage_message(error)} (gridslam --help tells more)", USAGE)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted; nothing was written", INTERRUPTED)
+    except MemoryError:
+        return _fail("out of memory: take coarser cells, fewer particles or a shorter log", METHOD)
+    except BrokenPipeError:
+        console.silence_stdout()
+        return 0
+    except Exception as error:
+        return _fail(f"internal error, please report it with the command: {_place_of(error)}", BUG)
+
+
+def _fail(message: str, code: int) -> int:
+    if console.settings.debug:
+        console.complain(traceback.format_exc())
+    console.complain(f"error: {' '.join(message.split())}")
+    return code
+
+
+def _usage_message(error: Exception) -> str:
+    """What was wrong with the command line, with the name of the option."""
+    format_message = getattr(error, "format_message", None)
+    return str(format_message() if format_message else error)
+
+
+def _place_of(error: Exception) -> str:
+    """The error with the last place in the program where it passed."""
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    version = gridslam.__version__
+    return f"{type(error).__name__}: {error}{place} (gridslam {version}, --debug shows the traceback)"

@@ -1,0 +1,64 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from . import console
+
+ConfigName = Annotated[
+    str,
+    typer.Option(
+        "--config", "-c", metavar="CONFIG", help="A YAML file, or a built-in config such as slam-sd."
+    ),
+]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="The run directory to write.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace the run directory that is there.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override a key, for example method.particles=50. Repeatable."
+    ),
+]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the run; wins over the config.")]
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Threads to use. The result does not depend on it.")
+]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit with 3 when anything in the log could not be used.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
+
+_Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no remarks on stderr; errors only.")
+]
+_Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+def common(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the options that all commands have: --quiet and --debug."""
+
+    @functools.wraps(command)
+    def with_common(*args: Any, quiet: bool, debug: bool, **kwargs: Any) -> None:
+        console.settings.quiet |= quiet
+        console.settings.debug |= debug
+        command(*args, **kwargs)
+
+    added = {"quiet": _Quiet, "debug": _Debug}
+    signature = inspect.signature(command, eval_str=True)
+    parameters = [
+        *signature.parameters.values(),
+        *(
+            inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=a)
+            for n, a in added.items()
+        ),
+    ]
+    with_common.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    with_common.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_common

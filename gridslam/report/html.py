@@ -1,0 +1,81 @@
+"""report.html: one file to look at, with everything inside it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from gridslam.core.files import write_atomic
+from gridslam.report.errors_over_time import errors_over_time
+from gridslam.report.plots import Line, time_plot
+from gridslam.run import Run
+
+TEMPLATE = "report.html.j2"
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """A heading and its SVG; `note` says what the numbers are."""
+
+    title: str
+    svg: Markup
+    note: str = ""
+
+
+def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
+    """Write the page; `map.png`, when there is one, is taken from the same folder."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("gridslam.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    picture = path.with_name("map.png")
+    page = environment.get_template(TEMPLATE).render(
+        run=document,
+        map_png=base64.b64encode(picture.read_bytes()).decode() if picture.exists() else "",
+        plots=list(plots(run)),
+        measures=dict(flatten(document["measures"])),
+        files=sorted(item.name for item in path.parent.iterdir()),
+    )
+    write_atomic(path, page.encode())
+
+
+def plots(run: Run) -> Iterator[Plot]:
+    """Errors over time where the log has the truth, then every diagnostic of the method."""
+    start_ns = _start_ns(run)
+    if run.truth is not None and (errors := errors_over_time(run.result.trajectory, run.truth)) is not None:
+        times = _seconds(errors.stamps_ns, start_ns)
+        note = "against the truth in the log, after the best rigid alignment"
+        yield Plot("Position error", Markup(time_plot([Line(times, errors.translation_m)], "m")), note)
+        yield Plot("Heading error", Markup(time_plot([Line(times, errors.rotation_deg)], "deg")), note)
+    for name, series in sorted(run.result.series.items()):
+        line = Line(_seconds(series.stamps_ns, start_ns), series.values)
+        yield Plot(name.replace("_", " "), Markup(time_plot([line], series.unit)))
+
+
+def flatten(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys and plain values of a nested document."""
+    for key, value in document.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _start_ns(run: Run) -> int:
+    stamps = [s.stamps_ns for s in run.result.series.values()] + [run.result.trajectory.stamps_ns]
+    return min((int(s.min()) for s in stamps if len(s)), default=0)
+
+
+def _seconds(stamps_ns: NDArray[np.int64], start_ns: int) -> NDArray[np.float64]:
+    return np.asarray((stamps_ns - start_ns) / 1e9)

@@ -1,0 +1,27 @@
+"""run.yaml: the resolved configuration; a run from it gives the same bytes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from gridslam.core.files import write_atomic
+from gridslam.report.environment import made_with
+from gridslam.run import Run
+
+HEADER = """\
+# gridslam {command} {log} -c run.yaml -o DIR
+# gives the same map, trajectory, layers and tables again, byte for byte, under the versions below.
+"""
+
+
+def write_run_yaml(path: Path, run: Run) -> None:
+    """Write every setting, also those left at their defaults, the seed and the versions."""
+    config = run.config.model_copy(update={"made_with": made_with()})
+    document = config.model_dump(mode="json")
+    log = " ".join(run.log_path.name.split())
+    text = HEADER.format(command=run.command, log=log) + yaml.safe_dump(
+        document, sort_keys=False, allow_unicode=True
+    )
+    write_atomic(path, text.encode())

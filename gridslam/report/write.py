@@ -1,0 +1,53 @@
+"""A run written to its directory."""
+
+from __future__ import annotations
+
+import io
+import time
+from pathlib import Path
+
+from gridslam.core.files import write_atomic
+from gridslam.maps.map_server import save_map
+from gridslam.maps.occupancy import GridLayer
+from gridslam.maps.preview import render_map
+from gridslam.report.directory import REPORT_NAME, new_run_directory
+from gridslam.report.document import json_bytes, report_document
+from gridslam.report.html import write_html
+from gridslam.report.layers import write_layers
+from gridslam.report.run_yaml import write_run_yaml
+from gridslam.report.text_files import write_table, write_tum
+from gridslam.run import Run
+
+
+def write_run(run: Run, directory: Path, force: bool = False) -> dict[str, object]:
+    """Write all files of a run; the directory appears when they are complete. Returns report.json's document.
+
+    Raises ConfigError: something is there already, or the folder cannot be written.
+    """
+    started = time.perf_counter()
+    with new_run_directory(directory, force) as folder:
+        write_map_files(run, folder)
+        write_tum(folder / "trajectory.tum", run.result.trajectory)
+        for name, table in sorted(run.result.tables.items()):
+            write_table(folder / f"{name}.csv", table)
+        write_run_yaml(folder / "run.yaml", run)
+        if run.config.output.html:
+            write_html(folder / "report.html", run, report_document(run, time.perf_counter() - started))
+        document = report_document(run, time.perf_counter() - started)
+        write_atomic(folder / REPORT_NAME, json_bytes(document))
+    return document
+
+
+def write_map_files(run: Run, folder: Path) -> None:
+    """map.pgm, map.yaml and layers.npz where the run made a map; map.png also of a map that was given."""
+    result = run.result
+    layers = dict(result.layers)
+    if run.occupancy is not None and run.occupancy.probability.size:
+        picture = io.BytesIO()
+        render_map(run.occupancy, result.trajectory).save(picture, format="PNG")
+        write_atomic(folder / "map.png", picture.getvalue())
+    if result.occupancy is not None and result.occupancy.probability.size:
+        save_map(result.occupancy, folder / "map")
+        layers.setdefault("probability", GridLayer(result.occupancy.probability, result.occupancy.geometry))
+    if run.config.output.layers and layers:
+        write_layers(folder / "layers.npz", layers)

@@ -1,0 +1,176 @@
+"""One run: a log is fed to a method, and what came of it is put on record."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.messages import Event, LaserScan
+from gridslam.core.trajectory import Trajectory
+from gridslam.logs.choice import require_streams
+from gridslam.logs.log import Log
+from gridslam.logs.open import open_log
+from gridslam.maps.map_server import load_map
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods import registry
+from gridslam.methods.base import Method, RunResult
+from gridslam.run_config import RunConfig
+from gridslam.run_counts import Counts, merge_counts
+
+Status = Literal["complete", "interrupted", "lossy"]
+Command = Literal["map", "localize"]
+
+LONGEST_BATCH = 256
+SHORT_BATCH_S = 0.01
+LONG_BATCH_S = 0.04
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a run is: events taken in, of at most so many, and how many of them were scans."""
+
+    events: int
+    most_events: int
+    scans: int
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A finished run, with all that its report tells of it."""
+
+    command: Command
+    config: RunConfig[BaseModel]
+    log_path: Path
+    inputs: Mapping[str, str]  # file -> sha256
+    result: RunResult
+    occupancy: OccupancyGrid | None  # the map that was made or, when localizing, given
+    truth: Trajectory | None
+    status: Status
+    is_lossy: bool
+    problems: tuple[str, ...]
+    counts: Counts
+    read_s: float
+    process_s: float
+
+
+Show = Callable[[Progress], None]
+Stop = Callable[[], bool]
+
+
+def run_map(config: RunConfig[BaseModel], log_path: Path, show: Show, stop: Stop) -> Run:
+    """Map a log. `show` is told the progress often; when `stop` says so the run ends with what it has.
+
+    Raises ConfigError: the method does not map. LogError: the log is unreadable or lacks a stream.
+    """
+    return _run("map", config, log_path, None, show, stop)
+
+
+def run_localize(config: RunConfig[BaseModel], log_path: Path, map_path: Path, show: Show, stop: Stop) -> Run:
+    """Localize along a log on the map that a map_server YAML describes; otherwise as `run_map`.
+
+    Raises MapError: the map is unreadable.
+    """
+    run = _run("localize", config, log_path, load_map(map_path), show, stop)
+    digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
+    return replace(run, inputs={**run.inputs, map_path.name: digest})
+
+
+def _run(
+    command: Command,
+    config: RunConfig[BaseModel],
+    log_path: Path,
+    occupancy: OccupancyGrid | None,
+    show: Show,
+    stop: Stop,
+) -> Run:
+    started = time.perf_counter()
+    build = method_builder(command, config)
+    needs = registry.METHODS[config.method_name].needs
+    with open_log(log_path, config.log, needs) as log:
+        require_streams(log, needs)
+        given = () if occupancy is None else (occupancy,)
+        method = build(config.method, config.seed, *given)
+        opened = time.perf_counter()
+        fed = feed(log, method, show, stop)
+        before_result = time.perf_counter()
+        result = method.result()
+        finished = time.perf_counter()
+        interrupted = fed.stopped or stop()
+        truth = log.truth()
+        inputs = log.input_hashes()
+        return Run(
+            command=command,
+            config=config,
+            log_path=log_path,
+            inputs=inputs,
+            result=result,
+            occupancy=result.occupancy if occupancy is None else occupancy,
+            truth=truth if truth is not None and len(truth) else None,
+            status="interrupted" if interrupted else "lossy" if log.is_lossy else "complete",
+            is_lossy=log.is_lossy,
+            problems=tuple(log.problems),
+            counts=merge_counts(log.counters, result.counters),
+            read_s=opened - started + fed.read_s + time.perf_counter() - finished,
+            process_s=fed.process_s + finished - before_result,
+        )
+
+
+def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[..., Method]:
+    """The class that runs a config's method under a command."""
+    name = config.method_name
+    entry = registry.METHODS[name]
+    reference = entry.mapper if command == "map" else entry.localizer
+    if not reference:
+        able = [n for n, e in registry.METHODS.items() if (e.mapper if command == "map" else e.localizer)]
+        raise ConfigError(
+            f"method.name: {name} has no `gridslam {command}`; methods that have: {', '.join(able)}"
+        )
+    builder: Callable[..., Method] = registry.load(reference)
+    return builder
+
+
+@dataclass(frozen=True, slots=True)
+class _Fed:
+    read_s: float
+    process_s: float
+    stopped: bool
+
+
+def feed(log: Log, method: Method, show: Show, stop: Stop) -> _Fed:
+    """Give all events to the method in order; in batches, to read the clock seldom and yet to stop soon.
+
+    A batch grows while it takes less than 10 ms and shrinks when it takes more than 40 ms: its size changes
+    nothing but the granularity of the timing.
+    """
+    events: Iterator[Event] = iter(log.events())
+    process = method.process
+    read_s = process_s = 0.0
+    done = scans = 0
+    size, most = 1, log.event_count
+    while not stop():
+        t0 = time.perf_counter()
+        batch = list(islice(events, size))
+        t1 = time.perf_counter()
+        for event in batch:
+            process(event)
+        t2 = time.perf_counter()
+        read_s += t1 - t0
+        process_s += t2 - t1
+        if not batch:
+            return _Fed(read_s, process_s, stopped=False)
+        done += len(batch)
+        scans += sum(isinstance(event, LaserScan) for event in batch)
+        show(Progress(done, most, scans))
+        if t2 - t0 < SHORT_BATCH_S:
+            size = min(2 * size, LONGEST_BATCH)
+        elif t2 - t0 > LONG_BATCH_S:
+            size = max(size // 2, 1)
+    return _Fed(read_s, process_s, stopped=True)

@@ -1,0 +1,118 @@
+"""The configuration of a run: which method, how to read the log, what to write."""
+
+from __future__ import annotations
+
+import functools
+import operator
+from collections.abc import Iterable
+from typing import Annotated, Any, Generic, TypeVar, cast
+
+from pydantic import BaseModel, Field, ValidationError
+
+from gridslam.config.base import StrictModel
+from gridslam.config.builtin import read_config
+from gridslam.config.errors import config_error, nearest
+from gridslam.config.overrides import apply_overrides
+from gridslam.core.errors import ConfigError
+from gridslam.logs.config import LogConfig
+from gridslam.methods import registry
+
+MethodConfig = TypeVar("MethodConfig", bound=BaseModel)
+
+
+class OutputConfig(StrictModel):
+    """What a run directory holds besides the map, the trajectory and the tables."""
+
+    html: bool = Field(True, description="write report.html")
+    layers: bool = Field(
+        True, description="write layers.npz (probabilities and whatever else the method maps)"
+    )
+
+
+class MadeWith(StrictModel):
+    """Versions that run.yaml records; the same bytes are promised for the same versions only."""
+
+    gridslam: str = ""
+    python: str = ""
+    libraries: dict[str, str] = Field(default_factory=dict)
+    machine: str = ""
+
+
+class RunConfig(StrictModel, Generic[MethodConfig]):
+    """A config file. Only `method` must be there."""
+
+    method: MethodConfig
+    log: LogConfig = LogConfig()
+    output: OutputConfig = OutputConfig()
+    seed: int = Field(0, ge=0, lt=2**63, description="same log, config, seed and versions: same bytes")
+    made_with: MadeWith | None = Field(None, description="written into run.yaml; not a setting")
+
+    @property
+    def method_name(self) -> str:
+        """The method's name in the registry."""
+        return str(self.method.model_dump(include={"name"})["name"])
+
+
+def load_run_config(
+    name_or_path: str, overrides: Iterable[str] = (), seed: int | None = None
+) -> RunConfig[BaseModel]:
+    """The config of a file or a built-in name, with `--set` and `--seed` put over it.
+
+    Raises ConfigError with the file, the key path, what is wrong there and the nearest valid key.
+    """
+    document, source = read_config(name_or_path)
+    document = apply_overrides(document, overrides)
+    if seed is not None:
+        document["seed"] = seed
+    return validate_run_config(document, source)
+
+
+def validate_run_config(document: dict[str, Any], source: str) -> RunConfig[BaseModel]:
+    """The checked config; `source` names the document in errors."""
+    model = run_config_model(method_name(document, source))
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        raise config_error(error, model, source) from None
+
+
+def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
+    """The model of a config for one registered method."""
+    return _with_method(registry.load(registry.METHODS[method].config))
+
+
+def _with_method(method: Any) -> type[RunConfig[BaseModel]]:
+    """RunConfig for a type that only the registry knows."""
+    return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(method))
+
+
+def method_name(document: dict[str, Any], source: str) -> str:
+    """`method.name`, which decides what else the section may hold."""
+    section = document.get("method")
+    known = registry.METHODS
+    if section is None:
+        near = nearest(next(iter(document), ""), ["method"]) if document else ""
+        raise ConfigError(
+            f"{source}: method: this section is missing{near}; write method: {{name: {next(iter(known))}}}"
+        )
+    if not isinstance(section, dict):
+        raise ConfigError(f"{source}: method: expected a section with keys, got {section!r}")
+    name = section.get("name")
+    if not isinstance(name, str):
+        raise ConfigError(f"{source}: method.name: this key is missing{nearest('', known)}")
+    if name not in known:
+        raise ConfigError(f"{source}: method.name: no method {name!r}{nearest(name, known)}")
+    return name
+
+
+def run_config_schema() -> dict[str, Any]:
+    """The JSON schema of a config file, for editors: all methods, told apart by `method.name`."""
+    models = [registry.load(entry.config) for entry in registry.METHODS.values()]
+    any_method = functools.reduce(operator.or_, models)
+    by_name = Annotated.__class_getitem__((any_method, Field(discriminator="name")))  # type: ignore[attr-defined]
+    schema = _with_method(by_name).model_json_schema()
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "gridslam run configuration",
+    }

@@ -1,0 +1,53 @@
+"""How many messages of each stream were read, used and skipped, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StreamCount:
+    """Messages of one stream: delivered by the reader, used by the method, skipped by either."""
+
+    read: int
+    used: int
+    skipped: int
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """`skipped_by_reason` has keys `<stream>.<reason>`; `lost` is damage of unknown size."""
+
+    streams: Mapping[str, StreamCount]
+    skipped_by_reason: Mapping[str, int]
+    lost: Mapping[str, int]
+
+
+def merge_counts(log_counters: Mapping[str, int], method_counters: Mapping[str, int]) -> Counts:
+    """The account of a run from the reader's counters and the method's.
+
+    Both use the keys `read.<stream>`, `used.<stream>`, `skipped.<stream>.<reason>` and `lost.<what>`. A
+    method that does not count what it used of a stream has used all that it was given and did not skip.
+    """
+    both = Counter(dict(log_counters))
+    both.update(dict(method_counters))
+    reasons = {
+        key.removeprefix("skipped."): n for key, n in sorted(both.items()) if key.startswith("skipped.")
+    }
+    names = sorted({key.split(".")[1] for key in both if key.startswith(("read.", "used.", "skipped."))})
+    streams = {name: _stream(name, log_counters, method_counters, both) for name in names}
+    lost = {key.removeprefix("lost."): n for key, n in sorted(both.items()) if key.startswith("lost.")}
+    return Counts(streams, reasons, lost)
+
+
+def _stream(
+    name: str, log_counters: Mapping[str, int], method_counters: Mapping[str, int], both: Mapping[str, int]
+) -> StreamCount:
+    def skipped(counters: Mapping[str, int]) -> int:
+        return sum(n for key, n in counters.items() if key.startswith(f"skipped.{name}."))
+
+    read = both.get(f"read.{name}", 0)
+    used = method_counters.get(f"used.{name}", max(read - skipped(method_counters), 0))
+    return StreamCount(read, used, skipped(both))
