@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -65,22 +65,31 @@ def _short(value: object) -> str:
 
 def section_model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:
     """The model of the section at a key path; None where the path leads to something else."""
-    present: type[BaseModel] | None = model
+    annotations: list[Any] = [model]
     for key in path:
-        if isinstance(key, int):
-            continue  # an item of a list: its model is that of the list's field
-        if present is None or key not in present.model_fields:
-            return None
-        present = _model_in(present.model_fields[key].annotation)
-    return present
+        annotations = [below for annotation in annotations for below in _below(annotation, key)]
+    return next((found for annotation in annotations for found in _models(annotation)), None)
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The first model that an annotation mentions: X, X | None, list[X], dict[str, X], Annotated[X, ...]."""
+def _below(annotation: Any, key: str | int) -> Iterator[Any]:
+    """What a type holds under a key: the field of a model, the items of a list, the values of a dict."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    if get_origin(annotation) in (Annotated, Union, UnionType, list, tuple, dict):
+        if key in annotation.model_fields:
+            yield annotation.model_fields[str(key)].annotation
+    elif origin is dict:
+        yield arguments[1]
+    elif origin in (list, tuple):
+        yield arguments[0]
+    elif origin in (Annotated, Union, UnionType):
+        for argument in arguments:
+            yield from _below(argument, key)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models among the alternatives that an annotation names."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) in (Annotated, Union, UnionType):
         for argument in get_args(annotation):
-            if (found := _model_in(argument)) is not None:
-                return found
-    return None
+            yield from _models(argument)

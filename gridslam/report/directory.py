@@ -28,7 +28,7 @@ def check_free(directory: Path, force: bool) -> None:
         return
     if not is_run_directory(directory):
         raise ConfigError(
-            f"{directory}: exists and is no run directory, so it is never replaced: give another output folder"
+            f"{directory}: exists and is not a run, so it is never replaced: give another output folder"
         )
     if not force:
         raise ConfigError(

@@ -42,5 +42,5 @@ def _add(archive: zipfile.ZipFile, name: str, values: NDArray[np.generic]) -> No
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16
     data = io.BytesIO()
-    np.lib.format.write_array(data, np.ascontiguousarray(values), allow_pickle=False)
+    np.lib.format.write_array(data, np.asarray(values, order="C"), allow_pickle=False)
     archive.writestr(entry, data.getvalue())

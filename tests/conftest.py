@@ -1,0 +1,53 @@
+"""What all tests share: the real logs, a small log, and the program in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.small_log import write_small_log
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """The real logs: GRIDSLAM_DATA, or shared/data beside the checkout; a test without them is skipped."""
+    folder = Path(os.environ.get("GRIDSLAM_DATA", REPOSITORY.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real logs: {folder} is not there; set GRIDSLAM_DATA")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def small_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A CSV folder of a robot that drives through a room: 60 scans, with the truth."""
+    return write_small_log(tmp_path_factory.mktemp("logs") / "room")
+
+
+Program = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def program() -> Program:
+    """Runs a command line in a process of its own; the test method `dead-reckoning` is registered there."""
+
+    def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            program_command(*arguments), **{"capture_output": True, "text": True, "timeout": 120, **options}
+        )
+
+    return run
+
+
+def program_command(*arguments: str | Path) -> list[str]:
+    """The program with the test method, as an argument list for subprocess."""
+    start = (
+        f"import sys; sys.path.insert(0, {str(REPOSITORY)!r}); from tests.dead_reckoning import main; main()"
+    )
+    return [sys.executable, "-c", start, *map(str, arguments)]

@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gridslam.core.errors import ConfigError
+from gridslam.report.directory import check_free, is_run_directory, new_run_directory
+from tests.conftest import REPOSITORY
+
+
+def write_marked(folder: Path, mark: str) -> None:
+    (folder / "report.json").write_text('{"format": "gridslam run"}')
+    (folder / "mark").write_text(mark)
+
+
+def test_the_folder_appears_when_it_is_complete(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "out"
+    with new_run_directory(target) as folder:
+        write_marked(folder, "new")
+        assert folder.parent == target.parent
+        assert not target.exists()
+    assert (target / "mark").read_text() == "new"
+    assert is_run_directory(target)
+    assert [p.name for p in target.parent.iterdir()] == ["out"]
+
+
+def test_a_failure_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError), new_run_directory(tmp_path / "out") as folder:
+        write_marked(folder, "new")
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_run_is_replaced_only_with_force(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with new_run_directory(target) as folder:
+        write_marked(folder, "old")
+    with pytest.raises(ConfigError, match="--force"), new_run_directory(target):
+        pass
+    with new_run_directory(target, force=True) as folder:
+        write_marked(folder, "new")
+        assert (target / "mark").read_text() == "old"
+    assert (target / "mark").read_text() == "new"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_old_run_stays_when_the_new_one_fails(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with new_run_directory(target) as folder:
+        write_marked(folder, "old")
+    with pytest.raises(RuntimeError), new_run_directory(target, force=True):
+        raise RuntimeError
+    assert (target / "mark").read_text() == "old"
+
+
+@pytest.mark.parametrize("content", [{"notes.txt": "mine"}, {"report.json": "[1, 2]"}, {"report.json": "{"}])
+def test_a_folder_that_is_not_a_run_is_never_replaced(tmp_path: Path, content: dict[str, str]) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    for name, text in content.items():
+        (target / name).write_text(text)
+    with pytest.raises(ConfigError, match="not a run"), new_run_directory(target, force=True):
+        pass
+    assert sorted(p.name for p in target.iterdir()) == sorted(content)
+
+
+def test_a_file_of_that_name_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(ConfigError, match="not a run"):
+        check_free(tmp_path / "out", force=True)
+
+
+def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    target.mkdir()
+    with new_run_directory(target) as folder:
+        write_marked(folder, "new")
+    assert (target / "mark").read_text() == "new"
+
+
+def test_a_link_to_a_run_stays_a_link(tmp_path: Path) -> None:
+    with new_run_directory(tmp_path / "real") as folder:
+        write_marked(folder, "old")
+    (tmp_path / "link").symlink_to("real")
+    with new_run_directory(tmp_path / "link", force=True) as folder:
+        write_marked(folder, "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "mark").read_text() == "new"
+
+
+def test_a_file_in_the_way_above_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="file is not a folder"):
+        check_free(tmp_path / "file" / "out", force=False)
+
+
+def test_permissions_follow_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        with new_run_directory(tmp_path / "out") as folder:
+            write_marked(folder, "new")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "out").stat().st_mode & 0o777 == 0o750
+
+
+def test_a_kill_in_the_middle_leaves_nothing_under_the_name(tmp_path: Path) -> None:
+    code = (
+        "import sys, time; from pathlib import Path; from gridslam.report.directory import new_run_directory\n"
+        "with new_run_directory(Path(sys.argv[1])) as folder:\n"
+        "    (folder / 'map.pgm').write_text('half'); print('half', flush=True); time.sleep(60)\n"
+    )
+    command = [sys.executable, "-c", code, tmp_path / "out"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=REPOSITORY, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "half\n"
+    child.send_signal(signal.SIGKILL)
+    child.communicate(timeout=10)
+    time.sleep(0.05)
+    assert not (tmp_path / "out").exists()
