@@ -20,7 +20,7 @@ def stop_on_signals() -> Iterator[Callable[[], bool]]:
         if asked:
             raise KeyboardInterrupt
         asked = True
-        console.say("stopping: what is known so far will be written (once more to give that up)")
+        console.say("stopping; what is known so far is written (a second signal drops it)")
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

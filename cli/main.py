@@ -24,7 +24,7 @@ BUG, INTERRUPTED, USAGE, METHOD = 70, 130, 2, 4
 UsageProblem: type[Exception] = typer.BadParameter.__mro__[2]
 
 app = typer.Typer(
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -44,11 +44,15 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def main_options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     """Occupancy mapping, SLAM and localization from recorded sensor logs."""
+    if context.invoked_subcommand is None:
+        console.emit(context.get_help())
+        raise typer.Exit(USAGE)
 
 
 def run() -> None:
@@ -78,6 +82,8 @@ def main(arguments: Sequence[str]) -> int:
     except BrokenPipeError:
         console.silence_stdout()
         return 0
+    except OSError as error:  # a full disk, a missing right: nothing that the program could have done better
+        return _fail(f"{error.filename or 'output'}: {error.strerror or error}", USAGE)
     except Exception as error:
         return _fail(f"internal error, please report it with the command: {_place_of(error)}", BUG)
 

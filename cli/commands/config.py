@@ -9,13 +9,19 @@ import typer
 from .. import console
 from ..options import AsJson, Overrides, Seed, common
 
-app = typer.Typer(
-    no_args_is_help=True, help="Show, describe and check configurations.", rich_markup_mode=None
-)
+app = typer.Typer(invoke_without_command=True, rich_markup_mode=None)
 
 ConfigArgument = Annotated[
     str, typer.Argument(metavar="CONFIG", help="A YAML file, or a built-in config such as slam-sd.")
 ]
+
+
+@app.callback()
+def group(context: typer.Context) -> None:
+    """Show, describe and check configurations."""
+    if context.invoked_subcommand is None:
+        console.emit(context.get_help())
+        raise typer.Exit(2)
 
 
 def show(

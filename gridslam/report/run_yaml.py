@@ -17,9 +17,13 @@ HEADER = """\
 
 
 def write_run_yaml(path: Path, run: Run) -> None:
-    """Write every setting, also those left at their defaults, the seed and the versions."""
+    """Write every setting of the method, also those left at their defaults, the seed and the versions.
+
+    Of the `log` section only what was set is written: there, an absent key means "find it in the log".
+    """
     config = run.config.model_copy(update={"made_with": made_with()})
     document = config.model_dump(mode="json")
+    document["log"] = config.log.model_dump(mode="json", exclude_unset=True)
     log = " ".join(run.log_path.name.split())
     text = HEADER.format(command=run.command, log=log) + yaml.safe_dump(
         document, sort_keys=False, allow_unicode=True
