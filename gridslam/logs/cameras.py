@@ -1,0 +1,84 @@
+"""Names of cameras, and pixels from their encodings."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LEAVES = frozenset(
+    {
+        "image",
+        "image_raw",
+        "image_rect",
+        "image_color",
+        "image_mono",
+        "image_rect_color",
+        "compressed",
+        "camera_info",
+        "calibration",
+        "color",
+        "rgb",
+        "depth",
+        "aligned_depth_to_color",
+        "disparity",
+    }
+)
+_CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4}
+DEPTH_ENCODINGS = frozenset({"16UC1", "mono16", "32FC1"})
+
+
+def camera_of(topic: str) -> str:
+    """The camera that a topic belongs to: its path without the leading slash and the usual last parts."""
+    parts = [p for p in topic.split("/") if p]
+    while len(parts) > 1 and parts[-1] in _LEAVES:
+        parts.pop()
+    return "/".join(parts)
+
+
+def pixels_of(encoding: str, height: int, width: int, step: int, data: bytes) -> NDArray[np.uint8]:
+    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises ValueError for an encoding that is not known."""
+    channels = _CHANNELS.get(encoding)
+    if channels is None:
+        raise ValueError(f"encoding {encoding!r}")
+    rows = _rows(height, width * channels, step, data)
+    if channels == 1:
+        return rows
+    pixels = rows.reshape(height, width, channels)
+    return pixels[:, :, 2::-1] if encoding.startswith(("bgr", "8UC3")) else pixels[:, :, :3]
+
+
+def depth_of(
+    encoding: str, height: int, width: int, step: int, data: bytes, is_bigendian: bool
+) -> NDArray[np.float32]:
+    """Depth in metres; 16-bit values are millimetres with 0 for none, floats are metres."""
+    order = ">" if is_bigendian else "<"
+    if encoding in ("16UC1", "mono16"):
+        raw = _rows(height, width * 2, step, data).view(f"{order}u2")
+        return np.where(raw == 0, np.float32(np.nan), raw.astype(np.float32) / np.float32(1000.0))
+    if encoding == "32FC1":
+        return _rows(height, width * 4, step, data).view(f"{order}f4").astype(np.float32)
+    raise ValueError(f"encoding {encoding!r}")
+
+
+def unpack_picture(data: bytes, most_pixels: int = 1 << 28) -> NDArray[np.uint8]:
+    """Pixels of a PNG or JPEG. Raises ValueError where it is none, or is absurdly large."""
+    from PIL import Image as Pillow
+    from PIL import UnidentifiedImageError
+
+    try:
+        with Pillow.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
+            if picture.width * picture.height > most_pixels:
+                raise ValueError("picture is too large")
+            mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
+            return np.asarray(picture.convert(mode))
+    except (UnidentifiedImageError, OSError, SyntaxError, Pillow.DecompressionBombError) as error:
+        raise ValueError(f"not a picture: {error}") from error
+
+
+def _rows(height: int, used: int, step: int, data: bytes) -> NDArray[np.uint8]:
+    if step < used or height <= 0 or used <= 0 or len(data) < step * (height - 1) + used:
+        raise ValueError("image size and data disagree")
+    padded = np.frombuffer(data.ljust(step * height, b"\0"), np.uint8, step * height).reshape(height, step)
+    return np.ascontiguousarray(padded[:, :used])

@@ -1,0 +1,332 @@
+"""CARMEN text logs: FLASER and its kin, ROBOTLASER, ODOM.
+
+    FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
+    ROBOTLASER1 type start_angle field_of_view resolution max_range accuracy remission_mode n r.. m rem..
+                laser(x y theta) robot(x y theta) tv rv forward side turn ipc_timestamp host logger_timestamp
+    ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
+
+The tail is counted from the end; the time is ipc_timestamp. Every laser line gives two events of one stamp, the odometry
+in it and the scan. ODOM lines are a second opinion about the same odometry, published on its own and with its own delay:
+where laser lines carry odometry they are left aside (and counted), else they are the odometry.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32, canonical_yaw, readonly
+from gridslam.logs import rotations
+from gridslam.logs.config import LogConfig
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.stamps import parse_stamp
+from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.text import TextLines, packing_of
+
+# Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
+LASERS = {
+    b"FLASER": "laser",
+    b"RLASER": "rear_laser",
+    b"ROBOTLASER0": "laser0",
+    b"ROBOTLASER1": "laser",
+    b"ROBOTLASER2": "rear_laser",
+    **{b"LASER%d" % n: f"laser{n}" for n in range(3, 6)},
+}
+_OTHERS = frozenset({b"ODOM", b"PARAM", b"SYNC", b"TRUEPOS"})
+DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
+_SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
+_PILE_SHARE = (
+    0.001  # a largest reading that makes up this share of all readings is no distance but "no return"
+)
+
+
+def looks_like_carmen(text: bytes) -> bool:
+    """Whether the first lines hold a laser or odometry message."""
+    return any(
+        words[0] in LASERS or words[0] in _OTHERS
+        for words in (line.split(None, 2) for line in text.splitlines())
+        if len(words) > 2
+    )
+
+
+@dataclass(slots=True)
+class _Survey:
+    """What the first pass learns about one kind of laser line."""
+
+    largest: float = 0.0
+    at_largest: int = 0
+    readings: int = 0
+    offset: tuple[float, float, float] | None = None
+    offset_varies: bool = False
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+
+
+@dataclass(frozen=True, slots=True)
+class _LaserLine:
+    """One laser line taken apart. `geometry` is (angle_min, increment, range_max) where the line says it."""
+
+    stamp_ns: int
+    ranges: NDArray[np.float64]
+    laser_pose: tuple[float, float, float]
+    robot_pose: tuple[float, float, float]
+    velocity: tuple[float, float] | None = None
+    geometry: tuple[float, float, float] | None = None
+
+
+class CarmenSource:
+    """Streams are named by their message: scans `FLASER`, its odometry `FLASER odometry`, and so on."""
+
+    format = "CARMEN"
+    order = "recorded"
+    base_frame = "base_link"
+
+    def __init__(self, path: Path, config: LogConfig) -> None:
+        self.files = [path]
+        self.ledger = Ledger()
+        self.compression = packing_of(path)
+        self.static_edges: list[Transform] = []
+        self.streams: list[RecordedStream] = []
+        self._config = config.carmen
+        self._lines = TextLines(path, self.ledger, config.limits.line_mb << 20)
+        self._scan_of: dict[bytes, int] = {}
+        self._odometry_of: dict[bytes, int] = {}
+        self._range_max: dict[bytes, float] = {}
+        named = config.topics.get("odom")
+        self._odometry_topic = named if isinstance(named, str) else None
+        self._survey()
+
+    def close(self) -> None:
+        """Nothing stays open between passes."""
+
+    def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
+        """Odometry and scan of every line, in the file's order."""
+        for number, line in self._lines:
+            word = line[:12].split(b" ", 1)[0]
+            where = f"{self._lines.path.name} line {number}"
+            scan, odometry = self._scan_of.get(word), self._odometry_of.get(word)
+            if word == b"ODOM" and odometry in wanted and odometry is not None:
+                read = _odom_line(line)
+                if not isinstance(read, str):
+                    yield odometry, read
+            elif scan is not None and (scan in wanted or odometry in wanted):
+                laser = _laser_line(word, line)
+                if isinstance(laser, str):
+                    continue
+                if odometry is not None and odometry in wanted:
+                    yield odometry, _odometry(laser)
+                if scan in wanted:
+                    yield scan, self._scan(word, laser, where)
+
+    def _survey(self) -> None:
+        """First pass: stamps, the value that means "no return", and where the laser sits."""
+        found: dict[bytes, _Survey] = {}
+        odom = array("q")
+        front_offset = 0.0
+        for number, line in self._lines:
+            word = line[:12].split(b" ", 1)[0]
+            where = f"{self._lines.path.name} line {number}"
+            if word in LASERS:
+                laser = _laser_line(word, line)
+                if isinstance(laser, str):
+                    self.ledger.skip("scan", laser, where)
+                else:
+                    _note_laser(found.setdefault(word, _Survey()), laser)
+            elif word == b"ODOM":
+                read = _odom_line(line)
+                if isinstance(read, str):
+                    self.ledger.skip("odom", read, where)
+                else:
+                    odom.append(read.stamp_ns)
+            elif word == b"PARAM" and b"frontlaser_offset" in line:
+                front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
+            elif word and not word.startswith(b"#") and word not in _OTHERS:
+                self.ledger.count("unused.other_lines")
+        for word, survey in found.items():
+            self._add_laser(word, survey, front_offset)
+        self._add_odometry(found, odom)
+
+    def _add_laser(self, word: bytes, survey: _Survey, front_offset: float) -> None:
+        frame = LASERS[word]
+        self._scan_of[word] = len(self.streams)
+        self.streams.append(
+            RecordedStream("scan", word.decode(), "CARMEN " + word.decode(), "", survey.stamps, {frame: None})
+        )
+        piled = survey.at_largest >= max(10, _PILE_SHARE * survey.readings)
+        found = survey.largest if piled else DEFAULT_RANGE_MAX_M
+        self._range_max[word] = as_float32(self._config.range_max_m or found)
+        x, y, yaw = survey.offset if survey.offset and not survey.offset_varies else (front_offset, 0.0, 0.0)
+        if word not in (b"FLASER", b"ROBOTLASER1") and (survey.offset is None or survey.offset_varies):
+            return  # where another laser sits is not known: the log's user is told so when it is used
+        pose = (x, y, 0.0), rotations.from_euler(0.0, 0.0, yaw)
+        self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
+
+    def _add_odometry(self, found: dict[bytes, _Survey], odom: array[int]) -> None:
+        """The odometry inside the scans of the main laser; ODOM lines where there is none, or when config names them."""
+        main = max(found, key=lambda word: len(found[word].stamps), default=None)
+        if odom and (main is None or self._odometry_topic == "ODOM"):
+            source, stamps = b"ODOM", odom
+        elif main is not None:
+            source, stamps = main, found[main].stamps
+            if odom:
+                self.ledger.count("unused.ODOM", len(odom))
+        else:
+            return
+        self._odometry_of[source] = len(self.streams)
+        self.streams.append(
+            RecordedStream(
+                "odom",
+                source.decode(),
+                "CARMEN odometry",
+                "",
+                stamps,
+                {"odom": None},
+                child_frame="base_link",
+            )
+        )
+
+    def _scan(self, word: bytes, laser: _LaserLine, where: str) -> Event | Skip:
+        count = len(laser.ranges)
+        if count == 0:
+            return Skip("no_beams", where)
+        if laser.geometry is not None:
+            angle_min, increment, range_max = laser.geometry
+            range_max = self._config.range_max_m or range_max
+        else:
+            angle_min, increment = beam_angles(count, self._config.field_of_view_deg)
+            range_max = self._range_max[word]
+        return LaserScan(
+            laser.stamp_ns,
+            LASERS[word],
+            readonly(laser.ranges, np.float32),
+            as_float32(angle_min),
+            as_float32(increment),
+            0.0,
+            as_float32(range_max),
+        )
+
+
+def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[float, float]:
+    """(angle_min, increment) in rad of `count` beams.
+
+    The SICK lasers of these logs look 180 degrees wide: 181 beams at 1 and 361 at 0.5 degrees reach both ends; 180 and
+    360 lack the last one (-90..+89 and -90..+89.5). A given field of view is that from the first to the last beam.
+    """
+    if field_of_view_deg is not None:
+        increment = math.radians(field_of_view_deg) / max(count - 1, 1)
+        return -0.5 * math.radians(field_of_view_deg), increment
+    intervals = count - 1 if count % 2 else count
+    return -0.5 * math.pi, math.pi / max(intervals, 1)
+
+
+def _laser_line(word: bytes, line: bytes) -> _LaserLine | str:
+    """The line taken apart, or the reason why it cannot be."""
+    words = line.split()
+    try:
+        return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
+    except (ValueError, IndexError):
+        return "unreadable_line"
+
+
+def _old_laser(words: list[bytes]) -> _LaserLine | str:
+    count = int(words[1])
+    if count < 0 or len(words) != count + 11:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    tail = list(map(float, words[count + 2 : count + 8]))
+    if not math.isfinite(sum(tail)):
+        return "not_finite"
+    ranges = np.array(list(map(float, words[2 : count + 2])))
+    return _LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
+
+
+def _robot_laser(words: list[bytes]) -> _LaserLine | str:
+    count = int(words[8])
+    if count < 0 or len(words) < count + 10:
+        return "wrong_number_of_fields"
+    remissions = int(words[count + 9])
+    if remissions < 0 or len(words) != count + remissions + 24:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    start, _, resolution, range_max = (float(w) for w in words[2:6])
+    ranges = np.array(list(map(float, words[9 : count + 9])))
+    tail = list(map(float, words[-14:-3]))
+    if not math.isfinite(sum(tail)):
+        return "not_finite"
+    return _LaserLine(
+        stamp,
+        ranges,
+        (tail[0], tail[1], tail[2]),
+        (tail[3], tail[4], tail[5]),
+        (tail[6], tail[7]),
+        (start, resolution, range_max),
+    )
+
+
+def _odom_line(line: bytes) -> Odometry | str:
+    words = line.split()
+    if len(words) != 10:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[7].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    try:
+        x, y, yaw, vx, wz = (float(w) for w in words[1:6])
+    except ValueError:
+        return "unreadable_line"
+    return Odometry(stamp, "odom", x, y, _yaw(yaw), vx, wz)
+
+
+def _odometry(laser: _LaserLine) -> Odometry:
+    x, y, yaw = laser.robot_pose
+    vx, wz = laser.velocity or (math.nan, math.nan)
+    return Odometry(laser.stamp_ns, "odom", x, y, _yaw(yaw), vx, wz)
+
+
+def _yaw(yaw: float) -> float:
+    """Canonical and in (-pi, pi], as every format can keep it."""
+    return canonical_yaw(math.atan2(math.sin(yaw), math.cos(yaw))) if math.isfinite(yaw) else yaw
+
+
+def _note_laser(survey: _Survey, laser: _LaserLine) -> None:
+    """Add one line to the survey: its stamp, its largest readings, the laser's place on the robot."""
+    survey.stamps.append(laser.stamp_ns)
+    survey.readings += len(laser.ranges)
+    largest = float(np.max(laser.ranges, initial=0.0, where=np.isfinite(laser.ranges)))
+    if largest > survey.largest:
+        survey.largest, survey.at_largest = largest, 0
+    if largest == survey.largest:
+        survey.at_largest += int(np.count_nonzero(laser.ranges == largest))
+    if survey.offset_varies:
+        return
+    offset = _offset(laser)
+    if survey.offset is None:
+        survey.offset = offset
+    elif max(abs(a - b) for a, b in zip(survey.offset, offset, strict=True)) > _SAME_OFFSET:
+        survey.offset_varies = True
+
+
+def _offset(laser: _LaserLine) -> tuple[float, float, float]:
+    """T_robot_laser, to the six decimals that the lines have."""
+    (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose, laser.laser_pose
+    cos, sin = math.cos(ryaw), math.sin(ryaw)
+    dx, dy = lx - rx, ly - ry
+    turn = math.remainder(lyaw - ryaw, 2.0 * math.pi)
+    return round(cos * dx + sin * dy, 6) + 0.0, round(cos * dy - sin * dx, 6) + 0.0, round(turn, 6) + 0.0
+
+
+def _number(word: bytes) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        return 0.0
+    return value if math.isfinite(value) else 0.0

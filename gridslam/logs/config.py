@@ -1,0 +1,85 @@
+"""The `log` section of a configuration: which streams to take, in which order, and how sensors are mounted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from pydantic import Field
+
+from gridslam.config.base import StrictModel
+from gridslam.logs.layout import CsvLayout
+
+StreamKind: TypeAlias = Literal[
+    "scan",
+    "odom",
+    "imu",
+    "wheels",
+    "range",
+    "fix",
+    "image",
+    "disparity",
+    "depth",
+    "camera_info",
+    "tags",
+    "tf",
+]
+
+
+class MountingConfig(StrictModel):
+    """T_base_sensor: where a sensor's frame sits in the base frame (rotation: roll, then pitch, then yaw, fixed axes)."""
+
+    x: float = Field(0.0, description="forward of the base, m")
+    y: float = Field(0.0, description="left of the base, m")
+    yaw: float = Field(0.0, description="counter-clockwise, rad")
+    z: float = Field(0.0, description="above the base, m")
+    roll: float = Field(0.0, description="rad")
+    pitch: float = Field(0.0, description="rad")
+
+
+class CarmenConfig(StrictModel):
+    """What CARMEN's FLASER lines leave out."""
+
+    field_of_view_deg: float | None = Field(
+        None, gt=0.0, le=360.0, description="from first to last beam; absent: by beam count"
+    )
+    range_max_m: float | None = Field(
+        None, gt=0.0, description="readings from here on are no return; absent: found in the log"
+    )
+
+
+class WheelsConfig(StrictModel):
+    """Names of the wheel joints in JointState messages; absent: the names that contain left and right."""
+
+    left: str | None = None
+    right: str | None = None
+
+
+class LogLimits(StrictModel):
+    """Guards against damaged and hostile files."""
+
+    chunk_mb: int = Field(512, gt=0, description="largest record or unpacked chunk of a log, MiB")
+    line_mb: int = Field(16, gt=0, description="longest line of a text log, MiB")
+    reorder_mb: int = Field(512, gt=0, description="memory for messages that wait for earlier ones, MiB")
+
+
+class LogConfig(StrictModel):
+    """How a log is read. Every field may be left out: streams are then found by their type."""
+
+    topics: dict[StreamKind, str | list[str]] = Field(
+        default_factory=dict, description="topic of each stream; needed where a log has two of one type"
+    )
+    truth: str = Field("/ground_truth", description="topic of the true pose; never shown to a method")
+    order: Literal["recorded", "stamp"] | None = Field(
+        None, description="within a stream: as recorded (default), or sorted by stamp"
+    )
+    base_frame: str | None = Field(None, description="absent: the odometry's child frame, else base_link")
+    mounting: dict[str, MountingConfig] = Field(
+        default_factory=dict, description="by sensor frame; wins over tf_static"
+    )
+    wheels: WheelsConfig = WheelsConfig()
+    carmen: CarmenConfig = CarmenConfig()
+    csv: CsvLayout | Path | None = Field(
+        None, description="layout of a CSV folder: given here, or the path of a log.yaml"
+    )
+    limits: LogLimits = LogLimits()

@@ -1,0 +1,56 @@
+"""The account of what was read, what was not, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+
+class Ledger:
+    """Counters for the report and, for people, one line per kind of trouble with the place of its first occurrence."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self._notes: dict[str, str] = {}
+        self._first: dict[str, str] = {}
+
+    def count(self, key: str, number: int = 1) -> None:
+        """Count something that is no trouble."""
+        self.counters[key] += number
+
+    def skip(self, stream: str, reason: str, where: str, number: int = 1) -> None:
+        """Count messages of a stream that were left out (`skipped.<stream>.<reason>`)."""
+        self._add(f"skipped.{stream}.{reason}", where, number)
+
+    def lose(self, what: str, where: str, number: int = 1) -> None:
+        """Count damage that took an unknown number of messages with it (`lost.<what>`)."""
+        self._add(f"lost.{what}", where, number)
+
+    def note(self, line: str) -> None:
+        """A line that the user should read, once."""
+        self._notes.setdefault(line, line)
+
+    @property
+    def problems(self) -> list[str]:
+        """What people should know: notes first, then each kind of loss with its count and first place."""
+        lines = list(self._notes)
+        for key, where in self._first.items():
+            verb, _, what = key.partition(".")
+            lines.append(f"{verb} {self.counters[key]} x {what.replace('_', ' ')}, first at {where}")
+        return lines
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether anything in the log could not be used."""
+        return bool(self._first)
+
+    def absorb(self, other: Ledger) -> None:
+        """Add another account to this one."""
+        self.counters.update(other.counters)
+        for line in other._notes:
+            self.note(line)
+        for key, where in other._first.items():
+            self._first.setdefault(key, where)
+
+    def _add(self, key: str, where: str, number: int) -> None:
+        self.counters[key] += number
+        self._first.setdefault(key, where)

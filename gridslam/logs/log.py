@@ -1,0 +1,244 @@
+"""A log as its users see it: streams, events in order, the truth, and the account of what was lost."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import Event, Odometry, PoseFix, Transform, canonical_yaw
+from gridslam.core.trajectory import Trajectory
+from gridslam.logs import checks, mounting, ordering, rotations
+from gridslam.logs.choice import Choice, choose
+from gridslam.logs.config import LogConfig
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.streams import SILENT, Skip, Source, StreamInfo
+
+_MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "depth", "disparity", "camera_info"})
+
+
+class Log:
+    """An open log; use it as a context manager. `path` is what was opened, `format` what it turned out to be."""
+
+    def __init__(self, path: Path, source: Source, config: LogConfig, kinds: Collection[str] | None) -> None:
+        self.path = path
+        self.format = source.format
+        self.compression = source.compression
+        self._source = source
+        self._config = config
+        self._choice: Choice = choose(source.streams, config, kinds, source.base_frame)
+        self._delivery = Ledger()
+        self._opening = Ledger()
+        self._static = self._mount()
+        self._note_disorder()
+
+    def __enter__(self) -> Log:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of open files."""
+        self._source.close()
+
+    @property
+    def streams(self) -> list[StreamInfo]:
+        """All streams of the log, by kind, then by topic."""
+        used = set(self._choice.kind_of)
+        infos = []
+        for index in self._choice.listed:
+            stream = self._source.streams[index]
+            stamps = stream.stamps_ns
+            infos.append(
+                StreamInfo(
+                    kind=self._choice.kind_of.get(index, stream.kind),
+                    topic=stream.label,
+                    type=stream.type,
+                    count=len(stamps),
+                    first_stamp_ns=min(stamps) if stamps else None,
+                    last_stamp_ns=max(stamps) if stamps else None,
+                    frame=", ".join(list(stream.frames)[:8]),
+                    steps_back=ordering.steps_back(stamps),
+                    used=index in used,
+                )
+            )
+        return infos
+
+    @property
+    def base_frame(self) -> str:
+        """The robot's frame: what odometry moves and sensors are mounted on."""
+        return self._choice.base_frame
+
+    @property
+    def event_count(self) -> int:
+        """How many events `events()` delivers at most, for progress."""
+        return len(self._static) + sum(len(self._source.streams[i].stamps_ns) for i in self._choice.kind_of)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """`read.<stream>`, `skipped.<stream>.<reason>`, `lost.<what>`, `steps_back.<stream>`, `equal_stamps.<stream>`,
+        `unused.<what>`. Counts of events are those of the present or last pass of `events()`."""
+        return dict(sorted(self._account().counters.items()))
+
+    @property
+    def problems(self) -> list[str]:
+        """What people should know about the log, one line each: what was lost and where, what was assumed."""
+        return self._account().problems
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether something in the log could not be used."""
+        return self._account().is_lossy
+
+    def input_hashes(self) -> dict[str, str]:
+        """SHA-256 of each file of the log, by its name inside the log."""
+        root = self.path if self.path.is_dir() else self.path.parent
+        hashes = {}
+        for file in self._source.files:
+            digest = hashlib.sha256()
+            with file.open("rb") as stream:
+                while block := stream.read(1 << 20):
+                    digest.update(block)
+            name = file.relative_to(root) if file.is_relative_to(root) else file
+            hashes[str(name)] = digest.hexdigest()
+        return dict(sorted(hashes.items()))
+
+    def events(self) -> Iterator[Event]:
+        """Static transforms first, then all used streams merged by stamp. Each call starts from the beginning."""
+        for _, event in self.items():
+            yield event
+
+    def items(self) -> Iterator[tuple[str, Event]]:
+        """As `events`, each with the topic of its stream (static transforms: `/tf_static`)."""
+        self._delivery = ledger = Ledger()
+        for transform in self._static:
+            ledger.counters["read.mounting"] += 1
+            yield "/tf_static", transform
+        streams = self._source.streams
+        kind_of = self._choice.kind_of
+        ranks, schedule = ordering.plan(
+            {i: streams[i].stamps_ns for i in kind_of}, (self._config.order or self._source.order) == "stamp"
+        )
+        topics = {i: streams[i].topic for i in kind_of}
+        as_odometry = {i for i, kind in kind_of.items() if kind == "odom" and streams[i].kind == "tf"}
+        positions = dict.fromkeys(kind_of, 0)
+        counters = {i: f"read.{kind}" for i, kind in kind_of.items()}
+        delivered = ordering.deliver(
+            self._source.read(frozenset(kind_of), schedule.tolist() if len(schedule) < 1 << 22 else schedule),
+            ranks,
+            _size_of,
+            self._config.limits.reorder_mb << 20,
+            lambda i: ledger.count(f"late.{kind_of[i]}"),
+        )
+        count = ledger.counters
+        fault_of = checks.fault_of
+        for index, event in delivered:
+            positions[index] += 1
+            if isinstance(event, Skip):
+                where = event.where or f"{topics[index]} message {positions[index]}"
+                ledger.skip(kind_of[index], event.reason, where)
+                continue
+            fault = fault_of(event)
+            if fault is not None:
+                ledger.skip(kind_of[index], fault, f"{topics[index]} message {positions[index]}")
+                continue
+            if index in as_odometry and isinstance(event, Transform):
+                event = odometry_of(event)
+            count[counters[index]] += 1
+            yield topics[index], event
+        missing = sum(map(len, ranks.values())) - sum(positions.values())
+        if missing:
+            raise LogError(f"{self.path}: changed while it was read ({missing} messages are gone); run again")
+
+    def truth(self) -> Trajectory | None:
+        """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log has none."""
+        index = self._choice.truth
+        if index is None:
+            return self._truth_beside()
+        stamps, poses = [], []
+        for _, event in self._source.read(
+            frozenset({index}), [index] * len(self._source.streams[index].stamps_ns)
+        ):
+            if isinstance(event, Odometry) and checks.fault_of(event) is None:
+                stamps.append(event.stamp_ns)
+                poses.append((event.x_m, event.y_m, event.yaw_rad))
+            elif isinstance(event, PoseFix):
+                stamps.append(event.stamp_ns)
+                poses.append((event.pose[0], event.pose[1], event.pose[2]))
+        if not stamps:
+            return Trajectory.empty()
+        return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64))
+
+    def _truth_beside(self) -> Trajectory | None:
+        from gridslam.logs.tum import read_tum
+
+        file = self.path.parent / f"{self.path.name.removesuffix('.mcap')}.truth" / "trajectory.tum"
+        return read_tum(file) if file.is_file() else None
+
+    def _mount(self) -> list[Transform]:
+        streams = self._source.streams
+        used = [streams[i] for i, kind in self._choice.kind_of.items() if kind in _MOUNTED]
+        base = self._choice.base_frame
+        needed = [f for s in used if s.kind != "imu" for f in s.frames]
+        edges = [
+            Transform(0, next(iter(s.frames)), s.child_frame, s.constant[0], s.constant[1])
+            for s in streams
+            if s.constant is not None and s.child_frame != base
+        ]
+        edges += self._source.static_edges
+        tree = mounting.tree_of(edges)
+        needed += [
+            f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.mounting
+        ]
+        first = min(
+            (min(streams[i].stamps_ns) for i in self._choice.kind_of if streams[i].stamps_ns), default=0
+        )
+        return mounting.mount(needed, edges, self._config.mounting, base, first, self._opening)
+
+    def _note_disorder(self) -> None:
+        for index, kind in self._choice.kind_of.items():
+            stamps = self._source.streams[index].stamps_ns
+            if back := ordering.steps_back(stamps):
+                self._opening.count(f"steps_back.{kind}", back)
+            if equal := ordering.repeated_stamps(stamps):
+                self._opening.count(f"equal_stamps.{kind}", equal)
+        for index in self._choice.listed:
+            stream = self._source.streams[index]
+            if index not in self._choice.kind_of and stream.kind not in SILENT and stream.stamps_ns:
+                self._opening.count(f"unused.{stream.label}", len(stream.stamps_ns))
+
+    def _account(self) -> Ledger:
+        total = Ledger()
+        for part in (self._opening, self._source.ledger, self._delivery):
+            total.absorb(part)
+        return total
+
+
+def odometry_of(transform: Transform) -> Odometry:
+    """The transform odom->base as odometry."""
+    x, y, _ = transform.translation_m
+    return Odometry(
+        transform.stamp_ns,
+        transform.frame_id,
+        x,
+        y,
+        canonical_yaw(rotations.yaw_of(transform.quat_wxyz)),
+        child_frame_id=transform.child_frame_id,
+    )
+
+
+def _size_of(event: Event | Skip) -> int:
+    """Memory of a waiting event, roughly, in bytes."""
+    size = 400
+    for name in ("ranges_m", "pixels", "left", "right", "disparity_px", "depth_m"):
+        array = getattr(event, name, None)
+        if array is not None:
+            size += int(array.nbytes)
+    return size

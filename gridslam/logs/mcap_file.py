@@ -1,0 +1,322 @@
+"""The records of an MCAP file, read so that damage costs as little as possible.
+
+Layout: magic, then records of (opcode u8, length u64, body). Schemas, channels and messages lie in chunks or bare. A file that
+was closed properly ends with a summary (schemas and channels again, the place of every chunk) and a footer.
+Specification: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from gridslam.core.errors import LogError
+from gridslam.logs.ledger import Ledger
+
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+DATA_END = 0x0F
+_KNOWN_OPCODES = range(1, 16)
+_SKIPPED_OPCODES = (MESSAGE_INDEX, 0x09, 0x0C)  # of the data section: message index, attachment, metadata
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<BQH")
+_CHUNK = struct.Struct("<QQQII")  # start, end, unpacked size, crc, length of the compression's name
+_MESSAGE_HEAD = 22  # channel u16, sequence u32, log time u64, publish time u64
+_SEARCH_BLOCK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """The definition of a message type. `encoding`: ros2msg, ros2idl, jsonschema, ..."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A topic. `encoding` of its messages: cdr, json, ..."""
+
+    topic: str
+    encoding: str
+    schema_id: int
+
+
+@dataclass(slots=True)
+class McapFile:
+    """An open MCAP file. `messages` goes through it from start to end; the first time it keeps the account."""
+
+    path: Path
+    ledger: Ledger
+    limit_bytes: int
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    compressions: dict[str, int] = field(default_factory=dict)
+    _chunk_offsets: list[int] = field(default_factory=list)
+    _bad_chunks: set[int] = field(default_factory=set)
+    _size: int = 0
+    _surveyed: bool = False
+    _complete: bool = False
+
+    def __post_init__(self) -> None:
+        self._size = self.path.stat().st_size
+        with self.path.open("rb") as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise LogError(f"{self.path}: not an MCAP file (its first bytes are wrong)")
+            self._read_summary(stream)
+
+    def messages(self) -> Iterator[tuple[int, bytes]]:
+        """(channel id, data) of every readable message in recorded order. The same messages on every call."""
+        with self.path.open("rb") as stream:
+            stream.seek(len(MAGIC))
+            at = len(MAGIC)
+            while at + _RECORD.size <= self._size:
+                opcode, length = _RECORD.unpack(_exactly(stream, _RECORD.size))
+                body = at + _RECORD.size
+                if opcode == DATA_END and length == 4 and all(offset < at for offset in self._chunk_offsets):
+                    break
+                if body + length > self._size or not self._belongs_here(stream, opcode, length):
+                    at = self._resume(stream, at)
+                    continue
+                if opcode == CHUNK:
+                    yield from self._chunk(stream, at, length)
+                elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+                    if length > self.limit_bytes:
+                        self._lose("too_large_record", at)
+                    else:
+                        yield from self._records(_RECORD.pack(opcode, length) + _exactly(stream, length), at)
+                at = body + length
+                stream.seek(at)
+            else:
+                self._note_end(at)
+        self._surveyed = True
+
+    def _belongs_here(self, stream: IO[bytes], opcode: int, length: int) -> bool:
+        """Whether a record of this kind can stand at the stream's position in the data section. A chunk whose opcode was
+        damaged does not pass as something to skip."""
+        if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, HEADER):
+            return True
+        if opcode not in _SKIPPED_OPCODES and opcode < 0x80:
+            return False
+        here = stream.tell()
+        is_chunk = _is_chunk_body(stream, length)
+        stream.seek(here)
+        return not is_chunk
+
+    def _chunk(self, stream: IO[bytes], at: int, length: int) -> Iterator[tuple[int, bytes]]:
+        if at in self._bad_chunks:
+            return
+        data = self._unpack(stream, at, length)
+        if data is None:
+            self._bad_chunks.add(at)
+        else:
+            yield from self._records(data, at)
+
+    def _unpack(self, stream: IO[bytes], at: int, length: int) -> bytes | None:
+        """The chunk's records, or None (and a line in the ledger) where they cannot be had."""
+        if length > self.limit_bytes or length < _CHUNK.size + 8:
+            return self._lose("chunk_of_impossible_size", at)
+        body = _exactly(stream, length)
+        _, _, size, crc, name_length = _CHUNK.unpack_from(body)
+        start = _CHUNK.size + name_length + 8
+        if start > length or size > self.limit_bytes:
+            return self._lose("chunk_of_impossible_size", at)
+        name = body[_CHUNK.size : start - 8].decode("utf-8", "replace")
+        packed_size = int.from_bytes(body[start - 8 : start], "little")
+        if start + packed_size > length:
+            return self._lose("chunk_of_impossible_size", at)
+        data = unpack(name, body[start : start + packed_size], size)
+        if data is None:
+            return self._lose("chunk_that_cannot_be_unpacked", at)
+        if not self._surveyed and crc and zlib.crc32(data) != crc:
+            return self._lose("chunk_with_wrong_checksum", at)
+        self.compressions[name or "none"] = self.compressions.get(name or "none", 0) + (not self._surveyed)
+        return data
+
+    def _records(self, data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
+        """The messages among the records in `data`; schemas and channels are noted."""
+        position, end = 0, len(data)
+        unpack_from = _MESSAGE.unpack_from
+        while position + 11 <= end:
+            opcode, length, channel = unpack_from(data, position)
+            start = position + 9
+            position = start + length
+            if position > end:
+                self._lose("rest_of_damaged_chunk", at)
+                return
+            if opcode == MESSAGE:
+                if length < _MESSAGE_HEAD:
+                    self._lose("rest_of_damaged_chunk", at)
+                    return
+                yield channel, data[start + _MESSAGE_HEAD : position]
+            elif opcode == SCHEMA:
+                self._note_schema(data[start:position], at)
+            elif opcode == CHANNEL:
+                self._note_channel(data[start:position], at)
+
+    def _note_schema(self, body: bytes, at: int) -> None:
+        try:
+            identifier = int.from_bytes(body[:2], "little")
+            name, after = _text(body, 2)
+            encoding, after = _text(body, after)
+            data, _ = _block(body, after)
+        except (ValueError, UnicodeDecodeError):
+            self._lose("damaged_schema", at)
+            return
+        self.schemas.setdefault(identifier, Schema(name, encoding, data))
+
+    def _note_channel(self, body: bytes, at: int) -> None:
+        try:
+            identifier = int.from_bytes(body[:2], "little")
+            topic, after = _text(body, 4)
+            encoding, _ = _text(body, after)
+        except (ValueError, UnicodeDecodeError):
+            self._lose("damaged_channel", at)
+            return
+        self.channels.setdefault(identifier, Channel(topic, encoding, int.from_bytes(body[2:4], "little")))
+
+    def _read_summary(self, stream: IO[bytes]) -> None:
+        """Schemas, channels and chunk places from the end of the file, where it has one with a right checksum."""
+        tail_size = _RECORD.size + 20 + len(MAGIC)
+        if self._size < len(MAGIC) + tail_size:
+            return
+        stream.seek(self._size - tail_size)
+        tail = stream.read(tail_size)
+        opcode, length = _RECORD.unpack_from(tail)
+        if opcode != FOOTER or length != 20 or not tail.endswith(MAGIC):
+            return
+        self._complete = True
+        start, _, crc = struct.unpack_from("<QQI", tail, _RECORD.size)
+        footer_at = self._size - tail_size
+        if not len(MAGIC) <= start <= footer_at or footer_at - start > self.limit_bytes:
+            return
+        stream.seek(start)
+        summary = _exactly(stream, footer_at - start)
+        if crc and zlib.crc32(tail[: _RECORD.size + 16], zlib.crc32(summary)) != crc:
+            return
+        position = 0
+        while position + _RECORD.size <= len(summary):
+            opcode, length = _RECORD.unpack_from(summary, position)
+            body = summary[position + _RECORD.size : position + _RECORD.size + length]
+            position += _RECORD.size + length
+            if len(body) < length:
+                return
+            if opcode == SCHEMA:
+                self._note_schema(body, start)
+            elif opcode == CHANNEL:
+                self._note_channel(body, start)
+            elif opcode == CHUNK_INDEX and length >= 24:
+                self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
+
+    def _resume(self, stream: IO[bytes], at: int) -> int:
+        """Where to go on after something at `at` that is no record: the next chunk of the index, else the next place
+        that looks like one."""
+        stream.seek(at)
+        chunked = bool(self.compressions or self._bad_chunks) or stream.read(1) == bytes([CHUNK])
+        place = next((offset for offset in sorted(self._chunk_offsets) if offset > at), None)
+        if place is None:
+            place = self._search(stream, at + 1, (CHUNK,) if chunked else (MESSAGE, CHUNK))
+        self._lose("damaged_part" if place is not None or self._complete else "last_record_of_cut_file", at)
+        place = self._size if place is None else place
+        stream.seek(place)
+        return place
+
+    def _search(self, stream: IO[bytes], start: int, opcodes: tuple[int, ...]) -> int | None:
+        """The next offset at which a chunk whose lengths agree, or three records in a row, can be."""
+        for block_start in range(start, self._size, _SEARCH_BLOCK):
+            stream.seek(block_start)
+            block = stream.read(_SEARCH_BLOCK)
+            for opcode in opcodes:
+                found = block.find(opcode)
+                while found >= 0:
+                    if self._plausible(stream, block_start + found):
+                        return block_start + found
+                    found = block.find(opcode, found + 1)
+        return None
+
+    def _plausible(self, stream: IO[bytes], at: int) -> bool:
+        for _ in range(3):
+            stream.seek(at)
+            head = stream.read(_RECORD.size)
+            if len(head) < _RECORD.size:
+                return False
+            opcode, length = _RECORD.unpack(head)
+            at += _RECORD.size + length
+            if opcode not in _KNOWN_OPCODES or at > self._size or length == 0:
+                return False
+            if opcode == CHUNK:
+                return _is_chunk_body(stream, length)
+            if opcode in (DATA_END, FOOTER):
+                return length <= 20
+        return True
+
+    def _note_end(self, at: int) -> None:
+        """The records ended without the mark of a complete file."""
+        if not self._complete:
+            self.ledger.lose(
+                "end_of_file", f"{self.path.name} byte {at} (cut, or the recorder was not stopped)"
+            )
+
+    def _lose(self, what: str, at: int) -> None:
+        if not self._surveyed:
+            self.ledger.lose(what, f"{self.path.name} byte {at}")
+
+
+def _is_chunk_body(stream: IO[bytes], length: int) -> bool:
+    """Whether the record body at the stream's position is a chunk's: its inner lengths add up to `length`."""
+    head = stream.read(_CHUNK.size)
+    if len(head) < _CHUNK.size:
+        return False
+    name_length = _CHUNK.unpack(head)[4]
+    if name_length > 16:
+        return False
+    stream.seek(name_length, 1)
+    return int.from_bytes(stream.read(8), "little") + _CHUNK.size + name_length + 8 == length
+
+
+def unpack(compression: str, data: bytes, size: int) -> bytes | None:
+    """`data` unpacked to exactly `size` bytes, never more; None where that fails or the compression is unknown."""
+    if compression == "":
+        return data if len(data) == size else None
+    if compression == "zstd":
+        import zstandard
+
+        try:
+            with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+                plain = bytes(reader.read(size + 1))
+        except zstandard.ZstdError:
+            return None
+    elif compression == "lz4":
+        import lz4.frame
+
+        try:
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+        except (RuntimeError, EOFError):
+            return None
+    else:
+        return None
+    return plain if len(plain) == size else None
+
+
+def _exactly(stream: IO[bytes], size: int) -> bytes:
+    data = stream.read(size)
+    if len(data) != size:
+        raise LogError(f"{getattr(stream, 'name', 'the log')}: became shorter while it was read; run again")
+    return data
+
+
+def _block(body: bytes, at: int) -> tuple[bytes, int]:
+    end = at + 4 + int.from_bytes(body[at : at + 4], "little")
+    if at + 4 > len(body) or end > len(body):
+        raise ValueError("field reaches beyond its record")
+    return body[at + 4 : end], end
+
+
+def _text(body: bytes, at: int) -> tuple[str, int]:
+    block, end = _block(body, at)
+    return block.decode(), end

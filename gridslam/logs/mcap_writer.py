@@ -1,0 +1,99 @@
+"""Write events as an MCAP file of standard ROS 2 messages."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Literal
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import Event, Odometry
+from gridslam.logs import ros_encode
+from gridslam.logs.ros_types import humble
+
+_CHUNK_BYTES = 1 << 20
+
+
+class McapWriter:
+    """Events in, one MCAP file out. The file has its name only when `close` succeeds; the same events give the same bytes."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        compression: Literal["zstd", "lz4", "none"] = "zstd",
+        chunk_bytes: int = _CHUNK_BYTES,
+    ) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self._path = Path(path)
+        try:
+            handle, name = tempfile.mkstemp(prefix=f".{self._path.name}.", dir=self._path.parent)
+        except OSError as error:
+            raise LogError(f"{self._path}: cannot be written ({error.strerror})") from error
+        self._temporary = Path(name)
+        self._stream: IO[bytes] = os.fdopen(handle, "wb")
+        self._writer = Writer(
+            self._stream, chunk_size=chunk_bytes, compression=CompressionType[compression.upper()]
+        )
+        self._writer.start(profile="ros2", library="gridslam")
+        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, int] = {}
+        self._counts: dict[int, int] = {}
+
+    def __enter__(self) -> McapWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def write(self, event: Event, topic: str | None = None) -> None:
+        """Append one event. `topic` is that of a log it comes from; without it the usual one of the event's kind."""
+        for message in ros_encode.encode(event, topic):
+            self._append(message)
+
+    def write_truth(self, pose: Odometry) -> None:
+        """Append the true pose, on the topic that no method is shown."""
+        self.write(pose, "/ground_truth")
+
+    def close(self) -> None:
+        """Complete the file and give it its name."""
+        if self._stream.closed:
+            return
+        try:
+            self._writer.finish()
+            self._stream.close()
+            mask = os.umask(0)
+            os.umask(mask)
+            self._temporary.chmod(0o666 & ~mask)
+            self._temporary.replace(self._path)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def abandon(self) -> None:
+        """Leave no file behind."""
+        self._stream.close()
+        self._temporary.unlink(missing_ok=True)
+
+    def _append(self, message: ros_encode.Encoded) -> None:
+        channel = self._channels.get((message.topic, message.type))
+        if channel is None:
+            channel = self._writer.register_channel(message.topic, "cdr", self._schema(message.type))
+            self._channels[message.topic, message.type] = channel
+        sequence = self._counts.get(channel, 0)
+        self._counts[channel] = sequence + 1
+        stamp = message.stamp_ns
+        self._writer.add_message(channel, stamp, message.data, stamp, sequence & 0xFFFFFFFF)
+
+    def _schema(self, name: str) -> int:
+        if name not in self._schemas:
+            text, _ = humble().generate_msgdef(name, ros_version=2)
+            self._schemas[name] = self._writer.register_schema(name, "ros2msg", text.encode())
+        return self._schemas[name]

@@ -1,0 +1,71 @@
+"""From static transforms and the config to one T_base_sensor per sensor frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from gridslam.core.messages import Transform
+from gridslam.logs import rotations
+from gridslam.logs.config import MountingConfig
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.rotations import Rigid
+
+Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
+
+
+def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:
+    """The frames' tree; of two transforms to one child the later counts."""
+    tree: dict[str, tuple[str, Rigid]] = {}
+    for edge in edges:
+        quaternion = rotations.normalise(edge.quat_wxyz)
+        if quaternion is not None:
+            tree[edge.child_frame_id] = (edge.frame_id, (edge.translation_m, quaternion))
+    return tree
+
+
+def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
+    """Every ancestor of the frame, itself first, with T_ancestor_frame. A cycle ends at its second visit."""
+    found = {frame: rotations.IDENTITY}
+    above = rotations.IDENTITY
+    while frame in tree:
+        frame, step = tree[frame]
+        if frame in found:
+            break
+        above = rotations.compose(step, above)
+        found[frame] = above
+    return found
+
+
+def mount(
+    sensor_frames: Iterable[str],
+    edges: Iterable[Transform],
+    config: Mapping[str, MountingConfig],
+    base_frame: str,
+    stamp_ns: int,
+    ledger: Ledger,
+) -> list[Transform]:
+    """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor of the
+    sensor's own tree (a camera on the wall), else the identity, which is noted in the ledger.
+    """
+    tree = tree_of(edges)
+    base_ancestors = ancestors(tree, base_frame)
+    mounted = []
+    for frame in dict.fromkeys(sensor_frames):
+        parent, pose = base_frame, rotations.IDENTITY
+        if frame in config:
+            m = config[frame]
+            pose = ((m.x, m.y, m.z), rotations.from_euler(m.roll, m.pitch, m.yaw))
+        elif frame != base_frame:
+            above = ancestors(tree, frame)
+            common = next((name for name in above if name in base_ancestors), None)
+            if common is not None:
+                pose = rotations.compose(rotations.inverse(base_ancestors[common]), above[common])
+            elif len(above) > 1:
+                parent, pose = list(above.items())[-1]
+            else:
+                ledger.note(
+                    f"no transform from {base_frame} to {frame}: taken as mounted at the robot's centre, facing forward; "
+                    f"if it is not, set log.mounting.{frame} with x, y, yaw"
+                )
+        mounted.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
+    return mounted

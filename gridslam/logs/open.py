@@ -1,0 +1,71 @@
+"""Open a log of any format; the format is recognised by content."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from gridslam.core.errors import LogError
+from gridslam.logs.config import LogConfig
+from gridslam.logs.log import Log
+from gridslam.logs.streams import Source
+
+READABLE = "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, or a Wean Hall text log"
+
+
+def open_log(path: str | Path, config: LogConfig | None = None, kinds: Collection[str] | None = None) -> Log:
+    """Open a log and survey it: afterwards its streams, their counts and most damage are known.
+
+    `kinds` names the streams that will be used (`scan`, `odom`, ...); each of those that must be unique is then chosen, by
+    `config.topics` or because there is only one. Without it everything is delivered. Raises LogError for a file that is no
+    readable log, ConfigError for a choice that the config must make.
+    """
+    config = config or LogConfig()
+    path = Path(path)
+    try:
+        return Log(path, _source(path, config), config, kinds)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _source(path: Path, config: LogConfig) -> Source:
+    """The reader for what the file's first bytes say it is."""
+    if not path.exists():
+        raise LogError(f"{path}: no such file or folder")
+    if path.is_dir():
+        if (path / "metadata.yaml").is_file():
+            from gridslam.logs.rosbag2 import open_rosbag2
+
+            return open_rosbag2(path, config)
+        from gridslam.logs.csv_source import CsvSource
+
+        return CsvSource(path, config)
+    with path.open("rb") as stream:
+        magic = stream.read(16)
+    if magic.startswith(b"\x89MCAP"):
+        from gridslam.logs.mcap_source import open_mcap
+
+        return open_mcap(path, config)
+    if magic.startswith(b"SQLite format 3\0"):
+        from gridslam.logs.rosbag2 import open_rosbag2
+
+        return open_rosbag2(path, config)
+    if magic.startswith(b"#ROSBAG V"):
+        from gridslam.logs.rosbag1 import open_rosbag1
+
+        return open_rosbag1(path, config)
+    return _text_source(path, config)
+
+
+def _text_source(path: Path, config: LogConfig) -> Source:
+    from gridslam.logs.carmen import CarmenSource, looks_like_carmen
+    from gridslam.logs.text import beginning
+    from gridslam.logs.wean_hall import WeanHallSource, looks_like_wean_hall
+
+    text = beginning(path)
+    if looks_like_carmen(text):
+        return CarmenSource(path, config)
+    if looks_like_wean_hall(text):
+        return WeanHallSource(path, config)
+    what = "empty" if not path.stat().st_size else "no log of a known format"
+    raise LogError(f"{path}: {what}; readable are {READABLE}")

@@ -1,0 +1,92 @@
+"""Delivery order: streams merged by stamp, exactly, holding back only what was recorded too early.
+
+All stamps are known before the first event is delivered (8 bytes each), so the place of every event in the merged
+order is computed beforehand and reading needs no look-ahead. The key of an event is the largest stamp that its stream
+had so far, so the recorded order within a stream wins over stamps that step back.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+
+def steps_back(stamps_ns: Sequence[int]) -> int:
+    """How often a stamp is smaller than the one before it."""
+    return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) < 0))
+
+
+def repeated_stamps(stamps_ns: Sequence[int]) -> int:
+    """How often a stamp equals the one before it."""
+    return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) == 0))
+
+
+def plan(
+    stamps_by_stream: Mapping[int, Sequence[int]], by_stamp: bool
+) -> tuple[dict[int, array[int]], NDArray[np.int32]]:
+    """The place of every event and the stream at every place.
+
+    `stamps_by_stream` is ordered by precedence at equal keys. Returns `ranks[stream][i]`, the place of the stream's i-th
+    event, and `schedule[place]`, the stream. `by_stamp` sorts within a stream as well (stable).
+    """
+    if not stamps_by_stream:
+        return {}, np.zeros(0, np.int32)
+    stamps = [np.asarray(s, dtype=np.int64) for s in stamps_by_stream.values()]
+    keys = np.concatenate(stamps if by_stamp else [np.maximum.accumulate(s) if len(s) else s for s in stamps])
+    owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int32), [len(s) for s in stamps])
+    order = np.argsort(keys, kind="stable")
+    place = np.empty(len(keys), dtype=np.int64)
+    place[order] = np.arange(len(keys))
+    ends = np.cumsum([len(s) for s in stamps])
+    ranks = {
+        stream: array("q", place[end - len(s) : end].tobytes())
+        for stream, s, end in zip(stamps_by_stream, stamps, ends, strict=True)
+    }
+    return ranks, owner[order]
+
+
+def deliver(
+    items: Iterator[tuple[int, T]],
+    ranks: Mapping[int, array[int]],
+    size_of: Callable[[T], int],
+    limit_bytes: int,
+    on_late: Callable[[int], None],
+) -> Iterator[tuple[int, T]]:
+    """The items at their planned places.
+
+    What arrives early waits; when more than `limit_bytes` wait, the earliest of them is delivered although something
+    before it is still missing, and what then arrives late is delivered at once and reported to `on_late(stream)`.
+    """
+    places = {stream: iter(rank) for stream, rank in ranks.items()}
+    waiting: dict[int, tuple[int, T]] = {}
+    waiting_bytes = 0
+    expected = 0
+    for item in items:
+        place = next(places[item[0]], None)
+        if place is None:  # more than the plan knows of: the file has grown since
+            break
+        if place == expected:
+            yield item
+            expected += 1
+        elif place < expected:
+            on_late(item[0])
+            yield item
+            continue
+        else:
+            waiting[place] = item
+            waiting_bytes += size_of(item[1])
+            if waiting_bytes > limit_bytes:
+                expected = min(waiting)
+        while expected in waiting:
+            held = waiting.pop(expected)
+            waiting_bytes -= size_of(held[1])
+            yield held
+            expected += 1
+    for place in sorted(waiting):
+        yield waiting[place]

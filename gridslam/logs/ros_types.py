@@ -1,0 +1,139 @@
+"""Message types: which stream a type serves, and decoders from the schemas that a log carries."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from gridslam.logs.mcap_file import Schema
+
+KIND_OF_TYPE = {
+    "sensor_msgs/msg/LaserScan": "scan",
+    "nav_msgs/msg/Odometry": "odom",
+    "sensor_msgs/msg/Imu": "imu",
+    "sensor_msgs/msg/JointState": "wheels",
+    "sensor_msgs/msg/Range": "range",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "fix",
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "sensor_msgs/msg/Image": "image",
+    "sensor_msgs/msg/CompressedImage": "image",
+    "sensor_msgs/msg/CameraInfo": "camera_info",
+    "stereo_msgs/msg/DisparityImage": "disparity",
+    "gridslam_msgs/msg/TagInventory": "tags",
+    "tf2_msgs/msg/TFMessage": "tf",
+    "tf/msg/tfMessage": "tf",
+}
+
+TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
+
+# The fields that the hand-written decoders in ros_fast expect.
+_STANDARD_FIELDS = {
+    "std_msgs/msg/Header": "builtin_interfaces/Time stamp|string frame_id",
+    "builtin_interfaces/msg/Time": "int32 sec|uint32 nanosec",
+    "sensor_msgs/msg/LaserScan": "std_msgs/Header header|float32 angle_min|float32 angle_max|float32 angle_increment|"
+    "float32 time_increment|float32 scan_time|float32 range_min|float32 range_max|float32[] ranges|float32[] intensities",
+    "nav_msgs/msg/Odometry": "std_msgs/Header header|string child_frame_id|geometry_msgs/PoseWithCovariance pose|"
+    "geometry_msgs/TwistWithCovariance twist",
+    "sensor_msgs/msg/Imu": "std_msgs/Header header|geometry_msgs/Quaternion orientation|"
+    "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|float64[9] angular_velocity_covariance|"
+    "geometry_msgs/Vector3 linear_acceleration|float64[9] linear_acceleration_covariance",
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header|string child_frame_id|geometry_msgs/Transform transform",
+    "geometry_msgs/msg/Transform": "geometry_msgs/Vector3 translation|geometry_msgs/Quaternion rotation",
+    "geometry_msgs/msg/PoseWithCovariance": "geometry_msgs/Pose pose|float64[36] covariance",
+    "geometry_msgs/msg/TwistWithCovariance": "geometry_msgs/Twist twist|float64[36] covariance",
+    "geometry_msgs/msg/Pose": "geometry_msgs/Point position|geometry_msgs/Quaternion orientation",
+    "geometry_msgs/msg/Twist": "geometry_msgs/Vector3 linear|geometry_msgs/Vector3 angular",
+    "geometry_msgs/msg/Point": "float64 x|float64 y|float64 z",
+    "geometry_msgs/msg/Vector3": "float64 x|float64 y|float64 z",
+    "geometry_msgs/msg/Quaternion": "float64 x|float64 y|float64 z|float64 w",
+}
+
+
+def full_name(name: str) -> str:
+    """`package/msg/Type` of any spelling of a type's name."""
+    parts = [p for p in name.replace("::", "/").split("/") if p]
+    return f"{parts[0]}/msg/{parts[-1]}" if len(parts) >= 2 else name
+
+
+def is_standard(schema: Schema) -> bool:
+    """Whether every type in a ros2msg schema that we know has exactly the standard fields, in the standard order."""
+    if schema.encoding != "ros2msg":
+        return False
+    try:
+        text = schema.data.decode()
+    except UnicodeDecodeError:
+        return False
+    sections = re.split(r"(?m)^=+\s*$", text)
+    found = {full_name(schema.name): _fields(sections[0])}
+    for section in sections[1:]:
+        title, _, body = section.lstrip().partition("\n")
+        found[full_name(title.removeprefix("MSG:").strip())] = _fields(body)
+    found.setdefault("builtin_interfaces/msg/Time", _STANDARD_FIELDS["builtin_interfaces/msg/Time"])
+    return (
+        all(fields == _STANDARD_FIELDS.get(name, fields) for name, fields in found.items())
+        and full_name(schema.name) in _STANDARD_FIELDS
+    )
+
+
+def _fields(text: str) -> str:
+    """The fields of a definition without comments, constants and defaults, types by their short name."""
+    lines = []
+    for line in text.splitlines():
+        words = line.split("#", 1)[0].split()
+        if len(words) >= 2 and "=" not in line.split("#", 1)[0]:
+            lines.append(f"{words[0].replace('/msg/', '/')} {words[1]}")
+    return "|".join(lines)
+
+
+def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
+    """A function from CDR bytes to a message object, which raises ValueError for bytes that are no such message.
+
+    Raises ValueError for a schema that cannot be understood.
+    """
+    from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if schema is None or not schema.data.strip():
+        if name not in humble().fielddefs:
+            raise ValueError(f"{name}: the log has no definition of this type")
+        return _decoder(humble(), name)
+    text = schema.data.decode()
+    store = get_typestore(Stores.EMPTY)
+    try:
+        types = get_types_from_idl(text) if schema.encoding == "ros2idl" else get_types_from_msg(text, name)
+        store.register({**_time_types(), **types})
+    except (TypesysError, KeyError, ValueError) as error:
+        raise ValueError(f"{name}: its definition cannot be understood ({error})") from error
+    return _decoder(store, name)
+
+
+def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:
+    from rosbags.serde import SerdeError
+
+    def decode(data: bytes) -> Any:
+        try:
+            return store.deserialize_cdr(data, name)
+        except (SerdeError, AssertionError, MemoryError) as error:
+            raise ValueError(f"not a {name}") from error
+
+    return decode
+
+
+@cache
+def _time_types() -> dict[str, Any]:
+    """Time and Duration, which definitions use without giving them."""
+    return {
+        name: fields for name, fields in humble().fielddefs.items() if name.startswith("builtin_interfaces/")
+    }
+
+
+@cache
+def humble() -> Any:
+    """The types of ROS 2 Humble, and our own."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(TAG_INVENTORY, "gridslam_msgs/msg/TagInventory"))
+    return store

@@ -1,0 +1,80 @@
+"""Rigid motions of space as (translation, quaternion) in plain floats, for mountings."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]  # w, x, y, z
+Rigid: TypeAlias = tuple[Vector, Quaternion]
+
+IDENTITY: Rigid = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The rotation b followed by a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def rotate(q: Quaternion, v: Vector) -> Vector:
+    """The vector turned by the unit quaternion."""
+    _, x, y, z = multiply(multiply(q, (0.0, *v)), (q[0], -q[1], -q[2], -q[3]))
+    return x, y, z
+
+
+def normalise(q: Quaternion) -> Quaternion | None:
+    """The unit quaternion, or None where it has no direction."""
+    norm = math.sqrt(sum(c * c for c in q))
+    if not math.isfinite(norm) or norm < 1e-6:
+        return None
+    if (
+        abs(norm - 1.0) < 1e-12
+    ):  # already one: keep its digits, so that a round trip through a file keeps them
+        return q
+    return (q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm)
+
+
+def compose(T_a_b: Rigid, T_b_c: Rigid) -> Rigid:
+    """T_a_c. An identity on either side leaves the other's digits untouched."""
+    if T_a_b == IDENTITY:
+        return T_b_c
+    if T_b_c == IDENTITY:
+        return T_a_b
+    x, y, z = rotate(T_a_b[1], T_b_c[0])
+    tx, ty, tz = T_a_b[0]
+    return (tx + x, ty + y, tz + z), multiply(T_a_b[1], T_b_c[1])
+
+
+def inverse(T_a_b: Rigid) -> Rigid:
+    """T_b_a."""
+    w, x, y, z = T_a_b[1]
+    back: Quaternion = (w, -x, -y, -z)
+    tx, ty, tz = rotate(back, T_a_b[0])
+    return (-tx, -ty, -tz), back
+
+
+def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Roll about x, then pitch about y, then yaw about z, axes fixed (the convention of URDF and tf)."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def yaw_of(q: Quaternion) -> float:
+    """Heading of the turned x axis, in (-pi, pi]."""
+    w, x, y, z = q
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -1,0 +1,49 @@
+"""Stamps between decimal text, ROS's (sec, nanosec) and integer nanoseconds, without a float in between.
+
+A stamp is valid from 0 to 2^31 s, what every format can hold; digits beyond the nanosecond are cut off.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal, InvalidOperation
+
+NS_PER_S = 1_000_000_000
+END_NS = (1 << 31) * NS_PER_S
+_UNIT_EXPONENT = {"s": 9, "ms": 6, "us": 3, "ns": 0}
+
+
+def parse_stamp(text: str, unit: str = "s") -> int | None:
+    """Nanoseconds of a decimal number of seconds (or ms, us, ns); None where it is no valid stamp."""
+    whole, dot, fraction = text.partition(".")
+    if (
+        unit == "s"
+        and whole.isdigit()
+        and whole.isascii()
+        and (not dot or (fraction.isdigit() and fraction.isascii()))
+    ):
+        if len(whole) > 10:
+            return None
+        stamp = int(whole) * NS_PER_S + int((fraction[:9]).ljust(9, "0"))
+    else:
+        try:
+            value = Decimal(text.strip())
+        except InvalidOperation:
+            return None
+        if not value.is_finite() or value.adjusted() > 20:
+            return None
+        stamp = int(value.scaleb(_UNIT_EXPONENT[unit]))
+        if value < 0:
+            return None
+    return stamp if stamp < END_NS else None
+
+
+def join_stamp(seconds: int, nanoseconds: int) -> int | None:
+    """Nanoseconds of ROS's two numbers; None where they are no valid stamp."""
+    if not (0 <= seconds < 1 << 31 and 0 <= nanoseconds < NS_PER_S):
+        return None
+    return seconds * NS_PER_S + nanoseconds
+
+
+def format_stamp(stamp_ns: int) -> str:
+    """Seconds with nine decimals."""
+    return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d}"

@@ -1,0 +1,102 @@
+"""What a log holds: its streams, and what every reader of a file format offers to `Log`."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+from gridslam.core.messages import Event, Transform
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.rotations import Rigid
+
+# At equal stamps, streams are delivered in this order: what a scan needs comes before it.
+KINDS = (
+    "tf",
+    "camera_info",
+    "odom",
+    "imu",
+    "wheels",
+    "fix",
+    "tags",
+    "range",
+    "scan",
+    "disparity",
+    "depth",
+    "image",
+    "truth",
+    "pose",
+    "joints",
+    "other",
+)
+# Kinds of which a method takes one stream; of the others (cameras, rangers) it takes all.
+SINGLE = frozenset({"scan", "odom", "imu", "wheels", "fix"})
+# Kinds that hold no events for a method.
+SILENT = frozenset({"truth", "pose", "joints", "other"})
+
+
+@dataclass(slots=True)
+class RecordedStream:
+    """One stream as it lies in the file. `stamps_ns` has one entry per event, in recorded order."""
+
+    kind: str
+    topic: str
+    type: str
+    detail: str = ""  # of a tf stream: parent->child
+    stamps_ns: array[int] = field(default_factory=lambda: array("q"))
+    frames: dict[str, None] = field(default_factory=dict)  # an ordered set
+    child_frame: str = ""
+    constant: Rigid | None = None  # of a tf stream: its value, as long as it never changed
+
+    @property
+    def label(self) -> str:
+        """Name for messages to people."""
+        return f"{self.topic} ({self.detail})" if self.detail else self.topic
+
+
+@dataclass(frozen=True, slots=True)
+class StreamInfo:
+    """One stream as shown to people. `used` tells whether `events()` delivers it."""
+
+    kind: str
+    topic: str
+    type: str
+    count: int
+    first_stamp_ns: int | None
+    last_stamp_ns: int | None
+    frame: str
+    steps_back: int
+    used: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Skip:
+    """In place of an event that cannot be used: why, and where it stood."""
+
+    reason: str
+    where: str = ""
+
+
+class Source(Protocol):
+    """One file format. It is read through once when opened (stamps, frames, damage) and again by `read`."""
+
+    format: str
+    compression: str
+    order: Literal["recorded", "stamp"]
+    base_frame: str | None
+    streams: list[RecordedStream]
+    static_edges: list[Transform]
+    files: list[Path]
+    ledger: Ledger
+
+    def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
+        """(stream index, event) for every entry of the wanted streams' `stamps_ns`, per stream in recorded order.
+
+        `schedule` names the streams in the order in which their events are needed; a reader that can choose (one file
+        per stream) follows it.
+        """
+
+    def close(self) -> None:
+        """Let go of open files."""

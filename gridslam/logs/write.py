@@ -1,0 +1,54 @@
+"""Write a log: MCAP when the name ends in .mcap, a folder of CSV files otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import Event, Odometry
+
+
+class LogWriter(Protocol):
+    """What writes a log. The log has its name only after `close`; an exception inside `with` leaves nothing behind."""
+
+    def __enter__(self) -> LogWriter: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def write(self, event: Event, topic: str | None = None) -> None:
+        """Append one event."""
+
+    def write_truth(self, pose: Odometry) -> None:
+        """Append the true pose, which no method is shown."""
+
+    def close(self) -> None:
+        """Complete the log."""
+
+    def abandon(self) -> None:
+        """Leave nothing behind."""
+
+
+def open_writer(path: str | Path, force: bool = False) -> LogWriter:
+    """The writer for a path. Raises LogError where something is there already, unless `force` replaces it."""
+    path = Path(path)
+    if path.exists() and not force:
+        raise LogError(f"{path}: exists already; choose another name or give --force")
+    if path.suffix == ".mcap":
+        from gridslam.logs.mcap_writer import McapWriter
+
+        return McapWriter(path)
+    from gridslam.logs.csv_writer import CsvFolderWriter
+
+    return CsvFolderWriter(path, force)
+
+
+def write_log(path: str | Path, events: Iterable[Event], force: bool = False) -> None:
+    """Write events, in the order given."""
+    with open_writer(path, force) as writer:
+        for event in events:
+            writer.write(event)
