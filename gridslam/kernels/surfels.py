@@ -18,6 +18,7 @@ MAX_COUNT = 50.0  # later hits keep some weight
 REPLACEABLE_COUNT = 3.0  # a surface facing the other way replaces one hit no more often than this
 MIN_NORMAL_AGREEMENT = 0.6  # cosine
 MAX_SEARCH_CELLS = 4
+SURELY_OCCUPIED = 1.5  # log-odds of a cell that no beam should have passed
 CONVERGED_M = 1e-4
 CONVERGED_RAD = 1e-5
 
@@ -223,11 +224,48 @@ def search_yaw(
 
 
 @njit(cache=True)
+def _log_odds_at(
+    directory: NDArray[np.int32], pool: NDArray[np.float32], origin: NDArray[np.int64], row: int, col: int
+) -> float:
+    """Log-odds of one cell of one map, 0 where nothing was written."""
+    t_row, t_col = (row >> TILE_BITS) - origin[0], (col >> TILE_BITS) - origin[1]
+    if t_row < 0 or t_row >= directory.shape[0] or t_col < 0 or t_col >= directory.shape[1]:
+        return 0.0
+    tile = directory[t_row, t_col]
+    return float(pool[tile, row & TILE_MASK, col & TILE_MASK, 0]) if tile >= 0 else 0.0
+
+
+@njit(cache=True)
+def _passes_wall(
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    origin: NDArray[np.int64],
+    resolution_m: float,
+    x0: float,
+    y0: float,
+    x1: float,
+    y1: float,
+    margin_m: float,
+) -> bool:
+    """Whether the way from (x0, y0) to `margin_m` before (x1, y1) leads through a cell that is surely occupied."""
+    length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
+    steps = int((length - margin_m) / resolution_m)
+    for k in range(1, steps + 1):
+        t = k * resolution_m / length
+        row = int(np.floor((y0 + t * (y1 - y0)) / resolution_m))
+        col = int(np.floor((x0 + t * (x1 - x0)) / resolution_m))
+        if _log_odds_at(directory, pool, origin, row, col) > SURELY_OCCUPIED:
+            return True
+    return False
+
+
+@njit(cache=True)
 def log_likelihood(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
     origin: NDArray[np.int64],
     resolution_m: float,
+    viewpoint: NDArray[np.float64],
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     pose: NDArray[np.float64],
@@ -242,12 +280,15 @@ def log_likelihood(
     """Log likelihood of the end points seen from `pose`, given the surfaces and the log-odds of one map.
 
     An end point at distance e from a surface: log((1 - random_share) exp(-e^2 / (2 sigma^2)) + random_share). One with no
-    surface in reach: the same at e = inf where the map knows the place to be free; where nothing is known of the place,
-    half of that (new ground says little for or against a pose).
+    surface in reach: the same at e = inf where the map knows the place to be free or has a wall before it; where it
+    knows nothing, the value at e = sigma, so that new ground says nothing for or against a pose.
     """
     total = 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
     miss = np.log(random_share)
+    neutral = np.log((1.0 - random_share) * np.exp(-0.5) + random_share)
+    x0 = pose[0] + c * viewpoint[0] - s * viewpoint[1]
+    y0 = pose[1] + s * viewpoint[0] + c * viewpoint[1]
     for i in range(points.shape[0]):
         x = pose[0] + c * points[i, 0] - s * points[i, 1]
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
@@ -260,14 +301,13 @@ def log_likelihood(
             e = scale * (cell[NX] * (x - cell[X]) + cell[NY] * (y - cell[Y]))
             total += np.log((1.0 - random_share) * np.exp(-0.5 * (e / sigma_m) ** 2) + random_share)
             continue
-        log_odds = 0.0
         f_row, f_col = int(np.floor(y / free_resolution_m)), int(np.floor(x / free_resolution_m))
-        t_row, t_col = (f_row >> TILE_BITS) - free_origin[0], (f_col >> TILE_BITS) - free_origin[1]
-        if 0 <= t_row < free_directory.shape[0] and 0 <= t_col < free_directory.shape[1]:
-            tile = free_directory[t_row, t_col]
-            if tile >= 0:
-                log_odds = free_pool[tile, f_row & TILE_MASK, f_col & TILE_MASK, 0]
-        total += miss if log_odds < 0.0 else 0.5 * miss
+        if _log_odds_at(free_directory, free_pool, free_origin, f_row, f_col) < 0.0 or _passes_wall(
+            free_directory, free_pool, free_origin, free_resolution_m, x0, y0, x, y, reach_m
+        ):
+            total += miss
+        else:
+            total += neutral
     return total
 
 
@@ -319,6 +359,7 @@ def log_likelihood_all(
     pool: NDArray[np.float32],
     origin: NDArray[np.int64],
     resolution_m: float,
+    viewpoint: NDArray[np.float64],
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     poses: NDArray[np.float64],
@@ -339,6 +380,7 @@ def log_likelihood_all(
             pool,
             origin,
             resolution_m,
+            viewpoint,
             points,
             normals,
             poses[k],
@@ -366,3 +408,54 @@ def insert_surfels_all(
     """`insert_surfels` for every particle into its own map, whose tiles are its own already."""
     for k in prange(poses.shape[0]):
         insert_surfels(directory[k], pool, origin, resolution_m, poses[k], points, normals)
+
+
+@njit(cache=True, parallel=True)
+def register_pairs(
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    origin: NDArray[np.int64],
+    resolution_m: float,
+    maps: NDArray[np.int64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    first_point: NDArray[np.int64],
+    scans: NDArray[np.int64],
+    starts: NDArray[np.float64],
+    prior_information: NDArray[np.float64],
+    sigma_m: float,
+    reach_m: float,
+    final_reach_m: float,
+    iterations: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """`register` of scan scans[k] in map maps[k] from starts[k]: poses `(n, 3)`, information `(n, 3, 3)`, fit `(n,)`.
+
+    Scan i owns points[first_point[i]:first_point[i + 1]]; the fit is the share of its points that found a surface. One
+    prior_information `(3, 3)` about the start serves all.
+    """
+    n = starts.shape[0]
+    poses = np.empty((n, 3))
+    information = np.empty((n, 3, 3))
+    fit = np.zeros(n)
+    for k in prange(n):
+        lo, hi = first_point[scans[k]], first_point[scans[k] + 1]
+        pose, info, count = register(
+            directory[maps[k]],
+            pool,
+            origin,
+            resolution_m,
+            points[lo:hi],
+            normals[lo:hi],
+            starts[k],
+            starts[k],
+            prior_information,
+            sigma_m,
+            reach_m,
+            final_reach_m,
+            iterations,
+        )
+        poses[k] = pose
+        information[k] = info
+        if hi > lo:
+            fit[k] = count / (hi - lo)
+    return poses, information, fit

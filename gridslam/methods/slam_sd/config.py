@@ -49,6 +49,8 @@ class FilterConfig(StrictModel):
     """The Rao-Blackwellised filter over the key scans."""
 
     resolution_m: float = Field(0.2, gt=0.0, description="cell of a particle's surface map")
+    free_resolution_m: float = Field(0.1, gt=0.0, description="cell of a particle's log-odds map")
+    delay_key_scans: int = Field(60, ge=0, description="a key scan enters the particles' maps after so many more")
     max_points: int = Field(120, ge=20, description="most points of a key scan used by a particle")
     translation_floor_m: float = Field(0.004, gt=0.0, description="noise of the matched motion over one key step")
     translation_per_m: float = Field(0.02, ge=0.0)
@@ -75,6 +77,25 @@ class MapConfig(StrictModel):
     limit: float = Field(6.0, gt=0.0, description="log-odds are held within +-limit")
 
 
+class FinalStageConfig(StrictModel):
+    """Loop closures and pose graph over the whole trajectory, after the last scan."""
+
+    enabled: bool = Field(True, description="whether the trajectory of the filter is refined")
+    submap_key_scans: int = Field(20, ge=4, description="key scans in a submap; neighbours share half of them")
+    stride: int = Field(3, ge=1, description="every so many key scans one is searched for in far submaps")
+    search_radius_m: float = Field(8.0, gt=0.0, description="loops are looked for between poses nearer than this")
+    window_m: float = Field(3.0, gt=0.0, description="half width of the search window of a loop")
+    window_rad: float = Field(0.2, gt=0.0, description="half angle of the search window of a loop")
+    field_resolution_m: float = Field(0.1, gt=0.0, description="cell of the field that the search uses")
+    least_score: float = Field(0.6, gt=0.0, lt=1.0, description="mean likelihood of a loop's correlative match")
+    least_fit: float = Field(0.6, gt=0.0, lt=1.0, description="share of a scan's points that must lie on a submap")
+    information_share: float = Field(0.03, gt=0.0, le=1.0, description="share of a match's information that counts")
+    odometry_share: float = Field(1.0, gt=0.0, description="weight of the front end's steps")
+    robust_scale: float = Field(2.0, gt=0.0, description="scale of the robust kernel in standard deviations")
+    rounds: int = Field(2, ge=1, description="how often the scans are registered anew and the graph solved")
+    resolution_m: float | None = Field(None, gt=0.0, description="cell of the rebuilt map; absent: map.resolution_m")
+
+
 class SlamSdConfig(StrictModel):
     """SLAM in semi-dynamic environments; without tag reads a lidar SLAM."""
 
@@ -88,3 +109,4 @@ class SlamSdConfig(StrictModel):
     front_end: FrontEndConfig = FrontEndConfig()
     filter: FilterConfig = FilterConfig()
     map: MapConfig = MapConfig()
+    final_stage: FinalStageConfig = FinalStageConfig()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,8 +36,9 @@ class ParticleMaps:
         self.poses = np.zeros((n, 3))
         self.log_weights = np.zeros(n)
         self.surfaces = TileStore(n, surfels.CHANNELS, config.filter.resolution_m, config.memory_limit_mb)
-        self.cells = TileStore(n, 1, config.map.resolution_m, config.memory_limit_mb)
+        self.cells = TileStore(n, 1, config.filter.free_resolution_m, config.memory_limit_mb)
         self.resamplings = 0
+        self._waiting: deque[tuple[PreparedScan, Floats]] = deque()
         self._history = _History([], [])
         self._parents = np.arange(n)
 
@@ -77,13 +79,13 @@ class ParticleMaps:
             0.1,
             6,
         )
-        self.log_weights += config.likelihood_share * self._log_likelihood(points, normals, matched)
+        self.log_weights += config.likelihood_share * self._log_likelihood(scan.viewpoint, points, normals, matched)
         covariance = np.linalg.inv(share * information + prior)
         noise = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), self._rng.standard_normal(matched.shape))
         self.poses = matched + noise
         self.poses[:, 2] = se2.wrap_angle(self.poses[:, 2])
 
-    def _log_likelihood(self, points: Floats, normals: Floats, poses: Floats) -> Floats:
+    def _log_likelihood(self, viewpoint: Floats, points: Floats, normals: Floats, poses: Floats) -> Floats:
         config = self._config.filter
         return np.asarray(
             surfels.log_likelihood_all(
@@ -91,6 +93,7 @@ class ParticleMaps:
                 self.surfaces.pool,
                 self.surfaces.origin,
                 config.resolution_m,
+                viewpoint,
                 points,
                 normals,
                 poses,
@@ -100,7 +103,7 @@ class ParticleMaps:
                 self.cells.directory,
                 self.cells.pool,
                 self.cells.origin,
-                self._config.map.resolution_m,
+                config.free_resolution_m,
             )
         )
 
@@ -115,32 +118,42 @@ class ParticleMaps:
         self.cells.redistribute(ancestors)
         self.poses = self.poses[ancestors]
         self._parents = self._parents[ancestors]
+        self._waiting = deque((scan, poses[ancestors]) for scan, poses in self._waiting)
         self.log_weights = np.zeros(n)
         self.resamplings += 1
         return True
 
     def insert(self, scan: PreparedScan) -> None:
-        """Every particle takes the scan into its own map at its own pose."""
+        """Every particle takes the scan into its own map, but only when the front end has forgotten it.
+
+        What the front end still remembers has been used for the matched motion already; weighing the particles
+        with it again would tell nothing about their drift, only wear out their diversity.
+        """
+        self._waiting.append((scan, self.poses.copy()))
+        while len(self._waiting) > self._config.filter.delay_key_scans:
+            self._insert(*self._waiting.popleft())
+
+    def _insert(self, scan: PreparedScan, poses: Floats) -> None:
         config = self._config
-        maps = np.arange(len(self.poses))
+        maps = np.arange(len(poses))
         points, normals = scan.surface, scan.surface_normals
-        self.surfaces.own_end_points(maps, self.poses, points)
+        self.surfaces.own_end_points(maps, poses, points)
         surfels.insert_surfels_all(
             self.surfaces.directory,
             self.surfaces.pool,
             self.surfaces.origin,
             config.filter.resolution_m,
-            self.poses,
+            poses,
             points,
             normals,
         )
-        self.cells.own_beams(maps, self.poses, scan.viewpoint, scan.points)
+        self.cells.own_beams(maps, poses, scan.viewpoint, scan.points)
         log_odds.insert_beams_all(
             self.cells.directory,
             self.cells.pool,
             self.cells.origin,
-            config.map.resolution_m,
-            self.poses,
+            config.filter.free_resolution_m,
+            poses,
             scan.viewpoint,
             scan.points,
             config.map.hit,

@@ -1,0 +1,136 @@
+"""Pose graphs: robust least squares over relative poses.
+
+Nodes are poses `(n, 3)` in the map frame; an edge says where node `target` is, seen from node `source`, with an
+information matrix (3, 3) in that frame. Edges marked as loops may be wrong and are weighed by a robust kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from gridslam.core import poses as se2
+
+Floats = NDArray[np.float64]
+
+CONVERGED = 1e-5  # largest step of any coordinate (m, rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """`source`, `target` int `(m,)`; `T_source_target` `(m, 3)`; `information` `(m, 3, 3)`; `is_loop` bool `(m,)`."""
+
+    source: NDArray[np.int64]
+    target: NDArray[np.int64]
+    T_source_target: Floats
+    information: Floats
+    is_loop: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    @staticmethod
+    def concatenate(parts: Sequence[Edges]) -> Edges:
+        """All edges of all parts, in order."""
+        return Edges(
+            np.concatenate([p.source for p in parts]),
+            np.concatenate([p.target for p in parts]),
+            np.concatenate([p.T_source_target for p in parts]),
+            np.concatenate([p.information for p in parts]),
+            np.concatenate([p.is_loop for p in parts]),
+        )
+
+    def select(self, mask: NDArray[np.bool_]) -> Edges:
+        """The edges that the mask `(m,)` keeps."""
+        return Edges(
+            self.source[mask], self.target[mask], self.T_source_target[mask], self.information[mask], self.is_loop[mask]
+        )
+
+
+def residuals(poses: Floats, edges: Edges) -> Floats:
+    """Edge errors `(m, 3)`: the estimated relative pose minus the measured one, in the source's frame, yaw wrapped."""
+    error = se2.between(poses[edges.source], poses[edges.target]) - edges.T_source_target
+    error[:, 2] = se2.wrap_angle(error[:, 2])
+    return np.asarray(error)
+
+
+def chi_squared(poses: Floats, edges: Edges) -> Floats:
+    """Squared Mahalanobis length `(m,)` of every edge's error."""
+    error = residuals(poses, edges)
+    return np.asarray(np.einsum("mi,mij,mj->m", error, edges.information, error))
+
+
+def _jacobians(poses: Floats, edges: Edges) -> tuple[Floats, Floats]:
+    """Derivatives `(m, 3, 3)` of the errors by the source's and by the target's pose."""
+    a, b = poses[edges.source], poses[edges.target]
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
+    source = np.zeros((len(edges), 3, 3))
+    target = np.zeros((len(edges), 3, 3))
+    target[:, 0, 0], target[:, 0, 1], target[:, 1, 0], target[:, 1, 1], target[:, 2, 2] = c, s, -s, c, 1.0
+    source[:, :2, :2] = -target[:, :2, :2]
+    source[:, 0, 2] = -s * dx + c * dy
+    source[:, 1, 2] = -c * dx - s * dy
+    source[:, 2, 2] = -1.0
+    return source, target
+
+
+def robust_weights(chi2: Floats, is_loop: NDArray[np.bool_], scale: float) -> Floats:
+    """Geman-McClure weights `(m,)` for loops: 1 for a perfect edge, 1/4 at chi2 = scale^2; 1 for all others."""
+    weights = 1.0 / (1.0 + chi2 / scale**2) ** 2
+    return np.where(is_loop, weights, 1.0)
+
+
+def optimise(poses: Floats, edges: Edges, robust_scale: float, iterations: int = 20) -> tuple[Floats, Floats]:
+    """Gauss-Newton with iteratively re-weighted loops; node 0 stays where it is.
+
+    Returns the poses `(n, 3)` and the final robust weights of the edges `(m,)`. The scale of the robust kernel
+    starts wide and is halved until it is `robust_scale` (graduated non-convexity, Yang et al. 2020), so that one wrong
+    loop does not decide which others look right.
+    """
+    estimate = np.array(poses, dtype=np.float64)
+    chi2 = chi_squared(estimate, edges)
+    largest = float(np.sqrt(chi2[edges.is_loop].max())) if edges.is_loop.any() else robust_scale
+    scale = max(robust_scale, min(largest, 64.0 * robust_scale))
+    weights = robust_weights(chi2, edges.is_loop, scale)
+    for _ in range(iterations):
+        step = _solve_step(estimate, edges, weights)
+        estimate += step
+        estimate[:, 2] = se2.wrap_angle(estimate[:, 2])
+        settled = bool(np.abs(step).max() < CONVERGED)
+        if settled and scale <= robust_scale:
+            break
+        scale = max(0.5 * scale, robust_scale)
+        weights = robust_weights(chi_squared(estimate, edges), edges.is_loop, scale)
+    return estimate, weights
+
+
+def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
+    """One Gauss-Newton step `(n, 3)` with node 0 held."""
+    n = len(poses)
+    error = residuals(poses, edges)
+    source, target = _jacobians(poses, edges)
+    weighted = edges.information * weights[:, None, None]
+    blocks, rows, cols = [], [], []
+    gradient = np.zeros((n, 3))
+    for left, i in ((source, edges.source), (target, edges.target)):
+        projected = np.einsum("mki,mkl->mil", left, weighted)
+        np.add.at(gradient, i, np.einsum("mil,ml->mi", projected, error))
+        for right, j in ((source, edges.source), (target, edges.target)):
+            blocks.append(np.einsum("mil,mlj->mij", projected, right))
+            rows.append(np.broadcast_to(3 * i[:, None, None] + np.arange(3)[None, :, None], (len(i), 3, 3)))
+            cols.append(np.broadcast_to(3 * j[:, None, None] + np.arange(3)[None, None, :], (len(i), 3, 3)))
+    hessian = sparse.coo_matrix(
+        (np.concatenate(blocks).ravel(), (np.concatenate(rows).ravel(), np.concatenate(cols).ravel())),
+        shape=(3 * n, 3 * n),
+    ).tocsc()
+    step = np.zeros(3 * n)
+    step[3:] = splu(hessian[3:, 3:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
+        -gradient.ravel()[3:]
+    )
+    return step.reshape(n, 3)

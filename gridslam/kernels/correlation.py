@@ -1,0 +1,164 @@
+"""Correlative matching: the best rigid motion of a scan in a likelihood field, within a window, exactly.
+
+The field's pyramid bounds the score of whole blocks of offsets from above, so that branch and bound finds the optimum
+of the full search without looking at most of it (Olson 2009; Hess et al. 2016, sec. V-B).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+STACK = 256  # nodes waiting in the depth-first search: 4 a level at most
+
+
+@njit(cache=True)
+def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
+    """`(levels, rows, cols)`: level k at a cell is the maximum of the field over the 2^k x 2^k cells from there on.
+
+    Beyond the array the field is 0; the caller leaves a margin of 2^(levels-1) cells before the first row and column.
+    """
+    rows, cols = field.shape
+    out = np.zeros((levels, rows, cols), np.uint8)
+    out[0] = field
+    for k in range(1, levels):
+        half = 1 << (k - 1)
+        for r in range(rows):
+            for c in range(cols):
+                best = out[k - 1, r, c]
+                if r + half < rows:
+                    best = max(best, out[k - 1, r + half, c])
+                    if c + half < cols:
+                        best = max(best, out[k - 1, r + half, c + half])
+                if c + half < cols:
+                    best = max(best, out[k - 1, r, c + half])
+                out[k, r, c] = best
+    return out
+
+
+@njit(cache=True)
+def _score(level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int) -> int:
+    """Sum of the field under all points moved by (dr, dc) cells."""
+    h, w = level.shape
+    total = 0
+    for i in range(rows.shape[0]):
+        r, c = rows[i] + dr, cols[i] + dc
+        if 0 <= r < h and 0 <= c < w:
+            total += level[r, c]
+    return total
+
+
+@njit(cache=True)
+def correlate(
+    pyramid: NDArray[np.uint8],
+    origin_xy_m: NDArray[np.float64],
+    resolution_m: float,
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    window_m: float,
+    yaw_step_rad: float,
+    yaw_steps: int,
+    least_score: float,
+) -> tuple[NDArray[np.float64], float]:
+    """The pose `(3,)` within +-window and +-yaw_steps of `start` with the highest mean of the field (0..255) under the points.
+
+    Searched are all whole-cell offsets and all multiples of the yaw step. Poses scoring no more than `least_score` are not
+    found: then the start comes back with score -1. `origin_xy_m` is the field's lower-left corner.
+    """
+    n = points.shape[0]
+    levels = pyramid.shape[0]
+    top = levels - 1
+    block = 1 << top
+    window = int(np.ceil(window_m / resolution_m))
+    per_axis = (2 * window) // block + 1
+    n_yaw = 2 * yaw_steps + 1
+    rows, cols = np.empty((n_yaw, n), np.int64), np.empty((n_yaw, n), np.int64)
+    coarse = np.empty(n_yaw * per_axis * per_axis, np.int64)
+    for k in range(n_yaw):
+        yaw = start[2] + (k - yaw_steps) * yaw_step_rad
+        c, s = np.cos(yaw), np.sin(yaw)
+        for i in range(n):
+            x = start[0] + c * points[i, 0] - s * points[i, 1] - origin_xy_m[0]
+            y = start[1] + s * points[i, 0] + c * points[i, 1] - origin_xy_m[1]
+            rows[k, i], cols[k, i] = int(np.floor(y / resolution_m)), int(np.floor(x / resolution_m))
+        for a in range(per_axis):
+            for b in range(per_axis):
+                coarse[(k * per_axis + a) * per_axis + b] = _score(
+                    pyramid[top], rows[k], cols[k], a * block - window, b * block - window
+                )
+    best = int(np.floor(least_score * n))
+    best_k, best_dr, best_dc = -1, 0, 0
+    stack = np.empty((STACK, 4), np.int64)  # level, dr, dc, bound
+    for index in np.argsort(-coarse, kind="mergesort"):
+        if coarse[index] <= best:
+            break
+        k = index // (per_axis * per_axis)
+        stack[0, 0] = top
+        stack[0, 1] = (index // per_axis) % per_axis * block - window
+        stack[0, 2] = index % per_axis * block - window
+        stack[0, 3] = coarse[index]
+        depth = 1
+        while depth:
+            depth -= 1
+            level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+            if bound <= best:
+                continue
+            if level == 0:
+                best, best_k, best_dr, best_dc = bound, k, dr, dc
+                continue
+            half = 1 << (level - 1)
+            first = depth
+            for quarter in range(4):
+                r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
+                if r > window or c > window:
+                    continue
+                score = _score(pyramid[level - 1], rows[k], cols[k], r, c)
+                if score <= best:
+                    continue
+                j = depth  # the most promising child on top
+                while j > first and stack[j - 1, 3] > score:
+                    stack[j] = stack[j - 1]
+                    j -= 1
+                stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
+                depth += 1
+    if best_k < 0:
+        return start.copy(), -1.0
+    found = np.empty(3)
+    found[0] = start[0] + best_dc * resolution_m
+    found[1] = start[1] + best_dr * resolution_m
+    found[2] = start[2] + (best_k - yaw_steps) * yaw_step_rad
+    return found, best / n
+
+
+@njit(cache=True, parallel=True)
+def correlate_all(
+    pyramid: NDArray[np.uint8],
+    origin_xy_m: NDArray[np.float64],
+    resolution_m: float,
+    points: NDArray[np.float64],
+    first_point: NDArray[np.int64],
+    starts: NDArray[np.float64],
+    windows_m: NDArray[np.float64],
+    yaw_step_rad: float,
+    yaw_steps: NDArray[np.int64],
+    least_score: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """`correlate` for several scans in one field: scan k owns points[first_point[k]:first_point[k + 1]]."""
+    n = starts.shape[0]
+    poses, scores = np.empty((n, 3)), np.empty(n)
+    for k in prange(n):
+        pose, score = correlate(
+            pyramid,
+            origin_xy_m,
+            resolution_m,
+            points[first_point[k] : first_point[k + 1]],
+            starts[k],
+            windows_m[k],
+            yaw_step_rad,
+            yaw_steps[k],
+            least_score,
+        )
+        poses[k] = pose
+        scores[k] = score
+    return poses, scores
