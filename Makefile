@@ -1,0 +1,63 @@
+# Everything a newcomer needs, from Python >= 3.10 and make alone. `make map` is the place to start.
+
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+DEV    := $(VENV)/.ready-dev
+SAMPLE := sample_logs/slam-sd.mcap
+OUT    ?= out/sample
+
+.PHONY: help map test lint bench samples clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make map      set up, then map the sample log: the picture is $(OUT)/map.png"
+	@echo "make test     lint, then all tests"
+	@echo "make lint     ruff, mypy, import-linter"
+	@echo "make bench    measure speed, memory and accuracy against their bounds"
+	@echo "make samples  regenerate the sample logs"
+	@echo "make clean    remove everything that make has made"
+	@echo "PYTHON=python3.12 chooses the interpreter of $(VENV)"
+
+map: $(READY)
+	$(BIN)/gridslam map $(SAMPLE) -c slam-sd -o $(OUT) --force
+	$(BIN)/gridslam evaluate $(OUT) --truth $(SAMPLE:.mcap=.truth)/trajectory.tum
+	@echo
+	@echo "The map is $(OUT)/map.png; $(OUT)/report.html tells the rest."
+
+test: lint
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+lint: $(DEV)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(DEV)
+	$(BIN)/python -m tests.benchmarks.harness
+
+samples: $(DEV)
+	$(BIN)/python -m gridslam.simulation.samples sample_logs
+
+clean:
+	rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks tests/failures
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A stamp is written last, so an interrupted set-up starts again; it is renewed when the dependencies change.
+$(READY): pyproject.toml setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+		{ echo "gridslam needs Python 3.10 or newer; choose one with: make PYTHON=/path/to/python3" >&2; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo "$(PYTHON) lacks venv; on Debian or Ubuntu: apt install python3-venv" >&2; exit 2; }
+	@echo "setting up $(VENV) (once; a few minutes)"
+	@rm -f $@
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(DEV): $(READY)
+	@echo "adding what tests, lint and the simulator need (once)"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[sim,test,lint]'
+	@touch $@
