@@ -112,7 +112,8 @@ def test_permissions_follow_the_umask(tmp_path: Path) -> None:
 
 def test_a_kill_in_the_middle_leaves_nothing_under_the_name(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pathlib import Path; from gridslam.report.directory import new_run_directory\n"
+        "import sys, time; from pathlib import Path\n"
+        "from gridslam.report.directory import new_run_directory\n"
         "with new_run_directory(Path(sys.argv[1])) as folder:\n"
         "    (folder / 'map.pgm').write_text('half'); print('half', flush=True); time.sleep(60)\n"
     )

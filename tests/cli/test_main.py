@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gridslam.cli.main import main
+from gridslam.methods import registry
+from tests.dead_reckoning import register
+
+Cli = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Cli:
+    """Runs a command line in this process: exit code, stdout, stderr."""
+    monkeypatch.setattr(registry, "METHODS", register())
+
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+@pytest.fixture
+def config_file(tmp_path: Path) -> Path:
+    file = tmp_path / "dr.yaml"
+    file.write_text("method: {name: dead-reckoning}\n")
+    return file
+
+
+def test_a_map_run_prints_a_table_and_ends_with_0(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    code, out, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out")
+    assert code == 0
+    assert "60 poses" in out
+    assert str(tmp_path / "out" / "map.png") in out
+    assert err == ""
+
+
+def test_json_is_one_document_the_same_as_in_the_report(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    code, out, _ = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out", "--json", "--seed", 4)
+    assert code == 0
+    assert json.loads(out) == json.loads((tmp_path / "out" / "report.json").read_text())
+    assert json.loads(out)["seed"] == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["map"], 2, "Missing argument"),
+        (["mapp"], 2, "mapp"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--sede", "1"], 2, "--sede"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--seed", "x"], 2, "--seed"),
+        (
+            ["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.partcles=1"],
+            2,
+            "did you mean 'particles'",
+        ),
+        (["map", "LOG", "-c", "nowhere.yaml", "-o", "OUT"], 2, "neither a config file nor a built-in name"),
+        (["map", "no.mcap", "-c", "CFG", "-o", "OUT"], 3, "no.mcap"),
+        (["map", "CFG", "-c", "CFG", "-o", "OUT"], 3, "dr.yaml"),
+        (["map", "LOG", "-c", "CFG", "-o", "CFG"], 2, "not a run"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "told to fail"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=bug"], 70, "ZeroDivisionError"),
+        (["localize", "LOG", "-c", "CFG", "--map", "no.yaml", "-o", "OUT"], 3, "no.yaml"),
+        (
+            ["localize", "LOG", "-c", "CFG", "--map", "no.yaml", "-o", "OUT", "--start", "1,2"],
+            2,
+            "--start 1,2",
+        ),
+        (["config", "show", "nothing"], 2, "neither a config file nor a built-in name"),
+    ],
+)
+def test_an_error_is_one_line_with_the_right_exit_code_and_leaves_no_output(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, arguments: list[str], code: int, says: str
+) -> None:
+    names = {"LOG": small_log, "CFG": config_file, "OUT": tmp_path / "out"}
+    got, out, err = cli(*[names.get(a, a) for a in arguments])
+    assert (got, out) == (code, "")
+    assert err.count("\n") == 1
+    assert err.startswith("gridslam: error: ")
+    assert says in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dr.yaml"]
+
+
+def test_a_bug_asks_to_be_reported_and_debug_shows_its_traceback(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    arguments = ("map", small_log, "-c", config_file, "-o", tmp_path / "out", "--set", "method.fail=bug")
+    _, _, short = cli(*arguments)
+    assert "please report" in short
+    code, _, long = cli(*arguments, "--debug")
+    assert code == 70
+    assert "Traceback" in long
+    assert "a bug on purpose" in long
+
+
+def test_an_old_run_is_kept_without_force(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    arguments = ("map", small_log, "-c", config_file, "-o", tmp_path / "out")
+    assert cli(*arguments)[0] == 0
+    before = (tmp_path / "out" / "report.json").read_bytes()
+    code, _, err = cli(*arguments)
+    assert code == 2
+    assert "--force" in err
+    assert (tmp_path / "out" / "report.json").read_bytes() == before
+    assert cli(*arguments, "--force")[0] == 0
+    assert (tmp_path / "out" / "report.json").read_bytes() != before
+
+
+@pytest.fixture
+def damaged_log(tmp_path: Path) -> Path:
+    """A log with an odometry row that cannot be used."""
+    from tests.small_log import write_small_log
+
+    log = write_small_log(tmp_path / "damaged", scans=20)
+    with (log / "odom.csv").open("a") as stream:
+        stream.write("1700000009,nan,0,0\n")
+    return log
+
+
+def test_a_lossy_log_ends_with_0_but_with_3_under_strict(
+    cli: Cli, damaged_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    code, out, err = cli("map", damaged_log, "-c", config_file, "-o", tmp_path / "a")
+    assert code == 0
+    assert "lossy" in out
+    assert "odom" in err
+    code, _, err = cli("map", damaged_log, "-c", config_file, "-o", tmp_path / "b", "--strict", "--quiet")
+    assert code == 3
+    assert err.count("\n") == 1
+    assert "--strict" in err
+    assert json.loads((tmp_path / "b" / "report.json").read_text())["status"] == "lossy"
+
+
+def test_localize_writes_a_run_on_the_given_map(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "m")[0] == 0
+    code, out, _ = cli(
+        "localize", small_log, "-c", config_file, "--map", tmp_path / "m" / "map.yaml", "-o", tmp_path / "l", "--json",
+        "--start", "1,0,1.5",
+    )  # fmt: skip
+    assert code == 0
+    document = json.loads(out)
+    assert (document["command"], document["map"]) == ("localize", None)
+    assert "start: " in (tmp_path / "l" / "run.yaml").read_text()
+    assert (tmp_path / "l" / "map.png").exists()
+
+
+def test_config_show_resolves_and_check_accepts(cli: Cli, config_file: Path) -> None:
+    code, out, _ = cli("config", "show", config_file, "--set", "method.particles=3", "--json")
+    assert code == 0
+    assert json.loads(out)["method"]["particles"] == 3
+    assert cli("config", "check", config_file)[:2] == (0, f"{config_file}: valid (dead-reckoning)\n")
+    code, out, _ = cli("config", "schema")
+    assert code == 0
+    assert "dead-reckoning" in out
+
+
+def test_no_command_shows_the_help_and_ends_with_2(cli: Cli) -> None:
+    for arguments in ([], ["config"]):
+        code, out, err = cli(*arguments)
+        assert (code, err) == (2, "")
+        assert "Commands:" in out
