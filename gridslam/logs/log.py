@@ -112,10 +112,10 @@ class Log:
 
     def events(self) -> Iterator[Event]:
         """Static transforms first, then all used streams merged by stamp. Each call starts from the beginning."""
-        for _, event in self.items():
+        for _, event in self.events_by_topic():
             yield event
 
-    def items(self) -> Iterator[tuple[str, Event]]:
+    def events_by_topic(self) -> Iterator[tuple[str, Event]]:
         """As `events`, each with the topic of its stream (static transforms: `/tf_static`)."""
         self._delivery = ledger = Ledger()
         for transform in self._static:

@@ -1,0 +1,106 @@
+"""A folder of CSV files as a source of streams."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gridslam.config.errors import config_error
+from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import LogError
+from gridslam.core.messages import Event, Transform
+from gridslam.logs import rotations
+from gridslam.logs.config import LogConfig
+from gridslam.logs.csv_table import CsvTable, inside
+from gridslam.logs.layout import DEFAULT_FILES, CsvLayout, CsvStream
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.streams import RecordedStream, Skip
+
+LAYOUT_FILE = "log.yaml"
+
+
+class CsvSource:
+    """One stream per file, as log.yaml (in the folder, or given by config) or the default file names say."""
+
+    format = "CSV folder"
+    compression = "none"
+    order = "recorded"
+
+    def __init__(self, folder: Path, config: LogConfig) -> None:
+        self.ledger = Ledger()
+        self.streams: list[RecordedStream] = []
+        self.static_edges: list[Transform] = []
+        self.files: list[Path] = []
+        self._tables: list[CsvTable] = []
+        layout = self._layout(folder, config)
+        for stream in layout.streams or _found_streams(folder):
+            self._add(folder, stream, config.limits.line_mb << 20)
+        self.base_frame = layout.base_frame
+        self._add_mountings(layout)
+
+    def close(self) -> None:
+        """Nothing stays open between passes."""
+
+    def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
+        """Events in the order asked for; each file is read from its beginning, line by line."""
+        events = {index: self._tables[index].events() for index in wanted}
+        for index in schedule:
+            event = next(events[index], None)
+            if event is not None:
+                yield index, event
+
+    def _layout(self, folder: Path, config: LogConfig) -> CsvLayout:
+        if isinstance(config.csv, CsvLayout):
+            return config.csv
+        path = config.csv or folder / LAYOUT_FILE
+        if config.csv is None and not path.is_file():
+            return CsvLayout()
+        if path.parent == folder:
+            self.files.append(path)
+        try:
+            return CsvLayout.model_validate(read_yaml(path))
+        except ValidationError as error:
+            raise config_error(error, CsvLayout, str(path)) from None
+
+    def _add(self, folder: Path, stream: CsvStream, line_limit_bytes: int) -> None:
+        path = inside(folder, stream.file)
+        if path is None:
+            raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
+        if not path.is_file():
+            raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
+        table = CsvTable(folder, path, stream, self.ledger, line_limit_bytes)
+        stamps, frames = table.survey()
+        child = (stream.child_frame or "base_link") if stream.kind == "odom" else ""
+        detail = ""
+        if stream.kind == "tf" and len(edge := table.edges()) == 1:
+            (parent, child), frames = edge.pop(), {}
+            frames[parent], detail = None, f"{parent}->{child}"
+        self._tables.append(table)
+        topic = stream.topic or stream.file
+        self.streams.append(RecordedStream(stream.kind, topic, "CSV", detail, stamps, frames, child))
+        if path not in self.files:
+            self.files.append(path)
+
+    def _add_mountings(self, layout: CsvLayout) -> None:
+        base = layout.base_frame or next((s.child_frame for s in self.streams if s.child_frame), "base_link")
+        for frame, m in layout.mounting.items():
+            rotation = m.quat_wxyz or rotations.from_euler(m.roll, m.pitch, m.yaw)
+            self.static_edges.append(
+                Transform(0, m.parent or base, frame, (m.x, m.y, m.z), rotation, is_static=True)
+            )
+
+
+def _found_streams(folder: Path) -> list[CsvStream]:
+    """The streams of a folder without log.yaml: the files with the default names."""
+    found = [
+        CsvStream(kind=kind, file=name)  # type: ignore[arg-type]
+        for kind, name in DEFAULT_FILES.items()
+        if (folder / name).is_file()
+    ]
+    if not found:
+        raise LogError(
+            f"{folder}: no log: neither {LAYOUT_FILE} nor one of {', '.join(DEFAULT_FILES.values())} is in it"
+        )
+    return found

@@ -1,0 +1,463 @@
+"""One CSV file as a stream: rows to events by the layout's columns, units and constants."""
+
+from __future__ import annotations
+
+import csv
+import math
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import (
+    CameraInfo,
+    DepthImage,
+    Disparity,
+    Event,
+    Image,
+    Imu,
+    LaserScan,
+    Odometry,
+    PoseFix,
+    Range,
+    TagInventory,
+    Transform,
+    WheelTicks,
+    as_float32,
+    canonical_yaw,
+    readonly,
+)
+from gridslam.logs.csv_images import read_floats, read_pixels
+from gridslam.logs.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.stamps import NS_PER_S, parse_stamp
+from gridslam.logs.streams import Skip
+from gridslam.logs.text import TextLines
+
+_FACTORS: dict[str, Callable[[float], float]] = {
+    "m": float,
+    "cm": lambda v: v / 100.0,
+    "mm": lambda v: v / 1000.0,
+    "rad": float,
+    "deg": math.radians,
+    "rad_clockwise": lambda v: -v,
+    "deg_clockwise": lambda v: -math.radians(v),
+    "s": float,
+    "ms": lambda v: v / 1e3,
+    "us": lambda v: v / 1e6,
+    "ns": lambda v: v / 1e9,
+    "m/s": float,
+    "rad/s": float,
+    "deg/s": math.radians,
+}
+_TEXT_COLUMNS = frozenset({"sensor", "antenna", "tag_id", "camera", "file", "frame", "parent", "child"})
+
+
+class Row:
+    """One row: its place, stamp and fields, with access by our column names."""
+
+    __slots__ = ("_fields", "_table", "line", "stamp_ns")
+
+    def __init__(self, table: CsvTable, line: int, stamp_ns: int, fields: list[str]) -> None:
+        self._table = table
+        self._fields = fields
+        self.line = line
+        self.stamp_ns = stamp_ns
+
+    def text(self, name: str, absent: str = "") -> str:
+        """A text column; `absent` where there is none or the field is empty."""
+        place = self._table.places.get(name)
+        value = self._table.texts.get(name, "") if place is None else self._fields[place].strip()
+        return value or absent
+
+    def number(self, name: str, absent: float | None = None) -> float:
+        """A numeric column in our units. ValueError where it is missing or empty and `absent` is not given."""
+        place = self._table.places.get(name)
+        if place is None:
+            constant = self._table.numbers.get(name, absent)
+            if constant is None:
+                raise ValueError(name)
+            return constant
+        field = self._fields[place]
+        if absent is not None and not field.strip():
+            return absent
+        return self._table.convert[name](float(field))
+
+    def ranges(self) -> list[str]:
+        """The fields from the first range on, without the empty ones at the end."""
+        fields = self._fields[self._table.first_range :]
+        while fields and not fields[-1].strip():
+            fields.pop()
+        return fields
+
+
+class CsvTable:
+    """A stream of one file. `survey` goes through it first; `events` gives one entry per stamp of the survey."""
+
+    def __init__(
+        self, folder: Path, path: Path, stream: CsvStream, ledger: Ledger, line_limit_bytes: int
+    ) -> None:
+        self.stream = stream
+        self.path = path
+        self.places: dict[str, int] = {}
+        self.texts: dict[str, str] = {}
+        self.numbers: dict[str, float] = {}
+        self.convert: dict[str, Callable[[float], float]] = {}
+        self.first_range = 0
+        self._folder = folder
+        self._ledger = ledger
+        self._lines = TextLines(path, ledger, line_limit_bytes)
+        self._counting = False
+        self._width = 0
+        self._period_ns, self._start_ns = self._row_clock()
+        self._read_header()
+
+    def survey(self) -> tuple[array[int], dict[str, None]]:
+        """Stamps of all events and the frames in use; enters unusable rows in the ledger."""
+        stamps = array("q")
+        frames: dict[str, None] = {}
+        fixed = self.stream.kind != "range" and "frame" not in self.places
+        if fixed and self.stream.kind not in ("tags", "image", "depth", "disparity", "camera_info"):
+            frames[self._frame_by_kind()] = None
+        else:
+            fixed = False
+        self._counting = True
+        for rows in self._groups():
+            stamps.append(rows[0].stamp_ns)
+            if not fixed and len(frames) < 1000:
+                frames[self.frame_of(rows[0])] = None
+        self._counting = False
+        return stamps, frames
+
+    def events(self) -> Iterator[Event | Skip]:
+        """One event, or the reason why there is none, per entry of the survey's stamps."""
+        build = _BUILDERS[self.stream.kind]
+        for rows in self._groups():
+            try:
+                yield build(self, rows)
+            except (ValueError, OverflowError) as error:
+                reason = str(error) if str(error) in _REASONS else "unreadable_row"
+                yield Skip(reason, f"{self.path.name} line {rows[0].line}")
+
+    def edges(self) -> set[tuple[str, str]]:
+        """Of a table of transforms: which parents and children are in it."""
+        return {(row.text("parent"), row.text("child")) for row in self._rows()}
+
+    def frame_of(self, row: Row) -> str:
+        """frame_id of a row's message."""
+        if self.stream.kind == "range":
+            return row.text("sensor", self._frame_by_kind())
+        absent = self.stream.frame or row.text("antenna") or row.text("camera") or self._frame_by_kind()
+        return row.text("frame", absent)
+
+    def folder_file(self, name: str) -> Path:
+        """The file that a row names. ValueError where it lies outside the log's folder."""
+        path = inside(self._folder, name)
+        if path is None:
+            raise ValueError("file_outside_folder")
+        if not path.is_file():
+            raise ValueError("missing_file")
+        return path
+
+    def mark_invalid(self, values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        """Readings in the file's unit with NaN for those that mean no return."""
+        for value in self.stream.invalid:
+            values[values == value] = np.nan
+        if self.stream.invalid_from is not None:
+            values[values >= self.stream.invalid_from] = np.nan
+        return values
+
+    def to_metres(self, values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+        """Range readings of the file in metres."""
+        divisor = {"cm": 100.0, "mm": 1000.0}.get(self.stream.units.get("r", "m"))
+        return values if divisor is None else values / divisor
+
+    def _frame_by_kind(self) -> str:
+        return self.stream.frame or DEFAULT_FRAMES.get(self.stream.kind, self.stream.kind)
+
+    def _row_clock(self) -> tuple[int, int]:
+        clock = self.stream.row_stamps
+        if clock is None:
+            return 0, 0
+        return round(clock.period_s * NS_PER_S), round(clock.start_s * NS_PER_S)
+
+    def _read_header(self) -> None:
+        header = next((line for _, line in self._lines if line), None)
+        names = [] if header is None else _split(header, self.stream.delimiter)
+        names = [] if names is None else [n.strip().removeprefix("\ufeff") for n in names]
+        stream, kind = self.stream, COLUMNS[self.stream.kind]
+        self._width = len(names)
+        needed = (() if stream.row_stamps else ("stamp",)) + kind.required
+        for name in (*needed, *kind.optional, *(() if stream.row_stamps else ("stamp",))):
+            theirs = stream.columns.get(name, name)
+            if theirs in names:
+                self.places[name] = names.index(theirs)
+                self.convert[name] = _FACTORS[stream.units.get(name, "m")]
+            elif name in stream.constants:
+                self._add_constant(name, stream.constants[name])
+            elif name in needed:
+                raise LogError(
+                    f"{self.path}: no column {theirs!r} for {name}; the header has: {', '.join(names[:20]) or 'nothing'}. "
+                    f"Rename it in log.yaml: streams: - {{kind: {stream.kind}, file: {stream.file}, "
+                    f"columns: {{{name}: COLUMN}}}}"
+                )
+        if stream.kind == "scan":
+            first = stream.columns.get("r", "r") + "0"
+            if first not in names:
+                raise LogError(f"{self.path}: no column {first!r} where the ranges begin")
+            self.first_range = names.index(first)
+
+    def _add_constant(self, name: str, value: float | str) -> None:
+        if name in _TEXT_COLUMNS:
+            self.texts[name] = str(value)
+        elif isinstance(value, str):
+            raise LogError(f"{self.path}: log.yaml gives the text {value!r} for the number {name}")
+        else:
+            self.numbers[name] = _FACTORS[self.stream.units.get(name, "m")](float(value))
+
+    def _rows(self) -> Iterator[Row]:
+        lines = iter(self._lines)
+        for _, line in lines:
+            if line:
+                break
+        stamp_place = self.places.get("stamp")
+        stamp_unit = self.stream.units.get("stamp", "s")
+        open_ended = self.stream.kind == "scan"
+        least = self.first_range if open_ended else self._width
+        count = 0
+        for number, line in lines:
+            if not line.strip():
+                continue
+            fields = _split(line, self.stream.delimiter)
+            if fields is None:
+                self._skip("undecodable", number)
+                continue
+            if len(fields) < least or (len(fields) > self._width and not open_ended):
+                self._skip("wrong_number_of_fields", number)
+                continue
+            if stamp_place is None:
+                stamp: int | None = self._start_ns + count * self._period_ns
+                count += 1
+            else:
+                stamp = parse_stamp(fields[stamp_place], stamp_unit)
+            if stamp is None:
+                self._skip("bad_stamp", number)
+                continue
+            yield Row(self, number, stamp, fields)
+
+    def _groups(self) -> Iterator[list[Row]]:
+        """Rows that make up one event: of tags, those of one stamp and antenna; else each row by itself."""
+        if self.stream.kind != "tags":
+            for row in self._rows():
+                yield [row]
+            return
+        group: list[Row] = []
+        for row in self._rows():
+            same = group and (row.stamp_ns, row.text("antenna")) == (
+                group[0].stamp_ns,
+                group[0].text("antenna"),
+            )
+            if not same or not row.text("tag_id") or not group[0].text("tag_id"):
+                if group:
+                    yield group
+                group = []
+            group.append(row)
+        if group:
+            yield group
+
+    def _skip(self, reason: str, line: int) -> None:
+        if self._counting:
+            self._ledger.skip(self.stream.kind, reason, f"{self.path.name} line {line}")
+
+
+def inside(folder: Path, name: str) -> Path | None:
+    """The path of a file named inside a log, or None where it leads out of the folder, links included."""
+    path = folder / name
+    try:
+        resolved = path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return None
+    return resolved if resolved.is_relative_to(folder.resolve()) else None
+
+
+def _split(line: bytes, delimiter: str) -> list[str] | None:
+    """Fields of a line, or None where it is not text."""
+    try:
+        text = line.decode()
+    except UnicodeDecodeError:
+        return None
+    if '"' not in text:
+        return text.split(delimiter)
+    try:
+        return next(csv.reader([text], delimiter=delimiter), [])
+    except csv.Error:
+        return None
+
+
+_REASONS = frozenset({"file_outside_folder", "missing_file", "unreadable_image"})
+
+
+def _scan(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    fields = row.ranges()
+    try:
+        values = np.array(list(map(float, fields)))
+    except ValueError:
+        values = np.array([float(f) if f.strip() else math.nan for f in fields])
+    ranges = table.to_metres(table.mark_invalid(values))
+    return LaserScan(
+        row.stamp_ns,
+        table.frame_of(row),
+        readonly(ranges, np.float32),
+        as_float32(row.number("angle_min")),
+        as_float32(row.number("angle_increment")),
+        as_float32(row.number("range_min")),
+        as_float32(row.number("range_max")),
+        as_float32(row.number("time_increment", 0.0)),
+    )
+
+
+def _odometry(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    return Odometry(
+        row.stamp_ns,
+        table.frame_of(row),
+        row.number("x"),
+        row.number("y"),
+        _yaw(row),
+        row.number("vx", math.nan),
+        row.number("wz", math.nan),
+        table.stream.child_frame or "base_link",
+    )
+
+
+def _yaw(row: Row) -> float:
+    """Canonical and in (-pi, pi]."""
+    yaw = row.number("yaw")
+    if abs(yaw) > math.pi and math.isfinite(yaw):
+        yaw = math.remainder(yaw, 2.0 * math.pi)
+    return canonical_yaw(yaw)
+
+
+def _imu(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    return Imu(row.stamp_ns, table.frame_of(row), row.number("wz"))
+
+
+def _wheels(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    return WheelTicks(row.stamp_ns, table.frame_of(row), row.number("left"), row.number("right"))
+
+
+def _range(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    value = row.number("range", math.nan)
+    if table.stream.invalid or table.stream.invalid_from is not None:
+        place = table.places.get("range")
+        raw = float(row.text("range") or "nan") if place is not None else math.nan
+        value = math.nan if math.isnan(float(table.mark_invalid(np.array([raw]))[0])) else value
+    return Range(
+        row.stamp_ns,
+        table.frame_of(row),
+        row.number("bearing"),
+        as_float32(value),
+        as_float32(row.number("range_min")),
+        as_float32(row.number("range_max")),
+    )
+
+
+def _fix(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    pose = np.array([row.number("x"), row.number("y"), _yaw(row)])
+    xy, xt, yt = (row.number(name, 0.0) for name in ("cov_xy", "cov_xyaw", "cov_yyaw"))
+    covariance = np.array(
+        [[row.number("var_x"), xy, xt], [xy, row.number("var_y"), yt], [xt, yt, row.number("var_yaw")]]
+    )
+    return PoseFix(
+        row.stamp_ns,
+        table.frame_of(row),
+        readonly(pose, np.float64),
+        readonly(covariance, np.float64),
+    )
+
+
+def _tags(table: CsvTable, rows: list[Row]) -> Event:
+    read = [row for row in rows if row.text("tag_id")]
+    return TagInventory(
+        rows[0].stamp_ns,
+        table.frame_of(rows[0]),
+        rows[0].text("antenna"),
+        tuple(row.text("tag_id") for row in read),
+        tuple(as_float32(row.number("rssi", math.nan)) for row in read),
+    )
+
+
+def _image(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    pixels = read_pixels(table.folder_file(row.text("file")))
+    return Image(row.stamp_ns, table.frame_of(row), readonly(pixels, np.uint8), row.text("camera"))
+
+
+def _depth(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    depth = read_floats(table.folder_file(row.text("file")))
+    return DepthImage(row.stamp_ns, table.frame_of(row), readonly(depth, np.float32), row.text("camera"))
+
+
+def _disparity(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    return Disparity(
+        row.stamp_ns,
+        table.frame_of(row),
+        readonly(read_floats(table.folder_file(row.text("file"))), np.float32),
+        as_float32(row.number("focal")),
+        as_float32(row.number("baseline")),
+        row.text("camera"),
+    )
+
+
+def _camera_info(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    distortion = [row.number(f"d{i}", math.nan) for i in range(14)]
+    while distortion and math.isnan(distortion[-1]):
+        distortion.pop()
+    return CameraInfo(
+        row.stamp_ns,
+        table.frame_of(row),
+        int(row.number("width")),
+        int(row.number("height")),
+        readonly(np.array([row.number(f"k{i}") for i in range(9)]).reshape(3, 3), np.float64),
+        readonly(np.array([row.number(f"p{i}") for i in range(12)]).reshape(3, 4), np.float64),
+        readonly(np.array(distortion), np.float64),
+        row.text("camera"),
+    )
+
+
+def _transform(table: CsvTable, rows: list[Row]) -> Event:
+    (row,) = rows
+    return Transform(
+        row.stamp_ns,
+        row.text("parent"),
+        row.text("child"),
+        (row.number("x"), row.number("y"), row.number("z")),
+        (row.number("qw"), row.number("qx"), row.number("qy"), row.number("qz")),
+    )
+
+
+_BUILDERS: dict[str, Callable[[CsvTable, list[Row]], Event]] = {
+    "scan": _scan,
+    "odom": _odometry,
+    "truth": _odometry,
+    "imu": _imu,
+    "wheels": _wheels,
+    "range": _range,
+    "fix": _fix,
+    "tags": _tags,
+    "image": _image,
+    "depth": _depth,
+    "disparity": _disparity,
+    "camera_info": _camera_info,
+    "tf": _transform,
+}

@@ -1,0 +1,320 @@
+"""Write events as a folder of CSV files with a log.yaml that says how to read them."""
+
+from __future__ import annotations
+
+import csv
+import math
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import numpy as np
+import yaml
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import (
+    CameraInfo,
+    DepthImage,
+    Disparity,
+    Event,
+    Image,
+    Imu,
+    LaserScan,
+    Odometry,
+    PoseFix,
+    Range,
+    StereoPair,
+    TagInventory,
+    Transform,
+    WheelTicks,
+)
+from gridslam.logs.csv_images import write_floats, write_pixels
+from gridslam.logs.csv_source import LAYOUT_FILE
+from gridslam.logs.layout import COLUMNS
+from gridslam.logs.stamps import END_NS, format_stamp
+
+_KINDS: dict[type, str] = {
+    LaserScan: "scan",
+    Odometry: "odom",
+    Imu: "imu",
+    WheelTicks: "wheels",
+    Range: "range",
+    PoseFix: "fix",
+    TagInventory: "tags",
+    Image: "image",
+    DepthImage: "depth",
+    Disparity: "disparity",
+    CameraInfo: "camera_info",
+    Transform: "tf",
+}
+_MANY_FRAMES = frozenset({"tags", "image", "depth", "disparity", "camera_info"})
+TRUTH_TOPIC = "/ground_truth"
+
+
+@dataclass(slots=True)
+class _File:
+    """One open CSV file and what log.yaml will say of it."""
+
+    stream: IO[str]
+    writer: Any
+    layout: dict[str, str]
+    columns: int = 0
+    rows: int = 0
+
+
+@dataclass(slots=True)
+class _Files:
+    """The files written so far, by what makes a stream of its own: kind, topic and frames."""
+
+    by_key: dict[tuple[str, ...], _File] = field(default_factory=dict)
+    names: set[str] = field(default_factory=set)
+
+
+class CsvFolderWriter:
+    """Events in, one folder out, which has its name only when `close` succeeds; same events, same bytes."""
+
+    def __init__(self, path: str | Path, force: bool = False) -> None:
+        self._path = Path(path)
+        self._force = force
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix=f".{self._path.name}.", dir=self._path.parent))
+        except OSError as error:
+            raise LogError(f"{self._path}: cannot be written ({error.strerror})") from error
+        self._folder.chmod(0o755)
+        self._files = _Files()
+        self._mounting: dict[str, dict[str, object]] = {}
+        self._base_frame = ""
+        self._closed = False
+
+    def __enter__(self) -> CsvFolderWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def write(self, event: Event, topic: str | None = None) -> None:
+        """Append one event. `topic` keeps two streams of one kind apart."""
+        if not 0 <= event.stamp_ns < END_NS:
+            raise LogError(
+                f"stamp {event.stamp_ns} ns of a {type(event).__name__} cannot be written: 0 to 2^31 s can"
+            )
+        if isinstance(event, StereoPair):
+            for side, pixels in (("left", event.left), ("right", event.right)):
+                camera = f"{(topic or 'stereo').strip('/')}/{side}"
+                self.write(Image(event.stamp_ns, event.frame_id, pixels, camera), f"/{camera}/image_rect")
+        elif isinstance(event, Transform) and event.is_static:
+            self._mount(event)
+        else:
+            self._append(_KINDS[type(event)], event, topic)
+
+    def write_truth(self, pose: Odometry) -> None:
+        """Append the true pose, to truth.csv."""
+        self._append("truth", pose, TRUTH_TOPIC)
+
+    def close(self) -> None:
+        """Complete the folder and give it its name."""
+        if self._closed:
+            return
+        try:
+            for file in self._files.by_key.values():
+                file.stream.close()
+            layout: dict[str, object] = {"version": 1}
+            if self._base_frame:
+                layout["base_frame"] = self._base_frame
+            layout["streams"] = [file.layout for file in self._files.by_key.values()]
+            if self._mounting:
+                layout["mounting"] = self._mounting
+            text = yaml.safe_dump(
+                layout, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+            )
+            (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
+            self._put_in_place()
+            self._closed = True
+        except BaseException:
+            self.abandon()
+            raise
+
+    def abandon(self) -> None:
+        """Leave nothing behind."""
+        for file in self._files.by_key.values():
+            file.stream.close()
+        self._closed = True
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _put_in_place(self) -> None:
+        if not self._force and self._path.exists():
+            raise LogError(f"{self._path}: exists already; choose another name or give --force")
+        if self._path.is_dir() and not self._path.is_symlink():
+            old = self._folder.with_name(self._folder.name + ".old")
+            self._path.rename(old)
+            self._folder.rename(self._path)
+            shutil.rmtree(old)
+        else:
+            self._path.unlink(missing_ok=True)
+            self._folder.rename(self._path)
+
+    def _mount(self, transform: Transform) -> None:
+        x, y, z = transform.translation_m
+        entry: dict[str, object] = {"x": x, "y": y, "z": z, "quat_wxyz": list(transform.quat_wxyz)}
+        entry["parent"] = transform.frame_id
+        self._mounting[transform.child_frame_id] = entry
+
+    def _append(self, kind: str, event: Any, topic: str | None) -> None:
+        frames = () if kind in _MANY_FRAMES or kind in ("range", "tf") else (event.frame_id,)
+        if kind in ("odom", "truth"):
+            frames += (event.child_frame_id,)
+        elif kind == "tf":
+            frames += (event.frame_id, event.child_frame_id)
+        key = (kind, topic or "", *frames)
+        file = self._files.by_key.get(key)
+        if file is None:
+            file = self._open(kind, event, topic)
+            self._files.by_key[key] = file
+        file.rows += 1
+        for row in _ROWS[kind](self, event):
+            file.writer.writerow([format_stamp(event.stamp_ns), *row])
+
+    def _open(self, kind: str, event: Any, topic: str | None) -> _File:
+        name, number = f"{kind}.csv", 1
+        while name in self._files.names:
+            number += 1
+            name = f"{kind}_{number}.csv"
+        self._files.names.add(name)
+        layout = {"kind": kind, "file": name}
+        if topic:
+            layout["topic"] = topic
+        if kind not in _MANY_FRAMES and kind not in ("range", "tf"):
+            layout["frame"] = event.frame_id
+        if kind in ("odom", "truth"):
+            layout["child_frame"] = event.child_frame_id
+            if kind == "odom" and not self._base_frame:
+                self._base_frame = event.child_frame_id
+        stream = (self._folder / name).open("w", encoding="utf-8", newline="")
+        writer = csv.writer(stream, lineterminator="\n")
+        header = ["stamp", *COLUMNS[kind].required, *(c for c in COLUMNS[kind].optional if c != "frame")]
+        if kind in _MANY_FRAMES:
+            header.append("frame")
+        if kind == "scan":
+            header += [f"r{i}" for i in range(len(event.ranges_m))]
+        writer.writerow(header)
+        return _File(stream, writer, layout)
+
+    def picture(
+        self, kind: str, event: Any, write: Callable[[Path, Any], None], pixels: Any, suffix: str
+    ) -> str:
+        """Write a picture file; its name inside the folder."""
+        camera = "".join(c if c.isalnum() or c in "-_" else "_" for c in event.camera) or "camera"
+        folder = self._folder / f"{kind}_{camera}"
+        folder.mkdir(exist_ok=True)
+        name, number = f"{event.stamp_ns:019d}{suffix}", 1
+        while (folder / name).exists():
+            number += 1
+            name = f"{event.stamp_ns:019d}_{number}{suffix}"
+        write(folder / name, pixels)
+        return f"{folder.name}/{name}"
+
+
+def _number(value: float) -> str:
+    """The shortest text that gives the same float64 again; empty for NaN."""
+    return "" if math.isnan(value) else repr(float(value))
+
+
+def _single(value: float) -> str:
+    """The shortest text that gives the same float32 again."""
+    return str(np.float32(value))
+
+
+def _scan(writer: CsvFolderWriter, scan: LaserScan) -> list[list[str]]:
+    head = [
+        scan.angle_min_rad,
+        scan.angle_increment_rad,
+        scan.range_min_m,
+        scan.range_max_m,
+        scan.time_increment_s,
+    ]
+    return [[_single(v) for v in head] + [str(r) for r in np.asarray(scan.ranges_m, np.float32)]]
+
+
+def _odometry(writer: CsvFolderWriter, o: Odometry) -> list[list[str]]:
+    return [[_number(v) for v in (o.x_m, o.y_m, o.yaw_rad, o.vx_mps, o.wz_radps)]]
+
+
+def _truth(writer: CsvFolderWriter, o: Odometry) -> list[list[str]]:
+    return [[_number(v) for v in (o.x_m, o.y_m, o.yaw_rad)]]
+
+
+def _imu(writer: CsvFolderWriter, imu: Imu) -> list[list[str]]:
+    return [[_number(imu.wz_radps)]]
+
+
+def _wheels(writer: CsvFolderWriter, ticks: WheelTicks) -> list[list[str]]:
+    return [[_number(ticks.left_rad), _number(ticks.right_rad)]]
+
+
+def _range(writer: CsvFolderWriter, r: Range) -> list[list[str]]:
+    limits = [_single(v) for v in (r.range_m, r.range_min_m, r.range_max_m)]
+    return [[r.frame_id, _number(r.bearing_rad), *limits]]
+
+
+def _fix(writer: CsvFolderWriter, fix: PoseFix) -> list[list[str]]:
+    c = fix.covariance
+    values = [*fix.pose, c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
+    return [[_number(float(v)) for v in values]]
+
+
+def _tags(writer: CsvFolderWriter, tags: TagInventory) -> list[list[str]]:
+    if not tags.tag_ids:
+        return [[tags.antenna, "", "", tags.frame_id]]
+    reads = zip(tags.tag_ids, tags.rssi_dbm, strict=True)
+    return [[tags.antenna, tag, _single(rssi), tags.frame_id] for tag, rssi in reads]
+
+
+def _image(writer: CsvFolderWriter, image: Image) -> list[list[str]]:
+    name = writer.picture("image", image, write_pixels, image.pixels, ".png")
+    return [[image.camera, name, image.frame_id]]
+
+
+def _depth(writer: CsvFolderWriter, depth: DepthImage) -> list[list[str]]:
+    name = writer.picture("depth", depth, write_floats, depth.depth_m, ".npy")
+    return [[depth.camera, name, depth.frame_id]]
+
+
+def _disparity(writer: CsvFolderWriter, d: Disparity) -> list[list[str]]:
+    name = writer.picture("disparity", d, write_floats, d.disparity_px, ".npy")
+    return [[d.camera, name, _single(d.focal_px), _single(d.baseline_m), d.frame_id]]
+
+
+def _camera_info(writer: CsvFolderWriter, info: CameraInfo) -> list[list[str]]:
+    numbers = [_number(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
+    distortion = [_number(float(v)) for v in info.D[:14]] + [""] * (14 - len(info.D))
+    return [[info.camera, str(info.width_px), str(info.height_px), *numbers, *distortion, info.frame_id]]
+
+
+def _transform(writer: CsvFolderWriter, t: Transform) -> list[list[str]]:
+    return [[t.frame_id, t.child_frame_id, *(_number(v) for v in (*t.translation_m, *t.quat_wxyz))]]
+
+
+_ROWS: dict[str, Callable[[CsvFolderWriter, Any], list[list[str]]]] = {
+    "scan": _scan,
+    "odom": _odometry,
+    "truth": _truth,
+    "imu": _imu,
+    "wheels": _wheels,
+    "range": _range,
+    "fix": _fix,
+    "tags": _tags,
+    "image": _image,
+    "depth": _depth,
+    "disparity": _disparity,
+    "camera_info": _camera_info,
+    "tf": _transform,
+}
