@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from types import MappingProxyType
 from typing import Literal
@@ -27,6 +28,7 @@ class DeadReckoningConfig(StrictModel):
     resolution_m: float = Field(0.1, gt=0.0)
     particles: int = Field(10, ge=1)
     sleep_s: float = Field(0.0, ge=0.0, description="per scan")
+    announce: bool = Field(False, description="say so on stderr when the first scan arrives")
     fail: Literal["no", "method", "bug"] = "no"
     start: tuple[float, float, float] | None = None
 
@@ -60,6 +62,8 @@ class DeadReckoning:
             raise MethodError("the test method was told to fail: set method.fail=no")
         if self.config.fail == "bug":
             raise ZeroDivisionError("a bug on purpose")
+        if self.config.announce and not self.stamps:
+            print("first scan", file=sys.stderr, flush=True)  # noqa: T201
         time.sleep(self.config.sleep_s)
         bearings = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
         good = np.isfinite(scan.ranges_m)

@@ -33,6 +33,7 @@ def test_defaults_fill_what_the_file_leaves_out(config_file: Path) -> None:
         "resolution_m": 0.1,
         "particles": 7,
         "sleep_s": 0.0,
+        "announce": False,
         "fail": "no",
         "start": None,
     }

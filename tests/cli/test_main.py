@@ -147,10 +147,8 @@ def test_localize_writes_a_run_on_the_given_map(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
 ) -> None:
     assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "m")[0] == 0
-    code, out, _ = cli(
-        "localize", small_log, "-c", config_file, "--map", tmp_path / "m" / "map.yaml", "-o", tmp_path / "l", "--json",
-        "--start", "1,0,1.5",
-    )  # fmt: skip
+    given = ("--map", tmp_path / "m" / "map.yaml", "--start", "1,0,1.5")
+    code, out, _ = cli("localize", small_log, "-c", config_file, *given, "-o", tmp_path / "l", "--json")
     assert code == 0
     document = json.loads(out)
     assert (document["command"], document["map"]) == ("localize", None)
