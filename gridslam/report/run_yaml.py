@@ -11,7 +11,7 @@ from gridslam.report.environment import made_with
 from gridslam.run import Run
 
 HEADER = """\
-# gridslam {command} {log} -c run.yaml -o DIR
+# gridslam {command} {log} -c run.yaml {given}-o DIR
 # gives the same map, trajectory, layers and tables again, byte for byte, under the versions below.
 """
 
@@ -24,8 +24,7 @@ def write_run_yaml(path: Path, run: Run) -> None:
     config = run.config.model_copy(update={"made_with": made_with()})
     document = config.model_dump(mode="json")
     document["log"] = config.log.model_dump(mode="json", exclude_unset=True)
+    given = "--map MAP.yaml " if run.command == "localize" else ""
     log = " ".join(run.log_path.name.split())
-    text = HEADER.format(command=run.command, log=log) + yaml.safe_dump(
-        document, sort_keys=False, allow_unicode=True
-    )
-    write_atomic(path, text.encode())
+    header = HEADER.format(command=run.command, log=log, given=given)
+    write_atomic(path, (header + yaml.safe_dump(document, sort_keys=False, allow_unicode=True)).encode())

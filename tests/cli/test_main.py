@@ -152,7 +152,7 @@ def test_localize_writes_a_run_on_the_given_map(
     assert code == 0
     document = json.loads(out)
     assert (document["command"], document["map"]) == ("localize", None)
-    assert "start: " in (tmp_path / "l" / "run.yaml").read_text()
+    assert "start:\n  - 1.0\n" in (tmp_path / "l" / "run.yaml").read_text()
     assert (tmp_path / "l" / "map.png").exists()
 
 
