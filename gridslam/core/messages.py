@@ -8,11 +8,12 @@ in every format, and yaw angles are kept to 2^-40 rad, so that a log and its con
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 _YAW_STEPS_PER_RAD = float(2**40)
 
 
@@ -26,7 +27,7 @@ def as_float32(value: float) -> float:
     return float(np.float32(value))
 
 
-def readonly(values: ArrayLike, dtype: type[np.generic]) -> NDArray[np.generic]:
+def readonly(values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
     """A contiguous read-only array of the given type (a view where no conversion is needed)."""
     array = np.ascontiguousarray(values, dtype=dtype).view()
     array.flags.writeable = False

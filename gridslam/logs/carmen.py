@@ -17,6 +17,7 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,8 @@ class CarmenSource:
     """Streams are named by their message: scans `FLASER`, its odometry `FLASER odometry`, and so on."""
 
     format = "CARMEN"
-    order = "recorded"
-    base_frame = "base_link"
+    order: Literal["recorded", "stamp"] = "recorded"
+    base_frame: str | None = "base_link"
 
     def __init__(self, path: Path, config: LogConfig) -> None:
         self.files = [path]
@@ -146,7 +147,7 @@ class CarmenSource:
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
             elif word and not word.startswith(b"#") and word not in _OTHERS:
-                self.ledger.count("unused.other_lines")
+                self.ledger.count("unused.other")
         for word, survey in found.items():
             self._add_laser(word, survey, front_offset)
         self._add_odometry(found, odom)
@@ -174,7 +175,7 @@ class CarmenSource:
         elif main is not None:
             source, stamps = main, found[main].stamps
             if odom:
-                self.ledger.count("unused.ODOM", len(odom))
+                self.ledger.count("unused.odom", len(odom))
         else:
             return
         self._odometry_of[source] = len(self.streams)

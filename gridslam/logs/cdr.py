@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -104,7 +105,7 @@ class CdrWriter:
         self.uint32(stamp_ns % 1_000_000_000)
         return self.text(frame)
 
-    def sequence(self, values: NDArray, size: int) -> CdrWriter:  # type: ignore[type-arg]
+    def sequence(self, values: NDArray[Any], size: int) -> CdrWriter:
         """A sequence of numbers of `size` bytes each, stored as the array holds them."""
         self.uint32(values.size)
         if values.size:

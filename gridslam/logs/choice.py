@@ -64,7 +64,7 @@ def require_streams(log: Log, needs: Collection[str]) -> None:
     have = {info.kind for info in log.streams if info.used and info.count}
     for need in needs:
         if need not in have:
-            found = ", ".join(f"{i.topic} ({i.type}, {i.count})" for i in log.streams if i.count) or "nothing"
+            found = ", ".join(f"{i.label} ({i.type}, {i.count})" for i in log.streams if i.count) or "nothing"
             raise LogError(
                 f"{log.path}: no {need} stream, which the method needs. The log has: {found}. If one of these is it, "
                 f"say so in the config: log: {{topics: {{{need}: TOPIC}}}}"

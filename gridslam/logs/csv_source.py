@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 from pydantic import ValidationError
 
@@ -26,7 +27,7 @@ class CsvSource:
 
     format = "CSV folder"
     compression = "none"
-    order = "recorded"
+    order: Literal["recorded", "stamp"] = "recorded"
 
     def __init__(self, folder: Path, config: LogConfig) -> None:
         self.ledger = Ledger()
@@ -95,9 +96,7 @@ class CsvSource:
 def _found_streams(folder: Path) -> list[CsvStream]:
     """The streams of a folder without log.yaml: the files with the default names."""
     found = [
-        CsvStream(kind=kind, file=name)  # type: ignore[arg-type]
-        for kind, name in DEFAULT_FILES.items()
-        if (folder / name).is_file()
+        CsvStream(kind=kind, file=name) for kind, name in DEFAULT_FILES.items() if (folder / name).is_file()
     ]
     if not found:
         raise LogError(

@@ -7,8 +7,10 @@ import math
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import (
@@ -52,6 +54,7 @@ _FACTORS: dict[str, Callable[[float], float]] = {
     "rad/s": float,
     "deg/s": math.radians,
 }
+Floats: TypeAlias = NDArray[np.float64]
 _TEXT_COLUMNS = frozenset({"sensor", "antenna", "tag_id", "camera", "file", "frame", "parent", "child"})
 
 
@@ -161,7 +164,7 @@ class CsvTable:
             raise ValueError("missing_file")
         return path
 
-    def mark_invalid(self, values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def mark_invalid(self, values: Floats) -> Floats:
         """Readings in the file's unit with NaN for those that mean no return."""
         for value in self.stream.invalid:
             values[values == value] = np.nan
@@ -169,7 +172,7 @@ class CsvTable:
             values[values >= self.stream.invalid_from] = np.nan
         return values
 
-    def to_metres(self, values: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def to_metres(self, values: Floats) -> Floats:
         """Range readings of the file in metres."""
         divisor = {"cm": 100.0, "mm": 1000.0}.get(self.stream.units.get("r", "m"))
         return values if divisor is None else values / divisor

@@ -36,6 +36,7 @@ from gridslam.logs.csv_images import write_floats, write_pixels
 from gridslam.logs.csv_source import LAYOUT_FILE
 from gridslam.logs.layout import COLUMNS
 from gridslam.logs.stamps import END_NS, format_stamp
+from gridslam.logs.write import TRUTH_TOPIC
 
 _KINDS: dict[type, str] = {
     LaserScan: "scan",
@@ -52,7 +53,6 @@ _KINDS: dict[type, str] = {
     Transform: "tf",
 }
 _MANY_FRAMES = frozenset({"tags", "image", "depth", "disparity", "camera_info"})
-TRUTH_TOPIC = "/ground_truth"
 
 
 @dataclass(slots=True)
@@ -114,11 +114,12 @@ class CsvFolderWriter:
         elif isinstance(event, Transform) and event.is_static:
             self._mount(event)
         else:
-            self._append(_KINDS[type(event)], event, topic)
+            kind = "truth" if topic == TRUTH_TOPIC else _KINDS[type(event)]
+            self._append(kind, event, topic)
 
     def write_truth(self, pose: Odometry) -> None:
         """Append the true pose, to truth.csv."""
-        self._append("truth", pose, TRUTH_TOPIC)
+        self.write(pose, TRUTH_TOPIC)
 
     def close(self) -> None:
         """Complete the folder and give it its name."""

@@ -111,18 +111,18 @@ def event(type_name: str, kind: str, message: Any, topic: str) -> Event:
             frame,
             int(message.width),
             int(message.height),
-            readonly(np.reshape(message.K, (3, 3)), np.float64),  # type: ignore[arg-type]
-            readonly(np.reshape(message.P, (3, 4)), np.float64),  # type: ignore[arg-type]
-            readonly(message.D, np.float64),  # type: ignore[arg-type]
+            readonly(np.reshape(message.K, (3, 3)), np.float64),
+            readonly(np.reshape(message.P, (3, 4)), np.float64),
+            readonly(message.D, np.float64),
             camera_of(topic),
         )
     data = _bytes(message.data)
     if type_name == "foxglove.CompressedImage":
-        return Image(stamp, frame, readonly(unpack_picture(data), np.uint8), camera_of(topic))  # type: ignore[arg-type]
+        return Image(stamp, frame, readonly(unpack_picture(data), np.uint8), camera_of(topic))
     size = str(message.encoding), int(message.height), int(message.width), int(message.step), data
     if kind == "depth":
-        return DepthImage(stamp, frame, readonly(depth_of(*size, False), np.float32), camera_of(topic))  # type: ignore[arg-type]
-    return Image(stamp, frame, readonly(pixels_of(*size), np.uint8), camera_of(topic))  # type: ignore[arg-type]
+        return DepthImage(stamp, frame, readonly(depth_of(*size, False), np.float32), camera_of(topic))
+    return Image(stamp, frame, readonly(pixels_of(*size), np.uint8), camera_of(topic))
 
 
 def _scan(stamp: int, frame: str, message: Any) -> LaserScan:
@@ -132,7 +132,7 @@ def _scan(stamp: int, frame: str, message: Any) -> LaserScan:
     return LaserScan(
         stamp,
         frame,
-        readonly(ranges, np.float32),  # type: ignore[arg-type]
+        readonly(ranges, np.float32),
         as_float32(message.start_angle),
         as_float32(span / max(len(ranges) - 1, 1)),
         0.0,

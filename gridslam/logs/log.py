@@ -55,17 +55,20 @@ class Log:
         infos = []
         for index in self._choice.listed:
             stream = self._source.streams[index]
-            stamps = stream.stamps_ns
+            stamps = stream.stamps_ns if stream.kind != "other" else None
             infos.append(
                 StreamInfo(
-                    kind=self._choice.kind_of.get(index, stream.kind),
-                    topic=stream.label,
+                    kind="truth"
+                    if index == self._choice.truth
+                    else self._choice.kind_of.get(index, stream.kind),
+                    topic=stream.topic,
+                    detail=stream.detail,
                     type=stream.type,
-                    count=len(stamps),
+                    count=len(stream.stamps_ns),
                     first_stamp_ns=min(stamps) if stamps else None,
                     last_stamp_ns=max(stamps) if stamps else None,
                     frame=", ".join(list(stream.frames)[:8]),
-                    steps_back=ordering.steps_back(stamps),
+                    steps_back=ordering.steps_back(stamps) if stamps else 0,
                     used=index in used,
                 )
             )
@@ -75,6 +78,11 @@ class Log:
     def base_frame(self) -> str:
         """The robot's frame: what odometry moves and sensors are mounted on."""
         return self._choice.base_frame
+
+    @property
+    def mountings(self) -> list[Transform]:
+        """The static transforms with which `events()` begins: one per sensor frame in use."""
+        return list(self._static)
 
     @property
     def event_count(self) -> int:
@@ -115,14 +123,19 @@ class Log:
         for _, event in self.events_by_topic():
             yield event
 
-    def events_by_topic(self) -> Iterator[tuple[str, Event]]:
-        """As `events`, each with the topic of its stream (static transforms: `/tf_static`)."""
+    def events_by_topic(self, with_truth: bool = False) -> Iterator[tuple[str, Event]]:
+        """As `events`, each with the topic of its stream (static transforms: `/tf_static`).
+
+        `with_truth` adds the true poses, for writing the log anew.
+        """
         self._delivery = ledger = Ledger()
         for transform in self._static:
             ledger.counters["read.mounting"] += 1
             yield "/tf_static", transform
         streams = self._source.streams
-        kind_of = self._choice.kind_of
+        kind_of = dict(self._choice.kind_of)
+        if with_truth and self._choice.truth is not None:
+            kind_of[self._choice.truth] = "truth"
         ranks, schedule = ordering.plan(
             {i: streams[i].stamps_ns for i in kind_of}, (self._config.order or self._source.order) == "stamp"
         )
@@ -131,7 +144,7 @@ class Log:
         positions = dict.fromkeys(kind_of, 0)
         counters = {i: f"read.{kind}" for i, kind in kind_of.items()}
         delivered = ordering.deliver(
-            self._source.read(frozenset(kind_of), schedule.tolist() if len(schedule) < 1 << 22 else schedule),
+            self._source.read(frozenset(kind_of), schedule),
             ranks,
             _size_of,
             self._config.limits.reorder_mb << 20,
@@ -211,8 +224,10 @@ class Log:
                 self._opening.count(f"equal_stamps.{kind}", equal)
         for index in self._choice.listed:
             stream = self._source.streams[index]
-            if index not in self._choice.kind_of and stream.kind not in SILENT and stream.stamps_ns:
-                self._opening.count(f"unused.{stream.label}", len(stream.stamps_ns))
+            if index in self._choice.kind_of or index == self._choice.truth or stream.kind in SILENT:
+                continue
+            if stream.stamps_ns:
+                self._opening.count(f"unused.{stream.kind}", len(stream.stamps_ns))
 
     def _account(self) -> Ledger:
         total = Ledger()

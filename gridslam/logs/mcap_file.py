@@ -119,23 +119,24 @@ class McapFile:
 
     def _unpack(self, stream: IO[bytes], at: int, length: int) -> bytes | None:
         """The chunk's records, or None (and a line in the ledger) where they cannot be had."""
-        if length > self.limit_bytes or length < _CHUNK.size + 8:
-            return self._lose("chunk_of_impossible_size", at)
-        body = _exactly(stream, length)
-        _, _, size, crc, name_length = _CHUNK.unpack_from(body)
-        start = _CHUNK.size + name_length + 8
-        if start > length or size > self.limit_bytes:
-            return self._lose("chunk_of_impossible_size", at)
-        name = body[_CHUNK.size : start - 8].decode("utf-8", "replace")
-        packed_size = int.from_bytes(body[start - 8 : start], "little")
-        if start + packed_size > length:
-            return self._lose("chunk_of_impossible_size", at)
-        data = unpack(name, body[start : start + packed_size], size)
+        data, fault = None, "chunk_of_impossible_size"
+        if _CHUNK.size + 8 <= length <= self.limit_bytes:
+            body = _exactly(stream, length)
+            _, _, size, crc, name_length = _CHUNK.unpack_from(body)
+            start = _CHUNK.size + name_length + 8
+            packed_size = int.from_bytes(body[start - 8 : start], "little")
+            if start + packed_size <= length and size <= self.limit_bytes:
+                name = body[_CHUNK.size : start - 8].decode("utf-8", "replace")
+                data, fault = (
+                    unpack(name, body[start : start + packed_size], size),
+                    "chunk_that_cannot_be_unpacked",
+                )
+                if data is not None and not self._surveyed:
+                    if crc and zlib.crc32(data) != crc:
+                        data, fault = None, "chunk_with_wrong_checksum"
+                    self.compressions[name or "none"] = self.compressions.get(name or "none", 0) + 1
         if data is None:
-            return self._lose("chunk_that_cannot_be_unpacked", at)
-        if not self._surveyed and crc and zlib.crc32(data) != crc:
-            return self._lose("chunk_with_wrong_checksum", at)
-        self.compressions[name or "none"] = self.compressions.get(name or "none", 0) + (not self._surveyed)
+            self._lose(fault, at)
         return data
 
     def _records(self, data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
@@ -263,6 +264,7 @@ class McapFile:
             )
 
     def _lose(self, what: str, at: int) -> None:
+        """Enter damage in the ledger, on the first pass only."""
         if not self._surveyed:
             self.ledger.lose(what, f"{self.path.name} byte {at}")
 
@@ -272,11 +274,12 @@ def _is_chunk_body(stream: IO[bytes], length: int) -> bool:
     head = stream.read(_CHUNK.size)
     if len(head) < _CHUNK.size:
         return False
-    name_length = _CHUNK.unpack(head)[4]
+    name_length = int(_CHUNK.unpack(head)[4])
     if name_length > 16:
         return False
     stream.seek(name_length, 1)
-    return int.from_bytes(stream.read(8), "little") + _CHUNK.size + name_length + 8 == length
+    records_length = int.from_bytes(stream.read(8), "little")
+    return bool(records_length + _CHUNK.size + name_length + 8 == length)
 
 
 def unpack(compression: str, data: bytes, size: int) -> bytes | None:

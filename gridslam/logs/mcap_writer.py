@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Literal
@@ -12,6 +13,7 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Odometry
 from gridslam.logs import ros_encode
 from gridslam.logs.ros_types import humble
+from gridslam.logs.write import TRUTH_TOPIC
 
 _CHUNK_BYTES = 1 << 20
 
@@ -60,14 +62,15 @@ class McapWriter:
 
     def write_truth(self, pose: Odometry) -> None:
         """Append the true pose, on the topic that no method is shown."""
-        self.write(pose, "/ground_truth")
+        self.write(pose, TRUTH_TOPIC)
 
     def close(self) -> None:
         """Complete the file and give it its name."""
         if self._stream.closed:
             return
         try:
-            self._writer.finish()
+            finish: Callable[[], None] = self._writer.finish
+            finish()
             self._stream.close()
             mask = os.umask(0)
             os.umask(mask)

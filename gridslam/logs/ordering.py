@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 T = TypeVar("T")
 
@@ -29,17 +28,17 @@ def repeated_stamps(stamps_ns: Sequence[int]) -> int:
 
 def plan(
     stamps_by_stream: Mapping[int, Sequence[int]], by_stamp: bool
-) -> tuple[dict[int, array[int]], NDArray[np.int32]]:
+) -> tuple[dict[int, array[int]], array[int]]:
     """The place of every event and the stream at every place.
 
     `stamps_by_stream` is ordered by precedence at equal keys. Returns `ranks[stream][i]`, the place of the stream's i-th
     event, and `schedule[place]`, the stream. `by_stamp` sorts within a stream as well (stable).
     """
     if not stamps_by_stream:
-        return {}, np.zeros(0, np.int32)
+        return {}, array("q")
     stamps = [np.asarray(s, dtype=np.int64) for s in stamps_by_stream.values()]
     keys = np.concatenate(stamps if by_stamp else [np.maximum.accumulate(s) if len(s) else s for s in stamps])
-    owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int32), [len(s) for s in stamps])
+    owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int64), [len(s) for s in stamps])
     order = np.argsort(keys, kind="stable")
     place = np.empty(len(keys), dtype=np.int64)
     place[order] = np.arange(len(keys))
@@ -48,7 +47,7 @@ def plan(
         stream: array("q", place[end - len(s) : end].tobytes())
         for stream, s, end in zip(stamps_by_stream, stamps, ends, strict=True)
     }
-    return ranks, owner[order]
+    return ranks, array("q", owner[order].tobytes())
 
 
 def deliver(

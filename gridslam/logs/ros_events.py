@@ -97,7 +97,7 @@ def fix(message: Any, topic: str) -> Event:
     full = np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     planar = full[np.ix_([0, 1, 5], [0, 1, 5])]
     values = np.array([pose.position.x, pose.position.y, _yaw(pose.orientation)])
-    return PoseFix(*_stamp(message), readonly(values, np.float64), readonly(planar, np.float64))  # type: ignore[arg-type]
+    return PoseFix(*_stamp(message), readonly(values, np.float64), readonly(planar, np.float64))
 
 
 def pose(message: Any, topic: str) -> Event:
@@ -111,7 +111,7 @@ def image(message: Any, topic: str) -> Event:
     pixels = pixels_of(
         str(message.encoding), int(message.height), int(message.width), int(message.step), bytes(message.data)
     )
-    return Image(*_stamp(message), readonly(pixels, np.uint8), camera_of(topic))  # type: ignore[arg-type]
+    return Image(*_stamp(message), readonly(pixels, np.uint8), camera_of(topic))
 
 
 def depth(message: Any, topic: str) -> Event:
@@ -124,13 +124,13 @@ def depth(message: Any, topic: str) -> Event:
         bytes(message.data),
         bool(message.is_bigendian),
     )
-    return DepthImage(*_stamp(message), readonly(metres, np.float32), camera_of(topic))  # type: ignore[arg-type]
+    return DepthImage(*_stamp(message), readonly(metres, np.float32), camera_of(topic))
 
 
 def compressed(message: Any, topic: str) -> Event:
     """sensor_msgs/CompressedImage."""
     pixels = unpack_picture(bytes(message.data))
-    return Image(*_stamp(message), readonly(pixels, np.uint8), camera_of(topic))  # type: ignore[arg-type]
+    return Image(*_stamp(message), readonly(pixels, np.uint8), camera_of(topic))
 
 
 def camera_info(message: Any, topic: str) -> Event:
@@ -139,9 +139,9 @@ def camera_info(message: Any, topic: str) -> Event:
         *_stamp(message),
         int(message.width),
         int(message.height),
-        readonly(np.asarray(message.k).reshape(3, 3), np.float64),  # type: ignore[arg-type]
-        readonly(np.asarray(message.p).reshape(3, 4), np.float64),  # type: ignore[arg-type]
-        readonly(message.d, np.float64),  # type: ignore[arg-type]
+        readonly(np.asarray(message.k).reshape(3, 3), np.float64),
+        readonly(np.asarray(message.p).reshape(3, 4), np.float64),
+        readonly(message.d, np.float64),
         camera_of(topic),
     )
 
@@ -163,7 +163,7 @@ def disparity(message: Any, topic: str) -> Event:
         values = np.where(np.isfinite(values) & (values >= message.min_disparity), values, np.float32(np.nan))
     return Disparity(
         *_stamp(message),
-        readonly(values, np.float32),  # type: ignore[arg-type]
+        readonly(values, np.float32),
         as_float32(message.f),
         as_float32(message.t),
         camera_of(topic),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import foxglove, ros_events, ros_fast
@@ -156,8 +157,8 @@ class _Servos:
 class RosSource:
     """Streams of a container of ROS (or Foxglove JSON) messages."""
 
-    order = "recorded"
-    base_frame = None
+    order: Literal["recorded", "stamp"] = "recorded"
+    base_frame: str | None = None
 
     def __init__(
         self,
@@ -304,10 +305,8 @@ class RosSource:
             return None
         schema = self._container.schemas.get(channel.schema_id)
         decoder = _Decoder(channel, schema, self._config)
-        try:
+        with suppress(*DECODING_ERRORS):  # the survey counts such a message; its type's usual kind holds
             decoder.classify(first)
-        except DECODING_ERRORS:
-            pass  # the survey counts this message as undecodable; the type's usual kind holds
         if not decoder.is_tf:
             decoder.stream = len(self.streams)
             self.streams.append(RecordedStream(decoder.kind, decoder.topic, decoder.type or channel.encoding))

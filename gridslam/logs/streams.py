@@ -62,6 +62,7 @@ class StreamInfo:
 
     kind: str
     topic: str
+    detail: str  # of a tf stream: parent->child
     type: str
     count: int
     first_stamp_ns: int | None
@@ -69,6 +70,11 @@ class StreamInfo:
     frame: str
     steps_back: int
     used: bool
+
+    @property
+    def label(self) -> str:
+        """Name for messages to people."""
+        return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ import bz2
 import gzip
 import zlib
 from collections.abc import Iterator
+from io import BufferedIOBase
 from pathlib import Path
-from typing import IO
 
 from gridslam.logs.ledger import Ledger
 
@@ -16,7 +16,7 @@ _KEPT_BYTES = (
 )  # texts up to this size are unpacked once and kept, larger ones are unpacked for each pass
 
 
-def open_unpacked(path: Path) -> IO[bytes]:
+def open_unpacked(path: Path) -> BufferedIOBase:
     """The file's bytes, unpacked by what its first bytes say (not by its name)."""
     with path.open("rb") as stream:
         magic = stream.read(3)

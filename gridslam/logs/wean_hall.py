@@ -6,6 +6,7 @@ import math
 from array import array
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -37,8 +38,8 @@ class WeanHallSource:
     """Streams `L` (scans) and `O` (odometry; L lines carry it too, and both are one stream in the file's order)."""
 
     format = "Wean Hall text"
-    order = "recorded"
-    base_frame = "base_link"
+    order: Literal["recorded", "stamp"] = "recorded"
+    base_frame: str | None = "base_link"
 
     def __init__(self, path: Path, config: LogConfig) -> None:
         self.files = [path]

@@ -10,6 +10,8 @@ from typing import Protocol
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Odometry
 
+TRUTH_TOPIC = "/ground_truth"
+
 
 class LogWriter(Protocol):
     """What writes a log. The log has its name only after `close`; an exception inside `with` leaves nothing behind."""

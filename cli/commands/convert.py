@@ -1,0 +1,67 @@
+"""gridslam convert"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..options import AsJson, Strict
+from .info import LOSSY, LogPath
+
+MOST_PROBLEMS = 20
+Destination = Annotated[
+    Path,
+    typer.Argument(metavar="OUT", help="What to write: MCAP if the name ends in .mcap, else a CSV folder."),
+]
+Topics = Annotated[
+    str, typer.Option("--topics", metavar="A,B", help="Only these topics (see gridslam info).")
+]
+Start = Annotated[
+    float | None, typer.Option("--start", metavar="S", help="From S seconds after the log's start.")
+]
+End = Annotated[
+    float | None, typer.Option("--end", metavar="S", help="Up to S seconds after the log's start.")
+]
+Replace = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
+
+
+def run(
+    log: LogPath,
+    output: Destination,
+    topics: Topics = "",
+    start: Start = None,
+    end: End = None,
+    force: Replace = False,
+    strict: Strict = False,
+    as_json: AsJson = False,
+) -> None:
+    """Rewrite any readable log as MCAP or as a folder of CSV files."""
+    from gridslam.logs.convert import convert_log
+    from gridslam.logs.open import open_log
+
+    with open_log(log) as opened:
+        chosen = [topic for topic in topics.split(",") if topic]
+        done = convert_log(opened, output, chosen, start, end, force)
+        problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters
+    for problem in problems[:MOST_PROBLEMS]:
+        console.say(f"note: {problem}")
+    if done.left_out and not chosen:
+        console.say(f"note: not converted, no method uses such messages: {', '.join(done.left_out)}")
+    if as_json:
+        document = {
+            "output": str(output),
+            "written": done.written,
+            "counters": counters,
+            "problems": problems,
+        }
+        console.emit_json({**document, "is_lossy": is_lossy})
+    else:
+        console.emit_table(("topic", "messages"), list(done.written.items()))
+    if strict and is_lossy:
+        console.complain(
+            f"error: {log}: not all of the log could be used, which --strict forbids; {output} has the rest"
+        )
+        raise typer.Exit(LOSSY)

@@ -1,0 +1,122 @@
+"""gridslam info"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import console
+from ..options import AsJson, Strict
+
+if TYPE_CHECKING:
+    from gridslam.logs.log import Log
+
+LOSSY = 3
+MOST_ROWS = 60
+LogPath = Annotated[
+    Path, typer.Argument(metavar="LOG", help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag.")
+]
+
+
+def run(log: LogPath, strict: Strict = False, as_json: AsJson = False) -> None:
+    """Show what a log holds: its streams, how long it is, and what is wrong with it."""
+    from gridslam.logs.open import open_log
+
+    with open_log(log) as opened:
+        document = describe(opened)
+    if as_json:
+        console.emit_json(document)
+    else:
+        _show(document)
+    if strict and document["is_lossy"]:
+        console.complain(f"error: {log}: not all of the log can be used, which --strict forbids")
+        raise typer.Exit(LOSSY)
+
+
+def describe(log: Log) -> dict[str, Any]:
+    """The log as one JSON document. Stamps are decimal text in seconds, exact to the nanosecond."""
+    from gridslam.logs.stamps import format_stamp
+
+    starts = [i.first_stamp_ns for i in log.streams if i.first_stamp_ns is not None]
+    ends = [i.last_stamp_ns for i in log.streams if i.last_stamp_ns is not None]
+    streams = [
+        {
+            "kind": i.kind,
+            "topic": i.topic,
+            "detail": i.detail,
+            "type": i.type,
+            "count": i.count,
+            "first": None if i.first_stamp_ns is None else format_stamp(i.first_stamp_ns),
+            "last": None if i.last_stamp_ns is None else format_stamp(i.last_stamp_ns),
+            "frame": i.frame,
+            "steps_back": i.steps_back,
+        }
+        for i in log.streams
+    ]
+    return {
+        "path": str(log.path),
+        "format": log.format,
+        "compression": log.compression,
+        "start": format_stamp(min(starts)) if starts else None,
+        "duration_s": (max(ends) - min(starts)) / 1e9 if starts else 0.0,
+        "base_frame": log.base_frame,
+        "streams": streams,
+        "mounting": [
+            {
+                "parent": t.frame_id,
+                "frame": t.child_frame_id,
+                "translation_m": t.translation_m,
+                "quat_wxyz": t.quat_wxyz,
+            }
+            for t in log.mountings
+        ],
+        "counters": {key: n for key, n in log.counters.items() if not key.startswith("read.")},
+        "problems": log.problems,
+        "is_lossy": log.is_lossy,
+    }
+
+
+def _show(document: dict[str, Any]) -> None:
+    """The document for people."""
+    facts = [
+        ("log", document["path"]),
+        ("format", f"{document['format']}, compression {document['compression']}"),
+        ("start", document["start"] or "-"),
+        ("duration", f"{document['duration_s']:.3f} s"),
+        ("base frame", document["base_frame"]),
+    ]
+    console.emit_table(("", ""), facts)
+    rows = [_row(stream) for stream in document["streams"]]
+    console.emit("")
+    console.emit_table(
+        ("stream", "topic", "type", "messages", "rate Hz", "frame", "steps back"), rows[:MOST_ROWS]
+    )
+    if len(rows) > MOST_ROWS:
+        console.emit(f"and {len(rows) - MOST_ROWS} more; --json shows all")
+    if document["mounting"]:
+        console.emit("")
+        console.emit_table(
+            ("mounted", "on", "x m", "y m", "z m", "yaw deg"), [_mounting(m) for m in document["mounting"]]
+        )
+    for problem in document["problems"]:
+        console.say(f"note: {problem}")
+
+
+def _row(stream: dict[str, Any]) -> tuple[object, ...]:
+    rate = "-"
+    if stream["count"] > 1 and stream["first"] != stream["last"] and stream["first"] is not None:
+        rate = f"{(stream['count'] - 1) / (float(stream['last']) - float(stream['first'])):.1f}"
+    topic = f"{stream['topic']} ({stream['detail']})" if stream["detail"] else stream["topic"]
+    return stream["kind"], topic, stream["type"], stream["count"], rate, stream["frame"], stream["steps_back"]
+
+
+def _mounting(mounting: dict[str, Any]) -> tuple[object, ...]:
+    import math
+
+    from gridslam.logs.rotations import yaw_of
+
+    x, y, z = (f"{v:.3f}" for v in mounting["translation_m"])
+    yaw = math.degrees(yaw_of(tuple(mounting["quat_wxyz"])))
+    return mounting["frame"], mounting["parent"], x, y, z, f"{yaw:.2f}"
