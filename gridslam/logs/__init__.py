@@ -1,6 +1,7 @@
 """Logs in and out: MCAP, CSV folders, CARMEN, rosbag2 and ROS 1 bags, as events in order.
 
-`open_log` and `require_streams` read, `open_writer` writes, `LogConfig` is the `log` section of a configuration.
+`open_log` and `require_streams` read, `open_writer` writes, `LogConfig` is the `log` section of a
+configuration.
 """
 
 from __future__ import annotations

@@ -5,9 +5,10 @@
                 laser(x y theta) robot(x y theta) tv rv forward side turn ipc_timestamp host logger_timestamp
     ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
 
-The tail is counted from the end; the time is ipc_timestamp. Every laser line gives two events of one stamp, the odometry
-in it and the scan. ODOM lines are a second opinion about the same odometry, published on its own and with its own delay:
-where laser lines carry odometry they are left aside (and counted), else they are the odometry.
+The tail is counted from the end; the time is ipc_timestamp. Every laser line gives two events of one stamp,
+the odometry in it and the scan. ODOM lines are a second opinion about the same odometry, published on its
+own and with its own delay: where laser lines carry odometry they are left aside (and counted), else they
+are the odometry.
 """
 
 from __future__ import annotations
@@ -168,7 +169,9 @@ class CarmenSource:
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
 
     def _add_odometry(self, found: dict[bytes, _Survey], odom: array[int]) -> None:
-        """The odometry inside the scans of the main laser; ODOM lines where there is none, or when config names them."""
+        """The odometry inside the scans of the main laser; ODOM lines where there is none, or when config
+        names them.
+        """
         main = max(found, key=lambda word: len(found[word].stamps), default=None)
         if odom and (main is None or self._odometry_topic == "ODOM"):
             source, stamps = b"ODOM", odom
@@ -215,8 +218,9 @@ class CarmenSource:
 def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[float, float]:
     """(angle_min, increment) in rad of `count` beams.
 
-    The SICK lasers of these logs look 180 degrees wide: 181 beams at 1 and 361 at 0.5 degrees reach both ends; 180 and
-    360 lack the last one (-90..+89 and -90..+89.5). A given field of view is that from the first to the last beam.
+    The SICK lasers of these logs look 180 degrees wide: 181 beams at 1 and 361 at 0.5 degrees reach both
+    ends; 180 and 360 lack the last one (-90..+89 and -90..+89.5). A given field of view is that from the
+    first to the last beam.
     """
     if field_of_view_deg is not None:
         increment = math.radians(field_of_view_deg) / max(count - 1, 1)

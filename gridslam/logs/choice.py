@@ -19,7 +19,9 @@ _TRUTH_KINDS = frozenset({"odom", "pose", "fix", "truth"})
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """`kind_of`: the streams that are delivered, by index, with what each serves as, in order of precedence."""
+    """`kind_of`: the streams that are delivered, by index, with what each serves as, in order of
+    precedence.
+    """
 
     kind_of: dict[int, str]
     truth: int | None
@@ -35,8 +37,8 @@ def choose(
 ) -> Choice:
     """Match the wanted kinds with the streams.
 
-    With `kinds` None everything is delivered and nothing has to be unique. Otherwise two candidates for a single stream,
-    or a configured topic that the log lacks, are a ConfigError that lists the choices.
+    With `kinds` None everything is delivered and nothing has to be unique. Otherwise two candidates for a
+    single stream, or a configured topic that the log lacks, are a ConfigError that lists the choices.
     """
     listed = sorted(range(len(streams)), key=lambda i: _precedence(streams[i]))
     truth = _truth(streams, listed, config)
@@ -66,8 +68,8 @@ def require_streams(log: Log, needs: Collection[str]) -> None:
         if need not in have:
             found = ", ".join(f"{i.label} ({i.type}, {i.count})" for i in log.streams if i.count) or "nothing"
             raise LogError(
-                f"{log.path}: no {need} stream, which the method needs. The log has: {found}. If one of these is it, "
-                f"say so in the config: log: {{topics: {{{need}: TOPIC}}}}"
+                f"{log.path}: no {need} stream, which the method needs. The log has: {found}. "
+                f"If one of these is it, say so in the config: log: {{topics: {{{need}: TOPIC}}}}"
             )
 
 
@@ -116,8 +118,8 @@ def _named(
 def _ambiguous(kind: str, candidates: Sequence[RecordedStream]) -> str:
     listing = ", ".join(f"{s.label} ({s.type}, {len(s.stamps_ns)} messages)" for s in candidates)
     return (
-        f"log.topics.{kind}: the log has {len(candidates)} {kind} streams: {listing}. Choose one in the config: "
-        f"log: {{topics: {{{kind}: {candidates[0].topic}}}}}"
+        f"log.topics.{kind}: the log has {len(candidates)} {kind} streams: {listing}. "
+        f"Choose one in the config: log: {{topics: {{{kind}: {candidates[0].topic}}}}}"
     )
 
 

@@ -1,4 +1,4 @@
-"""The `log` section of a configuration: which streams to take, in which order, and how sensors are mounted."""
+"""The `log` section of a configuration: which streams, in which order, and how sensors are mounted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ StreamKind: TypeAlias = Literal[
 
 
 class MountingConfig(StrictModel):
-    """T_base_sensor: where a sensor's frame sits in the base frame (rotation: roll, then pitch, then yaw, fixed axes)."""
+    """T_base_sensor: where a sensor's frame sits in the base frame (rotation: roll, then pitch, then yaw,
+    fixed axes).
+    """
 
     x: float = Field(0.0, description="forward of the base, m")
     y: float = Field(0.0, description="left of the base, m")

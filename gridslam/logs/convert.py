@@ -31,9 +31,11 @@ def convert_log(
     end_s: float | None = None,
     force: bool = False,
 ) -> Conversion:
-    """Write a log's streams, the truth too; `start_s` and `end_s` count from the log's first stamp, ends included.
+    """Write a log's streams, the truth too; `start_s` and `end_s` count from the log's first stamp, ends
+    included.
 
-    Mountings are always written. Raises ConfigError for a topic that the log lacks, LogError where the output exists.
+    Mountings are always written. Raises ConfigError for a topic that the log lacks, LogError where the
+    output exists.
     """
     streams = [info for info in log.streams if info.used or info.kind == "truth"]
     known = {info.topic for info in streams}
@@ -63,7 +65,8 @@ def convert_log(
 
 
 def _names(streams: list[StreamInfo]) -> dict[str, str | None]:
-    """The topic under which each stream is written. Names that are no ROS topics give way to the usual one of their kind,
+    """The topic under which each stream is written. Names that are no ROS topics give way to the usual one
+    of their kind,
     unless two streams of a kind would meet there."""
     counts = Counter(info.kind for info in {info.topic: info for info in streams}.values())
     names: dict[str, str | None] = {}

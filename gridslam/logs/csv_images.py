@@ -1,4 +1,6 @@
-"""Picture files of a CSV folder: PNG or JPEG for images, .npy (float32) or 16-bit PNG (millimetres) for depths."""
+"""Picture files of a CSV folder: PNG or JPEG for images, .npy (float32) or 16-bit PNG (millimetres) for
+depths.
+"""
 
 from __future__ import annotations
 

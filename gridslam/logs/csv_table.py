@@ -97,7 +97,9 @@ class Row:
 
 
 class CsvTable:
-    """A stream of one file. `survey` goes through it first; `events` gives one entry per stamp of the survey."""
+    """A stream of one file. `survey` goes through it first; `events` gives one entry per stamp of the
+    survey.
+    """
 
     def __init__(
         self, folder: Path, path: Path, stream: CsvStream, ledger: Ledger, line_limit_bytes: int
@@ -138,11 +140,14 @@ class CsvTable:
         """One event, or the reason why there is none, per entry of the survey's stamps."""
         build = _BUILDERS[self.stream.kind]
         for rows in self._groups():
-            try:
-                yield build(self, rows)
-            except (ValueError, OverflowError) as error:
-                reason = str(error) if str(error) in _REASONS else "unreadable_row"
-                yield Skip(reason, f"{self.path.name} line {rows[0].line}")
+            yield self._event(build, rows)
+
+    def _event(self, build: Callable[[CsvTable, list[Row]], Event], rows: list[Row]) -> Event | Skip:
+        try:
+            return build(self, rows)
+        except (ValueError, OverflowError) as error:
+            reason = str(error) if str(error) in _REASONS else "unreadable_row"
+            return Skip(reason, f"{self.path.name} line {rows[0].line}")
 
     def edges(self) -> set[tuple[str, str]]:
         """Of a table of transforms: which parents and children are in it."""
@@ -202,7 +207,8 @@ class CsvTable:
                 self._add_constant(name, stream.constants[name])
             elif name in needed:
                 raise LogError(
-                    f"{self.path}: no column {theirs!r} for {name}; the header has: {', '.join(names[:20]) or 'nothing'}. "
+                    f"{self.path}: no column {theirs!r} for {name}; "
+                    f"the header has: {', '.join(names[:20]) or 'nothing'}. "
                     f"Rename it in log.yaml: streams: - {{kind: {stream.kind}, file: {stream.file}, "
                     f"columns: {{{name}: COLUMN}}}}"
                 )

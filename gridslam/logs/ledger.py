@@ -6,7 +6,9 @@ from collections import Counter
 
 
 class Ledger:
-    """Counters for the report and, for people, one line per kind of trouble with the place of its first occurrence."""
+    """Counters for the report and, for people, one line per kind of trouble with the place of its first
+    occurrence.
+    """
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()

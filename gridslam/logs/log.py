@@ -22,7 +22,9 @@ _MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "depth", "dispari
 
 
 class Log:
-    """An open log; use it as a context manager. `path` is what was opened, `format` what it turned out to be."""
+    """An open log; use it as a context manager. `path` is what was opened, `format` what it turned out to
+    be.
+    """
 
     def __init__(self, path: Path, source: Source, config: LogConfig, kinds: Collection[str] | None) -> None:
         self.path = path
@@ -91,7 +93,8 @@ class Log:
 
     @property
     def counters(self) -> dict[str, int]:
-        """`read.<stream>`, `skipped.<stream>.<reason>`, `lost.<what>`, `steps_back.<stream>`, `equal_stamps.<stream>`,
+        """`read.<stream>`, `skipped.<stream>.<reason>`, `lost.<what>`, `steps_back.<stream>`,
+        `equal_stamps.<stream>`,
         `unused.<what>`. Counts of events are those of the present or last pass of `events()`."""
         return dict(sorted(self._account().counters.items()))
 
@@ -119,7 +122,9 @@ class Log:
         return dict(sorted(hashes.items()))
 
     def events(self) -> Iterator[Event]:
-        """Static transforms first, then all used streams merged by stamp. Each call starts from the beginning."""
+        """Static transforms first, then all used streams merged by stamp. Each call starts from the
+        beginning.
+        """
         for _, event in self.events_by_topic():
             yield event
 
@@ -171,7 +176,9 @@ class Log:
             raise LogError(f"{self.path}: changed while it was read ({missing} messages are gone); run again")
 
     def truth(self) -> Trajectory | None:
-        """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log has none."""
+        """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log
+        has none.
+        """
         index = self._choice.truth
         if index is None:
             return self._truth_beside()

@@ -1,8 +1,8 @@
 """The records of an MCAP file, read so that damage costs as little as possible.
 
-Layout: magic, then records of (opcode u8, length u64, body). Schemas, channels and messages lie in chunks or bare. A file that
-was closed properly ends with a summary (schemas and channels again, the place of every chunk) and a footer.
-Specification: https://mcap.dev/spec
+Layout: magic, then records of (opcode u8, length u64, body). Schemas, channels and messages lie in chunks
+or bare. A file that was closed properly ends with a summary (schemas and channels again, the place of every
+chunk) and a footer. Specification: https://mcap.dev/spec
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Channel:
 
 @dataclass(slots=True)
 class McapFile:
-    """An open MCAP file. `messages` goes through it from start to end; the first time it keeps the account."""
+    """An MCAP file. `messages` goes through it from start to end; the first time it keeps the account."""
 
     path: Path
     ledger: Ledger
@@ -97,7 +97,8 @@ class McapFile:
         self._surveyed = True
 
     def _belongs_here(self, stream: IO[bytes], opcode: int, length: int) -> bool:
-        """Whether a record of this kind can stand at the stream's position in the data section. A chunk whose opcode was
+        """Whether a record of this kind can stand at the stream's position in the data section. A chunk
+        whose opcode was
         damaged does not pass as something to skip."""
         if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, HEADER):
             return True
@@ -182,7 +183,9 @@ class McapFile:
         self.channels.setdefault(identifier, Channel(topic, encoding, int.from_bytes(body[2:4], "little")))
 
     def _read_summary(self, stream: IO[bytes]) -> None:
-        """Schemas, channels and chunk places from the end of the file, where it has one with a right checksum."""
+        """Schemas, channels and chunk places from the end of the file, where it has one with a right
+        checksum.
+        """
         tail_size = _RECORD.size + 20 + len(MAGIC)
         if self._size < len(MAGIC) + tail_size:
             return
@@ -215,7 +218,8 @@ class McapFile:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
-        """Where to go on after something at `at` that is no record: the next chunk of the index, else the next place
+        """Where to go on after something at `at` that is no record: the next chunk of the index, else the
+        next place
         that looks like one."""
         stream.seek(at)
         chunked = bool(self.compressions or self._bad_chunks) or stream.read(1) == bytes([CHUNK])
@@ -283,7 +287,9 @@ def _is_chunk_body(stream: IO[bytes], length: int) -> bool:
 
 
 def unpack(compression: str, data: bytes, size: int) -> bytes | None:
-    """`data` unpacked to exactly `size` bytes, never more; None where that fails or the compression is unknown."""
+    """`data` unpacked to exactly `size` bytes, never more; None where that fails or the compression is
+    unknown.
+    """
     if compression == "":
         return data if len(data) == size else None
     if compression == "zstd":

@@ -44,8 +44,8 @@ def mount(
     stamp_ns: int,
     ledger: Ledger,
 ) -> list[Transform]:
-    """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor of the
-    sensor's own tree (a camera on the wall), else the identity, which is noted in the ledger.
+    """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor
+    of the sensor's own tree (a camera on the wall), else the identity, which is noted in the ledger.
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)
@@ -64,8 +64,8 @@ def mount(
                 parent, pose = list(above.items())[-1]
             else:
                 ledger.note(
-                    f"no transform from {base_frame} to {frame}: taken as mounted at the robot's centre, facing forward; "
-                    f"if it is not, set log.mounting.{frame} with x, y, yaw"
+                    f"no transform from {base_frame} to {frame}: taken as mounted at the robot's centre, "
+                    f"facing forward; if it is not, set log.mounting.{frame} with x, y, yaw"
                 )
         mounted.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
     return mounted

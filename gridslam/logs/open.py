@@ -10,15 +10,17 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.log import Log
 from gridslam.logs.streams import Source
 
-READABLE = "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, or a Wean Hall text log"
+READABLE = (
+    "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, a Wean Hall text log"
+)
 
 
 def open_log(path: str | Path, config: LogConfig | None = None, kinds: Collection[str] | None = None) -> Log:
     """Open a log and survey it: afterwards its streams, their counts and most damage are known.
 
-    `kinds` names the streams that will be used (`scan`, `odom`, ...); each of those that must be unique is then chosen, by
-    `config.topics` or because there is only one. Without it everything is delivered. Raises LogError for a file that is no
-    readable log, ConfigError for a choice that the config must make.
+    `kinds` names the streams that will be used (`scan`, `odom`, ...); each of those that must be unique is
+    then chosen, by `config.topics` or because there is only one. Without it everything is delivered. Raises
+    LogError for a file that is no readable log, ConfigError for a choice that the config must make.
     """
     config = config or LogConfig()
     path = Path(path)

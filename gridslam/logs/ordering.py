@@ -1,8 +1,8 @@
 """Delivery order: streams merged by stamp, exactly, holding back only what was recorded too early.
 
-All stamps are known before the first event is delivered (8 bytes each), so the place of every event in the merged
-order is computed beforehand and reading needs no look-ahead. The key of an event is the largest stamp that its stream
-had so far, so the recorded order within a stream wins over stamps that step back.
+All stamps are known before the first event is delivered (8 bytes each), so the place of every event in the
+merged order is computed beforehand and reading needs no look-ahead. The key of an event is the largest
+stamp that its stream had so far, so the recorded order within a stream wins over stamps that step back.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ def plan(
 ) -> tuple[dict[int, array[int]], array[int]]:
     """The place of every event and the stream at every place.
 
-    `stamps_by_stream` is ordered by precedence at equal keys. Returns `ranks[stream][i]`, the place of the stream's i-th
-    event, and `schedule[place]`, the stream. `by_stamp` sorts within a stream as well (stable).
+    `stamps_by_stream` is ordered by precedence at equal keys. Returns `ranks[stream][i]`, the place of the
+    stream's i-th event, and `schedule[place]`, the stream. `by_stamp` sorts within a stream as well
+    (stable).
     """
     if not stamps_by_stream:
         return {}, array("q")
@@ -59,8 +60,9 @@ def deliver(
 ) -> Iterator[tuple[int, T]]:
     """The items at their planned places.
 
-    What arrives early waits; when more than `limit_bytes` wait, the earliest of them is delivered although something
-    before it is still missing, and what then arrives late is delivered at once and reported to `on_late(stream)`.
+    What arrives early waits; when more than `limit_bytes` wait, the earliest of them is delivered although
+    something before it is still missing, and what then arrives late is delivered at once and reported to
+    `on_late(stream)`.
     """
     places = {stream: iter(rank) for stream, rank in ranks.items()}
     waiting: dict[int, tuple[int, T]] = {}

@@ -147,7 +147,9 @@ def camera_info(message: Any, topic: str) -> Event:
 
 
 def disparity(message: Any, topic: str) -> Event:
-    """stereo_msgs/DisparityImage; values below its least disparity, and not finite ones, are no match (NaN)."""
+    """stereo_msgs/DisparityImage; values below its least disparity, and not finite ones, are no match
+    (NaN).
+    """
     picture = message.image
     if str(picture.encoding) != "32FC1":
         raise ValueError(f"encoding {picture.encoding!r}")

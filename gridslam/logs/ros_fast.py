@@ -1,7 +1,7 @@
 """CDR of the frequent message types read by hand: four to twenty times the speed of a general decoder.
 
-Only for messages whose schema has the standard fields (`ros_types.is_standard`). Little-endian; anything else goes the
-general way.
+Only for messages whose schema has the standard fields (`ros_types.is_standard`). Little-endian; anything
+else goes the general way.
 """
 
 from __future__ import annotations

@@ -43,7 +43,9 @@ class Container(Protocol):
 
 
 class _Decoder:
-    """Messages of one channel: `head` reads stamp and frame only, `event` all of it. Both raise DECODING_ERRORS."""
+    """Messages of one channel: `head` reads stamp and frame only, `event` all of it. Both raise
+    DECODING_ERRORS.
+    """
 
     def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
         self.topic = channel.topic
@@ -139,7 +141,9 @@ def _no_decoder(data: bytes) -> Any:
 
 
 class _Servos:
-    """The last known angle of each servo: joints named as the ranger's frame, or tf with the frame as child."""
+    """The last known angle of each servo: joints named as the ranger's frame, or tf with the frame as
+    child.
+    """
 
     def __init__(self) -> None:
         self._angles: dict[str, float] = {}

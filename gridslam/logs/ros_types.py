@@ -32,15 +32,17 @@ TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat
 _STANDARD_FIELDS = {
     "std_msgs/msg/Header": "builtin_interfaces/Time stamp|string frame_id",
     "builtin_interfaces/msg/Time": "int32 sec|uint32 nanosec",
-    "sensor_msgs/msg/LaserScan": "std_msgs/Header header|float32 angle_min|float32 angle_max|float32 angle_increment|"
-    "float32 time_increment|float32 scan_time|float32 range_min|float32 range_max|float32[] ranges|float32[] intensities",
-    "nav_msgs/msg/Odometry": "std_msgs/Header header|string child_frame_id|geometry_msgs/PoseWithCovariance pose|"
-    "geometry_msgs/TwistWithCovariance twist",
+    "sensor_msgs/msg/LaserScan": "std_msgs/Header header|float32 angle_min|float32 angle_max|"
+    "float32 angle_increment|float32 time_increment|float32 scan_time|float32 range_min|float32 range_max|"
+    "float32[] ranges|float32[] intensities",
+    "nav_msgs/msg/Odometry": "std_msgs/Header header|string child_frame_id|"
+    "geometry_msgs/PoseWithCovariance pose|geometry_msgs/TwistWithCovariance twist",
     "sensor_msgs/msg/Imu": "std_msgs/Header header|geometry_msgs/Quaternion orientation|"
-    "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|float64[9] angular_velocity_covariance|"
-    "geometry_msgs/Vector3 linear_acceleration|float64[9] linear_acceleration_covariance",
+    "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|"
+    "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|float64[9] linear_acceleration_covariance",
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header|string child_frame_id|geometry_msgs/Transform transform",
+    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header|string child_frame_id|"
+    "geometry_msgs/Transform transform",
     "geometry_msgs/msg/Transform": "geometry_msgs/Vector3 translation|geometry_msgs/Quaternion rotation",
     "geometry_msgs/msg/PoseWithCovariance": "geometry_msgs/Pose pose|float64[36] covariance",
     "geometry_msgs/msg/TwistWithCovariance": "geometry_msgs/Twist twist|float64[36] covariance",
@@ -59,7 +61,9 @@ def full_name(name: str) -> str:
 
 
 def is_standard(schema: Schema) -> bool:
-    """Whether every type in a ros2msg schema that we know has exactly the standard fields, in the standard order."""
+    """Whether every type in a ros2msg schema that we know has exactly the standard fields, in the standard
+    order.
+    """
     if schema.encoding != "ros2msg":
         return False
     try:
@@ -89,7 +93,8 @@ def _fields(text: str) -> str:
 
 
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
-    """A function from CDR bytes to a message object, which raises ValueError for bytes that are no such message.
+    """A function from CDR bytes to a message object, which raises ValueError for bytes that are no such
+    message.
 
     Raises ValueError for a schema that cannot be understood.
     """

@@ -98,10 +98,11 @@ class Source(Protocol):
     ledger: Ledger
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
-        """(stream index, event) for every entry of the wanted streams' `stamps_ns`, per stream in recorded order.
+        """(stream index, event) for every entry of the wanted streams' `stamps_ns`, per stream in recorded
+        order.
 
-        `schedule` names the streams in the order in which their events are needed; a reader that can choose (one file
-        per stream) follows it.
+        `schedule` names the streams in the order in which their events are needed; a reader that can choose
+        (one file per stream) follows it.
         """
 
     def close(self) -> None:

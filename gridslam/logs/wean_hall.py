@@ -1,4 +1,6 @@
-"""The Wean Hall text logs of CMU: `O x y th t` and `L x y th xl yl thl r1..r180 t`, centimetres, radians, seconds."""
+"""The Wean Hall text logs of CMU: `O x y th t` and `L x y th xl yl thl r1..r180 t`, centimetres, radians,
+seconds.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def looks_like_wean_hall(text: bytes) -> bool:
 
 
 class WeanHallSource:
-    """Streams `L` (scans) and `O` (odometry; L lines carry it too, and both are one stream in the file's order)."""
+    """Streams `L` (scans) and `O` (odometry; L lines carry it too, and both are one stream in the file's
+    order).
+    """
 
     format = "Wean Hall text"
     order: Literal["recorded", "stamp"] = "recorded"
@@ -103,7 +107,8 @@ class WeanHallSource:
                 self.streams[1].stamps_ns.append(stamp)
                 if offset is None:
                     x, y, yaw = (float(v) for v in between(values[:3], values[3:6]))
-                    # The log has six decimals of a centimetre; the tenth of a millimetre is what they can mean.
+                    # The log has six decimals of a centimetre; the tenth of a millimetre is what they can
+                    # mean.
                     offset = (round(x / 100.0, 4) + 0.0, round(y / 100.0, 4) + 0.0, round(yaw, 6) + 0.0)
         if offset is not None:
             pose = (offset[0], offset[1], 0.0), rotations.from_euler(0.0, 0.0, offset[2])

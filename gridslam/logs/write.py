@@ -14,7 +14,9 @@ TRUTH_TOPIC = "/ground_truth"
 
 
 class LogWriter(Protocol):
-    """What writes a log. The log has its name only after `close`; an exception inside `with` leaves nothing behind."""
+    """What writes a log. The log has its name only after `close`; an exception inside `with` leaves nothing
+    behind.
+    """
 
     def __enter__(self) -> LogWriter: ...
 
