@@ -34,6 +34,8 @@ app.command("map")(common(map_command.run))
 app.command("localize")(common(localize.run))
 app.command("info")(common(info.run))
 app.command("convert")(common(convert.run))
+app.command("info")(common(info.run))
+app.command("convert")(common(convert.run))
 app.add_typer(config.app, name="config")
 app.command("warmup")(common(warmup.run))
 

@@ -43,7 +43,17 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
     config = load_run_config(options.config, options.overrides, options.seed)
     if options.jobs is not None:
         os.environ["NUMBA_NUM_THREADS"] = str(options.jobs)  # read when numba is imported, which is later
-    with stop_on_signals() as stop, console.progress_bar(command) as show:
+    from gridslam.kernels.compiling import (
+        telling_of_compilation,
+    )  # imports numba: not before the checks above
+
+    with (
+        stop_on_signals() as stop,
+        console.progress_bar(command) as show,
+        telling_of_compilation(
+            lambda: console.say("compiling kernels, once per installation; this takes a while")
+        ),
+    ):
         if map_path is None:
             run = run_map(config, options.log, show, stop)
         else:

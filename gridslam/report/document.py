@@ -12,9 +12,9 @@ import numpy as np
 
 import gridslam
 from gridslam.core.trajectory import Trajectory
+from gridslam.logs.stamps import format_stamp
 from gridslam.report.directory import REPORT_FORMAT
 from gridslam.report.environment import made_with, peak_memory_mb
-from gridslam.report.text_files import stamp_text
 from gridslam.run import Run
 
 FORMAT_VERSION = 1
@@ -61,8 +61,8 @@ def trajectory_facts(trajectory: Trajectory) -> dict[str, Any]:
     return {
         "poses": len(trajectory),
         "length_m": float(np.hypot(steps[:, 0], steps[:, 1]).sum()),
-        "first_stamp": stamp_text(int(trajectory.stamps_ns[0])),
-        "last_stamp": stamp_text(int(trajectory.stamps_ns[-1])),
+        "first_stamp": format_stamp(int(trajectory.stamps_ns[0])),
+        "last_stamp": format_stamp(int(trajectory.stamps_ns[-1])),
     }
 
 

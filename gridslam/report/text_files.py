@@ -11,22 +11,15 @@ import numpy as np
 from gridslam.core.files import write_atomic
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
+from gridslam.logs.stamps import format_stamp
 from gridslam.methods.base import Table
-
-NS = 1_000_000_000
-
-
-def stamp_text(stamp_ns: int) -> str:
-    """Seconds with nine decimals, from the integer: no digit is lost, as a float would lose two."""
-    sign, value = ("-", -stamp_ns) if stamp_ns < 0 else ("", stamp_ns)
-    return f"{sign}{value // NS}.{value % NS:09d}"
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Lines `t x y z qx qy qz qw`, in the order of the trajectory."""
     quaternions = quaternion_of_yaw(trajectory.poses[:, 2])
     lines = [
-        f"{stamp_text(int(stamp))} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
+        f"{format_stamp(int(stamp))} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
         for stamp, (x, y, _), (qw, _, _, qz) in zip(
             trajectory.stamps_ns, trajectory.poses.tolist(), quaternions.tolist(), strict=True
         )
@@ -54,7 +47,7 @@ def _cell(value: object, is_stamp: bool) -> str:
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (int, np.integer)):
-        return stamp_text(int(value)) if is_stamp else str(int(value))
+        return format_stamp(int(value)) if is_stamp else str(int(value))
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
     return "" if value is None else str(value)
