@@ -119,11 +119,15 @@ def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None, rate="")
-        started, shown = time.monotonic(), 0.0
+        started, shown = None, 0.0
 
         def show(progress: Progress) -> None:
-            nonlocal shown
+            nonlocal started, shown
             now = time.monotonic()
+            started = now if started is None else started
+            if progress.is_finishing:
+                bar.update(task, description=f"{what}, final stage", total=None, rate="")
+                return
             if now - shown < SHOW_EVERY_S:
                 return
             shown = now

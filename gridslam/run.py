@@ -35,11 +35,15 @@ LONG_BATCH_S = 0.04
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a run is: events taken in, of at most so many, and how many of them were scans."""
+    """How far a run is: events taken in, of at most so many, and how many of them were scans.
+
+    `is_finishing`: all events are in, and the method computes its result.
+    """
 
     events: int
     most_events: int
     scans: int
+    is_finishing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +104,7 @@ def _run(
         method = build(config.method, config.seed, *given)
         opened = time.perf_counter()
         fed = feed(log, method, show, stop)
+        show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = time.perf_counter()
         result = method.result()
         finished = time.perf_counter()
@@ -138,13 +143,17 @@ def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[.
 
 
 @dataclass(frozen=True, slots=True)
-class _Fed:
+class Fed:
+    """What came of feeding a log: the clock, what went in, and whether it ended early."""
+
     read_s: float
     process_s: float
+    events: int
+    scans: int
     stopped: bool
 
 
-def feed(log: Log, method: Method, show: Show, stop: Stop) -> _Fed:
+def feed(log: Log, method: Method, show: Show, stop: Stop) -> Fed:
     """Give all events to the method in order; in batches, to read the clock seldom and yet to stop soon.
 
     A batch grows while it takes less than 10 ms and shrinks when it takes more than 40 ms: its size changes
@@ -165,7 +174,7 @@ def feed(log: Log, method: Method, show: Show, stop: Stop) -> _Fed:
         read_s += t1 - t0
         process_s += t2 - t1
         if not batch:
-            return _Fed(read_s, process_s, stopped=False)
+            return Fed(read_s, process_s, done, scans, stopped=False)
         done += len(batch)
         scans += sum(isinstance(event, LaserScan) for event in batch)
         show(Progress(done, most, scans))
@@ -173,4 +182,4 @@ def feed(log: Log, method: Method, show: Show, stop: Stop) -> _Fed:
             size = min(2 * size, LONGEST_BATCH)
         elif t2 - t0 > LONG_BATCH_S:
             size = max(size // 2, 1)
-    return _Fed(read_s, process_s, stopped=True)
+    return Fed(read_s, process_s, done, scans, stopped=True)
