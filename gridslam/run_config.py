@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Annotated, Any, Generic, TypeVar, cast
 
 from pydantic import BaseModel, Field, ValidationError
@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 from gridslam.config.base import StrictModel
 from gridslam.config.builtin import read_config
 from gridslam.config.errors import config_error, nearest
-from gridslam.config.overrides import apply_overrides
+from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
 from gridslam.methods import registry
@@ -61,19 +61,22 @@ def load_run_config(
     Raises ConfigError with the file, the key path, what is wrong there and the nearest valid key.
     """
     document, source = read_config(name_or_path)
+    overrides = list(overrides)
     document = apply_overrides(document, overrides)
     if seed is not None:
         document["seed"] = seed
-    return validate_run_config(document, source)
+    return validate_run_config(document, source, overridden_keys(overrides))
 
 
-def validate_run_config(document: dict[str, Any], source: str) -> RunConfig[BaseModel]:
-    """The checked config; `source` names the document in errors."""
+def validate_run_config(
+    document: dict[str, Any], source: str, overridden: Collection[str] = ()
+) -> RunConfig[BaseModel]:
+    """The checked config; errors name `source`, and mark the key paths that --set has `overridden`."""
     model = run_config_model(method_name(document, source))
     try:
         return model.model_validate(document)
     except ValidationError as error:
-        raise config_error(error, model, source) from None
+        raise config_error(error, model, source, overridden) from None
 
 
 def run_config_model(method: str) -> type[RunConfig[BaseModel]]:

@@ -76,6 +76,15 @@ def test_an_error_names_file_key_path_and_nearest_key(
     assert says in str(error.value)
 
 
+def test_an_error_in_an_override_is_marked_as_such(config_file: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--set method\.particles: input should be"):
+        load_run_config(str(config_file), ["method.particles=0"])
+    config_file.write_text("method: {name: dead-reckoning, particles: 0}")
+    with pytest.raises(ConfigError) as error:
+        load_run_config(str(config_file), ["method.resolution_m=0.1"])
+    assert "--set" not in str(error.value)
+
+
 def test_a_config_without_a_method_says_what_to_write(tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
     file.write_text("")

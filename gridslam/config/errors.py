@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -15,10 +15,15 @@ from gridslam.core.errors import ConfigError
 MOST_SHOWN = 5
 
 
-def config_error(error: ValidationError, model: type[BaseModel], source: str) -> ConfigError:
-    """The ConfigError that says all that `error` found (the first few, and how many more)."""
+def config_error(
+    error: ValidationError, model: type[BaseModel], source: str, overridden: Collection[str] = ()
+) -> ConfigError:
+    """The ConfigError that says all that `error` found (the first few, and how many more).
+
+    `overridden` holds the key paths that came from --set, not from the source: they are marked.
+    """
     details = error.errors(include_url=False, include_context=True)
-    lines = [_describe(detail, model) for detail in details[:MOST_SHOWN]]
+    lines = [_describe(detail, model, overridden) for detail in details[:MOST_SHOWN]]
     if len(details) > MOST_SHOWN:
         lines.append(f"and {len(details) - MOST_SHOWN} more")
     return ConfigError(f"{source}: " + "; ".join(lines))
@@ -33,9 +38,11 @@ def nearest(word: str, choices: Iterable[str]) -> str:
     return f" (known: {', '.join(names)})" if names else ""
 
 
-def _describe(detail: ErrorDetails, model: type[BaseModel]) -> str:
+def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collection[str]) -> str:
     location = [part for part in detail["loc"] if not _is_union_tag(part)]
     path = ".".join(str(part) for part in location) or "the document"
+    if any(path == key or path.startswith(f"{key}.") for key in overridden):
+        path = f"--set {path}"
     kind, given = detail["type"], detail["input"]
     if kind == "extra_forbidden":
         section = section_model(model, location[:-1])

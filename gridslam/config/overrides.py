@@ -35,6 +35,11 @@ def apply_overrides(document: dict[str, Any], overrides: Iterable[str]) -> dict[
     return changed
 
 
+def overridden_keys(overrides: Iterable[str]) -> list[str]:
+    """The key paths that overrides set."""
+    return [".".join(key.strip() for key in override.partition("=")[0].split(".")) for override in overrides]
+
+
 def _copy(value: Any) -> Any:
     """A deep copy of what YAML can hold; a node that two aliases share becomes two."""
     if isinstance(value, dict):

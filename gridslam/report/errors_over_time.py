@@ -22,14 +22,17 @@ class Errors:
     rotation_deg: NDArray[np.float64]
 
 
-def errors_over_time(estimate: Trajectory, truth: Trajectory) -> Errors | None:
-    """Errors at the estimate's stamps that the truth covers; None when fewer than two do."""
+def errors_over_time(estimate: Trajectory, truth: Trajectory, is_aligned: bool) -> Errors | None:
+    """Errors at the estimate's stamps that the truth covers; None when fewer than two do.
+
+    With `is_aligned` after the rigid motion that fits the positions best: a map's own frame is arbitrary.
+    """
     path = estimate.sorted()
     true_poses, inside = truth.sorted().at(path.stamps_ns)
     if np.count_nonzero(inside) < FEWEST_POSES:
         return None
     stamps, found, true = path.stamps_ns[inside], path.poses[inside], true_poses[inside]
-    T_true_map = align(found[:, :2], true[:, :2])
+    T_true_map = align(found[:, :2], true[:, :2]) if is_aligned else np.zeros(3)
     difference = se2.between(true, se2.compose(T_true_map, found))
     return Errors(stamps, np.hypot(difference[:, 0], difference[:, 1]), np.rad2deg(np.abs(difference[:, 2])))
 

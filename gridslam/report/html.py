@@ -53,9 +53,12 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
 def plots(run: Run) -> Iterator[Plot]:
     """Errors over time where the log has the truth, then every diagnostic of the method."""
     start_ns = _start_ns(run)
-    if run.truth is not None and (errors := errors_over_time(run.result.trajectory, run.truth)) is not None:
+    errors = None
+    if run.truth is not None:
+        errors = errors_over_time(run.result.trajectory, run.truth, is_aligned=run.command == "map")
+    if errors is not None:
         times = _seconds(errors.stamps_ns, start_ns)
-        note = "against the truth in the log, after the best rigid alignment"
+        note = "against the truth" + (", after the best rigid alignment" if run.command == "map" else "")
         yield Plot("Position error", Markup(time_plot([Line(times, errors.translation_m)], "m")), note)
         yield Plot("Heading error", Markup(time_plot([Line(times, errors.rotation_deg)], "deg")), note)
     for name, series in sorted(run.result.series.items()):
