@@ -320,13 +320,14 @@ def register_all(
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
     starts: NDArray[np.float64],
+    priors: NDArray[np.float64],
     prior_information: NDArray[np.float64],
     sigma_m: float,
     reach_m: float,
     final_reach_m: float,
     iterations: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """`register` for every particle against its own map; `prior_information` `(n, 3, 3)` about the starts `(n, 3)`."""
+    """`register` for every particle against its own map; `prior_information` `(n, 3, 3)` about the `priors` `(n, 3)`."""
     n = starts.shape[0]
     poses = np.empty((n, 3))
     information = np.empty((n, 3, 3))
@@ -340,7 +341,7 @@ def register_all(
             points,
             normals,
             starts[k],
-            starts[k],
+            priors[k],
             prior_information[k],
             sigma_m,
             reach_m,
@@ -401,13 +402,14 @@ def insert_surfels_all(
     pool: NDArray[np.float32],
     origin: NDArray[np.int64],
     resolution_m: float,
+    maps: NDArray[np.int64],
     poses: NDArray[np.float64],
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
 ) -> None:
-    """`insert_surfels` for every particle into its own map, whose tiles are its own already."""
+    """`insert_surfels` seen from poses[k] into map maps[k], whose tiles are its own already."""
     for k in prange(poses.shape[0]):
-        insert_surfels(directory[k], pool, origin, resolution_m, poses[k], points, normals)
+        insert_surfels(directory[maps[k]], pool, origin, resolution_m, poses[k], points, normals)
 
 
 @njit(cache=True, parallel=True)

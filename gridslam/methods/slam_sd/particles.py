@@ -1,9 +1,12 @@
-"""The Rao-Blackwellised filter: particles are trajectories with maps of their own (Grisetti et al. 2007)."""
+"""The Rao-Blackwellised filter: particles are trajectories with maps of their own (Grisetti et al. 2007).
+
+A key scan enters the particles' maps only after a window of later ones. What is in the window, the front end has used for the
+matched motion already; so the map holds only what tells something new, and weights stay even until the robot comes back
+to a place. When it does, not only the last pose is corrected: the path since the particle was tied to its map last is bent to
+its new end, and the map with it (block sampling, Doucet, Briers and Senecal 2006).
+"""
 
 from __future__ import annotations
-
-from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,35 +15,41 @@ from gridslam.core import poses as se2
 from gridslam.kernels import log_odds, surfels
 from gridslam.maps.tiled import TileStore
 from gridslam.methods.slam_sd.config import SlamSdConfig
+from gridslam.methods.slam_sd.drift import Drift, bend
 from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-@dataclass(slots=True)
-class _History:
-    """Poses and ancestors of all particles at every key scan."""
-
-    poses: list[Floats]
-    parents: list[Ints]
+Bools = NDArray[np.bool_]
 
 
 class ParticleMaps:
-    """Particles `(n, 3)` with weights, each with its surfaces and its log-odds map."""
+    """Particles with weights, each with its path over all key scans, its surfaces and its log-odds map."""
 
     def __init__(self, config: SlamSdConfig, rng: np.random.Generator) -> None:
         self._config = config
         self._rng = rng
         n = config.particles
-        self.poses = np.zeros((n, 3))
         self.log_weights = np.zeros(n)
         self.surfaces = TileStore(n, surfels.CHANNELS, config.filter.resolution_m, config.memory_limit_mb)
         self.cells = TileStore(n, 1, config.filter.free_resolution_m, config.memory_limit_mb)
+        self.drift = Drift(n)
         self.resamplings = 0
-        self._waiting: deque[tuple[PreparedScan, Floats]] = deque()
-        self._history = _History([], [])
-        self._parents = np.arange(n)
+        self.rebuilds = 0
+        self.ties = 0
+        self._paths = np.zeros((n, 256, 3))
+        self._deviations = np.zeros((256, 3))  # of the step to each key scan
+        self._scans: list[PreparedScan] = []
+        self._inserted = 0  # so many of the first key scans are in the maps
+
+    @property
+    def poses(self) -> Floats:
+        """Present poses `(n, 3)`."""
+        return np.asarray(self._paths[:, max(len(self._scans) - 1, 0)])
+
+    def trajectory(self, particle: int) -> Floats:
+        """The poses `(k, 3)` of one particle at all key scans."""
+        return np.asarray(self._paths[particle, : len(self._scans)].copy())
 
     @property
     def weights(self) -> Floats:
@@ -58,32 +67,115 @@ class ParticleMaps:
         """The particle with the largest weight (the first of equals)."""
         return int(np.argmax(self.log_weights))
 
-    def predict_and_match(self, scan: PreparedScan, step: Floats, step_information: Floats) -> None:
-        """Improved proposal: the matched motion `step` (3,) with its information, refined on every particle's own map."""
+    def add(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
+        """One step of the filter for one more key scan, `step` (3,) from the last one by the front end's reckoning.
+
+        `deviations` (3,) are the standard deviations of the step.
+        """
+        self._predict(scan, step, deviations)
+        if len(self._scans) > 1:
+            likelihood = self._match(scan)
+            self._weigh(likelihood)
+            self._resample_if_needed()
+        while len(self._scans) - self._inserted > self._config.filter.window_key_scans:
+            self._insert(np.arange(len(self._paths)), self._inserted)
+            self._inserted += 1
+
+    def _predict(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
+        key = len(self._scans)
+        if key == self._paths.shape[1]:
+            self._paths = np.concatenate([self._paths, np.zeros_like(self._paths)], axis=1)
+            self._deviations = np.concatenate([self._deviations, np.zeros_like(self._deviations)])
+        self._scans.append(scan)
+        self._deviations[key] = deviations
+        if key:
+            before = self._paths[:, key - 1]
+            noise = self._rng.standard_normal(before.shape) * deviations
+            self._paths[:, key] = se2.compose(before, step + noise)
+            self.drift.grow(before, self._paths[:, key], deviations)
+
+    def _match(self, scan: PreparedScan) -> Floats:
+        """Improved proposal: every particle is drawn to its own map where the scan fits. Log likelihoods `(n,)`."""
         config = self._config.filter
         points, normals = scan.subset(config.max_points)
-        predicted = se2.compose(self.poses, step)
-        share = config.scan_information_share
-        prior = _turned(step_information, self.poses[:, 2])
-        matched, information, used = surfels.register_all(
+        predicted = self.poses.copy()
+        prior = self.drift.information()
+        matched, information, fit = self._register(points, normals, predicted, predicted, prior)
+        lost = (fit < config.least_fit) & (self.drift.untied_steps > config.search_after)
+        if lost.any() and len(self._scans) % config.search_every == 0:
+            for _ in range(config.search_starts):
+                starts = predicted + self.drift.sample(self._rng)
+                m, i, f = self._register(points, normals, starts, predicted, prior)
+                better = lost & (f > fit)
+                matched[better], information[better], fit[better] = m[better], i[better], f[better]
+        tied = fit >= config.least_fit
+        self.ties = int(tied.sum())
+        if tied.any():
+            self._draw(predicted, matched, config.scan_information_share * information, tied)
+        return self._log_likelihood(scan.viewpoint, points, normals, self.poses)
+
+    def _draw(self, predicted: Floats, matched: Floats, information: Floats, tied: Bools) -> None:
+        """Draw the tied particles' poses about the matched ones and bend their paths to them."""
+        config = self._config.filter
+        key = len(self._scans) - 1
+        step_information = np.diag(1.0 / self._deviations[key] ** 2)
+        root = np.linalg.cholesky(np.linalg.inv(information + step_information))
+        noise = np.einsum("nij,nj->ni", root, self._rng.standard_normal(matched.shape))
+        drawn = matched + noise
+        drawn[:, 2] = se2.wrap_angle(drawn[:, 2])
+        pull = drawn - predicted
+        far = (np.hypot(pull[:, 0], pull[:, 1]) > config.bend_from_m) | (
+            np.abs(se2.wrap_angle(pull[:, 2])) > config.bend_from_rad
+        )
+        bent = tied & far & (self.drift.anchor < key - 1)
+        for particle in np.flatnonzero(bent):
+            self._bend(int(particle), drawn[particle])
+        self._paths[tied, key] = drawn[tied]
+        self.drift.tie(tied, information, key, config.anchored_m)
+
+    def _bend(self, particle: int, end: Floats) -> None:
+        """Bend the path since its anchor, and draw the map anew when that moves scans that are in it."""
+        key, anchor = len(self._scans) - 1, int(self.drift.anchor[particle])
+        path = self._paths[particle, anchor : key + 1]
+        bent = bend(path, end, self._deviations[anchor + 1 : key + 1])
+        inserted = max(self._inserted - anchor, 0)
+        moved = np.hypot(*(bent - path)[:inserted, :2].T)
+        self._paths[particle, anchor : key + 1] = bent
+        if inserted and moved.max() > self._config.filter.rebuild_from_m:
+            self.rebuilds += 1
+            self.surfaces.clear(particle)
+            self.cells.clear(particle)
+            for index in range(self._inserted):
+                self._insert(np.array([particle]), index)
+
+    def _weigh(self, likelihood: Floats) -> None:
+        """Add what the scan says about the particles, relative to the best, to their log weights."""
+        config = self._config.filter
+        gain = config.likelihood_share * (likelihood - likelihood.max())
+        self.log_weights += np.maximum(gain, -config.most_evidence)
+        self.log_weights -= self.log_weights.max()
+
+    def _register(
+        self, points: Floats, normals: Floats, starts: Floats, priors: Floats, information: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Poses, the scan's information about them, and the share of points that found a surface."""
+        config = self._config.filter
+        poses, scan_information, used = surfels.register_all(
             self.surfaces.directory,
             self.surfaces.pool,
             self.surfaces.origin,
             config.resolution_m,
             points,
             normals,
-            predicted,
-            prior / share,
+            starts,
+            priors,
+            information,
             config.sigma_m,
             config.reach_m,
-            0.1,
-            6,
+            2.0 * config.sigma_m,
+            8,
         )
-        self.log_weights += config.likelihood_share * self._log_likelihood(scan.viewpoint, points, normals, matched)
-        covariance = np.linalg.inv(share * information + prior)
-        noise = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), self._rng.standard_normal(matched.shape))
-        self.poses = matched + noise
-        self.poses[:, 2] = se2.wrap_angle(self.poses[:, 2])
+        return poses, scan_information, used / max(len(points), 1)
 
     def _log_likelihood(self, viewpoint: Floats, points: Floats, normals: Floats, poses: Floats) -> Floats:
         config = self._config.filter
@@ -107,45 +199,33 @@ class ParticleMaps:
             )
         )
 
-    def resample_if_needed(self) -> bool:
+    def _resample_if_needed(self) -> None:
         """Residual resampling when N_eff falls below its share of the particles."""
-        self.log_weights -= self.log_weights.max()
-        n = len(self.poses)
+        n = len(self.log_weights)
         if self.effective_sample_size >= self._config.filter.resample_below * n:
-            return False
+            return
         ancestors = residual_ancestors(self.weights, self._rng)
         self.surfaces.redistribute(ancestors)
         self.cells.redistribute(ancestors)
-        self.poses = self.poses[ancestors]
-        self._parents = self._parents[ancestors]
-        self._waiting = deque((scan, poses[ancestors]) for scan, poses in self._waiting)
+        self._paths = self._paths[ancestors]
+        self.drift.select(ancestors)
         self.log_weights = np.zeros(n)
         self.resamplings += 1
-        return True
 
-    def insert(self, scan: PreparedScan) -> None:
-        """Every particle takes the scan into its own map, but only when the front end has forgotten it.
-
-        What the front end still remembers has been used for the matched motion already; weighing the particles
-        with it again would tell nothing about their drift, only wear out their diversity.
-        """
-        self._waiting.append((scan, self.poses.copy()))
-        while len(self._waiting) > self._config.filter.delay_key_scans:
-            self._insert(*self._waiting.popleft())
-
-    def _insert(self, scan: PreparedScan, poses: Floats) -> None:
+    def _insert(self, maps: Ints, key: int) -> None:
+        """Draw one key scan into some particles' maps at their own poses."""
         config = self._config
-        maps = np.arange(len(poses))
-        points, normals = scan.surface, scan.surface_normals
-        self.surfaces.own_end_points(maps, poses, points)
+        scan, poses = self._scans[key], np.ascontiguousarray(self._paths[maps, key])
+        self.surfaces.own_end_points(maps, poses, scan.surface)
         surfels.insert_surfels_all(
             self.surfaces.directory,
             self.surfaces.pool,
             self.surfaces.origin,
             config.filter.resolution_m,
+            maps,
             poses,
-            points,
-            normals,
+            scan.surface,
+            scan.surface_normals,
         )
         self.cells.own_beams(maps, poses, scan.viewpoint, scan.points)
         log_odds.insert_beams_all(
@@ -153,6 +233,7 @@ class ParticleMaps:
             self.cells.pool,
             self.cells.origin,
             config.filter.free_resolution_m,
+            maps,
             poses,
             scan.viewpoint,
             scan.points,
@@ -160,20 +241,6 @@ class ParticleMaps:
             config.map.miss,
             config.map.limit,
         )
-
-    def remember(self) -> None:
-        """Close the step: keep the poses and who came from whom."""
-        self._history.poses.append(self.poses.copy())
-        self._history.parents.append(self._parents)
-        self._parents = np.arange(len(self.poses))
-
-    def trajectory(self, particle: int) -> Floats:
-        """The poses `(k, 3)` of one particle at all key scans."""
-        out = np.empty((len(self._history.poses), 3))
-        for k in range(len(out) - 1, -1, -1):
-            out[k] = self._history.poses[k][particle]
-            particle = int(self._history.parents[k][particle])
-        return out
 
 
 def residual_ancestors(weights: Floats, rng: np.random.Generator) -> Ints:
@@ -189,12 +256,3 @@ def residual_ancestors(weights: Floats, rng: np.random.Generator) -> Ints:
     extra = np.repeat(np.arange(n), np.maximum(counts - 1, 0))
     ancestors[ancestors < 0] = extra
     return ancestors
-
-
-def _turned(information: Floats, yaws: Floats) -> Floats:
-    """Information `(3, 3)` in the robot's frame as `(n, 3, 3)` in the map's, for robots of the given yaws."""
-    c, s = np.cos(yaws), np.sin(yaws)
-    rotation = np.zeros((len(yaws), 3, 3))
-    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0], rotation[:, 1, 1] = c, -s, s, c
-    rotation[:, 2, 2] = 1.0
-    return rotation @ information @ rotation.transpose(0, 2, 1)
