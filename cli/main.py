@@ -20,7 +20,7 @@ from .options import common
 
 BUG, INTERRUPTED, USAGE, METHOD = 70, 130, 2, 4
 
-# Typer's usage errors derive from click's ClickException, or from a copy of it that newer releases bundle.
+# Typer bundles a copy of click: this is the base of all its usage errors.
 UsageProblem: type[Exception] = typer.BadParameter.__mro__[2]
 
 app = typer.Typer(
