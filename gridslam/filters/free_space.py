@@ -1,0 +1,29 @@
+"""Poses drawn evenly over the free space of a map."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import MapError
+from gridslam.maps.occupancy import OccupancyGrid
+
+Floats = NDArray[np.float64]
+
+
+def free_cells(occupancy: OccupancyGrid, threshold: float) -> NDArray[np.bool_]:
+    """Cells `(rows, cols)` known to be free with at most this probability of occupancy. Raises MapError when there is none."""
+    free = np.nan_to_num(occupancy.probability, nan=1.0) <= threshold
+    if not free.any():
+        raise MapError("the map has no free cell, so the robot can be nowhere; check its thresholds and mode")
+    return free
+
+
+def draw_free_poses(
+    free: NDArray[np.bool_], occupancy: OccupancyGrid, count: int, rng: np.random.Generator
+) -> Floats:
+    """Poses `(count, 3)`, uniform over the free cells and all headings."""
+    cells = np.argwhere(free)[rng.integers(0, int(free.sum()), count)]
+    within = (rng.random((count, 2)) - 0.5) * occupancy.geometry.resolution_m
+    xy = occupancy.geometry.centres(cells) + within
+    return np.column_stack([xy, rng.uniform(-np.pi, np.pi, count)])

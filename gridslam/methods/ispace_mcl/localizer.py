@@ -1,0 +1,165 @@
+"""The filter: predict, weigh, estimate, resample; and search the map when the answer is in doubt."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.filters.free_space import draw_free_poses, free_cells
+from gridslam.filters.particles import Belief, Particles, main_cluster
+from gridslam.filters.resampling import AdaptiveSize, resample
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.ispace_mcl.assessment import Assessment, Watch
+from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.relocalization import compete
+from gridslam.methods.ispace_mcl.weighing import log_weight_of
+from gridslam.methods.ispace_mcl.window import ScanWindow
+from gridslam.motion.odometry_model import OdometryNoise, sample_motion
+from gridslam.sensors.lidar_beams import Beams
+from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table, occupied_cells
+from gridslam.sensors.pose_search import PoseSearch, SearchSettings
+
+Floats = NDArray[np.float64]
+
+_SEARCH_POINTS = 300
+_SEARCH_SIGMA_M = 0.2
+_SEARCH_RANDOM_SHARE = 0.1
+_JUMP_SCATTER = np.array([0.5, 0.5, 0.3])
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """What one scan came to."""
+
+    belief: Belief
+    assessment: Assessment
+    particles: int
+
+
+class Localizer:
+    """Monte Carlo localization on one map (METHODS: predict, weigh, resample)."""
+
+    def __init__(self, config: IspaceMclConfig, occupancy: OccupancyGrid, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+        occupied = occupied_cells(occupancy, config.occupied_from)
+        self._occupancy = occupancy
+        self._free = free_cells(occupancy, config.free_below)
+        field = distance_field(occupied, occupancy.geometry, config.field_reach_m)
+        self._log_weight = log_weight_of(config.weight, field, occupied)
+        self._search_table = log_likelihood_table(field, _SEARCH_SIGMA_M, _SEARCH_RANDOM_SHARE)
+        self._watch = Watch(config.confidence, field)
+        self._window = ScanWindow(config.search)
+        self._search = PoseSearch(field, self._free, _search_settings(config)) if config.search.enabled else None
+        noise = config.motion.model_dump(include={"alpha1", "alpha2", "alpha3", "alpha4", "wild_share", "wild_factor"})
+        self._noise = OdometryNoise(**noise)
+        size = config.particles
+        self._size = AdaptiveSize(size.least, size.most, size.kld_error, size.kld_quantile, size.bin_m, size.bin_rad)
+        self.particles = self._start()
+        self._searched = config.start is not None
+        self._since_search = 0.0
+        self._is_checked = False
+        self.counters: Counter[str] = Counter()
+
+    def update(self, step: Floats, odometry: Floats, beams: Beams, broken: bool) -> Update:
+        """One round of the filter: motion since the last one `(3,)`, T_odom_base `(3,)`, and the scan."""
+        config = self._config
+        self.particles = Particles(
+            sample_motion(self.particles.poses, step, self._noise, self._rng), self.particles.weights
+        )
+        if broken:
+            self._scatter()
+        self._window.add(odometry, beams.points)
+        self._since_search += float(np.hypot(step[0], step[1]))
+        if not self._searched:
+            self._compete(None)
+        used = beams.thinned(config.scan.beams)
+        if len(used.points):
+            self.particles = self.particles.reweighted(self._log_weight(used, self.particles.poses))
+        else:
+            self.counters["scan.without_returns"] += 1
+        belief = self._cluster()
+        assessment = self._watch.assess(belief, beams.points)
+        if self._is_search_due(assessment):
+            self._compete(belief)
+            belief = self._cluster()
+            assessment = self._watch.assess(belief, beams.points)
+        count = len(self.particles)
+        if self.particles.effective_size < config.particles.resample_below * count:
+            self.particles = resample(self.particles, self._size, self._rng)
+            self.counters["resamplings"] += 1
+        return Update(belief, assessment, count)
+
+    def _cluster(self) -> Belief:
+        confidence = self._config.confidence
+        return main_cluster(self.particles, confidence.cluster_m, confidence.cluster_rad)
+
+    def _start(self) -> Particles:
+        config = self._config
+        count = config.particles.most
+        if config.start is None:
+            return Particles.even(draw_free_poses(self._free, self._occupancy, count, self._rng))
+        drawn = self._rng.standard_normal((count, 3)) * config.start_deviation
+        poses = np.asarray(config.start) + drawn
+        poses[:, 2] = se2.wrap_angle(poses[:, 2])
+        return Particles.even(poses)
+
+    def _scatter(self) -> None:
+        """After a jump of the odometry the robot may have moved unseen."""
+        poses = self.particles.poses + self._rng.standard_normal(self.particles.poses.shape) * _JUMP_SCATTER
+        poses[:, 2] = se2.wrap_angle(poses[:, 2])
+        self.particles = Particles(poses, self.particles.weights)
+        self._window.clear()
+        self._is_checked = False
+
+    def _is_search_due(self, assessment: Assessment) -> bool:
+        search = self._config.search
+        if self._search is None:
+            return False
+        if assessment.status != "localized":
+            return self._since_search >= search.retry_m
+        return self._since_search >= (search.recheck_m if self._is_checked else search.check_m)
+
+    def _compete(self, belief: Belief | None) -> None:
+        """Search the map; `belief` is the tracked pose, None when there is none yet."""
+        if self._search is None:
+            return
+        self._searched = True
+        self._since_search = 0.0
+        self.counters["searches"] += 1
+        contest = compete(
+            self._search,
+            self._window.points(_SEARCH_POINTS),
+            self._search_table,
+            0.1,
+            None if belief is None else (self.particles, belief),
+            self._config.particles.most,
+            self._config.search,
+            self._rng,
+        )
+        if contest is None:
+            return
+        self._is_checked = contest.is_confirmed
+        if not contest.is_confirmed:
+            self.particles = contest.particles
+            self._watch.restart()
+            self.counters["injections"] += 1
+
+
+def _search_settings(config: IspaceMclConfig) -> SearchSettings:
+    search = config.search
+    return SearchSettings(
+        search.spacing_m,
+        search.headings,
+        search.sigma_m,
+        search.points,
+        search.most_poses,
+        search.refined,
+        search.hypotheses,
+        apart_m=0.5,
+        apart_rad=0.26,
+    )

@@ -1,0 +1,106 @@
+"""Monte Carlo localization along a log (section 4 of the paper, its onboard part)."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.random import random_stream
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.localizer import Localizer, Update
+from gridslam.methods.ispace_mcl.record import Record
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses
+from gridslam.sensors.lidar_beams import Mounting, beams_of, mounting_of
+
+Floats = NDArray[np.float64]
+
+
+class IspaceMcl:
+    """Finds the robot on `occupancy`, a pose for every scan that odometry reaches."""
+
+    def __init__(self, config: IspaceMclConfig, seed: int, occupancy: OccupancyGrid) -> None:
+        self._config = config
+        self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
+        motion = config.motion
+        self._scans = ScanPoses(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
+        self._mountings: dict[str, Mounting] = {}
+        self._record = Record()
+        self._counters: Counter[str] = Counter()
+        self._updated_at: Floats | None = None  # T_odom_base of the last update
+        self._update: Update | None = None
+        self._standing = 0
+        self._stamp_ns = 0
+        self._pose: Floats | None = None
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The mean of the main cluster, and all particles."""
+        if self._pose is None:
+            return None
+        return Estimate(self._stamp_ns, self._pose, self._localizer.particles.poses)
+
+    def process(self, event: Event) -> None:
+        """Scans, odometry and static transforms are used."""
+        if isinstance(event, LaserScan):
+            placed = self._scans.add_scan(event)
+        elif isinstance(event, Odometry):
+            placed = self._scans.add_odometry(event)
+        else:
+            if isinstance(event, Transform) and event.is_static:
+                self._mountings[event.child_frame_id] = mounting_of(event)
+            return
+        for scan in placed:
+            self._take(scan)
+
+    def result(self) -> RunResult:
+        """The trajectory, the table `localization` and the series of the report."""
+        for scan in self._scans.flush():
+            self._take(scan)
+        counters = self._counters + self._localizer.counters + self._scans.counters
+        return RunResult(
+            self._record.trajectory(),
+            tables={"localization": self._record.table()},
+            series=self._record.series(),
+            counters=dict(counters),
+            measures=self._record.measures(),
+        )
+
+    def _take(self, placed: PlacedScan) -> None:
+        if self._is_update_due(placed):
+            self._weigh(placed)
+        if self._update is None or self._updated_at is None:
+            return
+        since = se2.between(self._updated_at, placed.odometry)
+        self._pose = se2.compose(self._update.belief.mean, since)
+        self._stamp_ns = placed.scan.stamp_ns
+        self._record.add(self._stamp_ns, self._pose, self._update)
+        self._counters["used.scan"] += 1
+
+    def _is_update_due(self, placed: PlacedScan) -> bool:
+        if self._updated_at is None or placed.broken:
+            return True
+        step = se2.between(self._updated_at, placed.odometry)
+        config = self._config.update
+        moved = float(np.hypot(step[0], step[1])) >= config.min_travel_m
+        if moved or abs(float(step[2])) >= config.min_turn_rad:
+            self._standing = 0
+            return True
+        self._standing += 1
+        return self._standing <= config.standing
+
+    def _weigh(self, placed: PlacedScan) -> None:
+        config = self._config.scan
+        mounting = self._mountings.get(placed.scan.frame_id, Mounting(np.zeros(3)))
+        beams = beams_of(placed.scan, mounting, config.min_range_m, config.max_range_m)
+        self._counters["beams.unreadable"] += beams.unreadable
+        last = placed.odometry if self._updated_at is None else self._updated_at
+        step = se2.between(last, placed.odometry)
+        self._update = self._localizer.update(step, placed.odometry, beams, placed.broken)
+        self._updated_at = placed.odometry
+        self._counters["updates"] += 1

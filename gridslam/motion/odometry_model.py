@@ -1,0 +1,59 @@
+"""The odometry motion model: turn, drive, turn, each with noise (Thrun et al. 2005, table 5.6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+
+Floats = NDArray[np.float64]
+
+_STANDING_M = 0.01  # below this the direction of a step is noise, and all of its turning counts as the second turn
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryNoise:
+    """Variances per squared motion: alpha1 turning by turning, alpha2 turning by driving (rad^2/m^2), alpha3 driving by driving,
+    alpha4 driving by turning (m^2/rad^2). `wild_share` of the samples have `wild_factor` times the deviation: wheels slip.
+    """
+
+    alpha1: float
+    alpha2: float
+    alpha3: float
+    alpha4: float
+    wild_share: float = 0.0
+    wild_factor: float = 1.0
+
+
+def sample_motion(poses: Floats, step: Floats, noise: OdometryNoise, rng: np.random.Generator) -> Floats:
+    """Poses `(n, 3)` after an odometry step `(3,)` in the robot's frame, each with noise of its own."""
+    way = float(np.hypot(step[0], step[1]))
+    turn_1 = float(np.arctan2(step[1], step[0])) if way >= _STANDING_M else 0.0
+    turn_2 = float(se2.wrap_angle(step[2] - turn_1))
+    # Driving backwards is no turn of half a circle there and back.
+    noisy_1, noisy_2 = _least_turn(turn_1), _least_turn(turn_2)
+    deviations = np.sqrt(
+        [
+            noise.alpha1 * noisy_1**2 + noise.alpha2 * way**2,
+            noise.alpha3 * way**2 + noise.alpha4 * (noisy_1**2 + noisy_2**2),
+            noise.alpha1 * noisy_2**2 + noise.alpha2 * way**2,
+        ]
+    )
+    n = len(poses)
+    drawn = rng.standard_normal((3, n)) * deviations[:, None]
+    wild = int(round(noise.wild_share * n))
+    if wild:
+        drawn[:, rng.integers(0, n, wild)] *= noise.wild_factor
+    heading = poses[:, 2] + (turn_1 + drawn[0])
+    length = way + drawn[1]
+    x = poses[:, 0] + length * np.cos(heading)
+    y = poses[:, 1] + length * np.sin(heading)
+    return np.stack([x, y, se2.wrap_angle(heading + (turn_2 + drawn[2]))], axis=1)
+
+
+def _least_turn(angle_rad: float) -> float:
+    """The angle to straight ahead or straight back, whichever is nearer."""
+    return min(abs(angle_rad), abs(abs(angle_rad) - np.pi))
