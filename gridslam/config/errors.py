@@ -39,19 +39,24 @@ def nearest(word: str, choices: Iterable[str]) -> str:
 
 
 def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collection[str]) -> str:
-    location = [part for part in detail["loc"] if not _is_union_tag(part)]
+    location, section = _locate(model, detail["loc"])
     path = ".".join(str(part) for part in location) or "the document"
+    key = str(location[-1]) if location else ""
     if any(path == key or path.startswith(f"{key}.") for key in overridden):
         path = f"--set {path}"
     kind, given = detail["type"], detail["input"]
     if kind == "extra_forbidden":
-        section = section_model(model, location[:-1])
-        fields = section.model_fields if section else ()
-        return f"{path}: no such key{nearest(str(location[-1]), fields)}"
+        return f"{path}: no such key{nearest(key, section.model_fields if section else ())}"
     if kind == "missing":
         return f"{path}: this key is missing"
     if kind == "literal_error":
         return f"{path}: expected {detail['ctx']['expected']}, got {_short(given)}"
+    if kind == "union_tag_not_found":
+        return f"{path}: the key {detail['ctx']['discriminator']} is missing"
+    if kind == "union_tag_invalid":
+        context = detail["ctx"]
+        tag_key = context["discriminator"].strip("'")
+        return f"{path}.{tag_key}: expected {context['expected_tags']}, got {context['tag']!r}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"{path}: expected a section with keys, got {_short(given)}"
     if kind == "value_error":
@@ -60,43 +65,67 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
     return f"{path}: {message}, got {_short(given)}"
 
 
-def _is_union_tag(part: str | int) -> bool:
-    """Pydantic names the tried branch of a union in the path; the user never wrote it."""
-    return isinstance(part, str) and any(mark in part for mark in ("[", "(", "-wrap", "-before", "-after"))
-
-
 def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def section_model(model: type[BaseModel], path: Sequence[str | int]) -> type[BaseModel] | None:
-    """The model of the section at a key path; None where the path leads to something else."""
+def _locate(
+    model: type[BaseModel], location: Sequence[str | int]
+) -> tuple[list[str | int], type[BaseModel] | None]:
+    """The key path as the user wrote it, and the model of the section that holds its last key.
+
+    Where a type has alternatives, pydantic's location also names the one that it tried; that is left out.
+    """
+    path: list[str | int] = []
     annotations: list[Any] = [model]
-    for key in path:
-        annotations = [below for annotation in annotations for below in _below(annotation, key)]
-    return next((found for annotation in annotations for found in _models(annotation)), None)
+    section: type[BaseModel] | None = None
+    for part in location:
+        if part == "[key]":
+            continue
+        below = [_unwrapped(found) for annotation in annotations for found in _below(annotation, part)]
+        alternatives = [found for annotation in annotations for found in _alternatives(annotation)]
+        if alternatives and not below:
+            annotations = [annotation for annotation in alternatives if _is_named(annotation, part)]
+            continue
+        section = next((annotation for annotation in annotations if _is_model(annotation)), None)
+        path.append(part)
+        annotations = below
+    return path, section
+
+
+def _unwrapped(annotation: Any) -> Any:
+    """X of Annotated[X, ...] and of X | None."""
+    if get_origin(annotation) is Annotated:
+        return _unwrapped(get_args(annotation)[0])
+    present = [found for found in _alternatives(annotation) if found is not type(None)]
+    return _unwrapped(present[0]) if len(present) == 1 else annotation
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _alternatives(annotation: Any) -> list[Any]:
+    """What a union chooses from; empty for any other type."""
+    return list(get_args(annotation)) if get_origin(annotation) in (Union, UnionType) else []
+
+
+def _is_named(annotation: Any, tag: str | int) -> bool:
+    """Whether pydantic's tag means this alternative: by its discriminator's value, or by its name."""
+    if not _is_model(annotation):
+        return False
+    literals = [value for field in annotation.model_fields.values() for value in get_args(field.annotation)]
+    return annotation.__name__ == tag or tag in literals
 
 
 def _below(annotation: Any, key: str | int) -> Iterator[Any]:
     """What a type holds under a key: the field of a model, the items of a list, the values of a dict."""
     origin, arguments = get_origin(annotation), get_args(annotation)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if _is_model(annotation):
         if key in annotation.model_fields:
             yield annotation.model_fields[str(key)].annotation
     elif origin is dict:
         yield arguments[1]
-    elif origin in (list, tuple):
+    elif origin in (list, tuple) and isinstance(key, int):
         yield arguments[0]
-    elif origin in (Annotated, Union, UnionType):
-        for argument in arguments:
-            yield from _below(argument, key)
-
-
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models among the alternatives that an annotation names."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    elif get_origin(annotation) in (Annotated, Union, UnionType):
-        for argument in get_args(annotation):
-            yield from _models(argument)
