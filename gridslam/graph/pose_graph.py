@@ -48,7 +48,11 @@ class Edges:
     def select(self, mask: NDArray[np.bool_]) -> Edges:
         """The edges that the mask `(m,)` keeps."""
         return Edges(
-            self.source[mask], self.target[mask], self.T_source_target[mask], self.information[mask], self.is_loop[mask]
+            self.source[mask],
+            self.target[mask],
+            self.T_source_target[mask],
+            self.information[mask],
+            self.is_loop[mask],
         )
 
 

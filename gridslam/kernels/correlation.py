@@ -38,7 +38,9 @@ def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
 
 
 @njit(cache=True)
-def _score(level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int) -> int:
+def _score(
+    level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int
+) -> int:
     """Sum of the field under all points moved by (dr, dc) cells."""
     h, w = level.shape
     total = 0

@@ -87,7 +87,9 @@ def insert_beams_all(
 ) -> None:
     """`insert_beams` seen from poses[k] into map maps[k], whose tiles are its own already."""
     for k in prange(poses.shape[0]):
-        insert_beams(directory[maps[k]], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit)
+        insert_beams(
+            directory[maps[k]], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit
+        )
 
 
 @njit(cache=True)

@@ -86,7 +86,7 @@ def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float,
 
 @njit(cache=True)
 def _distance(points: NDArray[np.float64], i: int, j: int) -> float:
-    return np.sqrt((points[i, 0] - points[j, 0]) ** 2 + (points[i, 1] - points[j, 1]) ** 2)
+    return float(np.sqrt((points[i, 0] - points[j, 0]) ** 2 + (points[i, 1] - points[j, 1]) ** 2))
 
 
 @njit(cache=True)
@@ -104,10 +104,16 @@ def surface_normals(
             spacing = min(spacing, _distance(points, i, i + 1))
         radius = min(max(MIN_RADIUS_M, RADIUS_IN_SPACINGS * spacing), MAX_RADIUS_M)
         lo = i
-        while lo > 0 and beams[i] - beams[lo - 1] <= MAX_MISSING_BEAMS and _distance(points, i, lo - 1) < radius:
+        while (
+            lo > 0 and beams[i] - beams[lo - 1] <= MAX_MISSING_BEAMS and _distance(points, i, lo - 1) < radius
+        ):
             lo -= 1
         hi = i
-        while hi < m - 1 and beams[hi + 1] - beams[i] <= MAX_MISSING_BEAMS and _distance(points, i, hi + 1) < radius:
+        while (
+            hi < m - 1
+            and beams[hi + 1] - beams[i] <= MAX_MISSING_BEAMS
+            and _distance(points, i, hi + 1) < radius
+        ):
             hi += 1
         if hi - lo < 2:
             continue

@@ -22,7 +22,7 @@ class GridGeometry:
         if self.yaw_rad:
             cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
             local = local @ np.array([[cos, -sin], [sin, cos]])
-        return np.floor(local[..., ::-1] / self.resolution_m).astype(np.int64)
+        return np.asarray(np.floor(local[..., ::-1] / self.resolution_m), dtype=np.int64)
 
     def centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Centres `(n, 2)` as (x, y) in the map frame of cells `(n, 2)` given as (row, col)."""

@@ -18,7 +18,9 @@ class TileStore:
     directory would exceed `memory_limit_mb`, MethodError says so (a wild pose must not eat the machine).
     """
 
-    def __init__(self, n_maps: int, channels: int, resolution_m: float, memory_limit_mb: float = 1024.0) -> None:
+    def __init__(
+        self, n_maps: int, channels: int, resolution_m: float, memory_limit_mb: float = 1024.0
+    ) -> None:
         self.resolution_m = resolution_m
         self.memory_limit_mb = memory_limit_mb
         self.origin = np.zeros(2, np.int64)  # tile (row, col) of directory[:, 0, 0]
@@ -39,7 +41,9 @@ class TileStore:
         """Tiles that at least one map holds."""
         return len(self.refcount) - self.n_free
 
-    def own_end_points(self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
+    def own_end_points(
+        self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]
+    ) -> None:
         """Make the tiles in which the points `(m, 2)` end, seen from pose k `(n, 3)`, writable in map maps[k]."""
         self._cover(poses, points)
         for k, map_index in enumerate(maps):

@@ -13,10 +13,16 @@ class ScanConfig(StrictModel):
     """Which readings of a scan are used, and how many of them."""
 
     min_range_m: float = Field(0.05, ge=0.0, description="shorter readings are skipped")
-    max_range_m: float = Field(40.0, gt=0.0, description="longer readings are skipped, whatever the log's range_max")
-    spacing_m: float = Field(0.03, ge=0.0, description="least distance between neighbouring points used for matching")
+    max_range_m: float = Field(
+        40.0, gt=0.0, description="longer readings are skipped, whatever the log's range_max"
+    )
+    spacing_m: float = Field(
+        0.03, ge=0.0, description="least distance between neighbouring points used for matching"
+    )
     max_points: int = Field(360, ge=20, description="most points of a scan used by the front end")
-    max_chord_m: float = Field(2.0, ge=0.0, description="neighbouring points of one flat surface are joined up to here")
+    max_chord_m: float = Field(
+        2.0, ge=0.0, description="neighbouring points of one flat surface are joined up to here"
+    )
     chord_spacing_m: float = Field(0.1, gt=0.0, description="spacing of the points put in between")
 
 
@@ -29,7 +35,9 @@ class FrontEndConfig(StrictModel):
     reach_m: float = Field(0.4, gt=0.0, description="farthest correspondence in the first iteration")
     final_reach_m: float = Field(0.1, gt=0.0, description="farthest correspondence in the last iterations")
     iterations: int = Field(12, ge=1, description="most Gauss-Newton iterations")
-    yaw_step_rad: float = Field(0.02, gt=0.0, description="step of the search for the heading where odometry leaves it open")
+    yaw_step_rad: float = Field(
+        0.02, gt=0.0, description="step of the search for the heading where odometry leaves it open"
+    )
     yaw_points: int = Field(120, ge=20, description="most points used in that search")
     min_points: int = Field(20, ge=3, description="with fewer correspondences the odometry stands")
 
@@ -43,6 +51,14 @@ class OdometryConfig(StrictModel):
     rotation_floor_rad: float = Field(0.005, gt=0.0)
     rotation_per_rad: float = Field(0.5, ge=0.0)
     rotation_per_m_rad: float = Field(0.1, ge=0.0)
+    max_speed_mps: float = Field(5.0, gt=0.0, description="odometry that goes faster has jumped")
+    max_turn_radps: float = Field(10.0, gt=0.0, description="odometry that turns faster has jumped")
+    jump_tolerance_m: float = Field(
+        0.5, ge=0.0, description="beyond the speed limit, for stamps that are not exact"
+    )
+    jump_tolerance_rad: float = Field(0.5, ge=0.0)
+    jump_deviation_m: float = Field(0.3, gt=0.0, description="standard deviation of the motion during a jump")
+    jump_deviation_rad: float = Field(0.3, gt=0.0)
 
 
 class FilterConfig(StrictModel):
@@ -50,37 +66,56 @@ class FilterConfig(StrictModel):
 
     resolution_m: float = Field(0.2, gt=0.0, description="cell of a particle's surface map")
     free_resolution_m: float = Field(0.2, gt=0.0, description="cell of a particle's log-odds map")
-    window_key_scans: int = Field(60, ge=0, description="a key scan enters the particles' maps after so many more")
+    window_key_scans: int = Field(
+        60, ge=0, description="a key scan enters the particles' maps after so many more"
+    )
     max_points: int = Field(120, ge=20, description="most points of a key scan used by a particle")
-    translation_floor_m: float = Field(0.0015, gt=0.0, description="noise of the matched motion over one key step")
+    translation_floor_m: float = Field(
+        0.0015, gt=0.0, description="noise of the matched motion over one key step"
+    )
     translation_per_m: float = Field(0.005, ge=0.0)
     rotation_floor_rad: float = Field(0.001, gt=0.0)
     rotation_per_rad: float = Field(0.01, ge=0.0)
     sigma_m: float = Field(0.06, gt=0.0, description="standard deviation of an end point about a surface")
     reach_m: float = Field(0.3, gt=0.0, description="farthest correspondence")
-    least_fit: float = Field(0.6, gt=0.0, le=1.0, description="share of points on known surfaces that ties a scan to the map")
-    search_after: int = Field(40, ge=0, description="untied for so many key scans, a particle looks around for its map")
+    least_fit: float = Field(
+        0.6, gt=0.0, le=1.0, description="share of points on known surfaces that ties a scan to the map"
+    )
+    search_after: int = Field(
+        40, ge=0, description="untied for so many key scans, a particle looks around for its map"
+    )
     search_every: int = Field(3, ge=1, description="and does so at every so many key scans")
     search_starts: int = Field(6, ge=0, description="from so many poses drawn from its drift")
-    anchored_m: float = Field(0.1, gt=0.0, description="a scan that ties the position to this anchors the path")
+    anchored_m: float = Field(
+        0.1, gt=0.0, description="a scan that ties the position to this anchors the path"
+    )
     bend_from_m: float = Field(0.03, gt=0.0, description="smaller corrections move the last pose only")
     bend_from_rad: float = Field(0.01, gt=0.0, description="smaller corrections turn the last pose only")
-    rebuild_from_m: float = Field(0.1, gt=0.0, description="a path that moves its scans farther has its map drawn anew")
+    rebuild_from_m: float = Field(
+        0.1, gt=0.0, description="a path that moves its scans farther has its map drawn anew"
+    )
     scan_information_share: float = Field(
-        0.05, gt=0.0, le=1.0, description="share of a scan's information that counts (its beams are not independent)"
+        0.05,
+        gt=0.0,
+        le=1.0,
+        description="share of a scan's information that counts (its beams are not independent)",
     )
     random_share: float = Field(0.1, gt=0.0, lt=1.0, description="share of readings that no surface explains")
     likelihood_share: float = Field(
-        0.03, gt=0.0, le=1.0, description="power of the scan likelihood in a particle's weight"
+        0.01, gt=0.0, le=1.0, description="power of the scan likelihood in a particle's weight"
     )
     most_evidence: float = Field(1.0, gt=0.0, description="most that one scan takes from a log weight")
-    resample_below: float = Field(0.5, gt=0.0, le=1.0, description="resample when N_eff falls below this share")
+    resample_below: float = Field(
+        0.5, gt=0.0, le=1.0, description="resample when N_eff falls below this share"
+    )
 
 
 class MapConfig(StrictModel):
     """Log-odds of the grid maps."""
 
-    resolution_m: float = Field(0.05, gt=0.0, description="cell of the particles' maps and of the map without final stage")
+    resolution_m: float = Field(
+        0.05, gt=0.0, description="cell of the particles' maps and of the map without final stage"
+    )
     hit: float = Field(0.9, gt=0.0, description="log-odds that an end point adds to its cell")
     miss: float = Field(-0.4, lt=0.0, description="log-odds that a crossing beam adds to a cell")
     limit: float = Field(6.0, gt=0.0, description="log-odds are held within +-limit")
@@ -90,19 +125,31 @@ class FinalStageConfig(StrictModel):
     """Loop closures and pose graph over the whole trajectory, after the last scan."""
 
     enabled: bool = Field(True, description="whether the trajectory of the filter is refined")
-    submap_key_scans: int = Field(20, ge=4, description="key scans in a submap; neighbours share half of them")
+    submap_key_scans: int = Field(
+        20, ge=4, description="key scans in a submap; neighbours share half of them"
+    )
     stride: int = Field(3, ge=1, description="every so many key scans one is searched for in far submaps")
-    search_radius_m: float = Field(8.0, gt=0.0, description="loops are looked for between poses nearer than this")
+    search_radius_m: float = Field(
+        8.0, gt=0.0, description="loops are looked for between poses nearer than this"
+    )
     window_m: float = Field(3.0, gt=0.0, description="half width of the search window of a loop")
     window_rad: float = Field(0.2, gt=0.0, description="half angle of the search window of a loop")
     field_resolution_m: float = Field(0.1, gt=0.0, description="cell of the field that the search uses")
-    least_score: float = Field(0.6, gt=0.0, lt=1.0, description="mean likelihood of a loop's correlative match")
-    least_fit: float = Field(0.6, gt=0.0, lt=1.0, description="share of a scan's points that must lie on a submap")
-    information_share: float = Field(0.03, gt=0.0, le=1.0, description="share of a match's information that counts")
+    least_score: float = Field(
+        0.6, gt=0.0, lt=1.0, description="mean likelihood of a loop's correlative match"
+    )
+    least_fit: float = Field(
+        0.6, gt=0.0, lt=1.0, description="share of a scan's points that must lie on a submap"
+    )
+    information_share: float = Field(
+        0.03, gt=0.0, le=1.0, description="share of a match's information that counts"
+    )
     odometry_share: float = Field(1.0, gt=0.0, description="weight of the front end's steps")
     robust_scale: float = Field(2.0, gt=0.0, description="scale of the robust kernel in standard deviations")
     rounds: int = Field(2, ge=1, description="how often the scans are registered anew and the graph solved")
-    resolution_m: float | None = Field(None, gt=0.0, description="cell of the rebuilt map; absent: map.resolution_m")
+    resolution_m: float | None = Field(
+        None, gt=0.0, description="cell of the rebuilt map; absent: map.resolution_m"
+    )
 
 
 class SlamSdConfig(StrictModel):

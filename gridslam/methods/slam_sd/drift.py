@@ -71,7 +71,9 @@ def bend(path: Floats, end: Floats, deviations: Floats) -> Floats:
     for _ in range(BENDING_ITERATIONS):
         missing = end - bent[-1]
         missing[2] = se2.wrap_angle(missing[2])
-        arm = np.stack([-(bent[-1, 1] - bent[1:, 1]), bent[-1, 0] - bent[1:, 0], np.ones(len(bent) - 1)], axis=1)
+        arm = np.stack(
+            [-(bent[-1, 1] - bent[1:, 1]), bent[-1, 0] - bent[1:, 0], np.ones(len(bent) - 1)], axis=1
+        )
         covariance = np.einsum("k,ki,kj->ij", variance_yaw, arm, arm)
         covariance[0, 0] += variance_xy.sum()
         covariance[1, 1] += variance_xy.sum()

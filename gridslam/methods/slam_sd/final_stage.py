@@ -20,12 +20,15 @@ from gridslam.maps.tiled import TileStore
 from gridslam.methods.slam_sd.config import FinalStageConfig, SlamSdConfig
 from gridslam.methods.slam_sd.scans import PreparedScan
 from gridslam.methods.slam_sd.submaps import Span, build_submaps, likelihood_pyramid, spans_of
+from gridslam.methods.slam_sd.track import step_deviations
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 REGISTRATION_SIGMA_M = 0.05
-WEAK_PRIOR = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.05**2])  # keeps the open direction of a corridor where it was
+WEAK_PRIOR = np.diag(
+    [1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.05**2]
+)  # keeps the open direction of a corridor where it was
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +51,10 @@ class _Points:
     first: Ints
 
 
-def refine(
-    scans: Sequence[PreparedScan], poses: Floats, steps: Floats, step_information: Floats, config: SlamSdConfig
-) -> Refined:
+def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: SlamSdConfig) -> Refined:
     """Refine the poses `(n, 3)` of the key scans.
 
-    `steps` `(n - 1, 3)` are the front end's motions from key scan to key scan with their information `(n - 1, 3, 3)`.
+    `track` `(n, 3)` are the front end's poses of the same scans, good over short ways.
     """
     stage = config.final_stage
     n = len(scans)
@@ -61,9 +62,7 @@ def refine(
         return Refined(poses.copy(), 0, 0, 0, 0)
     points = _gather(scans, config.filter.max_points)
     spans = spans_of(n, stage.submap_key_scans)
-    odometry = Edges(
-        np.arange(n - 1), np.arange(1, n), steps, stage.odometry_share * step_information, np.zeros(n - 1, np.bool_)
-    )
+    odometry = _steps(track, config)
     loops, tried = _search_loops(scans, points, spans, poses, config)
     estimate, weights = optimise(poses, Edges.concatenate([odometry, loops]), stage.robust_scale)
     rejected = int(np.count_nonzero(weights[n - 1 :] < 0.1))
@@ -72,6 +71,15 @@ def refine(
         matches = _register_in_view(scans, points, spans, estimate, config)
         estimate, _ = optimise(estimate, Edges.concatenate([odometry, matches]), stage.robust_scale)
     return Refined(estimate, tried, len(loops), rejected, len(matches))
+
+
+def _steps(track: Floats, config: SlamSdConfig) -> Edges:
+    """The front end's motions from key scan to key scan."""
+    n = len(track)
+    steps = se2.between(track[:-1], track[1:])
+    information = (1.0 / step_deviations(steps, config.filter) ** 2)[:, :, None] * np.eye(3)
+    share = config.final_stage.odometry_share
+    return Edges(np.arange(n - 1), np.arange(1, n), steps, share * information, np.zeros(n - 1, np.bool_))
 
 
 def _gather(scans: Sequence[PreparedScan], max_points: int) -> _Points:
@@ -126,7 +134,9 @@ def _search_loops(
             starts.append(found[k])
     if not starts:
         return _no_edges(), tried
-    edges = _register(store, points, spans, np.array(pairs_map), np.array(pairs_scan), np.array(starts), 0.3, stage)
+    edges = _register(
+        store, points, spans, np.array(pairs_map), np.array(pairs_scan), np.array(starts), 0.3, stage
+    )
     return edges, tried
 
 
@@ -193,5 +203,9 @@ def _register(
 
 def _no_edges() -> Edges:
     return Edges(
-        np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.bool_)
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros((0, 3)),
+        np.zeros((0, 3, 3)),
+        np.zeros(0, np.bool_),
     )

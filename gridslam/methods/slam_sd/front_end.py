@@ -23,7 +23,9 @@ Floats = NDArray[np.float64]
 def odometry_deviations(step: Floats, config: OdometryConfig) -> Floats:
     """Standard deviations (x, y, yaw) of an odometry step `(3,)`."""
     way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-    translation = config.translation_floor_m + config.translation_per_m * way + config.translation_per_rad_m * turn
+    translation = (
+        config.translation_floor_m + config.translation_per_m * way + config.translation_per_rad_m * turn
+    )
     rotation = config.rotation_floor_rad + config.rotation_per_rad * turn + config.rotation_per_m_rad * way
     return np.array([translation, translation, rotation])
 
@@ -48,11 +50,21 @@ class FrontEnd:
         self._counts = [0, 0]
         self.pose = np.zeros(3)
 
-    def track(self, scan: PreparedScan, odometry_step: Floats) -> Matched:
-        """The pose after one more odometry step `(3,)`, corrected by the scan."""
+    def track(self, scan: PreparedScan, odometry_step: Floats, has_jumped: bool = False) -> Matched:
+        """The pose after one more odometry step `(3,)`, corrected by the scan.
+
+        `has_jumped`: the odometry lost the motion, and says little about the step.
+        """
         config = self._config
         predicted = se2.compose(self.pose, odometry_step)
         deviations = odometry_deviations(odometry_step, self._odometry)
+        if has_jumped:
+            floor = (
+                self._odometry.jump_deviation_m,
+                self._odometry.jump_deviation_m,
+                self._odometry.jump_deviation_rad,
+            )
+            deviations = np.maximum(deviations, floor)
         prior = np.diag(1.0 / deviations**2)
         start = self._turned_start(scan, predicted, float(deviations[2]))
         pose, information, used = surfels.register(

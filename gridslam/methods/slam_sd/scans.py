@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core.messages import LaserScan
 from gridslam.kernels import scan_points
 from gridslam.methods.slam_sd.config import ScanConfig
+from gridslam.sensors.lidar_beams import Mounting
 
 Floats = NDArray[np.float64]
 
@@ -34,19 +35,24 @@ class PreparedScan:
         return self.points[chosen], self.normals[chosen]
 
 
-def prepare_scan(scan: LaserScan, mounting: Floats, twist: Floats, config: ScanConfig) -> PreparedScan:
-    """Points of the robot's frame with normals; `mounting` is T_base_laser `(3,)`, `twist` (vx, vy, wz) undoes the sweep."""
+def prepare_scan(scan: LaserScan, mounting: Mounting, twist: Floats, config: ScanConfig) -> PreparedScan:
+    """Points of the robot's frame with normals; `twist` (vx, vy, wz) `(3,)` undoes the robot's motion during the sweep.
+
+    Readings outside the limits of the sensor and of the config, NaN and infinities give no point.
+    """
+    sign = -1.0 if mounting.flipped else 1.0
+    sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
     points, beams = scan_points.scan_to_points(
         scan.ranges_m,
-        scan.angle_min_rad,
-        scan.angle_increment_rad,
+        sign * scan.angle_min_rad,
+        sign * scan.angle_increment_rad,
         max(config.min_range_m, scan.range_min_m),
-        min(config.max_range_m, scan.range_max_m),
-        mounting,
+        min(config.max_range_m, sensor_max),
+        mounting.pose,
         twist,
         scan.time_increment_s,
     )
-    viewpoint = np.ascontiguousarray(mounting[:2])
+    viewpoint = np.ascontiguousarray(mounting.pose[:2])
     normals = scan_points.surface_normals(points, beams, viewpoint)
     kept = scan_points.thin_out(points, config.spacing_m, config.max_points)
     thin, thin_normals = points[kept], normals[kept]

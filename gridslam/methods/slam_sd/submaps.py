@@ -49,7 +49,11 @@ def spans_of(n_keys: int, length: int) -> list[Span]:
 
 
 def build_submaps(
-    spans: Sequence[Span], scans: Sequence[PreparedScan], poses: Floats, resolution_m: float, memory_limit_mb: float
+    spans: Sequence[Span],
+    scans: Sequence[PreparedScan],
+    poses: Floats,
+    resolution_m: float,
+    memory_limit_mb: float,
 ) -> TileStore:
     """Map k holds the surfaces of span k, drawn from the poses `(n, 3)` of the key scans."""
     store = TileStore(len(spans), surfels.CHANNELS, resolution_m, memory_limit_mb)
@@ -80,7 +84,9 @@ def likelihood_pyramid(
         cells = np.floor(se2.transform_points(pose, scan.surface) / resolution_m).astype(np.int64) + half
         inside = ((cells >= margin) & (cells < 2 * half - margin)).all(axis=1)
         occupied[cells[inside, 1], cells[inside, 0]] = True
-    distance = resolution_m * cv2.distanceTransform((~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    distance = resolution_m * cv2.distanceTransform(
+        (~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+    )
     field = np.rint(255.0 * np.exp(-0.5 * (distance / sigma_m) ** 2)).astype(np.uint8)
     corner = np.array([-half * resolution_m, -half * resolution_m])
     return LikelihoodPyramid(correlation.field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)

@@ -1,0 +1,183 @@
+"""slam-sd: every scan is tracked by the front end; key scans go through the filter; at the end the loops are closed.
+
+Without tag reads this is a lidar SLAM.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.random import random_stream
+from gridslam.core.trajectory import Trajectory
+from gridslam.methods.base import Estimate, RunResult, Series
+from gridslam.methods.slam_sd.config import SlamSdConfig
+from gridslam.methods.slam_sd.final_stage import refine
+from gridslam.methods.slam_sd.front_end import FrontEnd
+from gridslam.methods.slam_sd.grid_map import draw_map
+from gridslam.methods.slam_sd.particles import ParticleMaps
+from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
+from gridslam.methods.slam_sd.track import spread_corrections, step_deviations
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses
+from gridslam.sensors.lidar_beams import Mounting, mounting_of
+
+Floats = NDArray[np.float64]
+
+LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
+
+
+class SlamSd:
+    """Maps with a Rao-Blackwellised particle filter (METHODS: slam-sd); the map's origin is the pose at the first scan."""
+
+    def __init__(self, config: SlamSdConfig, seed: int) -> None:
+        self._config = config
+        limits = config.odometry
+        self._placing = ScanPoses(
+            limits.max_speed_mps, limits.max_turn_radps, limits.jump_tolerance_m, limits.jump_tolerance_rad
+        )
+        self._front_end = FrontEnd(config.front_end, config.odometry, config.memory_limit_mb)
+        self._particles = ParticleMaps(config, random_stream(seed, "slam-sd.filter"))
+        self._mountings: dict[str, Mounting] = {}
+        self._last: PlacedScan | None = None
+        self._stamps: list[int] = []
+        self._track: list[Floats] = []
+        self._keys: list[int] = []
+        self._key_scans: list[PreparedScan] = []
+        self._diagnostics: dict[str, list[float]] = defaultdict(list)
+        self._counters: Counter[str] = Counter()
+        self._timings: dict[str, float] = defaultdict(float)
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The best particle's pose at the last key scan, and all particles."""
+        if not self._keys:
+            return None
+        poses = self._particles.poses
+        return Estimate(self._stamps[self._keys[-1]], poses[self._particles.best], poses)
+
+    def process(self, event: Event) -> None:
+        """Take in mounting, odometry and scans; a scan is worked on when odometry has reached its stamp."""
+        if isinstance(event, Odometry):
+            for placed in self._placing.add_odometry(event):
+                self._take(placed)
+        elif isinstance(event, LaserScan):
+            for placed in self._placing.add_scan(event):
+                self._take(placed)
+        elif isinstance(event, Transform) and event.is_static:
+            self._mountings[event.child_frame_id] = mounting_of(event)
+
+    def result(self) -> RunResult:
+        """Close the loops (if the final stage is enabled), draw the map, and give every scan its pose."""
+        for placed in self._placing.flush():
+            self._take(placed)
+        config = self._config
+        if not self._keys:
+            return RunResult(Trajectory.empty(), counters=self._all_counters())
+        best = self._particles.best
+        key_poses = self._particles.trajectory(best)
+        measures: dict[str, object] = {
+            "particles": config.particles,
+            "key_scans": len(self._keys),
+            "resamplings": self._particles.resamplings,
+            "maps_redrawn": self._particles.rebuilds,
+            "tiles_mb": round(self._particles.surfaces.memory_mb + self._particles.cells.memory_mb, 3),
+        }
+        resolution = config.map.resolution_m
+        if config.final_stage.enabled:
+            with self._timed("final_stage"):
+                track = np.array(self._track)[self._keys]
+                refined = refine(self._key_scans, key_poses, track, config)
+            moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)
+            key_poses = refined.poses
+            resolution = config.final_stage.resolution_m or resolution
+            measures["final_stage"] = {
+                "pairs_searched": refined.loops_tried,
+                "loops_found": refined.loops_found,
+                "loops_rejected": refined.loops_rejected,
+                "matches": refined.matches,
+                "largest_correction_m": round(float(moved.max()), 4),
+            }
+        with self._timed("draw_map"):
+            occupancy = draw_map(self._key_scans, key_poses, resolution, config.map, config.memory_limit_mb)
+        poses = spread_corrections(np.array(self._track), np.array(self._keys), key_poses)
+        return RunResult(
+            Trajectory(np.array(self._stamps, np.int64), poses),
+            occupancy=occupancy,
+            series=self._series(),
+            counters=self._all_counters(),
+            timings_s=dict(self._timings),
+            measures=measures,
+        )
+
+    def _take(self, placed: PlacedScan) -> None:
+        """Track one scan; a key scan goes through the filter as well."""
+        with self._timed("front_end"):
+            scan, step = self._prepare(placed)
+            is_matched = True
+            if self._last is not None:
+                matched = self._front_end.track(scan, step, placed.broken)
+                is_matched = matched.is_matched
+            self._counters["scan.unmatched"] += not is_matched
+            self._stamps.append(scan.stamp_ns)
+            self._track.append(self._front_end.pose.copy())
+            self._last = placed
+            is_key = self._is_key()
+            if is_key:
+                self._front_end.add_key_scan(scan)
+        if is_key:
+            with self._timed("filter"):
+                self._filter(scan)
+
+    def _prepare(self, placed: PlacedScan) -> tuple[PreparedScan, Floats]:
+        """The scan's points, and the odometry since the scan before."""
+        scan, step, twist = placed.scan, np.zeros(3), np.zeros(3)
+        if self._last is not None:
+            step = se2.between(self._last.odometry, placed.odometry)
+            elapsed_s = (scan.stamp_ns - self._last.scan.stamp_ns) * 1e-9
+            if 0.0 < elapsed_s < LONGEST_SWEEP_GAP_S:
+                twist = step / elapsed_s
+        mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
+        prepared = prepare_scan(scan, mounting, twist, self._config.scan)
+        self._counters["scan.empty"] += not len(prepared.points)
+        return prepared, step
+
+    def _is_key(self) -> bool:
+        if not self._keys:
+            return True
+        moved = se2.between(self._track[self._keys[-1]], self._track[-1])
+        far = float(np.hypot(moved[0], moved[1])) > self._config.key_distance_m
+        return far or abs(float(moved[2])) > self._config.key_turn_rad
+
+    def _filter(self, scan: PreparedScan) -> None:
+        """Predict, match, weigh, resample, update the maps: one step of the filter."""
+        index = len(self._track) - 1
+        step = se2.between(self._track[self._keys[-1]], self._track[index]) if self._keys else np.zeros(3)
+        self._keys.append(index)
+        self._key_scans.append(scan)
+        particles = self._particles
+        particles.add(scan, step, step_deviations(step, self._config.filter))
+        spread = np.sqrt(np.trace(np.cov(particles.poses[:, :2].T))) if len(particles.poses) > 1 else 0.0
+        self._diagnostics["effective_sample_size"].append(particles.effective_sample_size)
+        self._diagnostics["particle_spread"].append(float(spread))
+        self._diagnostics["tied_particles"].append(particles.ties / len(particles.poses))
+
+    def _series(self) -> dict[str, Series]:
+        stamps = np.array(self._stamps, np.int64)[self._keys]
+        units = {"effective_sample_size": "particles", "particle_spread": "m", "tied_particles": "share"}
+        return {name: Series(stamps, np.array(v), units[name]) for name, v in self._diagnostics.items()}
+
+    def _all_counters(self) -> dict[str, int]:
+        return {k: int(v) for k, v in (self._counters + self._placing.counters).items()}
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self._timings[stage] += time.perf_counter() - started

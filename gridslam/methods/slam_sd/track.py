@@ -1,0 +1,38 @@
+"""The front end's path over all scans, and how corrections of its key scans are spread over it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.methods.slam_sd.config import FilterConfig
+
+Floats = NDArray[np.float64]
+
+
+def step_deviations(step: Floats, config: FilterConfig) -> Floats:
+    """Standard deviations (x, y, yaw) `(..., 3)` of the front end's motions `(..., 3)` between key scans."""
+    way, turn = np.hypot(step[..., 0], step[..., 1]), np.abs(step[..., 2])
+    translation = config.translation_floor_m + config.translation_per_m * way
+    rotation = config.rotation_floor_rad + config.rotation_per_rad * turn
+    return np.stack([translation, translation, rotation], axis=-1)
+
+
+def spread_corrections(track: Floats, keys: NDArray[np.int64], key_poses: Floats) -> Floats:
+    """Poses `(n, 3)` of all scans, given the front end's `track` `(n, 3)` and the final poses of its key scans.
+
+    Between two key scans the front end's motion is kept, and what is missing at the second one is shared out
+    evenly over the scans. `keys` are the rows of the key scans; the first scan is one.
+    """
+    out = np.empty_like(track)
+    ends = np.append(keys[1:], len(track))
+    for index, (first, end) in enumerate(zip(keys, ends, strict=True)):
+        segment = se2.compose(key_poses[index], se2.between(track[first], track[first:end]))
+        if index + 1 < len(keys):
+            arrived = se2.compose(key_poses[index], se2.between(track[first], track[end]))
+            missing = se2.between(arrived, key_poses[index + 1])
+            share = np.arange(end - first) / (end - first)
+            segment = se2.compose(segment, missing * share[:, None])
+        out[first:end] = segment
+    return out
