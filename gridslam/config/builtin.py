@@ -33,7 +33,8 @@ def read_config(name_or_path: str) -> tuple[dict[str, Any], str]:
     if name_or_path in builtin_names():
         text = _root().joinpath(f"{name_or_path}.yaml").read_text(encoding="utf-8")
         return parse_mapping(text, f"built-in config {name_or_path}"), f"built-in config {name_or_path}"
-    hint = nearest(name_or_path.removeprefix("configs/").removesuffix(".yaml"), builtin_names())
+    prefix = "paper/" if path.parent.name == "paper" else ""
+    hint = nearest(prefix + path.name.removesuffix(".yaml"), builtin_names())
     raise ConfigError(f"{name_or_path}: neither a config file nor a built-in name{hint}")
 
 
