@@ -7,6 +7,7 @@ in every format, and yaw angles are kept to 2^-40 rad, so that a log and its con
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
@@ -15,11 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 _YAW_STEPS_PER_RAD = float(2**40)
+_LARGEST_YAW_STEPS = math.floor(math.pi * _YAW_STEPS_PER_RAD)
 
 
 def canonical_yaw(yaw_rad: float) -> float:
-    """Yaw rounded to 2^-40 rad (1e-12): a detour through a quaternion gives the same number back."""
-    return float(np.round(yaw_rad * _YAW_STEPS_PER_RAD) / _YAW_STEPS_PER_RAD)
+    """Yaw rounded to 2^-40 rad (1e-12): a detour through a quaternion gives the same number back.
+
+    Rounding never leads out of [-pi, pi], where the quaternion would come back from the other side.
+    """
+    if not math.isfinite(yaw_rad):
+        return yaw_rad
+    steps = round(yaw_rad * _YAW_STEPS_PER_RAD)
+    if abs(steps) > _LARGEST_YAW_STEPS and abs(yaw_rad) <= math.pi:
+        steps = _LARGEST_YAW_STEPS if steps > 0 else -_LARGEST_YAW_STEPS
+    return steps / _YAW_STEPS_PER_RAD
 
 
 def as_float32(value: float) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
+from gridslam.logs.stereo import side_of
 from gridslam.logs.streams import KINDS, SILENT, SINGLE, RecordedStream
 
 if TYPE_CHECKING:
@@ -46,7 +47,10 @@ def choose(
     for kind in KINDS:
         if kind in SILENT or (kinds is not None and kind not in kinds):
             continue
-        candidates = [i for i in listed if i != truth and streams[i].kind == kind]
+        recorded = "image" if kind == "stereo" else kind
+        candidates = [i for i in listed if i not in (truth, *kind_of) and streams[i].kind == recorded]
+        if kind == "stereo":
+            candidates = [i for i in candidates if kinds is not None and _is_sided(streams[i])]
         named = config.topics.get(kind)  # type: ignore[call-overload]
         if named is not None:
             candidates = _named(
@@ -71,6 +75,11 @@ def require_streams(log: Log, needs: Collection[str]) -> None:
                 f"{log.path}: no {need} stream, which the method needs. The log has: {found}. "
                 f"If one of these is it, say so in the config: log: {{topics: {{{need}: TOPIC}}}}"
             )
+
+
+def _is_sided(stream: RecordedStream) -> bool:
+    """Whether a stream of images belongs to a stereo head."""
+    return bool(side_of((stream.topic,)) or any(side_of((frame,)) for frame in stream.frames))
 
 
 def _precedence(stream: RecordedStream) -> tuple[int, str, str]:

@@ -18,6 +18,7 @@ StreamKind: TypeAlias = Literal[
     "range",
     "fix",
     "image",
+    "stereo",
     "disparity",
     "depth",
     "camera_info",

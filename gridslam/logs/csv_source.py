@@ -36,7 +36,7 @@ class CsvSource:
         self.files: list[Path] = []
         self._tables: list[CsvTable] = []
         layout = self._layout(folder, config)
-        for stream in layout.streams or _found_streams(folder):
+        for stream in layout.streams if "streams" in layout.model_fields_set else _found_streams(folder):
             self._add(folder, stream, config.limits.line_mb << 20)
         self.base_frame = layout.base_frame
         self._add_mountings(layout)

@@ -76,7 +76,7 @@ class Row:
         return value or absent
 
     def number(self, name: str, absent: float | None = None) -> float:
-        """A numeric column in our units. ValueError where it is missing or empty and `absent` is not given."""
+        """A numeric column in our units. ValueError where it has no value and `absent` is not given."""
         place = self._table.places.get(name)
         if place is None:
             constant = self._table.numbers.get(name, absent)

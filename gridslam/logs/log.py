@@ -9,16 +9,16 @@ from types import TracebackType
 
 import numpy as np
 
-from gridslam.core.errors import LogError
-from gridslam.core.messages import Event, Odometry, PoseFix, Transform, canonical_yaw
+from gridslam.core.messages import Event, Odometry, PoseFix, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs import checks, mounting, ordering, rotations
+from gridslam.logs import checks, mounting, ordering
 from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
+from gridslam.logs.delivery import deliver
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.streams import SILENT, Skip, Source, StreamInfo
+from gridslam.logs.streams import SILENT, Source, StreamInfo
 
-_MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "depth", "disparity", "camera_info"})
+_MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "stereo", "depth", "disparity", "camera_info"})
 
 
 class Log:
@@ -137,43 +137,12 @@ class Log:
         for transform in self._static:
             ledger.counters["read.mounting"] += 1
             yield "/tf_static", transform
-        streams = self._source.streams
         kind_of = dict(self._choice.kind_of)
         if with_truth and self._choice.truth is not None:
             kind_of[self._choice.truth] = "truth"
-        ranks, schedule = ordering.plan(
-            {i: streams[i].stamps_ns for i in kind_of}, (self._config.order or self._source.order) == "stamp"
-        )
-        topics = {i: streams[i].topic for i in kind_of}
-        as_odometry = {i for i, kind in kind_of.items() if kind == "odom" and streams[i].kind == "tf"}
-        positions = dict.fromkeys(kind_of, 0)
-        counters = {i: f"read.{kind}" for i, kind in kind_of.items()}
-        delivered = ordering.deliver(
-            self._source.read(frozenset(kind_of), schedule),
-            ranks,
-            _size_of,
-            self._config.limits.reorder_mb << 20,
-            lambda i: ledger.count(f"late.{kind_of[i]}"),
-        )
-        count = ledger.counters
-        fault_of = checks.fault_of
-        for index, event in delivered:
-            positions[index] += 1
-            if isinstance(event, Skip):
-                where = event.where or f"{topics[index]} message {positions[index]}"
-                ledger.skip(kind_of[index], event.reason, where)
-                continue
-            fault = fault_of(event)
-            if fault is not None:
-                ledger.skip(kind_of[index], fault, f"{topics[index]} message {positions[index]}")
-                continue
-            if index in as_odometry and isinstance(event, Transform):
-                event = odometry_of(event)
-            count[counters[index]] += 1
-            yield topics[index], event
-        missing = sum(map(len, ranks.values())) - sum(positions.values())
-        if missing:
-            raise LogError(f"{self.path}: changed while it was read ({missing} messages are gone); run again")
+        by_stamp = (self._config.order or self._source.order) == "stamp"
+        limit_bytes = self._config.limits.reorder_mb << 20
+        yield from deliver(self.path, self._source, kind_of, by_stamp, limit_bytes, ledger)
 
     def truth(self) -> Trajectory | None:
         """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log
@@ -241,26 +210,3 @@ class Log:
         for part in (self._opening, self._source.ledger, self._delivery):
             total.absorb(part)
         return total
-
-
-def odometry_of(transform: Transform) -> Odometry:
-    """The transform odom->base as odometry."""
-    x, y, _ = transform.translation_m
-    return Odometry(
-        transform.stamp_ns,
-        transform.frame_id,
-        x,
-        y,
-        canonical_yaw(rotations.yaw_of(transform.quat_wxyz)),
-        child_frame_id=transform.child_frame_id,
-    )
-
-
-def _size_of(event: Event | Skip) -> int:
-    """Memory of a waiting event, roughly, in bytes."""
-    size = 400
-    for name in ("ranges_m", "pixels", "left", "right", "disparity_px", "depth_m"):
-        array = getattr(event, name, None)
-        if array is not None:
-            size += int(array.nbytes)
-    return size

@@ -79,6 +79,8 @@ class McapFile:
                 opcode, length = _RECORD.unpack(_exactly(stream, _RECORD.size))
                 body = at + _RECORD.size
                 if opcode == DATA_END and length == 4 and all(offset < at for offset in self._chunk_offsets):
+                    if not self._complete:
+                        self.ledger.note(f"{self.path.name}: the index at its end is missing; no message is")
                     break
                 if body + length > self._size or not self._belongs_here(stream, opcode, length):
                     at = self._resume(stream, at)
@@ -250,7 +252,7 @@ class McapFile:
             head = stream.read(_RECORD.size)
             if len(head) < _RECORD.size:
                 return False
-            opcode, length = _RECORD.unpack(head)
+            opcode, length = head[0], int.from_bytes(head[1:], "little")
             at += _RECORD.size + length
             if opcode not in _KNOWN_OPCODES or at > self._size or length == 0:
                 return False

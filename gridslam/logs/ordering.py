@@ -12,8 +12,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.logs.stamps import NS_PER_S
 
 T = TypeVar("T")
+STRAY_S = 60
 
 
 def steps_back(stamps_ns: Sequence[int]) -> int:
@@ -24,6 +28,22 @@ def steps_back(stamps_ns: Sequence[int]) -> int:
 def repeated_stamps(stamps_ns: Sequence[int]) -> int:
     """How often a stamp equals the one before it."""
     return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) == 0))
+
+
+def strays(stamps_ns: Sequence[int]) -> frozenset[int]:
+    """Places of single stamps that are more than STRAY_S off while their neighbours agree with each other.
+
+    One such stamp in the future would hold back the rest of its stream behind all others.
+    """
+    stamps = np.asarray(stamps_ns, dtype=np.int64)
+    if len(stamps) < 3:
+        return frozenset()
+    before, here, after = stamps[:-2], stamps[1:-1], stamps[2:]
+    limit = STRAY_S * NS_PER_S
+    off = ((here - before > limit) & (here - after > limit)) | (
+        (before - here > limit) & (after - here > limit)
+    )
+    return frozenset((np.flatnonzero(off & (np.abs(after - before) <= limit)) + 1).tolist())
 
 
 def plan(
@@ -37,7 +57,7 @@ def plan(
     """
     if not stamps_by_stream:
         return {}, array("q")
-    stamps = [np.asarray(s, dtype=np.int64) for s in stamps_by_stream.values()]
+    stamps = [_without_strays(s) for s in stamps_by_stream.values()]
     keys = np.concatenate(stamps if by_stamp else [np.maximum.accumulate(s) if len(s) else s for s in stamps])
     owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int64), [len(s) for s in stamps])
     order = np.argsort(keys, kind="stable")
@@ -49,6 +69,14 @@ def plan(
         for stream, s, end in zip(stamps_by_stream, stamps, ends, strict=True)
     }
     return ranks, array("q", owner[order].tobytes())
+
+
+def _without_strays(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
+    """The stamps, each stray one replaced by the one before it."""
+    stamps = np.array(stamps_ns, dtype=np.int64)
+    places = np.array(sorted(strays(stamps_ns)), dtype=np.int64)
+    stamps[places] = stamps[places - 1]
+    return stamps
 
 
 def deliver(

@@ -109,7 +109,7 @@ def _range(reading: Range, topic: str | None) -> list[Encoded]:
     servo = _joints(reading, [reading.frame_id], [reading.bearing_rad])
     infrared, field_of_view = 1, 0.0
     body = _begin(reading).uint8(infrared).float32(field_of_view, reading.range_min_m, reading.range_max_m)
-    body.float32(reading.range_m, 0.0)
+    body.float32(reading.range_m)
     servos = _one(f"{topic}/servo", "sensor_msgs/msg/JointState", reading, servo)
     return servos + _one(topic, "sensor_msgs/msg/Range", reading, body)
 

@@ -39,7 +39,8 @@ _STANDARD_FIELDS = {
     "geometry_msgs/PoseWithCovariance pose|geometry_msgs/TwistWithCovariance twist",
     "sensor_msgs/msg/Imu": "std_msgs/Header header|geometry_msgs/Quaternion orientation|"
     "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|"
-    "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|float64[9] linear_acceleration_covariance",
+    "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|"
+    "float64[9] linear_acceleration_covariance",
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "geometry_msgs/msg/TransformStamped": "std_msgs/Header header|string child_frame_id|"
     "geometry_msgs/Transform transform",

@@ -23,6 +23,7 @@ KINDS = (
     "tags",
     "range",
     "scan",
+    "stereo",
     "disparity",
     "depth",
     "image",

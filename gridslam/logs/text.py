@@ -36,11 +36,14 @@ def packing_of(path: Path) -> str:
 
 def beginning(path: Path, size: int = 1 << 16) -> bytes:
     """The first bytes of the unpacked text, as far as they can be had."""
+    text = b""
     try:
         with open_unpacked(path) as stream:
-            return stream.read(size)
+            while len(text) < size and (part := stream.read1(4096)):
+                text += part
     except (OSError, EOFError, zlib.error):
-        return b""
+        return text
+    return text
 
 
 class TextLines:

@@ -1,0 +1,56 @@
+"""Left and right images of one moment as one stereo pair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Image, StereoPair, readonly
+
+SAME_MOMENT_NS = 5_000_000
+_GREY_OF_RGB = np.array([299, 587, 114], dtype=np.uint32)  # ITU-R BT.601, in thousandths
+
+
+def side_of(names: Iterable[str]) -> str:
+    """`left` or `right` where one of the names (topic, camera, frame) says so, else empty."""
+    for name in names:
+        lowered = name.lower()
+        if ("left" in lowered) != ("right" in lowered):
+            return "left" if "left" in lowered else "right"
+    return ""
+
+
+class Pairing:
+    """Waits for the other side of each image; both sides come in the order of their stamps."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, Image] = {}
+
+    def add(self, image: Image, topic: str) -> tuple[StereoPair | None, Image | None]:
+        """(pair, image that will never have a partner): each None where there is none."""
+        side = side_of((image.camera, topic, image.frame_id))
+        if not side:
+            return None, image
+        other = self._waiting.get("right" if side == "left" else "left")
+        if other is not None and abs(other.stamp_ns - image.stamp_ns) <= SAME_MOMENT_NS:
+            self._waiting.clear()
+            left, right = (image, other) if side == "left" else (other, image)
+            if left.pixels.shape[:2] != right.pixels.shape[:2]:
+                return None, image
+            return StereoPair(left.stamp_ns, left.frame_id, grey(left.pixels), grey(right.pixels)), None
+        alone = self._waiting.get(side)
+        self._waiting[side] = image
+        return None, alone
+
+    def rest(self) -> list[Image]:
+        """Images that wait in vain."""
+        return list(self._waiting.values())
+
+
+def grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey pixels `(rows, cols)` of a grey or RGB image."""
+    if pixels.ndim == 2:
+        return pixels
+    return readonly((pixels.astype(np.uint32) @ _GREY_OF_RGB + 500) // 1000, np.uint8)

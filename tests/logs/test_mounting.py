@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gridslam.core.messages import Transform
+from gridslam.logs import rotations
+from gridslam.logs.config import MountingConfig
+from gridslam.logs.ledger import Ledger
+from gridslam.logs.mounting import mount
+
+angle = st.floats(-3.1, 3.1)
+length = st.floats(-5.0, 5.0)
+pose = st.tuples(st.tuples(length, length, length), st.tuples(angle, angle, angle))
+Pose = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def edge(
+    parent: str, child: str, translation: tuple[float, float, float], euler: tuple[float, float, float]
+) -> Transform:
+    return Transform(0, parent, child, translation, rotations.from_euler(*euler), is_static=True)
+
+
+def matrix(
+    translation: tuple[float, float, float], quat_wxyz: tuple[float, float, float, float]
+) -> np.ndarray:
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_quat(quat_wxyz, scalar_first=True).as_matrix()
+    result[:3, 3] = translation
+    return result
+
+
+@given(pose, pose, pose)
+def test_a_chain_is_composed_as_scipy_composes_it(first: Pose, second: Pose, third: Pose) -> None:
+    edges = [edge("base", "a", *first), edge("a", "b", *second), edge("b", "laser", *third)]
+    (mounted,) = mount(["laser"], edges, {}, "base", 5, Ledger())
+    expected = np.eye(4)
+    for link in edges:
+        expected = expected @ matrix(link.translation_m, link.quat_wxyz)
+    assert mounted.frame_id == "base"
+    assert mounted.stamp_ns == 5
+    np.testing.assert_allclose(matrix(mounted.translation_m, mounted.quat_wxyz), expected, atol=1e-12)
+
+
+@given(pose, pose)
+def test_a_base_below_the_root_is_gone_up_from(up: Pose, down: Pose) -> None:
+    edges = [edge("footprint", "base", *up), edge("footprint", "laser", *down)]
+    (mounted,) = mount(["laser"], edges, {}, "base", 0, Ledger())
+    expected = np.linalg.inv(matrix(edges[0].translation_m, edges[0].quat_wxyz)) @ matrix(
+        edges[1].translation_m, edges[1].quat_wxyz
+    )
+    np.testing.assert_allclose(matrix(mounted.translation_m, mounted.quat_wxyz), expected, atol=1e-12)
+
+
+@given(angle, angle, angle)
+def test_euler_angles_turn_about_fixed_axes(roll: float, pitch: float, yaw: float) -> None:
+    ours = matrix((0, 0, 0), rotations.from_euler(roll, pitch, yaw))[:3, :3]
+    np.testing.assert_allclose(ours, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(), atol=1e-12)
+
+
+def test_config_wins_over_the_log() -> None:
+    config = {"laser": MountingConfig(x=0.3, yaw=math.pi / 2)}
+    (mounted,) = mount(["laser"], [edge("base", "laser", (1, 1, 1), (0, 0, 0))], config, "base", 0, Ledger())
+    assert mounted.translation_m == (0.3, 0.0, 0.0)
+    assert rotations.yaw_of(mounted.quat_wxyz) == pytest.approx(math.pi / 2)
+
+
+def test_an_unknown_mounting_is_the_identity_and_said() -> None:
+    ledger = Ledger()
+    (mounted,) = mount(["laser"], [], {}, "base", 0, ledger)
+    assert (mounted.translation_m, mounted.quat_wxyz) == rotations.IDENTITY
+    assert "log.mounting.laser" in ledger.problems[0]
+    assert not ledger.is_lossy
+
+
+def test_a_camera_on_the_wall_hangs_on_its_own_root() -> None:
+    edges = [edge("map", "bracket", (1, 2, 3), (0, 0, 0)), edge("bracket", "camera", (0, 0, 1), (0, 0, 0))]
+    (mounted,) = mount(["camera"], edges, {}, "base", 0, Ledger())
+    assert (mounted.frame_id, mounted.translation_m) == ("map", (1.0, 2.0, 4.0))
+
+
+def test_a_cycle_of_frames_ends() -> None:
+    edges = [edge("a", "b", (1, 0, 0), (0, 0, 0)), edge("b", "a", (1, 0, 0), (0, 0, 0))]
+    (mounted,) = mount(["a"], edges, {}, "base", 0, Ledger())
+    assert mounted.child_frame_id == "a"
