@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
 from gridslam.report.directory import check_free
+from gridslam.report.document import flatten
+from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
-from gridslam.run import Command, Run, run_localize, run_map
-from gridslam.run_config import load_run_config
+from gridslam.run import Command, Run, Stop, run_localize, run_map
+from gridslam.run_config import RunConfig, load_run_config
 
 from . import console
 from .interruption import stop_on_signals
@@ -41,38 +44,59 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
     """Run, write, print. Exits with 130 when interrupted, with 3 when the log was lossy under --strict."""
     check_free(options.output, options.force)
     config = load_run_config(options.config, options.overrides, options.seed)
+    _warn_of_other_versions(config)
     if options.jobs is not None:
         os.environ["NUMBA_NUM_THREADS"] = str(options.jobs)  # read when numba is imported, which is later
-    from gridslam.kernels.compiling import (
-        telling_of_compilation,
-    )  # imports numba: not before the checks above
-
-    with (
-        stop_on_signals() as stop,
-        console.progress_bar(command) as show,
-        telling_of_compilation(
-            lambda: console.say("compiling kernels, once per installation; this takes a while")
-        ),
-    ):
-        if map_path is None:
-            run = run_map(config, options.log, show, stop)
-        else:
-            run = run_localize(config, options.log, map_path, show, stop)
-    for problem in run.problems[:MOST_PROBLEMS]:
-        console.say(f"{options.log}: {problem}")
-    if len(run.problems) > MOST_PROBLEMS:
-        console.say(f"{options.log}: and {len(run.problems) - MOST_PROBLEMS} more, see report.json")
-    document = write_run(run, options.output, options.force)
+    with stop_on_signals() as stop:
+        run = _run(command, config, options, map_path, stop)
+        _tell_problems(run)
+        document = write_run(run, options.output, options.force)
     if options.as_json:
         console.emit_json(document)
     else:
         console.emit_table(("", ""), summary(run, document, options.output))
+    _exit_unless_whole(run, options)
+
+
+def _run(
+    command: Command, config: RunConfig[BaseModel], options: RunOptions, map_path: Path | None, stop: Stop
+) -> Run:
+    """The run itself, with a progress bar and a word when kernels have to be compiled first."""
+    from gridslam.kernels.compiling import telling_of_compilation  # imports numba: not before the checks
+
+    def tell() -> None:
+        console.say("compiling kernels, once per installation; this takes a while")
+
+    with console.progress_bar(command) as show, telling_of_compilation(tell):
+        if map_path is None:
+            return run_map(config, options.log, show, stop)
+        return run_localize(config, options.log, map_path, show, stop)
+
+
+def _warn_of_other_versions(config: RunConfig[BaseModel]) -> None:
+    """A run.yaml promises the same bytes under the versions that it records only."""
+    if config.made_with is None or config.made_with == (present := made_with()):
+        return
+    then, now = (dict(flatten(m.model_dump())) for m in (config.made_with, present))
+    differing = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
+    changes = ", ".join(f"{key} {then.get(key, '-')}, now {now.get(key, '-')}" for key in differing)
+    console.say(f"warning: the config was made with other versions ({changes}): the result may differ")
+
+
+def _tell_problems(run: Run) -> None:
+    for problem in run.problems[:MOST_PROBLEMS]:
+        console.say(f"{run.log_path}: {problem}")
+    if len(run.problems) > MOST_PROBLEMS:
+        console.say(f"{run.log_path}: and {len(run.problems) - MOST_PROBLEMS} more, see report.json")
+
+
+def _exit_unless_whole(run: Run, options: RunOptions) -> None:
     if run.status == "interrupted":
         console.complain(f"interrupted: {options.output} holds the run up to there")
         raise typer.Exit(INTERRUPTED)
     if run.is_lossy and options.strict:
         console.complain(
-            f"error: {options.log}: not all of the log could be used, which --strict forbids; see report.json"
+            f"error: {run.log_path}: not all of it could be used, which --strict forbids; see report.json"
         )
         raise typer.Exit(LOSSY)
 

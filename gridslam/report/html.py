@@ -14,6 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
+from gridslam.report.document import flatten
 from gridslam.report.errors_over_time import errors_over_time
 from gridslam.report.plots import Line, time_plot
 from gridslam.run import Run
@@ -63,16 +64,7 @@ def plots(run: Run) -> Iterator[Plot]:
         yield Plot("Heading error", Markup(time_plot([Line(times, errors.rotation_deg)], "deg")), note)
     for name, series in sorted(run.result.series.items()):
         line = Line(_seconds(series.stamps_ns, start_ns), series.values)
-        yield Plot(name.replace("_", " "), Markup(time_plot([line], series.unit)))
-
-
-def flatten(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and plain values of a nested document."""
-    for key, value in document.items():
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
+        yield Plot(name[:1].upper() + name[1:].replace("_", " "), Markup(time_plot([line], series.unit)))
 
 
 def _start_ns(run: Run) -> int:

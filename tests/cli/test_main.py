@@ -143,6 +143,19 @@ def test_a_lossy_log_ends_with_0_but_with_3_under_strict(
     assert json.loads((tmp_path / "b" / "report.json").read_text())["status"] == "lossy"
 
 
+def test_a_config_of_other_versions_is_remarked_upon(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "a")[0] == 0
+    config = tmp_path / "a" / "run.yaml"
+    assert cli("map", small_log, "-c", config, "-o", tmp_path / "b")[2] == ""
+    text = config.read_text()
+    config.write_text(text.replace("  gridslam: 0.", "  gridslam: 99."))
+    code, _, err = cli("map", small_log, "-c", config, "-o", tmp_path / "c")
+    assert code == 0
+    assert "warning: the config was made with other versions (gridslam 99." in err
+
+
 def test_localize_writes_a_run_on_the_given_map(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
 ) -> None:
