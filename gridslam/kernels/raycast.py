@@ -16,9 +16,7 @@ _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 
 
 @njit(cache=True)
-def cast(
-    clearance: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float
-) -> float:
+def cast(clearance: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float) -> float:
     """Range in cells from (x, y) along the unit vector (dx, dy) to the first occupied cell; `reach` when there is none nearer.
 
     Coordinates are in cells from the grid's lower-left corner. A ray that starts in an occupied cell has range 0; beyond the

@@ -11,7 +11,9 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-_STANDING_M = 0.01  # below this the direction of a step is noise, and all of its turning counts as the second turn
+_STANDING_M = (
+    0.01  # below this the direction of a step is noise, and all of its turning counts as the second turn
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,9 @@ def beam_table(model: BeamMixture, reach_m: float) -> NDArray[np.float32]:
         short = np.diff(decay) / decay[-1] if decay[-1] > 0.0 else np.zeros(last + 1)
         table[:, expected] = model.hit * hit + model.short * short + model.random * np.diff(edges) / reach_m
     # Where no wall is within reach, no return is what is expected.
-    table[:, last] = model.short * np.diff(decay) / max(float(decay[-1]), 1e-12) + model.random * np.diff(edges) / reach_m
+    table[:, last] = (
+        model.short * np.diff(decay) / max(float(decay[-1]), 1e-12) + model.random * np.diff(edges) / reach_m
+    )
     table[last, last] += model.hit
     table[last] += model.max
     return np.log(np.maximum(table / total, 1e-12)).astype(np.float32)

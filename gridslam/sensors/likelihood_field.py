@@ -34,9 +34,7 @@ class DistanceField:
     def sums(self, table: Table, points: Floats, poses: Floats) -> Floats:
         """Sum of the table's values `(n,)` over the points `(m, 2)` of the robot's frame, seen from poses `(n, 3)`."""
         in_cells = (points / self.geometry.resolution_m).astype(np.float32)
-        return np.asarray(
-            sum_over_points(self.steps, table, in_cells, poses_in_cells(self.geometry, poses))
-        )
+        return np.asarray(sum_over_points(self.steps, table, in_cells, poses_in_cells(self.geometry, poses)))
 
     def under(self, points: Floats, pose: Floats) -> Floats:
         """Distance to the nearest wall `(m,)` of each point `(m, 2)` seen from one pose; capped at the reach."""

@@ -6,6 +6,7 @@ Monte Carlo localization): poses are drawn from the measurement instead of the m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,8 +61,6 @@ class PoseSearch:
     def best(self, points: Floats, table: Table) -> Hypotheses:
         """The hypotheses about the robot's pose that explain points `(m, 2)` of its frame best; scored with the table."""
         settings = self._settings
-        if len(points) < 3:
-            return Hypotheses(np.zeros((0, 3)), np.zeros(0))
         coarse = points if len(points) <= settings.points else points[_evenly(len(points), settings.points)]
         return self.refine(self._coarse_poses(coarse), points, table)
 
@@ -71,28 +70,14 @@ class PoseSearch:
         in_xy, in_yaw = 0.5 * self._cell_m, np.pi / settings.headings
         scores = self._field.sums(table, points, poses)
         for _ in range(5):
-            poses, scores = self._climb(poses, scores, points, table, in_xy, in_yaw)
-            poses, scores = _best_apart(poses, scores, in_xy, in_yaw, settings.refined)
+            poses, scores = climb(
+                lambda tried: self._field.sums(table, points, tried), poses, scores, in_xy, in_yaw
+            )
+            poses, scores = best_apart(poses, scores, in_xy, in_yaw, settings.refined)
             in_xy, in_yaw = 0.6 * in_xy, 0.6 * in_yaw
-        poses, scores = _best_apart(
-            poses, scores, settings.apart_m, settings.apart_rad, settings.hypotheses
+        return Hypotheses(
+            *best_apart(poses, scores, settings.apart_m, settings.apart_rad, settings.hypotheses)
         )
-        return Hypotheses(poses, scores)
-
-    def _climb(
-        self, poses: Floats, scores: Floats, points: Floats, table: Table, in_xy: float, in_yaw: float
-    ) -> tuple[Floats, Floats]:
-        """One coordinate step of each pose to the best of its six neighbours, where that is better."""
-        steps = np.zeros((6, 3))
-        for axis, size in enumerate((in_xy, in_xy, in_yaw)):
-            steps[2 * axis, axis], steps[2 * axis + 1, axis] = size, -size
-        around = (poses[:, None] + steps).reshape(-1, 3)
-        tried = self._field.sums(table, points, around).reshape(len(poses), 6)
-        choice = tried.argmax(axis=1)
-        best = tried[np.arange(len(poses)), choice]
-        better = best > scores
-        moved = np.where(better[:, None], around.reshape(-1, 6, 3)[np.arange(len(poses)), choice], poses)
-        return moved, np.where(better, best, scores)
 
     def _coarse_poses(self, points: Floats) -> Floats:
         """The best poses `(k, 3)` of the exhaustive stage."""
@@ -131,7 +116,9 @@ class PoseSearch:
             stride += 1
 
 
-def _block_reduce(values: NDArray[np.generic], block: int, reduce: np.ufunc, fill: int) -> NDArray[np.generic]:
+def _block_reduce(
+    values: NDArray[np.generic], block: int, reduce: np.ufunc, fill: int
+) -> NDArray[np.generic]:
     """Values `(rows, cols)` reduced over blocks of `block` by `block` cells, the last ones filled up."""
     rows, cols = (-(-n // block) for n in values.shape)
     full = np.full((rows * block, cols * block), fill, values.dtype)
@@ -152,7 +139,23 @@ def _roomiest(room: NDArray[np.generic], stride: int) -> NDArray[np.int64]:
     return np.column_stack([row * stride + chosen // stride, col * stride + chosen % stride])
 
 
-def _best_apart(
+def climb(
+    score: Callable[[Floats], Floats], poses: Floats, scores: Floats, in_xy: float, in_yaw: float
+) -> tuple[Floats, Floats]:
+    """One step of each pose `(n, 3)` to the best of its six neighbours along the axes, where that is better."""
+    steps = np.zeros((6, 3))
+    for axis, size in enumerate((in_xy, in_xy, in_yaw)):
+        steps[2 * axis, axis], steps[2 * axis + 1, axis] = size, -size
+    around = poses[:, None] + steps
+    tried = score(around.reshape(-1, 3)).reshape(len(poses), 6)
+    choice = tried.argmax(axis=1)
+    each = np.arange(len(poses))
+    best = tried[each, choice]
+    better = best > scores
+    return np.where(better[:, None], around[each, choice], poses), np.where(better, best, scores)
+
+
+def best_apart(
     poses: Floats, scores: Floats, apart_m: float, apart_rad: float, most: int
 ) -> tuple[Floats, Floats]:
     """Best first, one for every bin of the given size, at most so many."""

@@ -24,7 +24,9 @@ class RangeCaster:
     clearance: NDArray[np.uint8]
     geometry: GridGeometry
 
-    def ranges(self, poses: Floats, bearings: Floats, mounting: Floats, reach_m: float) -> NDArray[np.float32]:
+    def ranges(
+        self, poses: Floats, bearings: Floats, mounting: Floats, reach_m: float
+    ) -> NDArray[np.float32]:
         """Ranges (m) `(n, b)` along bearings `(b,)` of a sensor mounted at T_base_sensor `(3,)` on robots at poses `(n, 3)`.
 
         Where nothing is hit within the reach, the reach.

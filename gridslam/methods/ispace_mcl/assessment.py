@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from gridslam.filters.particles import Belief
 from gridslam.methods.ispace_mcl.config import ConfidenceConfig
-from gridslam.sensors.likelihood_field import DistanceField
+from gridslam.sensors.lidar_beams import Beams
+from gridslam.sensors.sight import Segments, Sight
 
 Floats = NDArray[np.float64]
 
@@ -30,21 +31,28 @@ class Assessment:
 class Watch:
     """Follows the fit over the scans."""
 
-    def __init__(self, config: ConfidenceConfig, field: DistanceField) -> None:
+    def __init__(self, config: ConfidenceConfig, sight: Sight) -> None:
         self._config = config
-        self._field = field
+        self._sight = sight
+        self._explained = (sight.field.distances_m < config.tolerance_m).astype(np.float32)
         self._fit: float | None = None
 
     def restart(self) -> None:
         """Forget the past, after the filter has moved elsewhere."""
         self._fit = None
 
-    def assess(self, belief: Belief, points: Floats) -> Assessment:
-        """The present answer, from the main cluster and the end points `(m, 2)` of a scan in the robot's frame."""
+    def assess(self, belief: Belief, beams: Beams) -> Assessment:
+        """The present answer, from the main cluster and all beams of a scan."""
         config = self._config
+        points = beams.points
         if len(points):
-            distances = self._field.under(points, belief.mean)
-            present, distance = float(np.mean(distances < config.tolerance_m)), float(distances.mean())
+            distance = float(self._sight.field.under(points, belief.mean).mean())
+            segments = Segments(np.broadcast_to(beams.mounting[:2], points.shape), points)
+            seen = float(self._sight.sums(self._explained, segments, belief.mean[None])[0])
+            ended = float(self._sight.field.sums(self._explained, points, belief.mean[None])[0])
+            present = (
+                0.5 * (seen + ended) / len(points)
+            )  # moved furniture blocks the way of many beams: half a fault
             self._fit = (
                 present if self._fit is None else config.memory * self._fit + (1.0 - config.memory) * present
             )

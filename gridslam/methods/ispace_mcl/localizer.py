@@ -15,19 +15,18 @@ from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.assessment import Assessment, Watch
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.relocalization import compete
+from gridslam.methods.ispace_mcl.relocalization import Contender, Tracked
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.methods.ispace_mcl.window import ScanWindow
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
 from gridslam.sensors.lidar_beams import Beams
-from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table, occupied_cells
+from gridslam.sensors.likelihood_field import distance_field, occupied_cells
 from gridslam.sensors.pose_search import PoseSearch, SearchSettings
+from gridslam.sensors.range_caster import range_caster
+from gridslam.sensors.sight import Sight
 
 Floats = NDArray[np.float64]
 
-_SEARCH_POINTS = 300
-_SEARCH_SIGMA_M = 0.2
-_SEARCH_RANDOM_SHARE = 0.1
 _JUMP_SCATTER = np.array([0.5, 0.5, 0.3])
 
 
@@ -51,18 +50,27 @@ class Localizer:
         self._free = free_cells(occupancy, config.free_below)
         field = distance_field(occupied, occupancy.geometry, config.field_reach_m)
         self._log_weight = log_weight_of(config.weight, field, occupied)
-        self._search_table = log_likelihood_table(field, _SEARCH_SIGMA_M, _SEARCH_RANDOM_SHARE)
-        self._watch = Watch(config.confidence, field)
+        caster = range_caster(occupied, occupancy.geometry)
+        sight = Sight(field, caster, config.confidence.sight_tolerance_m, config.confidence.sight_slack_m)
+        self._watch = Watch(config.confidence, sight)
         self._window = ScanWindow(config.search)
-        self._search = PoseSearch(field, self._free, _search_settings(config)) if config.search.enabled else None
-        noise = config.motion.model_dump(include={"alpha1", "alpha2", "alpha3", "alpha4", "wild_share", "wild_factor"})
+        self._contender: Contender | None = None
+        if config.search.enabled:
+            search = PoseSearch(field, self._free, _search_settings(config))
+            self._contender = Contender(search, sight, config.search)
+        noise = config.motion.model_dump(
+            include={"alpha1", "alpha2", "alpha3", "alpha4", "wild_share", "wild_factor"}
+        )
         self._noise = OdometryNoise(**noise)
         size = config.particles
-        self._size = AdaptiveSize(size.least, size.most, size.kld_error, size.kld_quantile, size.bin_m, size.bin_rad)
+        self._size = AdaptiveSize(
+            size.least, size.most, size.kld_error, size.kld_quantile, size.bin_m, size.bin_rad
+        )
         self.particles = self._start()
         self._searched = config.start is not None
         self._since_search = 0.0
         self._is_checked = False
+        self._trust = 0.0
         self.counters: Counter[str] = Counter()
 
     def update(self, step: Floats, odometry: Floats, beams: Beams, broken: bool) -> Update:
@@ -73,7 +81,7 @@ class Localizer:
         )
         if broken:
             self._scatter()
-        self._window.add(odometry, beams.points)
+        self._window.add(odometry, beams.mounting[:2], beams.points)
         self._since_search += float(np.hypot(step[0], step[1]))
         if not self._searched:
             self._compete(None)
@@ -83,11 +91,12 @@ class Localizer:
         else:
             self.counters["scan.without_returns"] += 1
         belief = self._cluster()
-        assessment = self._watch.assess(belief, beams.points)
+        assessment = self._watch.assess(belief, beams)
+        self._earn_trust(assessment, float(np.hypot(step[0], step[1])))
         if self._is_search_due(assessment):
             self._compete(belief)
             belief = self._cluster()
-            assessment = self._watch.assess(belief, beams.points)
+            assessment = self._watch.assess(belief, beams)
         count = len(self.particles)
         if self.particles.effective_size < config.particles.resample_below * count:
             self.particles = resample(self.particles, self._size, self._rng)
@@ -115,10 +124,19 @@ class Localizer:
         self.particles = Particles(poses, self.particles.weights)
         self._window.clear()
         self._is_checked = False
+        self._trust = 0.0
+
+    def _earn_trust(self, assessment: Assessment, travel_m: float) -> None:
+        """A pose that goes on to fit while the robot moves has more and more in its favour."""
+        search = self._config.search
+        rate = search.trust_per_m if assessment.status == "localized" else 0.0
+        if assessment.status == "lost":
+            rate = -search.distrust_per_m
+        self._trust = min(max(self._trust + rate * travel_m, 0.0), search.most_trust)
 
     def _is_search_due(self, assessment: Assessment) -> bool:
         search = self._config.search
-        if self._search is None:
+        if self._contender is None:
             return False
         if assessment.status != "localized":
             return self._since_search >= search.retry_m
@@ -126,19 +144,15 @@ class Localizer:
 
     def _compete(self, belief: Belief | None) -> None:
         """Search the map; `belief` is the tracked pose, None when there is none yet."""
-        if self._search is None:
+        if self._contender is None:
             return
         self._searched = True
         self._since_search = 0.0
         self.counters["searches"] += 1
-        contest = compete(
-            self._search,
-            self._window.points(_SEARCH_POINTS),
-            self._search_table,
-            0.1,
-            None if belief is None else (self.particles, belief),
+        contest = self._contender.contest(
+            self._window.segments(self._config.search.window_points),
+            None if belief is None else Tracked(self.particles, belief, self._trust),
             self._config.particles.most,
-            self._config.search,
             self._rng,
         )
         if contest is None:
@@ -147,6 +161,7 @@ class Localizer:
         if not contest.is_confirmed:
             self.particles = contest.particles
             self._watch.restart()
+            self._trust = 0.0
             self.counters["injections"] += 1
 
 

@@ -6,6 +6,7 @@ come from the scans, and tracked and new ones are weighed by the same evidence, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +16,25 @@ from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.kernels.mcl import systematic
 from gridslam.methods.ispace_mcl.config import SearchConfig
-from gridslam.sensors.pose_search import Hypotheses, PoseSearch
-from gridslam.sensors.likelihood_field import Table
+from gridslam.sensors.likelihood_field import log_likelihood_table
+from gridslam.sensors.pose_search import Hypotheses, PoseSearch, best_apart, climb
+from gridslam.sensors.sight import Segments, Sight
 
 Floats = NDArray[np.float64]
 
 _LEAST_SHARE = 1e-4  # hypotheses less likely than this get no particles
 _SCATTER = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
-_SURE = 0.95
+_APART = (0.5, 0.26)  # m, rad: one hypothesis per place
+_LEAST_POINTS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Tracked:
+    """The particles as they are, their main cluster, and what it has earned before the window, in log-odds."""
+
+    particles: Particles
+    belief: Belief
+    trust: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,48 +45,72 @@ class Contest:
     is_confirmed: bool
 
 
-def compete(
-    search: PoseSearch,
-    points: Floats,
-    table: Table,
-    power: float,
-    tracked: tuple[Particles, Belief] | None,
-    most: int,
-    config: SearchConfig,
-    rng: np.random.Generator,
-) -> Contest | None:
-    """Search the map for the points and let the hypotheses compete with the tracked particles; None when nothing was found."""
-    found = search.best(points, table)
-    if not len(found.poses):
-        return None
-    if tracked is None:
-        return Contest(_drawn(found, power, most, rng), False)
-    particles, belief = tracked
-    own = search.refine(belief.mean[None], points, table)
-    rivals = _others(found, own.poses[0], config)
-    scores = power * np.r_[own.scores[0], rivals.scores]
-    shares = np.exp(scores - scores.max())
-    shares /= shares.sum()
-    if shares[0] >= _SURE:
-        return Contest(particles, True)
-    kept = max(int(config.tracked_share * most), 1)
-    chosen = systematic(particles.weights, kept, float(rng.random()))
-    new = _drawn(rivals, power, most - kept, rng)
-    poses = np.concatenate([particles.poses[chosen], new.poses])
-    weights = np.r_[np.full(kept, shares[0] / kept), new.weights * (1.0 - shares[0])]
-    return Contest(Particles(poses, weights / weights.sum()), False)
+class Contender:
+    """Searches the map for a window of scans, and weighs what it finds by lines of sight."""
+
+    def __init__(self, search: PoseSearch, sight: Sight, config: SearchConfig) -> None:
+        self._search = search
+        self._sight = sight
+        self._config = config
+        self._table = log_likelihood_table(sight.field, config.match_sigma_m, config.random_share)
+
+    def found(self, segments: Segments) -> Hypotheses:
+        """Hypotheses about the robot's pose, best first; their scores are log-likelihoods of the window."""
+        coarse = self._search.best(segments.ends, self._table)
+        scores = self._score(segments)(coarse.poses)
+        first = np.argsort(-scores, kind="stable")[: self._config.finalists]
+        return self.climbed(coarse.poses[first], segments)
+
+    def climbed(self, poses: Floats, segments: Segments) -> Hypotheses:
+        """The best poses near the given ones, one for each place."""
+        score = self._score(segments)
+        scores = score(poses)
+        in_xy, in_yaw = 0.1, 0.02
+        for _ in range(4):
+            poses, scores = climb(score, poses, scores, in_xy, in_yaw)
+            in_xy, in_yaw = 0.7 * in_xy, 0.7 * in_yaw
+        return Hypotheses(*best_apart(poses, scores, *_APART, len(poses)))
+
+    def _score(self, segments: Segments) -> Callable[[Floats], Floats]:
+        return lambda poses: self._config.beam_weight * self._sight.sums(self._table, segments, poses)
+
+    def contest(
+        self, segments: Segments, tracked: Tracked | None, most: int, rng: np.random.Generator
+    ) -> Contest | None:
+        """The tracked particles against what the search finds; None when the window is too small to search for."""
+        if len(segments) < _LEAST_POINTS:
+            return None
+        found = self.found(segments)
+        if tracked is None:
+            return Contest(_drawn(found, most, rng), False)
+        particles, belief = tracked.particles, tracked.belief
+        own = self.climbed(belief.mean[None], segments)
+        rivals = _others(found, own.poses[0])
+        if not len(rivals.poses):
+            return Contest(particles, True)
+        backed = float(own.scores[0]) + tracked.trust
+        if backed > rivals.scores[0] + self._config.sure_lead:
+            return Contest(particles, True)
+        total = np.r_[backed, rivals.scores]
+        share = float(1.0 / np.exp(total - total[0]).sum())
+        kept = max(int(self._config.tracked_share * most), 1)
+        chosen = systematic(particles.weights, kept, float(rng.random()))
+        new = _drawn(rivals, most - kept, rng)
+        poses = np.concatenate([particles.poses[chosen], new.poses])
+        weights = np.r_[np.full(kept, share / kept), new.weights * (1.0 - share)]
+        return Contest(Particles(poses, weights / weights.sum()), False)
 
 
-def _others(found: Hypotheses, pose: Floats, config: SearchConfig) -> Hypotheses:
+def _others(found: Hypotheses, pose: Floats) -> Hypotheses:
     """The hypotheses that are not about the same place."""
     off = found.poses - pose
     same = (np.hypot(off[:, 0], off[:, 1]) < 0.75) & (np.abs(se2.wrap_angle(off[:, 2])) < 0.4)
     return Hypotheses(found.poses[~same], found.scores[~same])
 
 
-def _drawn(found: Hypotheses, power: float, count: int, rng: np.random.Generator) -> Particles:
+def _drawn(found: Hypotheses, count: int, rng: np.random.Generator) -> Particles:
     """Particles about the hypotheses: as many for each as the root of its share asks for, weighted so that the shares hold."""
-    shares = np.exp(power * (found.scores - found.scores.max()))
+    shares = np.exp(found.scores - found.scores.max())
     kept = shares >= _LEAST_SHARE
     poses, shares = found.poses[kept], shares[kept] / shares[kept].sum()
     root = np.sqrt(shares)

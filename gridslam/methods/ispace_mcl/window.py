@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels.correlation import correlate, field_pyramid
 from gridslam.methods.ispace_mcl.config import SearchConfig
+from gridslam.sensors.sight import Segments
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ class _Entry:
     """A scan's points `(m, 2)` in the robot's frame, and T_previous_this by odometry, later by matching."""
 
     odometry: Floats
+    viewpoint: Floats
     points: Floats
     step: Floats
     is_matched: bool
@@ -52,11 +54,11 @@ class ScanWindow:
         """Forget everything, as after a jump of the odometry."""
         self._entries.clear()
 
-    def add(self, odometry: Floats, points: Floats) -> None:
-        """Take in a scan at T_odom_base `(3,)`; close to the one before it replaces that one."""
+    def add(self, odometry: Floats, viewpoint: Floats, points: Floats) -> None:
+        """Take in a scan at T_odom_base `(3,)`, seen from the viewpoint `(2,)` in the robot's frame; close to the one before it replaces that one."""
         kept = points if len(points) <= _KEPT_POINTS else points[_evenly(len(points), _KEPT_POINTS)]
         if not self._entries:
-            self._entries.append(_Entry(odometry, kept, np.zeros(3), True))
+            self._entries.append(_Entry(odometry, viewpoint, kept, np.zeros(3), True))
             return
         if len(self._entries) > 1:
             before = self._entries[-2]
@@ -64,27 +66,31 @@ class ScanWindow:
             if self._is_near(step):
                 self._entries.pop()
         step = se2.between(self._entries[-1].odometry, odometry)
-        self._entries.append(_Entry(odometry, kept, step, False))
+        self._entries.append(_Entry(odometry, viewpoint, kept, step, False))
 
-    def points(self, most: int) -> Floats:
-        """Points `(m, 2)` of the window's scans in the robot's present frame, at most so many, the latest scan fully used."""
+    def segments(self, most: int) -> Segments:
+        """The beams of the window's scans in the robot's present frame, at most so many, evenly many of each scan."""
         entries = list(self._entries)
         for before, entry in zip(entries, entries[1:], strict=False):
             if not entry.is_matched:
                 entry.step = matched_step(before.points, entry.points, entry.step)
                 entry.is_matched = True
-        chosen = []
+        starts, ends = [], []
         pose, travelled = np.zeros(3), 0.0
         share = max(most // max(len(entries), 1), 1)
         for entry in reversed(entries):
             points = entry.points
             if len(points):
-                chosen.append(se2.transform_points(pose, points[_evenly(len(points), min(share, len(points)))]))
+                some = points[_evenly(len(points), share)]
+                ends.append(se2.transform_points(pose, some))
+                starts.append(np.broadcast_to(se2.transform_points(pose, entry.viewpoint[None]), some.shape))
             travelled += float(np.hypot(entry.step[0], entry.step[1]))
             if travelled > self._config.window_m:
                 break
             pose = se2.compose(pose, se2.inverse(entry.step))
-        return np.concatenate(chosen) if chosen else np.zeros((0, 2))
+        if not ends:
+            return Segments(np.zeros((0, 2)), np.zeros((0, 2)))
+        return Segments(np.concatenate(starts), np.concatenate(ends))
 
     def _is_near(self, step: Floats) -> bool:
         return float(np.hypot(step[0], step[1])) < self._config.window_step_m and abs(float(step[2])) < 0.3
