@@ -1,4 +1,4 @@
-"""Every command of the README is true, and every link leads somewhere."""
+"""Every command of the README is true, every configuration shown is valid, every link leads somewhere."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from pathlib import Path
 
 import pytest
 
+from gridslam.config.yaml_file import parse_mapping
+from gridslam.run_config import validate_run_config
 from tests.conftest import REPOSITORY
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
 
 
-def shell_commands(page: Path) -> list[str]:
-    """The lines of the page's `sh` blocks."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    return [line for block in blocks for line in block.splitlines() if line.strip()]
+def blocks(page: Path, language: str) -> list[str]:
+    """The page's code blocks of one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), flags=re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -29,8 +30,15 @@ def test_every_link_leads_somewhere(page: Path) -> None:
     assert missing == []
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_configuration_shown_is_valid(page: Path) -> None:
+    for block in blocks(page, "yaml"):
+        validate_run_config(parse_mapping(block, page.name), page.name)
+
+
 def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
-    commands = shell_commands(REPOSITORY / "README.md")
+    lines = [line for block in blocks(REPOSITORY / "README.md", "sh") for line in block.splitlines()]
+    commands = [line for line in lines if line.strip()]
     assert len(commands) >= 8
     (tmp_path / "sample_logs").symlink_to(REPOSITORY / "sample_logs")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
