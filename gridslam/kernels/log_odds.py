@@ -77,7 +77,6 @@ def insert_beams_all(
     pool: NDArray[np.float32],
     origin: NDArray[np.int64],
     resolution_m: float,
-    maps: NDArray[np.int64],
     poses: NDArray[np.float64],
     viewpoint: NDArray[np.float64],
     points: NDArray[np.float64],
@@ -85,10 +84,10 @@ def insert_beams_all(
     miss: float,
     limit: float,
 ) -> None:
-    """`insert_beams` seen from poses[k] into map maps[k], whose tiles are its own already."""
+    """`insert_beams` for every particle into its own map, whose tiles are its own already."""
     for k in prange(poses.shape[0]):
         insert_beams(
-            directory[maps[k]], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit
+            directory[k], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit
         )
 
 

@@ -402,14 +402,13 @@ def insert_surfels_all(
     pool: NDArray[np.float32],
     origin: NDArray[np.int64],
     resolution_m: float,
-    maps: NDArray[np.int64],
     poses: NDArray[np.float64],
     points: NDArray[np.float64],
     normals: NDArray[np.float64],
 ) -> None:
-    """`insert_surfels` seen from poses[k] into map maps[k], whose tiles are its own already."""
+    """`insert_surfels` for every particle into its own map, whose tiles are its own already."""
     for k in prange(poses.shape[0]):
-        insert_surfels(directory[maps[k]], pool, origin, resolution_m, poses[k], points, normals)
+        insert_surfels(directory[k], pool, origin, resolution_m, poses[k], points, normals)
 
 
 @njit(cache=True, parallel=True)

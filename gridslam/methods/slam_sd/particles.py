@@ -78,7 +78,7 @@ class ParticleMaps:
             self._weigh(likelihood)
             self._resample_if_needed()
         while len(self._scans) - self._inserted > self._config.filter.window_key_scans:
-            self._insert(np.arange(len(self._paths)), self._inserted)
+            self._insert(self._inserted)
             self._inserted += 1
 
     def _predict(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
@@ -145,8 +145,36 @@ class ParticleMaps:
             self.rebuilds += 1
             self.surfaces.clear(particle)
             self.cells.clear(particle)
-            for index in range(self._inserted):
-                self._insert(np.array([particle]), index)
+            self._redraw(particle)
+
+    def _redraw(self, particle: int) -> None:
+        """Draw all scans that are in the maps into one particle's map, which is empty."""
+        config = self._config
+        maps = np.array([particle])
+        for scan, pose in zip(self._scans[: self._inserted], self._paths[particle], strict=False):
+            self.surfaces.own_end_points(maps, pose[None], scan.surface)
+            surfels.insert_surfels(
+                self.surfaces.directory[particle],
+                self.surfaces.pool,
+                self.surfaces.origin,
+                config.filter.resolution_m,
+                pose,
+                scan.surface,
+                scan.surface_normals,
+            )
+            self.cells.own_beams(maps, pose[None], scan.viewpoint, scan.points)
+            log_odds.insert_beams(
+                self.cells.directory[particle],
+                self.cells.pool,
+                self.cells.origin,
+                config.filter.free_resolution_m,
+                pose,
+                scan.viewpoint,
+                scan.points,
+                config.map.hit,
+                config.map.miss,
+                config.map.limit,
+            )
 
     def _weigh(self, likelihood: Floats) -> None:
         """Add what the scan says about the particles, relative to the best, to their log weights."""
@@ -212,17 +240,17 @@ class ParticleMaps:
         self.log_weights = np.zeros(n)
         self.resamplings += 1
 
-    def _insert(self, maps: Ints, key: int) -> None:
-        """Draw one key scan into some particles' maps at their own poses."""
+    def _insert(self, key: int) -> None:
+        """Draw one key scan into all particles' maps at their own poses."""
         config = self._config
-        scan, poses = self._scans[key], np.ascontiguousarray(self._paths[maps, key])
+        scan, poses = self._scans[key], np.ascontiguousarray(self._paths[:, key])
+        maps = np.arange(len(poses))
         self.surfaces.own_end_points(maps, poses, scan.surface)
         surfels.insert_surfels_all(
             self.surfaces.directory,
             self.surfaces.pool,
             self.surfaces.origin,
             config.filter.resolution_m,
-            maps,
             poses,
             scan.surface,
             scan.surface_normals,
@@ -233,7 +261,6 @@ class ParticleMaps:
             self.cells.pool,
             self.cells.origin,
             config.filter.free_resolution_m,
-            maps,
             poses,
             scan.viewpoint,
             scan.points,
