@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StreamCount:
-    """Messages of one stream: delivered by the reader, used by the method, skipped by either."""
+    """Messages of one stream: found in the log, used by the method, skipped by the reader or the method."""
 
     read: int
     used: int
@@ -18,18 +18,23 @@ class StreamCount:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """`skipped_by_reason` has keys `<stream>.<reason>`; `lost` is damage of unknown size."""
+    """`skipped_by_reason` has keys `<stream>.<reason>`; `lost` is damage of unknown size.
+
+    `remarks` is what else the reader counted: stamps that step back or repeat, late messages, unused topics.
+    """
 
     streams: Mapping[str, StreamCount]
     skipped_by_reason: Mapping[str, int]
     lost: Mapping[str, int]
+    remarks: Mapping[str, int]
 
 
 def merge_counts(log_counters: Mapping[str, int], method_counters: Mapping[str, int]) -> Counts:
     """The account of a run from the reader's counters and the method's.
 
-    Both use the keys `read.<stream>`, `used.<stream>`, `skipped.<stream>.<reason>` and `lost.<what>`. A
-    method that does not count what it used of a stream has used all that it was given and did not skip.
+    Both use the keys `read.<stream>` (what the reader handed over), `used.<stream>`, `skipped.<stream>.<reason>`
+    and `lost.<what>`. A method that does not count what it used of a stream has used all that it was given and
+    did not skip.
     """
     both = Counter(dict(log_counters))
     both.update(dict(method_counters))
@@ -39,7 +44,9 @@ def merge_counts(log_counters: Mapping[str, int], method_counters: Mapping[str, 
     names = sorted({key.split(".")[1] for key in both if key.startswith(("read.", "used.", "skipped."))})
     streams = {name: _stream(name, log_counters, method_counters, both) for name in names}
     lost = {key.removeprefix("lost."): n for key, n in sorted(both.items()) if key.startswith("lost.")}
-    return Counts(streams, reasons, lost)
+    known = ("read.", "used.", "skipped.", "lost.")
+    remarks = {key: n for key, n in sorted(log_counters.items()) if not key.startswith(known)}
+    return Counts(streams, reasons, lost, remarks)
 
 
 def _stream(
@@ -48,6 +55,6 @@ def _stream(
     def skipped(counters: Mapping[str, int]) -> int:
         return sum(n for key, n in counters.items() if key.startswith(f"skipped.{name}."))
 
-    read = both.get(f"read.{name}", 0)
-    used = method_counters.get(f"used.{name}", max(read - skipped(method_counters), 0))
-    return StreamCount(read, used, skipped(both))
+    handed_over = log_counters.get(f"read.{name}", 0)
+    used = method_counters.get(f"used.{name}", max(handed_over - skipped(method_counters), 0))
+    return StreamCount(handed_over + skipped(log_counters), used, skipped(both))

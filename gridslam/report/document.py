@@ -31,7 +31,12 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
         "status": run.status,
         "seed": run.config.seed,
         "inputs": [{"path": name, "sha256": digest} for name, digest in sorted(run.inputs.items())],
-        "log": {"path": str(run.log_path), "lossy": run.is_lossy, "problems": list(run.problems)},
+        "log": {
+            "path": str(run.log_path),
+            "lossy": run.is_lossy,
+            "problems": list(run.problems),
+            "remarks": dict(run.counts.remarks),
+        },
         "counts": {
             **{name: asdict(stream) for name, stream in run.counts.streams.items()},
             "skipped_by_reason": dict(run.counts.skipped_by_reason),

@@ -48,7 +48,7 @@ def test_the_report_has_the_names_that_scripts_rely_on(finished_run: Run, tmp_pa
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report.keys() == returned.keys()
     assert (report["format_version"], report["seed"], report["status"]) == (1, 5, "lossy")
-    assert report["counts"]["scan"] == {"read": 5, "used": 3, "skipped": 4}
+    assert report["counts"]["scan"] == {"read": 7, "used": 3, "skipped": 4}
     assert report["counts"]["odom"] == {"read": 9, "used": 9, "skipped": 0}
     assert report["counts"]["skipped_by_reason"] == {"scan.nan": 2, "scan.too_short": 2}
     assert report["counts"]["lost"] == {"bytes": 1}
