@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import json
+import logging
+
+import pytest
+
+from gridslam.cli import console
+
+
+@pytest.fixture(autouse=True)
+def _fresh_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "settings", console.Settings())
+
+
+def test_columns_are_aligned_and_numbers_stand_to_the_right(capsys: pytest.CaptureFixture[str]) -> None:
+    console.emit_table(("name", "n"), [("a", 5), ("longer", 1234)])
+    assert capsys.readouterr().out == "name       n\na          5\nlonger  1234\n"
+
+
+def test_a_table_without_names_has_no_head(capsys: pytest.CaptureFixture[str]) -> None:
+    console.emit_table(("", ""), [("status", "complete"), ("map", "2 x 3")])
+    assert capsys.readouterr().out == "status  complete\nmap     2 x 3\n"
+
+
+def test_an_empty_table_prints_its_head_or_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    console.emit_table(("name", "n"), [])
+    assert capsys.readouterr().out == "name  n\n"
+    console.emit_table(("", ""), [])
+    assert capsys.readouterr().out == ""
+
+
+def test_json_is_one_document_that_every_reader_takes(capsys: pytest.CaptureFixture[str]) -> None:
+    console.emit_json({"name": "Flur-Gänge", "n": [1, 2.5, None]})
+    out = capsys.readouterr().out
+    assert json.loads(out) == {"name": "Flur-Gänge", "n": [1, 2.5, None]}
+    with pytest.raises(ValueError, match="JSON"):
+        console.emit_json({"n": float("nan")})
+
+
+def test_remarks_go_to_stderr_and_not_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:
+    console.say("hello")
+    assert capsys.readouterr() == ("", "gridslam: hello\n")
+    console.settings.quiet = True
+    console.say("hello")
+    console.complain("trouble")
+    assert capsys.readouterr() == ("", "gridslam: trouble\n")
+
+
+def test_warnings_of_the_library_are_one_line_each(capsys: pytest.CaptureFixture[str]) -> None:
+    console.start()
+    console.start()
+    logging.getLogger("gridslam.maps.map_server").warning("%s is odd", "map.yaml")
+    assert capsys.readouterr() == ("", "gridslam: warning: map.yaml is odd\n")
