@@ -1,0 +1,262 @@
+"""gridslam evaluate"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import console
+from ..options import AsJson
+
+if TYPE_CHECKING:
+    from gridslam.evaluation.document import Options, Result, Truth
+
+
+class AlignName(str, Enum):
+    """How the estimate's frame is carried into the truth's."""
+
+    none = "none"
+    se2 = "se2"
+    origin = "origin"
+
+
+class SyncName(str, Enum):
+    """How poses are paired."""
+
+    nearest = "nearest"
+    interpolate = "interpolate"
+
+
+class DeltaUnitName(str, Enum):
+    """What the distance between the two poses of a relative error is counted in."""
+
+    frames = "frames"
+    metres = "metres"
+    seconds = "seconds"
+
+
+ResultPath = Annotated[
+    Path, typer.Argument(metavar="DIR|TUM", help="A run directory, or a trajectory alone.")
+]
+TruthPath = Annotated[
+    Path | None,
+    typer.Option(
+        "--truth",
+        metavar="PATH",
+        help="True poses: a trajectory (t x y z qx qy qz qw, or t x y yaw), a log that holds them, or a folder "
+        "NAME.truth, whose map and objects are then used as well.",
+    ),
+]
+TruthMap = Annotated[
+    Path | None, typer.Option("--truth-map", metavar="MAP.yaml", help="The true map: a map_server YAML.")
+]
+TruthObjects = Annotated[
+    Path | None, typer.Option("--truth-objects", metavar="CSV", help="The true objects: id,class,x,y,yaw,...")
+]
+RelationsPath = Annotated[
+    Path | None,
+    typer.Option("--relations", metavar="FILE", help="True motions: t1 t2 x y z roll pitch yaw, one a line."),
+]
+AlignOption = Annotated[
+    AlignName | None,
+    typer.Option("--align", help="Absent: se2 for the directory of a map run, none for all else."),
+]
+Scale = Annotated[bool, typer.Option("--scale", help="Let --align se2 fit the scale as well.")]
+SyncOption = Annotated[
+    SyncName, typer.Option("--sync", help="Take the nearest true pose, or one in between.")
+]
+MaxDifference = Annotated[
+    float, typer.Option("--max-difference", metavar="S", min=0.0, help="Largest gap between paired stamps.")
+]
+DeltaSize = Annotated[float, typer.Option("--delta", metavar="N", help="How far apart RPE's poses are.")]
+DeltaUnitOption = Annotated[DeltaUnitName, typer.Option("--delta-unit", help="What --delta counts.")]
+AllPairs = Annotated[bool, typer.Option("--all-pairs", help="RPE over all pairs, not consecutive ones.")]
+Reach = Annotated[
+    float | None,
+    typer.Option(
+        "--reach", metavar="M", min=0.0, help="Completeness: true walls this near to what was mapped."
+    ),
+]
+MaxPosition = Annotated[
+    float,
+    typer.Option("--max-position", metavar="M", min=0.0, help="Error of a good localization or object."),
+]
+MaxHeading = Annotated[
+    float, typer.Option("--max-heading", metavar="DEG", min=0.0, help="Error of a good localization.")
+]
+Require = Annotated[
+    list[str] | None,
+    typer.Option("--require", metavar="KEY<=NUMBER", help="End with 1 unless this holds. Repeatable."),
+]
+
+
+def run(
+    path: ResultPath,
+    truth: TruthPath = None,
+    truth_map: TruthMap = None,
+    relations: RelationsPath = None,
+    truth_objects: TruthObjects = None,
+    align: AlignOption = None,
+    scale: Scale = False,
+    sync: SyncOption = SyncName.nearest,
+    max_difference: MaxDifference = 0.01,
+    delta: DeltaSize = 1.0,
+    delta_unit: DeltaUnitOption = DeltaUnitName.frames,
+    all_pairs: AllPairs = False,
+    reach: Reach = None,
+    max_position: MaxPosition = 0.5,
+    max_heading: MaxHeading = 10.0,
+    require: Require = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure how far a result is from the truth, and hold it to bounds."""
+    from gridslam.core.errors import ConfigError, GateError
+    from gridslam.evaluation import document as measures
+    from gridslam.evaluation.gates import check_keys, failures, parse_gate
+
+    gates = [parse_gate(text) for text in require or ()]
+    if not any((truth, truth_map, relations, truth_objects)):
+        raise ConfigError(
+            "nothing to compare with: give --truth, --relations, --truth-map or --truth-objects"
+        )
+    options = _options(
+        path,
+        align,
+        scale,
+        sync,
+        max_difference,
+        delta,
+        delta_unit,
+        all_pairs,
+        reach,
+        max_position,
+        max_heading,
+    )
+    true = _truth(truth, truth_map, relations, truth_objects)
+    result = _result(path, true)
+    document = measures.evaluate(result, true, options)
+    if not document:
+        raise ConfigError(f"{path}: has nothing that the given truth could be compared with")
+    check_keys(gates, document, measures.NEEDS)
+    if as_json:
+        console.emit_json(measures.without_nan(document))
+    else:
+        _show(document)
+    failed = failures(gates, document)
+    for line in failed[:-1]:
+        console.complain(f"error: {line}")
+    if failed:
+        raise GateError(failed[-1])
+
+
+def _options(
+    path: Path,
+    align: AlignName | None,
+    scale: bool,
+    sync: SyncName,
+    max_difference_s: float,
+    delta: float,
+    unit: DeltaUnitName,
+    all_pairs: bool,
+    reach_m: float | None,
+    max_position_m: float,
+    max_heading_deg: float,
+) -> Options:
+    from gridslam.core.errors import ConfigError
+    from gridslam.evaluation.document import Options
+    from gridslam.evaluation.pose_errors import Delta
+    from gridslam.evaluation.run_files import run_command_of
+
+    if align is None:
+        align = AlignName.se2 if run_command_of(path) == "map" else AlignName.none
+    if scale and align is not AlignName.se2:
+        raise ConfigError("--scale: only --align se2 fits a scale")
+    whole = unit is not DeltaUnitName.frames or delta.is_integer()
+    if not (math.isfinite(delta) and delta > 0.0 and whole):
+        raise ConfigError(f"--delta {delta:g}: expected a positive number, of frames a whole one")
+    if not math.isfinite(max_difference_s):
+        raise ConfigError(f"--max-difference {max_difference_s:g}: expected seconds")
+    return Options(
+        align=align.value,
+        with_scale=scale,
+        sync=sync.value,
+        max_difference_ns=round(max_difference_s * 1e9),
+        delta=Delta(delta, unit.value, all_pairs),
+        reach_m=reach_m,
+        max_position_m=max_position_m,
+        max_heading_deg=max_heading_deg,
+    )
+
+
+def _truth(path: Path | None, map_path: Path | None, relations: Path | None, objects: Path | None) -> Truth:
+    from gridslam.evaluation.document import Truth
+    from gridslam.evaluation.files import read_relations
+    from gridslam.evaluation.object_files import read_objects
+    from gridslam.evaluation.run_files import Paths, read_truth, truth_paths
+
+    found = truth_paths(path) if path else Paths()
+    map_path, objects = map_path or found.map_yaml, objects or found.objects
+    return Truth(
+        trajectory=read_truth(found.trajectory) if found.trajectory else None,
+        relations=read_relations(relations) if relations else None,
+        occupancy=_load_map(map_path) if map_path else None,
+        objects=read_objects(objects) if objects else None,
+    )
+
+
+def _result(path: Path, truth: Truth) -> Result:
+    """The parts of the result that there is a truth for."""
+    from gridslam.evaluation.document import Result
+    from gridslam.evaluation.files import read_trajectory
+    from gridslam.evaluation.object_files import read_objects
+    from gridslam.evaluation.run_files import read_probability, run_paths
+
+    paths = run_paths(path)
+    with_map = truth.occupancy is not None and paths.map_yaml is not None
+    wants_path = truth.trajectory is not None or truth.relations is not None
+    return Result(
+        trajectory=read_trajectory(paths.trajectory) if paths.trajectory and wants_path else None,
+        occupancy=_load_map(paths.map_yaml) if with_map and paths.map_yaml else None,
+        probability=read_probability(paths.layers) if with_map and paths.layers else None,
+        objects=read_objects(paths.objects) if paths.objects and truth.objects is not None else None,
+    )
+
+
+def _load_map(path: Path) -> Any:
+    from gridslam.maps.map_server import load_map
+
+    return load_map(path)
+
+
+_UNITS = {
+    "ape.trans": "m", "ape.rot": "deg", "rpe.trans": "m", "rpe.rot": "deg", "relations.trans": "m",
+    "relations.rot": "deg", "map.accuracy": "m", "map.completeness": "m", "objects.position": "m",
+    "objects.heading": "deg", "final.trans": "m", "final.rot": "deg", "localization.time_to_convergence": "s",
+}  # fmt: skip
+
+
+def _show(document: dict[str, Any]) -> None:
+    """The document for people: a line for each key."""
+    from gridslam.evaluation.gates import flatten
+
+    rows = [(key, _text(value), _unit(key)) for key, value in flatten(document).items()]
+    console.emit_table(("measure", "value", "unit"), rows)
+
+
+def _unit(key: str) -> str:
+    unit = _UNITS.get(key) or _UNITS.get(key.rpartition(".")[0], "")
+    if key.endswith(".var"):
+        return "m^2"
+    return "" if key.endswith(".count") else unit
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "-" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

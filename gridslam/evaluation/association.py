@@ -1,0 +1,67 @@
+"""Which pose of the estimate belongs to which pose of the truth, by their stamps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.trajectory import Trajectory
+
+Sync = Literal["nearest", "interpolate"]
+DEFAULT_MAX_DIFFERENCE_NS = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Poses `(n, 3)` of both trajectories that belong together, and the stamps `(n,)` of the estimate's."""
+
+    stamps_ns: NDArray[np.int64]
+    estimate: NDArray[np.float64]
+    truth: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+
+def associate(
+    estimate: Trajectory,
+    truth: Trajectory,
+    sync: Sync = "nearest",
+    max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS,
+) -> Pairs:
+    """Pair two trajectories sorted by stamp, as evo does.
+
+    Each pose of the trajectory with fewer poses (the estimate, when both have the same number) takes the pose
+    of the other that is nearest in time, if it is no more than `max_difference_ns` away; of two equally near
+    the earlier. `interpolate` pairs the same poses, then replaces the longer trajectory's by its pose at the
+    very stamp. No pair is an empty result, not an error.
+    """
+    if not len(estimate) or not len(truth):
+        return Pairs(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+    estimate_is_short = len(estimate) <= len(truth)
+    short, long = (estimate, truth) if estimate_is_short else (truth, estimate)
+    in_short, in_long = match_nearest(short.stamps_ns, long.stamps_ns, max_difference_ns)
+    stamps, short_poses = short.stamps_ns[in_short], short.poses[in_short]
+    if sync == "interpolate":
+        long_poses, _ = long.at(stamps)
+        long_stamps = stamps
+    else:
+        long_poses, long_stamps = long.poses[in_long], long.stamps_ns[in_long]
+    if estimate_is_short:
+        return Pairs(stamps, short_poses, long_poses)
+    return Pairs(long_stamps, long_poses, short_poses)
+
+
+def match_nearest(
+    stamps_ns: NDArray[np.int64], among_ns: NDArray[np.int64], max_difference_ns: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices into both of each stamp's nearest one `among_ns` (sorted, not empty) that is near enough."""
+    after = np.clip(np.searchsorted(among_ns, stamps_ns, side="right"), 0, len(among_ns) - 1)
+    before = np.maximum(after - 1, 0)
+    to_after, to_before = np.abs(among_ns[after] - stamps_ns), np.abs(among_ns[before] - stamps_ns)
+    nearest = np.where(to_after < to_before, after, before)
+    is_near = np.minimum(to_after, to_before) <= max_difference_ns
+    return np.flatnonzero(is_near).astype(np.int64), nearest[is_near].astype(np.int64)

@@ -1,0 +1,239 @@
+"""All measures of one result as one nested document; its dotted keys are the names that gates use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import InputError
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.alignment import Align, Alignment, find_alignment
+from gridslam.evaluation.association import DEFAULT_MAX_DIFFERENCE_NS, Pairs, Sync, associate
+from gridslam.evaluation.localization import judge_localization
+from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wall_distances
+from gridslam.evaluation.object_errors import MapObject, object_errors
+from gridslam.evaluation.pose_errors import Delta, PoseErrors, absolute_errors, relative_errors
+from gridslam.evaluation.relations import Relations, relation_errors
+from gridslam.evaluation.statistics import statistics
+from gridslam.logs.stamps import format_stamp
+from gridslam.maps.occupancy import OccupancyGrid
+
+Document: TypeAlias = dict[str, Any]
+
+NEEDS: Mapping[str, str] = {
+    "ape": "a trajectory and --truth",
+    "rpe": "a trajectory and --truth",
+    "final": "a trajectory and --truth",
+    "localization": "a trajectory, --truth and --align none",
+    "relations": "a trajectory and --relations",
+    "map": "a run directory with a map, and --truth-map (or a --truth folder with a map)",
+    "objects": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
+    "doors": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
+}
+"""What must be given for the measures whose keys begin so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What is judged."""
+
+    trajectory: Trajectory | None = None
+    occupancy: OccupancyGrid | None = None
+    probability: OccupancyGrid | None = None
+    objects: Mapping[str, MapObject] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What it is compared with; a measure whose truth is not given is left out."""
+
+    trajectory: Trajectory | None = None
+    relations: Relations | None = None
+    occupancy: OccupancyGrid | None = None
+    objects: Mapping[str, MapObject] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How the measures are taken."""
+
+    align: Align = "none"
+    with_scale: bool = False
+    sync: Sync = "nearest"
+    max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS
+    delta: Delta = field(default_factory=Delta)
+    reach_m: float | None = None
+    max_position_m: float = 0.5  # of a localization, and of a correct object
+    max_heading_deg: float = 10.0
+
+
+def evaluate(result: Result, truth: Truth, options: Options) -> Document:
+    """All measures for which both sides are given.
+
+    Map and objects are moved by the same alignment as the trajectory, if there is one: their frame is the
+    trajectory's. Raises InputError: the trajectories have no stamps in common, or cannot be aligned.
+    """
+    document: Document = {}
+    alignment = Alignment(np.zeros(3))
+    if result.trajectory is not None and truth.trajectory is not None:
+        pairs, alignment = _align(result.trajectory, truth.trajectory, options)
+        document |= _trajectory_measures(result.trajectory, truth.trajectory, pairs, alignment, options)
+    if result.trajectory is not None and truth.relations is not None:
+        document["relations"] = _relation_measures(result.trajectory, truth.relations)
+    T_truth_map = alignment.T_truth_estimate
+    if result.occupancy is not None and truth.occupancy is not None:
+        document["map"] = _map_measures(
+            result.occupancy, result.probability, truth.occupancy, T_truth_map, options.reach_m
+        )
+    if result.objects is not None and truth.objects is not None:
+        document |= _object_measures(result.objects, truth.objects, T_truth_map, options.max_position_m)
+    return document
+
+
+def without_nan(document: Document) -> Document:
+    """The document for JSON: null where a measure has no value."""
+    return {key: _json_value(value) for key, value in document.items()}
+
+
+def _json_value(value: Any) -> Any:
+    if isinstance(value, dict):
+        return without_nan(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _align(estimate: Trajectory, truth: Trajectory, options: Options) -> tuple[Pairs, Alignment]:
+    pairs = associate(estimate.sorted(), truth.sorted(), options.sync, options.max_difference_ns)
+    if not len(pairs):
+        raise InputError(
+            f"estimate ({_span(estimate)}) and truth ({_span(truth)}) have no stamps within "
+            f"{options.max_difference_ns / 1e9:g} s of each other; a larger --max-difference pairs more"
+        )
+    alignment = find_alignment(pairs.estimate, pairs.truth, options.align, options.with_scale)
+    if alignment is None:
+        raise InputError(
+            f"the {len(pairs)} paired positions do not determine an alignment (no motion, or none in common); "
+            "take --align origin or --align none"
+        )
+    return pairs, alignment
+
+
+def _span(trajectory: Trajectory) -> str:
+    first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
+    return f"{len(trajectory)} poses, {format_stamp(first)} to {format_stamp(last)} s"
+
+
+def _trajectory_measures(
+    estimate: Trajectory, truth: Trajectory, pairs: Pairs, alignment: Alignment, options: Options
+) -> Document:
+    aligned = Pairs(pairs.stamps_ns, alignment.apply(pairs.estimate), pairs.truth)
+    errors = absolute_errors(aligned.estimate, aligned.truth)
+    x, y, yaw = alignment.T_truth_estimate.tolist()
+    relative = relative_errors(aligned, options.delta)
+    document: Document = {
+        "ape": {
+            **_both(errors),
+            "count": len(pairs),
+            "alignment": {"kind": options.align, "x": x, "y": y, "yaw": yaw, "scale": alignment.scale},
+            "estimate": _poses(estimate),
+            "truth": _poses(truth),
+        },
+        "rpe": {
+            **_both(relative),
+            "count": len(relative.translation_m),
+            "delta": options.delta.size,
+            "unit": options.delta.unit,
+            "all_pairs": options.delta.all_pairs,
+        },
+        "final": {"trans": float(errors.translation_m[-1]), "rot": float(errors.rotation_deg[-1])},
+    }
+    if options.align == "none":
+        start_ns = int(estimate.stamps_ns.min())
+        found = judge_localization(
+            aligned.stamps_ns, errors, start_ns, options.max_position_m, options.max_heading_deg
+        )
+        document["localization"] = {
+            "success": found.success,
+            "time_to_convergence": found.time_to_convergence_s,
+        }
+    return document
+
+
+def _both(errors: PoseErrors) -> Document:
+    return {"trans": statistics(errors.translation_m), "rot": statistics(errors.rotation_deg)}
+
+
+def _poses(trajectory: Trajectory) -> Document:
+    """How many poses there were, and how many of them repeat a stamp (the first one counts)."""
+    return {"poses": len(trajectory), "repeated_stamps": len(trajectory) - len(trajectory.sorted())}
+
+
+def _relation_measures(trajectory: Trajectory, relations: Relations) -> Document:
+    found = relation_errors(trajectory, relations)
+    return {
+        **_both(found.errors),
+        "count": len(found.errors.translation_m),
+        "missed": found.missed,
+    }
+
+
+def _map_measures(
+    built: OccupancyGrid,
+    probability: OccupancyGrid | None,
+    truth: OccupancyGrid,
+    T_truth_map: NDArray[np.float64],
+    reach_m: float | None,
+) -> Document:
+    walls = wall_distances(built, truth, T_truth_map, reach_m)
+    document: Document = {
+        "accuracy": _distances(walls.accuracy),
+        "completeness": _distances(walls.completeness),
+        "iou": intersection_over_union(built, truth, T_truth_map),
+    }
+    if probability is not None:
+        document["log_loss"], document["log_loss_cells"] = log_loss(probability, truth, T_truth_map)
+    return document
+
+
+def _distances(values: NDArray[np.float64]) -> Document:
+    if not len(values):
+        return {**dict.fromkeys(("mean", "var", "max", "p50", "p95"), math.nan), "count": 0}
+    p50, p95 = np.percentile(values, (50, 95)).tolist()
+    return {
+        "mean": float(values.mean()),
+        "var": float(values.var()),
+        "max": float(values.max()),
+        "p50": p50,
+        "p95": p95,
+        "count": len(values),
+    }
+
+
+def _object_measures(
+    found: Mapping[str, MapObject],
+    truth: Mapping[str, MapObject],
+    T_truth_map: NDArray[np.float64],
+    max_position_m: float,
+) -> Document:
+    errors = object_errors(found, truth, T_truth_map, max_position_m)
+    return {
+        "objects": {
+            "count": errors.count,
+            "found": errors.found,
+            "correct": errors.correct,
+            "extra": errors.extra,
+            "position": _mean_and_max(errors.position_m),
+            "heading": _mean_and_max(errors.heading_deg),
+        },
+        "doors": {"count": errors.doors, "state_correct": errors.doors_state_correct},
+    }
+
+
+def _mean_and_max(values: NDArray[np.float64]) -> Document:
+    if not len(values):
+        return {"mean": math.nan, "max": math.nan}
+    return {"mean": float(values.mean()), "max": float(values.max())}

@@ -1,0 +1,105 @@
+"""Bounds on measures, as `--require 'ape.trans.rmse<=0.10'` states them."""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from gridslam.config.errors import nearest
+from gridslam.core.errors import ConfigError
+
+Value: TypeAlias = float | int | bool | str | None
+
+_OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    ">": operator.gt,
+}
+_GATE = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|==|!=|<|>)\s*(\S+)\s*")
+_TRUTH_VALUES = {"true": True, "false": False}
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """`key` `comparison` `bound`, for example ape.trans.rmse <= 0.1."""
+
+    key: str
+    comparison: str
+    bound: float | bool
+
+    def __str__(self) -> str:
+        return f"{self.key}{self.comparison}{_text(self.bound)}"
+
+
+def parse_gate(text: str) -> Gate:
+    """ConfigError unless the text is a key, a comparison and a number, true or false."""
+    match = _GATE.fullmatch(text)
+    if match is None:
+        raise ConfigError(f"--require {text!r}: expected KEY<=NUMBER (or >=, <, >, ==, !=)")
+    key, comparison, word = match.groups()
+    if word.lower() in _TRUTH_VALUES:
+        if comparison not in ("==", "!="):
+            raise ConfigError(f"--require {text!r}: true and false are compared with == or !=")
+        return Gate(key, comparison, _TRUTH_VALUES[word.lower()])
+    try:
+        bound = float(word)
+    except ValueError:
+        bound = math.nan
+    if math.isnan(bound):
+        raise ConfigError(f"--require {text!r}: {word!r} is neither a number nor true or false")
+    return Gate(key, comparison, bound)
+
+
+def flatten(document: Mapping[str, Any], prefix: str = "") -> dict[str, Value]:
+    """Nested objects as dotted keys."""
+    flat: dict[str, Value] = {}
+    for name, value in document.items():
+        if isinstance(value, Mapping):
+            flat.update(flatten(value, f"{prefix}{name}."))
+        elif not isinstance(value, (list, tuple)):
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mapping[str, str]) -> None:
+    """ConfigError for a key that the document lacks; `needs` names what the measures under a first part need."""
+    flat = flatten(document)
+    for gate in gates:
+        if gate.key in flat:
+            continue
+        part = gate.key.partition(".")[0]
+        if part in needs and part not in document:
+            raise ConfigError(f"--require {gate}: {part} is not measured; it needs {needs[part]}")
+        raise ConfigError(f"--require {gate}: no measure {gate.key!r}{nearest(gate.key, flat)}")
+
+
+def failures(gates: Sequence[Gate], document: Mapping[str, Any]) -> list[str]:
+    """One line for each gate that does not hold. What has no value (NaN, null) passes no gate."""
+    flat = flatten(document)
+    return [_failure(gate, flat[gate.key]) for gate in gates if not _holds(gate, flat[gate.key])]
+
+
+def _holds(gate: Gate, value: Value) -> bool:
+    if value is None or isinstance(value, str) or isinstance(value, bool) != isinstance(gate.bound, bool):
+        return False
+    return not math.isnan(value) and _OPERATORS[gate.comparison](value, gate.bound)
+
+
+def _failure(gate: Gate, value: Value) -> str:
+    bound = f"{gate.comparison} {_text(gate.bound)}"
+    return f"gate failed: {gate.key} = {_text(value)}, required {bound}"
+
+
+def _text(value: Value) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "no value"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.9g}" if isinstance(value, float) else str(value)

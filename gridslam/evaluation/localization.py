@@ -1,0 +1,38 @@
+"""Whether, and when, a localization found the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.evaluation.pose_errors import PoseErrors
+
+
+@dataclass(frozen=True, slots=True)
+class Localization:
+    """`time_to_convergence_s` runs from the first pose to the first of the good ones; NaN without success."""
+
+    success: bool
+    time_to_convergence_s: float
+
+
+def judge_localization(
+    stamps_ns: NDArray[np.int64],
+    errors: PoseErrors,
+    start_ns: int,
+    max_translation_m: float = 0.5,
+    max_rotation_deg: float = 10.0,
+) -> Localization:
+    """Success: from some pose on, and to the end, both errors are below their bounds.
+
+    `stamps_ns` `(n,)` in time order with the errors at them; `start_ns` is the stamp of the trajectory's first
+    pose.
+    """
+    good = (errors.translation_m < max_translation_m) & (errors.rotation_deg < max_rotation_deg)
+    if not len(good) or not good[-1]:
+        return Localization(False, float("nan"))
+    bad = np.flatnonzero(~good)
+    first_good = int(bad[-1]) + 1 if len(bad) else 0
+    return Localization(True, (int(stamps_ns[first_good]) - start_ns) / 1e9)

@@ -1,0 +1,123 @@
+"""How far a built map is from the true one: walls, cells, probabilities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+
+OCCUPIED_FROM = 0.5
+_SMALLEST_PROBABILITY = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class WallDistances:
+    """Distances (m) between the centres of wall cells.
+
+    `accuracy` `(n,)`: from each mapped wall cell to the nearest true one. `completeness` `(m,)`: from each true
+    wall cell that borders on free space to the nearest mapped one.
+    """
+
+    accuracy: NDArray[np.float64]
+    completeness: NDArray[np.float64]
+
+
+def wall_distances(
+    built: OccupancyGrid,
+    truth: OccupancyGrid,
+    T_truth_built: NDArray[np.float64],
+    reach_m: float | None = None,
+) -> WallDistances:
+    """Both distances, with the built map moved by `T_truth_built` (x, y, yaw) into the truth's frame.
+
+    A wall cell is one with probability > 0.5. The inside of a thick true wall, which nothing can observe, counts
+    for accuracy only. With `reach_m` completeness leaves out true walls farther than that from every known cell
+    of the built map. Empty where one of the maps has no wall.
+    """
+    mapped = se2.transform_points(T_truth_built, _centres(built, _walls(built)))
+    true = _centres(truth, _walls(truth))
+    seen = _centres(truth, _borders_on_free(truth))
+    if reach_m is not None and len(seen):
+        known = se2.transform_points(T_truth_built, _centres(built, ~np.isnan(built.probability)))
+        seen = seen[_nearest(seen, known) <= reach_m] if len(known) else seen[:0]
+    return WallDistances(_nearest(mapped, true), _nearest(seen, mapped))
+
+
+def intersection_over_union(
+    built: OccupancyGrid, truth: OccupancyGrid, T_truth_built: NDArray[np.float64]
+) -> float:
+    """Area that is wall in both maps, divided by the area that is wall in at least one; NaN without any wall.
+
+    Counted in the cells that the true map knows, each compared with the built cell under its centre.
+    """
+    built_there = sample(built, _cell_centres_in_built(truth, T_truth_built)).reshape(truth.probability.shape)
+    known = ~np.isnan(truth.probability)
+    true_wall, built_wall = _walls(truth), known & (built_there > OCCUPIED_FROM)
+    union = np.count_nonzero(true_wall | built_wall)
+    return float(np.count_nonzero(true_wall & built_wall) / union) if union else float("nan")
+
+
+def log_loss(
+    probability: OccupancyGrid, truth: OccupancyGrid, T_truth_built: NDArray[np.float64]
+) -> tuple[float, int]:
+    """Mean of -ln P(the true state) over the cells that both maps know (NaN without any), and their number.
+
+    Probabilities are kept within [1e-6, 1 - 1e-6], so that one wrong certainty is dear but not infinite.
+    """
+    p = sample(probability, _cell_centres_in_built(truth, T_truth_built)).reshape(truth.probability.shape)
+    both = ~np.isnan(p) & ~np.isnan(truth.probability)
+    if not both.any():
+        return float("nan"), 0
+    clipped = np.clip(p[both].astype(np.float64), _SMALLEST_PROBABILITY, 1.0 - _SMALLEST_PROBABILITY)
+    loss = -np.log(np.where(_walls(truth)[both], clipped, 1.0 - clipped))
+    return float(loss.mean()), int(np.count_nonzero(both))
+
+
+def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Probabilities `(n,)` of the cells in which the points `(n, 2)` of the map frame lie; NaN outside."""
+    cells = grid.geometry.cells(points_xy)
+    rows, cols = grid.probability.shape
+    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
+    values = np.full(len(cells), np.nan, np.float32)
+    values[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
+    return values
+
+
+def moved(geometry: GridGeometry, T_new_old: NDArray[np.float64]) -> GridGeometry:
+    """The geometry of the same cells in another frame."""
+    pose = se2.compose(T_new_old, np.array([*geometry.origin_xy_m, geometry.yaw_rad]))
+    return GridGeometry(geometry.resolution_m, (float(pose[0]), float(pose[1])), float(pose[2]))
+
+
+def _walls(grid: OccupancyGrid) -> NDArray[np.bool_]:
+    return np.asarray(grid.probability > OCCUPIED_FROM)
+
+
+def _borders_on_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
+    """Wall cells with a free cell on one of their four sides."""
+    free = np.pad(grid.probability <= OCCUPIED_FROM, 1)
+    beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
+    return _walls(grid) & beside
+
+
+def _centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return grid.geometry.centres(np.argwhere(mask))
+
+
+def _cell_centres_in_built(truth: OccupancyGrid, T_truth_built: NDArray[np.float64]) -> NDArray[np.float64]:
+    centres = _centres(truth, np.ones(truth.probability.shape, np.bool_))
+    return se2.transform_points(se2.inverse(T_truth_built), centres)
+
+
+def _nearest(points: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance `(n,)` from each point to the nearest of `among`; empty when there is nothing to measure to."""
+    if not len(points) or not len(among):
+        return np.zeros(0)
+    from scipy.spatial import cKDTree
+
+    distances, _ = cKDTree(among).query(points)
+    return np.asarray(distances, dtype=np.float64)

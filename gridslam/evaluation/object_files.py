@@ -1,0 +1,58 @@
+"""objects.csv: one row per object, or per object and moment."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+from gridslam.core.errors import InputError
+from gridslam.evaluation.object_errors import MapObject
+
+_BOOLEANS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
+
+
+def read_objects(path: Path) -> dict[str, MapObject]:
+    """Columns `id,x,y,yaw` and, where known, `class,moved,state`; others are left out.
+
+    Where an id has several rows (poses over time) the last one counts. Raises InputError, naming the line.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = csv.DictReader(stream)
+            missing = {"id", "x", "y", "yaw"} - set(rows.fieldnames or ())
+            if missing:
+                raise InputError(f"{path}:1: the columns {', '.join(sorted(missing))} are missing")
+            return {row["id"]: _object(f"{path}:{rows.line_num}", row) for row in rows}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from None
+
+
+def _object(place: str, row: dict[str, str | None]) -> MapObject:
+    if not row["id"]:
+        raise InputError(f"{place}: the id is empty")
+    x, y, yaw = (_number(place, key, row[key]) for key in ("x", "y", "yaw"))
+    return MapObject(
+        (x, y, yaw), row.get("class") or None, _boolean(place, row.get("moved")), row.get("state") or None
+    )
+
+
+def _number(place: str, key: str, text: str | None) -> float:
+    try:
+        value = float(text or "nan")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{place}: {key}: expected a finite number, got {text!r}")
+    return value
+
+
+def _boolean(place: str, text: str | None) -> bool | None:
+    if not text:
+        return None
+    value = _BOOLEANS.get(text.strip().lower())
+    if value is None:
+        raise InputError(f"{place}: moved: expected true or false, got {text!r}")
+    return value

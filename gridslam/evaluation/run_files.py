@@ -1,0 +1,113 @@
+"""What `evaluate` is given: a run directory or a trajectory, and the truth in one of its forms."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gridslam.core.errors import InputError
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.files import read_trajectory
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+
+TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
+    "trajectory.tum", "map.yaml", "layers.npz", "objects.csv", "report.json",
+)  # fmt: skip
+_TEXT_ENDINGS = frozenset({".tum", ".txt", ".csv", ""})
+_LONGEST_HEAD = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """The files of a run or of a truth; None where there is none."""
+
+    trajectory: Path | None = None
+    map_yaml: Path | None = None
+    layers: Path | None = None
+    objects: Path | None = None
+
+
+def run_paths(path: Path) -> Paths:
+    """The files of a run directory or of a folder of truth; a plain file is a trajectory.
+
+    Raises InputError: there is nothing, or nothing to evaluate.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; expected a run directory or a trajectory")
+    if not path.is_dir():
+        return Paths(trajectory=path)
+    trajectory, map_yaml, layers, objects = (
+        path / name if (path / name).is_file() else None for name in (TRAJECTORY, MAP, LAYERS, OBJECTS)
+    )
+    if trajectory is None and map_yaml is None and objects is None:
+        raise InputError(f"{path}: neither {TRAJECTORY} nor {MAP} nor {OBJECTS} in this folder")
+    return Paths(trajectory, map_yaml, layers, objects)
+
+
+def run_command_of(path: Path) -> str | None:
+    """The command that made a run directory (`map`, `localize`), where its report says so."""
+    try:
+        document = json.loads((path / REPORT).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    command = document.get("command") if isinstance(document, dict) else None
+    return command if isinstance(command, str) else None
+
+
+def truth_paths(path: Path) -> Paths:
+    """As `run_paths`, for the truth. A folder without the files of a truth is taken for a log."""
+    if path.is_dir() and not any((path / name).is_file() for name in (TRAJECTORY, MAP, OBJECTS)):
+        return Paths(trajectory=path)
+    return run_paths(path)
+
+
+def read_truth(path: Path) -> Trajectory:
+    """A trajectory as text, or the true path that a log (by its content) carries. Raises InputError."""
+    if path.is_file() and _looks_like_trajectory(path):
+        return read_trajectory(path)
+    from gridslam.logs.open import open_log
+
+    with open_log(path) as log:
+        truth = log.truth()
+    if truth is None or not len(truth):
+        raise InputError(f"{path}: this log holds no true poses; give a trajectory (t x y z qx qy qz qw)")
+    return truth
+
+
+def _looks_like_trajectory(path: Path) -> bool:
+    """Whether the first line that is no comment begins with a number, or the name is that of a text file."""
+    with path.open("rb") as stream:
+        head = stream.read(_LONGEST_HEAD)
+    for line in head.split(b"\n"):
+        words = line.partition(b"#")[0].replace(b",", b" ").split()
+        if words:
+            return _is_number(words[0]) or path.suffix.lower() in _TEXT_ENDINGS - {""}
+    return path.suffix.lower() in _TEXT_ENDINGS
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def read_probability(path: Path) -> OccupancyGrid | None:
+    """The layer `probability` of layers.npz, None without it. Raises InputError for a damaged file."""
+    try:
+        with np.load(path, allow_pickle=False) as layers:
+            if "probability" not in layers:
+                return None
+            values = np.asarray(layers["probability"], dtype=np.float32)
+            x, y, yaw = np.asarray(layers["probability.origin"], dtype=np.float64)
+            resolution = float(layers["probability.resolution"])
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not the layers of a run ({error}); run again") from None
+    if values.ndim != 2 or not resolution > 0.0:
+        raise InputError(f"{path}: probability: expected rows and columns with a resolution; run again")
+    return OccupancyGrid(values, GridGeometry(resolution, (float(x), float(y)), float(yaw)))
