@@ -22,7 +22,7 @@ help:
 
 map: $(READY)
 	$(BIN)/gridslam map $(SAMPLE) -c slam-sd -o $(OUT) --force
-	$(BIN)/gridslam evaluate $(OUT) --truth $(SAMPLE:.mcap=.truth)/trajectory.tum
+	$(BIN)/gridslam evaluate $(OUT) --truth $(SAMPLE:.mcap=.truth)
 	@echo
 	@echo "The map is $(OUT)/map.png; $(OUT)/report.html tells the rest."
 

@@ -111,6 +111,11 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
     if (facts := document["map"]) is not None:
         cells = f"{facts['cols']} x {facts['rows']} cells of {facts['resolution_m'] * 100:g} cm"
         rows.append(("map", f"{cells}, {facts['known_m2']:.0f} m2 known"))
+    if (errors := document["errors"]) is not None:
+        ape = errors["ape"]
+        rows.append(
+            ("error", f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against the truth)")
+        )
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
     if run.occupancy is not None:
         rows.append(("picture", str(output / "map.png")))

@@ -15,6 +15,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.logs.stamps import format_stamp
 from gridslam.report.directory import REPORT_FORMAT
 from gridslam.report.environment import made_with, peak_memory_mb
+from gridslam.report.errors_over_time import errors_of
 from gridslam.run import Run
 
 FORMAT_VERSION = 1
@@ -53,6 +54,7 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
         "memory": {"peak_mb": peak_memory_mb()},
         "trajectory": trajectory_facts(run.result.trajectory),
         "map": map_facts(run),
+        "errors": None if (errors := errors_of(run)) is None else errors.summary(),
         "measures": dict(run.result.measures),
         "made_with": made_with().model_dump(),
     }

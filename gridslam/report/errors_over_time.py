@@ -1,4 +1,4 @@
-"""The error of a trajectory at each moment, for the report's plots (`evaluate` gives the measures)."""
+"""The error of a run's trajectory at each moment, where the truth is known."""
 
 from __future__ import annotations
 
@@ -7,41 +7,42 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
-
-FEWEST_POSES = 2
+from gridslam.evaluation.alignment import Align, find_alignment
+from gridslam.evaluation.association import associate
+from gridslam.evaluation.pose_errors import PoseErrors, absolute_errors
+from gridslam.evaluation.statistics import Statistics, statistics
+from gridslam.run import Run
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """At stamps `(n,)`: distance (m) and absolute angle (deg) between the aligned estimate and the truth."""
+    """APE at stamps `(n,)`, n > 0, and the alignment that was applied before."""
 
     stamps_ns: NDArray[np.int64]
-    translation_m: NDArray[np.float64]
-    rotation_deg: NDArray[np.float64]
+    ape: PoseErrors
+    align: Align
+
+    def summary(self) -> dict[str, str | int | dict[str, Statistics]]:
+        """For report.json, under the names that `gridslam evaluate` uses."""
+        ape = {"trans": statistics(self.ape.translation_m), "rot": statistics(self.ape.rotation_deg)}
+        return {"align": self.align, "poses": len(self.stamps_ns), "ape": ape}
 
 
-def errors_over_time(estimate: Trajectory, truth: Trajectory, is_aligned: bool) -> Errors | None:
-    """Errors at the estimate's stamps that the truth covers; None when fewer than two do.
+def errors_of(run: Run) -> Errors | None:
+    """The run's errors against the log's truth; None without a truth at the time of the poses.
 
-    With `is_aligned` after the rigid motion that fits the positions best: a map's own frame is arbitrary.
+    A new map's frame is arbitrary: such a trajectory is aligned (SE2). On a given map it is taken as it is.
     """
-    path = estimate.sorted()
-    true_poses, inside = truth.sorted().at(path.stamps_ns)
-    if np.count_nonzero(inside) < FEWEST_POSES:
+    if run.truth is None:
         return None
-    stamps, found, true = path.stamps_ns[inside], path.poses[inside], true_poses[inside]
-    T_true_map = align(found[:, :2], true[:, :2]) if is_aligned else np.zeros(3)
-    difference = se2.between(true, se2.compose(T_true_map, found))
-    return Errors(stamps, np.hypot(difference[:, 0], difference[:, 1]), np.rad2deg(np.abs(difference[:, 2])))
+    return errors_over_time(run.result.trajectory, run.truth, "se2" if run.command == "map" else "none")
 
 
-def align(source_xy: NDArray[np.float64], target_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """T_target_source `(3,)` of least squared distance between points `(n, 2)` (Umeyama 1991, no scale)."""
-    source_mean, target_mean = source_xy.mean(axis=0), target_xy.mean(axis=0)
-    s, t = source_xy - source_mean, target_xy - target_mean
-    yaw = float(np.arctan2((s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]).sum(), (s * t).sum()))
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    shift = target_mean - np.array([[cos, -sin], [sin, cos]]) @ source_mean
-    return np.array([shift[0], shift[1], yaw])
+def errors_over_time(estimate: Trajectory, truth: Trajectory, align: Align) -> Errors | None:
+    """Errors of the poses that the truth covers; None when there are none, or too few to align."""
+    pairs = associate(estimate.sorted(), truth.sorted())
+    alignment = find_alignment(pairs.estimate, pairs.truth, align)
+    if alignment is None or not len(pairs):
+        return None
+    return Errors(pairs.stamps_ns, absolute_errors(alignment.apply(pairs.estimate), pairs.truth), align)

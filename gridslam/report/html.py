@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
 from gridslam.report.document import flatten
-from gridslam.report.errors_over_time import errors_over_time
+from gridslam.report.errors_over_time import errors_of
 from gridslam.report.plots import Line, time_plot
 from gridslam.run import Run
 
@@ -54,14 +54,11 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
 def plots(run: Run) -> Iterator[Plot]:
     """Errors over time where the log has the truth, then every diagnostic of the method."""
     start_ns = _start_ns(run)
-    errors = None
-    if run.truth is not None:
-        errors = errors_over_time(run.result.trajectory, run.truth, is_aligned=run.command == "map")
-    if errors is not None:
+    if (errors := errors_of(run)) is not None:
         times = _seconds(errors.stamps_ns, start_ns)
-        note = "against the truth" + (", after the best rigid alignment" if run.command == "map" else "")
-        yield Plot("Position error", Markup(time_plot([Line(times, errors.translation_m)], "m")), note)
-        yield Plot("Heading error", Markup(time_plot([Line(times, errors.rotation_deg)], "deg")), note)
+        note = "against the truth" + (", after the best rigid alignment" if errors.align == "se2" else "")
+        yield Plot("Position error", Markup(time_plot([Line(times, errors.ape.translation_m)], "m")), note)
+        yield Plot("Heading error", Markup(time_plot([Line(times, errors.ape.rotation_deg)], "deg")), note)
     for name, series in sorted(run.result.series.items()):
         line = Line(_seconds(series.stamps_ns, start_ns), series.values)
         yield Plot(name[:1].upper() + name[1:].replace("_", " "), Markup(time_plot([line], series.unit)))

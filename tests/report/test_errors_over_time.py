@@ -27,13 +27,13 @@ def as_evo(path: Trajectory) -> PoseTrajectory3D:
 
 def test_aligned_errors_are_those_of_evo() -> None:
     estimate, truth = two_paths()
-    errors = errors_over_time(estimate, truth, is_aligned=True)
+    errors = errors_over_time(estimate, truth, "se2")
     assert errors is not None
     reference, aligned = sync.associate_trajectories(as_evo(truth), as_evo(estimate))
     aligned.align(reference)
     for relation, found in (
-        (metrics.PoseRelation.translation_part, errors.translation_m),
-        (metrics.PoseRelation.rotation_angle_deg, errors.rotation_deg),
+        (metrics.PoseRelation.translation_part, errors.ape.translation_m),
+        (metrics.PoseRelation.rotation_angle_deg, errors.ape.rotation_deg),
     ):
         ape = metrics.APE(relation)
         ape.process_data((reference, aligned))
@@ -42,15 +42,13 @@ def test_aligned_errors_are_those_of_evo() -> None:
 
 def test_errors_of_a_localization_are_taken_as_they_are() -> None:
     estimate, truth = two_paths()
-    errors = errors_over_time(estimate, truth, is_aligned=False)
+    errors = errors_over_time(estimate, truth, "none")
     assert errors is not None
     apart = estimate.poses[:, :2] - truth.poses[:, :2]
-    assert np.allclose(errors.translation_m, np.hypot(apart[:, 0], apart[:, 1]))
+    assert np.allclose(errors.ape.translation_m, np.hypot(apart[:, 0], apart[:, 1]))
 
 
 def test_a_truth_of_another_time_gives_no_errors() -> None:
     estimate, truth = two_paths()
-    assert (
-        errors_over_time(estimate, Trajectory(truth.stamps_ns + 10**12, truth.poses), is_aligned=True) is None
-    )
-    assert errors_over_time(Trajectory.empty(), truth, is_aligned=True) is None
+    assert errors_over_time(estimate, Trajectory(truth.stamps_ns + 10**12, truth.poses), "se2") is None
+    assert errors_over_time(Trajectory.empty(), truth, "se2") is None

@@ -58,6 +58,8 @@ def test_the_report_has_the_names_that_scripts_rely_on(finished_run: Run, tmp_pa
     assert report["memory"]["peak_mb"] > 1
     assert report["inputs"] == [{"path": "room.mcap", "sha256": "ab" * 32}]
     assert report["measures"] == {"confidence": {"mean": 0.5, "worst": None}}
+    assert report["errors"]["align"] == "se2"  # the truth is the path moved and unturned: no error is left
+    assert report["errors"]["ape"]["trans"]["rmse"] == pytest.approx(0.0, abs=1e-9)
     assert report["trajectory"]["length_m"] == pytest.approx(3.0)
     assert report["trajectory"]["first_stamp"] == "1700000000.123456789"
     assert report["map"]["known_m2"] == pytest.approx(6 * 0.05**2)
