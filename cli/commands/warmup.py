@@ -8,7 +8,7 @@ from .. import console
 
 
 def run() -> None:
-    """Compile the kernels now, once, so that no later run waits for it."""
+    """Compile the kernels ahead of the first run."""
     from gridslam.kernels import warm_up
 
     started = time.perf_counter()
