@@ -52,7 +52,7 @@ class CarmenConfig(StrictModel):
 
 
 class WheelsConfig(StrictModel):
-    """Names of the wheel joints in JointState messages; absent: the names that contain left and right."""
+    """Names of the wheel joints in JointState messages; absent: those with `wheel` and the side."""
 
     left: str | None = None
     right: str | None = None

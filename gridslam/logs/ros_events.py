@@ -96,6 +96,7 @@ def fix(message: Any, topic: str) -> Event:
     pose = message.pose.pose
     full = np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     planar = full[np.ix_([0, 1, 5], [0, 1, 5])]
+    planar = 0.5 * (planar + planar.T)  # publishers round the two halves differently
     values = np.array([pose.position.x, pose.position.y, _yaw(pose.orientation)])
     return PoseFix(*_stamp(message), readonly(values, np.float64), readonly(planar, np.float64))
 
@@ -202,10 +203,17 @@ def is_depth(message: Any) -> bool:
 
 
 def wheel_names(names: list[str], config: WheelsConfig) -> tuple[int, int] | None:
-    """Places of the left and right wheel among the joints; None where the message is not about wheels."""
-    left = [i for i, n in enumerate(names) if (n == config.left if config.left else "left" in n.lower())]
-    right = [i for i, n in enumerate(names) if (n == config.right if config.right else "right" in n.lower())]
-    return (left[0], right[0]) if left and right else None
+    """Places of the left and right wheel among the joints; None where the message is not about wheels.
+
+    Without a name in the config it is the first joint whose name has both `wheel` and the side in it.
+    """
+
+    def place(side: str, given: str | None) -> int | None:
+        fits = (n == given if given else "wheel" in n.lower() and side in n.lower() for n in names)
+        return next((i for i, fit in enumerate(fits) if fit), None)
+
+    left, right = place("left", config.left), place("right", config.right)
+    return None if left is None or right is None else (left, right)
 
 
 def wheels(message: Any, config: WheelsConfig) -> Event:

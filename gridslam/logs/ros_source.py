@@ -24,6 +24,7 @@ _FAST: dict[str, Callable[[bytes], Event]] = {
     "nav_msgs/msg/Odometry": ros_fast.odometry,
     "sensor_msgs/msg/Imu": ros_fast.imu,
 }
+_MOST_FRAMES = 1000
 _LITTLE = b"\x00\x01"
 
 
@@ -69,10 +70,12 @@ class _Decoder:
             self._standard_tf = self.is_tf and is_standard(schema)
             if is_standard(schema):
                 self._fast = _FAST.get(self.type)
-            if self._fast is None and not self._standard_tf:
+            if self._fast is not None or self._standard_tf:
+                self._decode = _Late(schema, self.type)
+            else:
                 try:
                     self._decode = decoder_of(schema, self.type)
-                except (ValueError, UnicodeDecodeError):
+                except ValueError:
                     self.fault = "unreadable_schema"
         self._convert = ros_events.CONVERTERS.get(self.type)
 
@@ -94,12 +97,20 @@ class _Decoder:
         elif self.is_json and self.kind != "other":
             self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data))
 
-    def head(self, data: bytes) -> tuple[int, bytes] | None:
-        """(stamp_ns, frame) without decoding the rest."""
+    def head(self, data: bytes) -> tuple[int, str] | None:
+        """(stamp_ns, frame) without decoding the rest; None without a valid stamp."""
         if not self.is_json:
-            return ros_fast.head(data)
+            found = ros_fast.head(data)
+            return None if found is None else (found[0], ros_fast.frame_text(found[1]))
         stamp, frame = foxglove.head(self._decode(data))
-        return None if stamp is None else (stamp, frame.encode())
+        return None if stamp is None else (stamp, frame)
+
+    def is_counted(self, data: bytes) -> bool:
+        """Whether the survey has a stamp of this message."""
+        try:
+            return self.head(data) is not None
+        except DECODING_ERRORS:
+            return False
 
     def transforms(self, data: bytes, static: bool) -> list[Transform]:
         """All transforms of a tf message; those without a valid stamp have stamp -1."""
@@ -134,6 +145,20 @@ class _Decoder:
         """Angles by joint name."""
         message = self._decode(data)
         return {str(n): float(p) for n, p in zip(message.name, message.position, strict=False)}
+
+
+class _Late:
+    """A general decoder that is made when it is needed: for the odd message the fast way cannot read."""
+
+    def __init__(self, schema: Schema, name: str) -> None:
+        self._schema = schema
+        self._name = name
+        self._decode: Callable[[bytes], Any] | None = None
+
+    def __call__(self, data: bytes) -> Any:
+        if self._decode is None:
+            self._decode = decoder_of(self._schema, self._name)
+        return self._decode(data)
 
 
 def _no_decoder(data: bytes) -> Any:
@@ -202,24 +227,14 @@ class RosSource:
                 if tf_wanted or needs_servos:
                     yield from self._read_tf(decoder, data, wanted, servos)
                 continue
-            if decoder.kind == "joints" and needs_servos:
-                try:
+            if needs_servos and decoder.kind in ("joints", "wheels"):
+                with suppress(*DECODING_ERRORS):
                     servos.learn(decoder.joints(data))
-                except DECODING_ERRORS:
-                    continue
             stream = decoder.stream
             if stream is None or stream not in wanted:
                 continue
-            try:
-                if decoder.head(data) is None:
-                    continue  # counted in the survey
-            except DECODING_ERRORS:
-                continue
-            try:
-                event: Event | Skip = decoder.event(data, servos)
-            except DECODING_ERRORS as error:
-                event = Skip(_reason(error))
-            yield stream, event
+            if decoder.is_counted(data):
+                yield stream, _event(decoder, data, servos)
 
     def _read_tf(
         self, decoder: _Decoder, data: bytes, wanted: frozenset[int], servos: _Servos
@@ -265,12 +280,13 @@ class RosSource:
         if head is None:
             self.ledger.skip(decoder.kind, "bad_stamp", f"{decoder.topic} message {number}")
             return
-        frame = ros_fast.frame_text(head[1])
-        if frame not in stream.frames and len(stream.frames) < 1000:
+        stamp, frame = head
+        stream.stamps_ns.append(stamp)
+        if frame not in stream.frames and len(stream.frames) < _MOST_FRAMES:
             stream.frames[frame] = None
         if stream.kind == "odom" and not stream.child_frame:
-            stream.child_frame = decoder.child_frame(data)
-        stream.stamps_ns.append(head[0])
+            with suppress(*DECODING_ERRORS):  # `read` counts it
+                stream.child_frame = decoder.child_frame(data)
 
     def _survey_tf(self, decoder: _Decoder, data: bytes, number: int) -> None:
         static = decoder.topic.endswith("tf_static")
@@ -316,6 +332,13 @@ class RosSource:
             self.streams.append(RecordedStream(decoder.kind, decoder.topic, decoder.type or channel.encoding))
         self._decoders[identifier] = decoder
         return decoder
+
+
+def _event(decoder: _Decoder, data: bytes, servos: _Servos) -> Event | Skip:
+    try:
+        return decoder.event(data, servos)
+    except DECODING_ERRORS as error:
+        return Skip(_reason(error))
 
 
 def _reason(error: Exception) -> str:

@@ -26,6 +26,7 @@ KIND_OF_TYPE = {
     "tf/msg/tfMessage": "tf",
 }
 
+_LARGEST_SCHEMA_BYTES = 1_000_000
 TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
 
 # The fields that the hand-written decoders in ros_fast expect.
@@ -94,25 +95,37 @@ def _fields(text: str) -> str:
 
 
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
-    """A function from CDR bytes to a message object, which raises ValueError for bytes that are no such
-    message.
+    """A function from CDR bytes to a message object; it raises ValueError for bytes that are no such message.
 
     Raises ValueError for a schema that cannot be understood.
     """
-    from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, TypesysError, get_typestore
 
     if schema is None or not schema.data.strip():
         if name not in humble().fielddefs:
             raise ValueError(f"{name}: the log has no definition of this type")
         return _decoder(humble(), name)
-    text = schema.data.decode()
+    if len(schema.data) > _LARGEST_SCHEMA_BYTES:
+        raise ValueError(f"{name}: its definition is larger than any real one")
     store = get_typestore(Stores.EMPTY)
     try:
-        types = get_types_from_idl(text) if schema.encoding == "ros2idl" else get_types_from_msg(text, name)
-        store.register({**_time_types(), **types})
-    except (TypesysError, KeyError, ValueError) as error:
+        store.register({**_time_types(), **_types_of(schema.data.decode(), schema.encoding, name)})
+    except (TypesysError, KeyError, ValueError, RecursionError) as error:
         raise ValueError(f"{name}: its definition cannot be understood ({error})") from error
     return _decoder(store, name)
+
+
+def _types_of(text: str, encoding: str, name: str) -> dict[str, Any]:
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    if encoding != "ros2idl":
+        return dict(get_types_from_msg(text, name))
+    types: dict[str, Any] = {}
+    for section in re.split(r"(?m)^=+\s*$", text):
+        body = re.sub(r"(?m)^(IDL: |\s*#include).*$", "", section).strip()
+        if body:
+            types.update(get_types_from_idl(body))
+    return types
 
 
 def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:

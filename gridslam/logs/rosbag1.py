@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_file import Channel, Schema
 from gridslam.logs.ros_source import RosSource
+from gridslam.logs.ros_types import humble
 
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 
@@ -21,40 +23,34 @@ class Ros1Bag:
 
     def __init__(self, path: Path, ledger: Ledger) -> None:
         from rosbags.rosbag1 import Reader, ReaderError
-        from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
         self.path = path
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self._ledger = ledger
         self._surveyed = False
-        self._reader = Reader(path)
-        self._store: Any = get_typestore(Stores.ROS1_NOETIC)
         try:
-            self._reader.open()
+            with Reader(path) as reader:
+                connections = list(reader.connections)
         except (ReaderError, *_DAMAGE) as error:
             raise LogError(
                 f"{path}: not a readable ROS 1 bag ({error}); `rosbag reindex` may repair it"
             ) from error
-        for connection in self._reader.connections:
-            name = connection.msgtype
+        self._store = _types_of(connections)
+        for connection in connections:
             self.channels[connection.id] = Channel(connection.topic, "cdr", connection.id)
-            self.schemas[connection.id] = Schema(name, "", b"")
-            if name not in self._store.fielddefs:
-                try:
-                    self._store.register(get_types_from_msg(connection.msgdef.data, name))
-                except TypesysError:
-                    continue  # a message of such a type cannot be turned into CDR and is counted then
+            self.schemas[connection.id] = Schema(connection.msgtype, "", b"")
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(connection, data in CDR) of every readable message."""
-        from rosbags.rosbag1 import ReaderError
+        from rosbags.rosbag1 import Reader, ReaderError
 
         read = 0
         try:
-            for connection, _, raw in self._reader.messages():
-                read += 1
-                yield connection.id, self._to_cdr(raw, connection.msgtype)
+            with Reader(self.path) as reader:
+                for connection, _, raw in reader.messages():
+                    read += 1
+                    yield connection.id, self._to_cdr(raw, connection.msgtype)
         except (ReaderError, *_DAMAGE) as error:
             if not self._surveyed:
                 self._ledger.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
@@ -68,6 +64,20 @@ class Ros1Bag:
             return bytes(self._store.ros1_to_cdr(raw, name))
         except (SerdeError, *_DAMAGE):
             return b""
+
+
+def _types_of(connections: Iterable[Any]) -> Any:
+    """The bag's own types, with ROS 2's header: in CDR there is no `seq`."""
+    from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+    types = dict(get_typestore(Stores.ROS1_NOETIC).fielddefs)
+    for connection in connections:
+        with suppress(TypesysError):  # a message of such a type cannot be turned into CDR and is counted then
+            types.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+    types["std_msgs/msg/Header"] = humble().fielddefs["std_msgs/msg/Header"]
+    store = get_typestore(Stores.EMPTY)
+    store.register(types)
+    return store
 
 
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:

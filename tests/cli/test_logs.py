@@ -1,0 +1,86 @@
+"""gridslam info and gridslam convert."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gridslam.cli.main import main
+from tests.logs.mutations import SCANS, sample_csv, sample_mcap
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    code = main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_info_shows_the_streams(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys, "info", sample_mcap(tmp_path / "a.mcap"))
+    assert (code, err) == (0, "")
+    assert "MCAP, compression zstd" in out
+    assert any(
+        line.split()[:4] == ["scan", "/scan", "sensor_msgs/msg/LaserScan", "100"] for line in out.splitlines()
+    )
+
+
+def test_info_as_json_keeps_every_digit_of_a_stamp(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = run(capsys, "info", sample_mcap(tmp_path / "a.mcap"), "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["start"] == "1700000000.123456789"
+    assert document["duration_s"] == pytest.approx(9.900000007)
+    assert {s["topic"]: s["count"] for s in document["streams"]} == {"/odom": SCANS, "/scan": SCANS}
+    assert document["mounting"][0]["translation_m"] == [0.2, 0.0, 0.1]
+    assert document["is_lossy"] is False
+
+
+def test_strict_ends_with_3_on_a_cut_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = sample_mcap(tmp_path / "a.mcap")
+    path.write_bytes(path.read_bytes()[:100_000])
+    code, _, err = run(capsys, "info", path)
+    assert code == 0
+    assert "note: lost 1 x" in err
+    assert run(capsys, "info", path, "--strict")[0] == 3
+    assert run(capsys, "convert", path, tmp_path / "out.mcap", "--strict")[0] == 3
+    assert (tmp_path / "out.mcap").is_file()
+
+
+def test_what_is_no_log_ends_with_3_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys, "info", tmp_path / "absent.mcap")
+    assert (code, out) == (3, "")
+    assert err.count("\n") == 1
+    assert "no such file" in err
+
+
+def test_convert_takes_topics_and_a_span_of_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = sample_mcap(tmp_path / "a.mcap")
+    code, out, _ = run(
+        capsys, "convert", path, tmp_path / "b", "--topics", "/scan", "--start", 1, "--end", 2, "--json"
+    )
+    assert code == 0
+    # scans come 7 ns after each tenth of a second: 1.0 to 1.9 s lie inside, 2.000000007 s outside
+    assert json.loads(out)["written"] == {"/scan": 10}
+    _, out, _ = run(capsys, "info", tmp_path / "b", "--json")
+    assert [s["topic"] for s in json.loads(out)["streams"]] == ["/scan"]
+
+
+def test_convert_refuses_an_unknown_topic_and_an_existing_output(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = sample_csv(tmp_path / "a")
+    code, _, err = run(capsys, "convert", path, tmp_path / "b.mcap", "--topics", "/lidar")
+    assert code == 2
+    assert "no topic '/lidar'; it has: odom.csv, scan.csv" in err
+    assert not (tmp_path / "b.mcap").exists()
+    (tmp_path / "b.mcap").write_bytes(b"mine")
+    code, _, err = run(capsys, "convert", path, tmp_path / "b.mcap")
+    assert code == 3
+    assert "--force" in err
+    assert (tmp_path / "b.mcap").read_bytes() == b"mine"
+    assert run(capsys, "convert", path, tmp_path / "b.mcap", "--force")[0] == 0
+    assert (tmp_path / "b.mcap").read_bytes()[1:5] == b"MCAP"

@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import LaserScan, Odometry, Transform
+from gridslam.logs import open_log
+from tests.logs.ros_samples import HUMBLE, odometry, scan, tf, transform
+
+S = 10**9
+MESSAGES = [
+    ("/tf_static", tf(transform(0, "base_link", "laser", (0.25, 0.0, 0.0)))),
+    *((topic, make(i * S)) for i in range(1, 6) for topic, make in (("/odom", odometry), ("/scan", scan))),
+]
+
+
+def rosbag2(path: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
+    with Writer2(path, version=8, storage_plugin=plugin) as writer:
+        connections = {}
+        for number, (topic, message) in enumerate(MESSAGES):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=HUMBLE)
+            writer.write(connections[topic], number, HUMBLE.serialize_cdr(message, kind))
+    return path
+
+
+def check(path: Path, name: str) -> None:
+    with open_log(path, kinds=["scan", "odom"]) as log:
+        first, *rest = log.events()
+        assert log.format == name
+        assert not log.is_lossy, log.problems
+        assert log.input_hashes()
+    assert isinstance(first, Transform)
+    assert (first.child_frame_id, first.translation_m) == ("laser", (0.25, 0.0, 0.0))
+    assert [type(e) for e in rest] == [Odometry, LaserScan] * 5
+    assert [e.stamp_ns for e in rest] == [i * S for i in range(1, 6) for _ in range(2)]
+    assert rest[1].ranges_m.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("plugin", StoragePlugin)
+def test_a_rosbag2_folder_is_read_whatever_its_storage(tmp_path: Path, plugin: StoragePlugin) -> None:
+    check(rosbag2(tmp_path / "bag", plugin), "rosbag2")
+
+
+def test_a_db3_file_alone_is_read(tmp_path: Path) -> None:
+    folder = rosbag2(tmp_path / "bag")
+    path = Path(shutil.copy(next(folder.glob("*.db3")), tmp_path / "alone.db3"))
+    check(path, "rosbag2")
+
+
+def test_a_damaged_db3_gives_what_can_be_read(tmp_path: Path) -> None:
+    folder = rosbag2(tmp_path / "bag")
+    path = next(folder.glob("*.db3"))
+    with sqlite3.connect(path) as database:
+        rows = [(6, i, np.random.default_rng(i).bytes(3000)) for i in range(100)]
+        database.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+    whole = path.read_bytes()
+    place = len(whole) // 2
+    path.write_bytes(whole[:place] + b"\x55" * 8192 + whole[place + 8192 :])
+    with open_log(path) as log:
+        assert sum(isinstance(e, LaserScan) for e in log.events()) == 5
+        assert log.counters["lost.rest_of_database"] == 1
+    path.write_bytes(whole[:place])
+    with pytest.raises(LogError, match="not a readable rosbag2 database"):
+        open_log(path)
+
+
+def test_metadata_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    folder = rosbag2(tmp_path / "bag")
+    path = next(folder.glob("*.db3"))
+    metadata = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(metadata.replace(path.name, f"../{path.name}"))
+    shutil.move(path, tmp_path / path.name)
+    with pytest.raises(LogError, match="is no file in this folder"):
+        open_log(folder)
+
+
+def ros1(path: Path) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register({"tf2_msgs/msg/TFMessage": HUMBLE.fielddefs["tf2_msgs/msg/TFMessage"]})
+    with Writer1(path) as writer:
+        connections = {}
+        for number, (topic, message) in enumerate(MESSAGES, 1):
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            data = HUMBLE.serialize_cdr(message, kind)
+            writer.write(connections[topic], number, HUMBLE.cdr_to_ros1(data, kind))
+    return path
+
+
+def test_a_ros1_bag_is_read(tmp_path: Path) -> None:
+    check(ros1(tmp_path / "a.bag"), "ROS 1 bag")
+
+
+def test_a_cut_ros1_bag_is_refused_with_what_may_help(tmp_path: Path) -> None:
+    path = ros1(tmp_path / "a.bag")
+    path.write_bytes(path.read_bytes()[:-500])
+    with pytest.raises(LogError, match="rosbag reindex"):
+        open_log(path)
