@@ -18,7 +18,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.logs.choice import require_streams
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
-from gridslam.maps.map_server import load_map
+from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
@@ -78,11 +78,11 @@ def run_map(config: RunConfig[BaseModel], log_path: Path, show: Show, stop: Stop
 
 
 def run_localize(config: RunConfig[BaseModel], log_path: Path, map_path: Path, show: Show, stop: Stop) -> Run:
-    """Localize along a log on the map that a map_server YAML describes; otherwise as `run_map`.
+    """Localize along a log on a map (map_server YAML or wean.dat); otherwise as `run_map`.
 
     Raises MapError: the map is unreadable.
     """
-    run = _run("localize", config, log_path, load_map(map_path), show, stop)
+    run = _run("localize", config, log_path, load_any_map(map_path), show, stop)
     digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
     return replace(run, inputs={**run.inputs, map_path.name: digest})
 

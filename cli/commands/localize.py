@@ -10,7 +10,9 @@ import typer
 from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed, Strict
 from .map import LogPath
 
-MapPath = Annotated[Path, typer.Option("--map", metavar="MAP.yaml", help="The map: a map_server YAML.")]
+MapPath = Annotated[
+    Path, typer.Option("--map", metavar="MAP", help="The map: a map_server YAML, or wean.dat(.gz).")
+]
 Start = Annotated[
     str | None,
     typer.Option("--start", metavar="X,Y,YAW", help="Where the robot starts (m, m, rad); absent: anywhere."),
