@@ -31,7 +31,7 @@ def _default(desc: Any) -> Any:
     if node.name == "NAME":
         return make(detail)
     inner, length = detail
-    if inner[0].name == "BASE" and inner[1][0] not in ("string",):
+    if inner[0].name == "BASE" and inner[1][0] != "string":
         kinds = {"float64": np.float64, "float32": np.float32, "octet": np.uint8}
         return np.zeros(length or 0, kinds.get(inner[1][0]) or np.dtype(inner[1][0]).type)
     return []

@@ -29,10 +29,10 @@ def test_decimal_seconds_become_nanoseconds_without_rounding(text: str, unit: st
 
 
 @pytest.mark.parametrize(
-    "text", ["", "nan", "inf", "-1", "-0.5", "abc", "1e400", "2147483648", "9" * 500, "1,5", "0x10", "١"]
+    "text", ["", "nan", "inf", "-1", "-0.5", "abc", "1e400", "2147483648", "9" * 500, "1,5", "0x10"]
 )
 def test_what_is_no_stamp_is_none(text: str) -> None:
-    assert parse_stamp(text) in (None, 1_000_000_000 if text == "١" else None)
+    assert parse_stamp(text) is None
 
 
 @given(st.integers(0, END_NS - 1))
