@@ -11,6 +11,8 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
+_MOST_BINS = 1e6  # counted directly; more are numbered first
+
 
 @dataclass(frozen=True, slots=True)
 class Particles:
@@ -34,13 +36,15 @@ class Particles:
 
     def reweighted(self, log_likelihood: Floats) -> Particles:
         """Weights times likelihood, normalised."""
-        weights = self.weights * np.exp(log_likelihood - log_likelihood.max())
+        with np.errstate(divide="ignore"):
+            log_weights = np.log(self.weights) + log_likelihood
+        weights = np.exp(log_weights - log_weights.max())
         return Particles(self.poses, weights / weights.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """A Gaussian about part of the particles: mean `(3,)`, covariance `(3, 3)`, and the share of all weight that it stands for."""
+    """A Gaussian about part of the particles: mean `(3,)`, covariance `(3, 3)`, and its share of all weight."""
 
     mean: Floats
     covariance: Floats
@@ -58,15 +62,17 @@ def moments(particles: Particles) -> Belief:
 
 
 def main_cluster(particles: Particles, radius_m: float, radius_rad: float, rounds: int = 4) -> Belief:
-    """The heaviest cluster: the heaviest bin of the size of the radius, from which the mean climbs to the middle of what is about it.
+    """The heaviest cluster: from the heaviest bin of the size of the radius the mean climbs to the middle of what is near.
 
-    The mean of all particles would lie between clusters, in a wall.
+    The mean of all particles would lie between clusters, perhaps in a wall.
     """
     poses, weights = particles.poses, particles.weights
     bins = np.floor(poses / (radius_m, radius_m, radius_rad)).astype(np.int64)
     bins -= bins.min(axis=0)
     extent = bins.max(axis=0) + 1
-    _, member = np.unique((bins[:, 0] * extent[1] + bins[:, 1]) * extent[2] + bins[:, 2], return_inverse=True)
+    member = (bins[:, 0] * extent[1] + bins[:, 1]) * extent[2] + bins[:, 2]
+    if np.prod(extent, dtype=np.float64) > _MOST_BINS:
+        _, member = np.unique(member, return_inverse=True)
     near = member == np.argmax(np.bincount(member, weights))
     for _ in range(rounds):
         mean = _moments(poses[near], weights[near]).mean

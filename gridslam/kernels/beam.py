@@ -11,7 +11,7 @@ from gridslam.kernels.raycast import cast
 
 @njit(cache=True, parallel=True)
 def sum_over_beams(
-    clearance: NDArray[np.uint8],
+    squares: NDArray[np.uint8],
     table: NDArray[np.float32],
     cells_per_bin: float,
     bearings: NDArray[np.float64],
@@ -22,7 +22,7 @@ def sum_over_beams(
 ) -> NDArray[np.float64]:
     """Sum of table[measured bin, expected bin] `(n,)` over the beams `(b,)`, the expected range by ray casting from each pose.
 
-    Poses `(n, 3)` are the robot's (x, y in cells, yaw), `sensor` `(3,)` is T_base_sensor in cells, bearings are in the sensor's frame.
+    Poses `(n, 3)` are the robot's (x, y in cells, yaw), `sensor` `(3,)` is T_base_sensor in cells; bearings are the sensor's.
     """
     n, b = poses.shape[0], bearings.shape[0]
     last = table.shape[1] - 1
@@ -38,7 +38,7 @@ def sum_over_beams(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            expected = cast(clearance, x, y, dx, dy, reach)
+            expected = cast(squares, x, y, dx, dy, reach)
             total += table[measured_bins[k], min(int(expected / cells_per_bin + 0.5), last)]
         sums[i] = total
     return sums

@@ -66,7 +66,7 @@ def sum_over_offsets(
 
 @njit(cache=True)
 def _is_blocked(
-    clearance: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, tolerance: float, aside: float
+    squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, tolerance: float, aside: float
 ) -> bool:
     """Whether a wall lies on the way from (x, y) by (dx, dy), moved aside at its end, up to the tolerance before the end."""
     length = np.sqrt(dx * dx + dy * dy)
@@ -75,13 +75,13 @@ def _is_blocked(
     dx, dy = dx - aside * dy / length, dy + aside * dx / length
     moved = np.sqrt(dx * dx + dy * dy)
     way = length - tolerance
-    return cast(clearance, x, y, dx / moved, dy / moved, way) < way
+    return bool(cast(squares, x, y, dx / moved, dy / moved, way) < way)
 
 
 @njit(cache=True, parallel=True)
 def sum_over_segments(
     field: NDArray[np.uint8],
-    clearance: NDArray[np.uint8],
+    squares: NDArray[np.uint8],
     table: NDArray[np.float32],
     starts: NDArray[np.float64],
     ends: NDArray[np.float64],
@@ -89,10 +89,10 @@ def sum_over_segments(
     slack: float,
     poses: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """As `sum_over_points` for the `ends` `(m, 2)`, but a beam whose way from its start `(m, 2)` is blocked takes the table's last entry.
+    """As `sum_over_points` for the `ends` `(m, 2)` of beams; one with a blocked way from its start `(m, 2)` takes the last entry.
 
-    Blocked is a way with a wall farther than `tolerance` (cells) before its end, that stays blocked when the end is moved sideways
-    by `slack` (cells) either way: a beam along a wall may graze it. `clearance` is that of ray casting.
+    Blocked is a way with a wall farther than `tolerance` (cells) before its end, that stays blocked when the end is moved aside
+    by `slack` (cells) either way: a beam along a wall may graze it. `squares` are those of ray casting.
     """
     rows, cols = field.shape
     n, m = poses.shape[0], ends.shape[0]
@@ -111,9 +111,9 @@ def sum_over_segments(
                 x0 = poses[i, 0] + c * starts[k, 0] - s * starts[k, 1]
                 y0 = poses[i, 1] + s * starts[k, 0] + c * starts[k, 1]
                 if (
-                    _is_blocked(clearance, x0, y0, x - x0, y - y0, tolerance, 0.0)
-                    and _is_blocked(clearance, x0, y0, x - x0, y - y0, tolerance, slack)
-                    and _is_blocked(clearance, x0, y0, x - x0, y - y0, tolerance, -slack)
+                    _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, 0.0)
+                    and _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, slack)
+                    and _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, -slack)
                 ):
                     value = table[255]
             total += value

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gridslam.kernels.beam import sum_over_beams
-from gridslam.kernels.likelihood_field import sum_over_offsets, sum_over_points
-from gridslam.kernels.raycast import cast_rays
+from gridslam.kernels.likelihood_field import sum_over_offsets, sum_over_points, sum_over_segments
+from gridslam.kernels.raycast import cast_rays, free_squares
 
 
 @njit(cache=True)
@@ -44,7 +44,7 @@ def occupied_bins(
         size *= 2
     slots = np.full((size, 3), -(1 << 60), np.int64)
     count = 0
-    last_x = last_y = last_yaw = -(1 << 60)
+    last_x = last_y = last_yaw = np.int64(-(1 << 60))
     for k in range(chosen.shape[0]):
         i = chosen[k]
         x = np.int64(np.floor(poses[i, 0] / cell_m))
@@ -73,6 +73,9 @@ def warm_up_localization() -> None:
     bearings, bins = np.zeros(2), np.zeros(2, np.int64)
     sum_over_points(field, table, points, poses)
     sum_over_offsets(field.ravel(), np.zeros(1, np.int32), np.zeros((1, 2), np.int32))
-    cast_rays(field, poses, bearings, 4.0)
-    sum_over_beams(field, table.reshape(16, 16), 1.0, bearings, bins, np.zeros(3), poses, 4.0)
+    squares = free_squares(np.zeros((4, 4), np.bool_))
+    cast_rays(squares, poses, bearings, 4.0)
+    ends = np.ones((2, 2))
+    sum_over_segments(field, squares, table, np.zeros((2, 2)), ends, 0.5, 0.5, poses)
+    sum_over_beams(squares, table.reshape(16, 16), 1.0, bearings, bins, np.zeros(3), poses, 4.0)
     occupied_bins(poses, systematic(np.ones(2), 2, 0.5), 1.0, 1.0)

@@ -1,9 +1,8 @@
 """Exact ray casting in a grid, walking over free squares instead of cells.
 
-`clearance` holds for every cell how many cells away the nearest occupied one is, in the chessboard metric (0: occupied; capped
-at 255). From a cell of clearance m + 1 the square of (2m + 1)^2 cells around it is free, so the ray goes straight to where it
-leaves that square. With m = 0 this is the usual step from cell to cell (Amanatides and Woo 1987): the cell that is hit, and the
-range, are those of the full traversal.
+`squares[q]` holds for every cell the side of the largest free square that has the cell in its corner and extends towards quadrant
+q (0: occupied). A ray towards q goes straight to where it leaves that square. With squares of one cell this is the usual step
+from cell to cell (Amanatides and Woo 1987): the cell that is hit, and the range, are those of the full traversal.
 """
 
 from __future__ import annotations
@@ -13,58 +12,81 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
+_NEVER = 1e300
+_LARGEST = 255
 
 
 @njit(cache=True)
-def cast(clearance: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float) -> float:
+def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Sides (cells, capped at 255) of the free squares `(4, rows, cols)`, all within the grid.
+
+    The quadrant's index is 2 * (towards lower rows) + (towards lower columns).
+    """
+    rows, cols = occupied.shape
+    squares = np.zeros((4, rows, cols), np.uint8)
+    for quadrant in range(4):
+        down, left = quadrant // 2, quadrant % 2
+        dr, dc = 1 - 2 * down, 1 - 2 * left
+        for i in range(rows):
+            r = i if down else rows - 1 - i
+            for j in range(cols):
+                c = j if left else cols - 1 - j
+                if occupied[r, c]:
+                    continue
+                side = 0
+                if 0 <= r + dr < rows and 0 <= c + dc < cols:
+                    side = min(
+                        squares[quadrant, r + dr, c],
+                        squares[quadrant, r, c + dc],
+                        squares[quadrant, r + dr, c + dc],
+                    )
+                squares[quadrant, r, c] = min(side + 1, _LARGEST)
+    return squares
+
+
+@njit(cache=True)
+def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float) -> float:
     """Range in cells from (x, y) along the unit vector (dx, dy) to the first occupied cell; `reach` when there is none nearer.
 
     Coordinates are in cells from the grid's lower-left corner. A ray that starts in an occupied cell has range 0; beyond the
     grid nothing is hit, and a ray from outside the grid hits nothing.
     """
-    rows, cols = clearance.shape
+    _, rows, cols = squares.shape
     col, row = int(np.floor(x)), int(np.floor(y))
     if not (0 <= col < cols and 0 <= row < rows):
         return reach
-    inverse_dx = 1.0 / dx if abs(dx) > _PARALLEL else np.inf
-    inverse_dy = 1.0 / dy if abs(dy) > _PARALLEL else np.inf
+    left, down = dx < 0.0, dy < 0.0
+    quadrant = squares[2 * int(down) + int(left)]
+    inverse_dx = 1.0 / dx if abs(dx) > _PARALLEL else (-_NEVER if left else _NEVER)
+    inverse_dy = 1.0 / dy if abs(dy) > _PARALLEL else (-_NEVER if down else _NEVER)
     t = 0.0
     while True:
-        free = int(clearance[row, col])
-        if free == 0:
+        side = int(quadrant[row, col])
+        if side == 0:
             return min(t, reach)
-        m = free - 1
-        if dx > 0.0:
-            edge_x = col + m + 1
-        else:
-            edge_x = col - m
-        if dy > 0.0:
-            edge_y = row + m + 1
-        else:
-            edge_y = row - m
-        tx = (edge_x - x) * inverse_dx if inverse_dx != np.inf else np.inf
-        ty = (edge_y - y) * inverse_dy if inverse_dy != np.inf else np.inf
+        edge_x = col + 1 - side if left else col + side
+        edge_y = row + 1 - side if down else row + side
+        tx = (edge_x - x) * inverse_dx
+        ty = (edge_y - y) * inverse_dy
         if tx < ty:
             t = tx
-            if t >= reach:
-                return reach
-            col = edge_x if dx > 0.0 else edge_x - 1
-            if m > 0:
-                row = min(max(int(np.floor(y + t * dy)), row - m), row + m)
+            col = edge_x - 1 if left else edge_x
+            if side > 1:
+                at = int(np.floor(y + t * dy))
+                row = min(max(at, edge_y), row) if down else max(min(at, edge_y - 1), row)
         else:
             t = ty
-            if t >= reach:
-                return reach
-            row = edge_y if dy > 0.0 else edge_y - 1
-            if m > 0:
-                col = min(max(int(np.floor(x + t * dx)), col - m), col + m)
-        if not (0 <= col < cols and 0 <= row < rows):
+            row = edge_y - 1 if down else edge_y
+            if side > 1:
+                at = int(np.floor(x + t * dx))
+                col = min(max(at, edge_x), col) if left else max(min(at, edge_x - 1), col)
+        if t >= reach or not (0 <= col < cols and 0 <= row < rows):
             return reach
 
 
 @njit(cache=True, parallel=True)
 def cast_rays(
-    clearance: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], reach: float
+    squares: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], reach: float
 ) -> NDArray[np.float32]:
     """Ranges in cells `(n, b)` from poses `(n, 3)` (x, y in cells, yaw) along bearings `(b,)` relative to the yaw."""
     n, b = poses.shape[0], bearings.shape[0]
@@ -75,5 +97,5 @@ def cast_rays(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            ranges[i, k] = cast(clearance, poses[i, 0], poses[i, 1], dx, dy, reach)
+            ranges[i, k] = cast(squares, poses[i, 0], poses[i, 1], dx, dy, reach)
     return ranges

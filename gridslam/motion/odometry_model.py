@@ -46,7 +46,7 @@ def sample_motion(poses: Floats, step: Floats, noise: OdometryNoise, rng: np.ran
     )
     n = len(poses)
     drawn = rng.standard_normal((3, n)) * deviations[:, None]
-    wild = int(round(noise.wild_share * n))
+    wild = round(noise.wild_share * n)
     if wild:
         drawn[:, rng.integers(0, n, wild)] *= noise.wild_factor
     heading = poses[:, 2] + (turn_1 + drawn[0])

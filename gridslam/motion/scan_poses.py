@@ -14,6 +14,8 @@ from gridslam.core.messages import LaserScan, Odometry
 
 Floats = NDArray[np.float64]
 
+_GAP_S = 1.0  # longer silences of the odometry are counted
+
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
@@ -27,8 +29,8 @@ class PlacedScan:
 class ScanPoses:
     """Joins scans and odometry in the order in which they come.
 
-    Odometry that jumps (faster than the limits, for more than the tolerance) is taken as a restart of its frame: the jump itself is
-    left out of the motion, and the next scan is marked as broken.
+    Odometry that jumps (faster than the limits, for more than the tolerance) is taken as a restart of its frame: the jump itself
+    is left out of the motion, and the next scan is marked as broken.
     """
 
     def __init__(
@@ -68,7 +70,10 @@ class ScanPoses:
         else:
             step = se2.between(self._last[1], pose)
             self._before = (self._last[0], self._joined)
-            if self._is_jump(step, (stamp - self._last[0]) * 1e-9):
+            elapsed = (stamp - self._last[0]) * 1e-9
+            if elapsed > _GAP_S:
+                self.counters["odometry.gaps"] += 1
+            if self._is_jump(step, elapsed):
                 self.counters["odometry.jumps"] += 1
                 self._broken = True
             else:

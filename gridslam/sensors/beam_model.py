@@ -39,7 +39,7 @@ def beam_table(model: BeamMixture, reach_m: float) -> NDArray[np.float32]:
     total = model.hit + model.short + model.max + model.random
     if total <= 0.0:
         raise ConfigError("method.weight: hit, short, max and random are all 0; one of them must be positive")
-    last = int(round(reach_m / model.bin_m))
+    last = round(reach_m / model.bin_m)
     centres = np.arange(last + 1) * model.bin_m
     edges = np.r_[0.0, centres[:-1] + 0.5 * model.bin_m, reach_m]
     table = np.empty((last + 1, last + 1))
@@ -80,7 +80,7 @@ class BeamModel:
         bins[~beams.returned] = last
         return np.asarray(
             sum_over_beams(
-                self._caster.clearance,
+                self._caster.squares,
                 table,
                 self._mixture.bin_m / step,
                 beams.bearings,

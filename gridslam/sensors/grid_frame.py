@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 def poses_in_cells(geometry: GridGeometry, poses: Floats) -> Floats:
     """Map poses `(n, 3)` as (x, y in cells from the grid's lower-left corner, yaw against the grid's axes)."""
-    local = poses - np.array([*geometry.origin_xy_m, geometry.yaw_rad])
+    local: Floats = poses - np.array([*geometry.origin_xy_m, geometry.yaw_rad])
     if geometry.yaw_rad:
         cos, sin = np.cos(geometry.yaw_rad), np.sin(geometry.yaw_rad)
         x, y = local[:, 0].copy(), local[:, 1]

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How a lidar sits on the robot: `pose` is T_base_laser `(3,)`, `flipped` when it hangs upside down (beams then turn clockwise)."""
+    """How a lidar sits on the robot: `pose` is T_base_laser `(3,)`; a `flipped` one hangs upside down."""
 
     pose: Floats
     flipped: bool = False
@@ -71,8 +71,8 @@ def beams_of(scan: LaserScan, mounting: Mounting, min_range_m: float, max_range_
 
     Readings at or beyond the reach (the smaller of `max_range_m` and the sensor's own), and infinities, are beams without return.
     """
-    ranges = scan.ranges_m.astype(np.float64)
-    angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(ranges))
+    ranges: Floats = scan.ranges_m.astype(np.float64)
+    angles: Floats = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(ranges), dtype=np.float64)
     if mounting.flipped:
         angles = -angles
     least = max(min_range_m, scan.range_min_m)
@@ -81,7 +81,7 @@ def beams_of(scan: LaserScan, mounting: Mounting, min_range_m: float, max_range_
         usable = ranges >= least
         returned = usable & (ranges < reach)
     bearings = angles[usable]
-    lengths = np.minimum(ranges[usable], reach)
+    lengths: Floats = np.minimum(ranges[usable], reach)
     back = returned[usable]
     ends = np.stack([np.cos(bearings[back]), np.sin(bearings[back])], axis=1) * lengths[back, None]
     points = se2.transform_points(mounting.pose, ends)

@@ -29,7 +29,7 @@ class DistanceField:
     @property
     def distances_m(self) -> Floats:
         """The distance that each of the 256 values stands for."""
-        return np.arange(256) * (self.reach_m / FAR)
+        return np.arange(256, dtype=np.float64) * (self.reach_m / FAR)
 
     def sums(self, table: Table, points: Floats, poses: Floats) -> Floats:
         """Sum of the table's values `(n,)` over the points `(m, 2)` of the robot's frame, seen from poses `(n, 3)`."""

@@ -49,7 +49,7 @@ class PoseSearch:
         self._field = field
         self._settings = settings
         step = field.geometry.resolution_m
-        self._block = max(int(round(0.5 * settings.sigma_m / step)), 1)
+        self._block = max(round(0.5 * settings.sigma_m / step), 1)
         self._cell_m = self._block * step
         nearest = _block_reduce(field.steps, self._block, np.minimum, 255)
         distances = field.distances_m[nearest]
@@ -108,7 +108,7 @@ class PoseSearch:
         settings = self._settings
         roomy = np.where(free, self._field.steps.astype(np.int64) + 1, 0)
         room = _block_reduce(roomy, self._block, np.maximum, 0)
-        stride = max(int(round(settings.spacing_m / self._cell_m)), 1)
+        stride = max(round(settings.spacing_m / self._cell_m), 1)
         while True:
             places = _roomiest(room, stride)
             if len(places) * settings.headings <= settings.most_poses or stride >= max(room.shape):

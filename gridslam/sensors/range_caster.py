@@ -8,20 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.raycast import cast_rays
+from gridslam.kernels.raycast import cast_rays, free_squares
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.sensors.grid_frame import poses_in_cells
 
 Floats = NDArray[np.float64]
 
-_MOST_CLEARANCE = 255
-
 
 @dataclass(frozen=True, slots=True)
 class RangeCaster:
-    """Occupied cells ready for ray casting: `clearance` uint8 `(rows, cols)` is the chessboard distance to the nearest one."""
+    """Occupied cells ready for ray casting: the free `squares` uint8 `(4, rows, cols)` of the kernel."""
 
-    clearance: NDArray[np.uint8]
+    squares: NDArray[np.uint8]
     geometry: GridGeometry
 
     def ranges(
@@ -33,14 +31,9 @@ class RangeCaster:
         """
         sensors = poses_in_cells(self.geometry, se2.compose(poses, mounting))
         step = self.geometry.resolution_m
-        return np.asarray(cast_rays(self.clearance, sensors, bearings, reach_m / step)) * np.float32(step)
+        return np.asarray(cast_rays(self.squares, sensors, bearings, reach_m / step)) * np.float32(step)
 
 
 def range_caster(occupied: NDArray[np.bool_], geometry: GridGeometry) -> RangeCaster:
     """A caster for occupied cells `(rows, cols)`."""
-    from scipy.ndimage import distance_transform_cdt
-
-    if not occupied.any():
-        return RangeCaster(np.full(occupied.shape, _MOST_CLEARANCE, np.uint8), geometry)
-    clearance = distance_transform_cdt(~occupied, metric="chessboard")
-    return RangeCaster(np.minimum(clearance, _MOST_CLEARANCE).astype(np.uint8), geometry)
+    return RangeCaster(np.asarray(free_squares(np.ascontiguousarray(occupied))), geometry)

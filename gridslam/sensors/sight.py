@@ -47,7 +47,7 @@ class Sight:
         return np.asarray(
             sum_over_segments(
                 self.field.steps,
-                self.caster.clearance,
+                self.caster.squares,
                 table,
                 np.ascontiguousarray(segments.starts) / step,
                 segments.ends / step,

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """`fit`: share of the beams that the map explains, running mean over scans; `distance_m`: mean distance of end points to walls.
+    """`fit`: share of the beams that the map explains, running mean; `distance_m`: mean distance of end points to walls.
 
     `confidence` in 0..1 is the fit between its bounds, times the mass of the main cluster, times what its spread leaves.
     """
@@ -44,30 +44,38 @@ class Watch:
     def assess(self, belief: Belief, beams: Beams) -> Assessment:
         """The present answer, from the main cluster and all beams of a scan."""
         config = self._config
-        points = beams.points
-        if len(points):
-            distance = float(self._sight.field.under(points, belief.mean).mean())
-            segments = Segments(np.broadcast_to(beams.mounting[:2], points.shape), points)
-            seen = float(self._sight.sums(self._explained, segments, belief.mean[None])[0])
-            ended = float(self._sight.field.sums(self._explained, points, belief.mean[None])[0])
-            present = (
-                0.5 * (seen + ended) / len(points)
-            )  # moved furniture blocks the way of many beams: half a fault
-            self._fit = (
-                present if self._fit is None else config.memory * self._fit + (1.0 - config.memory) * present
-            )
-        else:
-            distance = float("nan")
+        distance = float("nan")
+        if len(beams.points):
+            distance = float(self._sight.field.under(beams.points, belief.mean).mean())
+            present = self._fit_of(beams, belief.mean)
+            past = present if self._fit is None else self._fit
+            self._fit = config.memory * past + (1.0 - config.memory) * present
         fit = 0.0 if self._fit is None else self._fit
         confidence = confidence_of(fit, belief, config)
-        status = (
-            "localized"
-            if confidence >= config.localized
-            else "lost"
-            if confidence < config.lost
-            else "uncertain"
-        )
-        return Assessment(fit, distance, confidence, status)
+        return Assessment(fit, distance, confidence, _status(confidence, config))
+
+    def _fit_of(self, beams: Beams, pose: Floats) -> float:
+        """Share of the returned beams that the map explains from a pose; what is less than a contradiction counts in part.
+
+        A beam that ends at a wall behind another one may be moved furniture, and one that ends in the open may be a person.
+        """
+        points = beams.points
+        segments = Segments(np.broadcast_to(beams.mounting[:2], points.shape), points)
+        seen = float(self._sight.sums(self._explained, segments, pose[None])[0])
+        ended = float(self._sight.field.sums(self._explained, points, pose[None])[0])
+        in_the_open = self._count_in_the_open(beams, pose)
+        behind, open_ = self._config.behind_share, self._config.open_share
+        return (seen + behind * (ended - seen) + open_ * in_the_open) / len(points)
+
+    def _count_in_the_open(self, beams: Beams, pose: Floats) -> int:
+        """Beams that end far from all walls, and well before the wall that they point at."""
+        returned = beams.returned
+        far = self._sight.field.under(beams.points, pose) >= self._config.tolerance_m
+        expected = self._sight.caster.ranges(
+            pose[None], beams.bearings[returned], beams.mounting, beams.reach_m
+        )[0]
+        before = beams.ranges[returned] < expected - self._config.sight_tolerance_m
+        return int((far & before).sum())
 
 
 def confidence_of(fit: float, belief: Belief, config: ConfidenceConfig) -> float:
@@ -75,3 +83,9 @@ def confidence_of(fit: float, belief: Belief, config: ConfidenceConfig) -> float
     by_fit = np.clip((fit - config.lost_fit) / max(config.good_fit - config.lost_fit, 1e-9), 0.0, 1.0)
     by_spread = 1.0 / (1.0 + (belief.spread_m / config.spread_m) ** 2)
     return float(by_fit * min(belief.mass, 1.0) * by_spread)
+
+
+def _status(confidence: float, config: ConfidenceConfig) -> str:
+    if confidence >= config.localized:
+        return "localized"
+    return "lost" if confidence < config.lost else "uncertain"

@@ -126,6 +126,7 @@ class SearchConfig(StrictModel):
         0.1, gt=0.0, lt=1.0, description="share of beams that the map does not explain"
     )
     beam_weight: float = Field(0.1, gt=0.0, le=1.0, description="power of a beam's likelihood")
+    start_trust: float = Field(3.0, ge=0.0, description="log-odds that a start pose has in its favour")
     trust_per_m: float = Field(
         0.7, ge=0.0, description="log-odds that the tracked pose earns by a metre of travel with a good fit"
     )
@@ -159,6 +160,12 @@ class ConfidenceConfig(StrictModel):
     )
     sight_slack_m: float = Field(
         0.3, ge=0.0, description="a beam that this much aside would be free grazes a wall"
+    )
+    behind_share: float = Field(
+        0.5, ge=0.0, le=1.0, description="how much a beam counts that ends at a wall behind another one"
+    )
+    open_share: float = Field(
+        0.4, ge=0.0, le=1.0, description="how much a beam counts that ends in the open: a person"
     )
     lost_fit: float = Field(
         0.55, ge=0.0, le=1.0, description="share of explained beams below which the robot is lost"

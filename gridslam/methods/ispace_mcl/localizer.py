@@ -40,7 +40,7 @@ class Update:
 
 
 class Localizer:
-    """Monte Carlo localization on one map (METHODS: predict, weigh, resample)."""
+    """Monte Carlo localization on one map."""
 
     def __init__(self, config: IspaceMclConfig, occupancy: OccupancyGrid, rng: np.random.Generator) -> None:
         self._config = config
@@ -67,41 +67,54 @@ class Localizer:
             size.least, size.most, size.kld_error, size.kld_quantile, size.bin_m, size.bin_rad
         )
         self.particles = self._start()
-        self._searched = config.start is not None
-        self._since_search = 0.0
+        self._is_started = config.start is not None
+        self._since_search = (
+            config.search.retry_m
+        )  # a start pose that does not fit at all is contested at once
         self._is_checked = False
-        self._trust = 0.0
+        self._trust = config.search.start_trust if self._is_started else 0.0
         self.counters: Counter[str] = Counter()
 
     def update(self, step: Floats, odometry: Floats, beams: Beams, broken: bool) -> Update:
         """One round of the filter: motion since the last one `(3,)`, T_odom_base `(3,)`, and the scan."""
-        config = self._config
-        self.particles = Particles(
-            sample_motion(self.particles.poses, step, self._noise, self._rng), self.particles.weights
-        )
-        if broken:
-            self._scatter()
+        travel = float(np.hypot(step[0], step[1]))
+        self._predict(step, broken)
         self._window.add(odometry, beams.mounting[:2], beams.points)
-        self._since_search += float(np.hypot(step[0], step[1]))
-        if not self._searched:
-            self._compete(None)
-        used = beams.thinned(config.scan.beams)
+        self._since_search += travel
+        if not self._is_started:
+            self._is_started = self._compete(None)
+        self._weigh(beams)
+        belief = self._cluster()
+        assessment = self._watch.assess(belief, beams)
+        self._earn_trust(assessment, travel)
+        if self._is_search_due(assessment) and self._compete(belief):
+            belief = self._cluster()
+            assessment = self._watch.assess(belief, beams)
+        count = len(self.particles)
+        self._resample()
+        return Update(belief, assessment, count)
+
+    def _predict(self, step: Floats, broken: bool) -> None:
+        poses = sample_motion(self.particles.poses, step, self._noise, self._rng)
+        if broken:  # after a jump of the odometry the robot may have moved unseen
+            poses = poses + self._rng.standard_normal(poses.shape) * _JUMP_SCATTER
+            poses[:, 2] = se2.wrap_angle(poses[:, 2])
+            self._window.clear()
+            self._is_checked = False
+            self._trust = 0.0
+        self.particles = Particles(poses, self.particles.weights)
+
+    def _weigh(self, beams: Beams) -> None:
+        used = beams.thinned(self._config.scan.beams)
         if len(used.points):
             self.particles = self.particles.reweighted(self._log_weight(used, self.particles.poses))
         else:
             self.counters["scan.without_returns"] += 1
-        belief = self._cluster()
-        assessment = self._watch.assess(belief, beams)
-        self._earn_trust(assessment, float(np.hypot(step[0], step[1])))
-        if self._is_search_due(assessment):
-            self._compete(belief)
-            belief = self._cluster()
-            assessment = self._watch.assess(belief, beams)
-        count = len(self.particles)
-        if self.particles.effective_size < config.particles.resample_below * count:
+
+    def _resample(self) -> None:
+        if self.particles.effective_size < self._config.particles.resample_below * len(self.particles):
             self.particles = resample(self.particles, self._size, self._rng)
             self.counters["resamplings"] += 1
-        return Update(belief, assessment, count)
 
     def _cluster(self) -> Belief:
         confidence = self._config.confidence
@@ -116,15 +129,6 @@ class Localizer:
         poses = np.asarray(config.start) + drawn
         poses[:, 2] = se2.wrap_angle(poses[:, 2])
         return Particles.even(poses)
-
-    def _scatter(self) -> None:
-        """After a jump of the odometry the robot may have moved unseen."""
-        poses = self.particles.poses + self._rng.standard_normal(self.particles.poses.shape) * _JUMP_SCATTER
-        poses[:, 2] = se2.wrap_angle(poses[:, 2])
-        self.particles = Particles(poses, self.particles.weights)
-        self._window.clear()
-        self._is_checked = False
-        self._trust = 0.0
 
     def _earn_trust(self, assessment: Assessment, travel_m: float) -> None:
         """A pose that goes on to fit while the robot moves has more and more in its favour."""
@@ -142,11 +146,10 @@ class Localizer:
             return self._since_search >= search.retry_m
         return self._since_search >= (search.recheck_m if self._is_checked else search.check_m)
 
-    def _compete(self, belief: Belief | None) -> None:
-        """Search the map; `belief` is the tracked pose, None when there is none yet."""
+    def _compete(self, belief: Belief | None) -> bool:
+        """Search the map; `belief` is the tracked pose, None when there is none yet. Whether the particles have changed."""
         if self._contender is None:
-            return
-        self._searched = True
+            return False
         self._since_search = 0.0
         self.counters["searches"] += 1
         contest = self._contender.contest(
@@ -156,13 +159,15 @@ class Localizer:
             self._rng,
         )
         if contest is None:
-            return
+            return False
         self._is_checked = contest.is_confirmed
-        if not contest.is_confirmed:
-            self.particles = contest.particles
-            self._watch.restart()
-            self._trust = 0.0
-            self.counters["injections"] += 1
+        if contest.is_confirmed:
+            return False
+        self.particles = contest.particles
+        self._watch.restart()
+        self._trust = 0.0
+        self.counters["injections"] += 1
+        return True
 
 
 def _search_settings(config: IspaceMclConfig) -> SearchSettings:

@@ -35,6 +35,7 @@ class IspaceMcl:
         self._updated_at: Floats | None = None  # T_odom_base of the last update
         self._update: Update | None = None
         self._standing = 0
+        self._beam_count: int | None = None
         self._stamp_ns = 0
         self._pose: Floats | None = None
 
@@ -72,6 +73,10 @@ class IspaceMcl:
         )
 
     def _take(self, placed: PlacedScan) -> None:
+        beams = len(placed.scan.ranges_m)
+        if self._beam_count not in (None, beams):
+            self._counters["scan.beam_count_changes"] += 1
+        self._beam_count = beams
         if self._is_update_due(placed):
             self._weigh(placed)
         if self._update is None or self._updated_at is None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,10 @@ class ScanWindow:
         self._entries.clear()
 
     def add(self, odometry: Floats, viewpoint: Floats, points: Floats) -> None:
-        """Take in a scan at T_odom_base `(3,)`, seen from the viewpoint `(2,)` in the robot's frame; close to the one before it replaces that one."""
+        """Take in a scan at T_odom_base `(3,)`, seen from the viewpoint `(2,)` in the robot's frame.
+
+        Where the one before is close to the one before that, the new one takes its place.
+        """
         kept = points if len(points) <= _KEPT_POINTS else points[_evenly(len(points), _KEPT_POINTS)]
         if not self._entries:
             self._entries.append(_Entry(odometry, viewpoint, kept, np.zeros(3), True))
@@ -71,7 +75,7 @@ class ScanWindow:
     def segments(self, most: int) -> Segments:
         """The beams of the window's scans in the robot's present frame, at most so many, evenly many of each scan."""
         entries = list(self._entries)
-        for before, entry in zip(entries, entries[1:], strict=False):
+        for before, entry in pairwise(entries):
             if not entry.is_matched:
                 entry.step = matched_step(before.points, entry.points, entry.step)
                 entry.is_matched = True
@@ -97,7 +101,7 @@ class ScanWindow:
 
 
 def matched_step(before: Floats, after: Floats, step: Floats) -> Floats:
-    """T_before_after near an odometry step, such that the points of both scans `(m, 2)` fall together; the step where none fits."""
+    """T_before_after near an odometry step such that the points `(m, 2)` of both scans fall together, else the step itself."""
     reach = int(_REACH_M / _CELL_M)
     near = np.abs(after).max(axis=1, initial=0.0) < _REACH_M - 2.0
     moving = after[near]
