@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Collection, Iterable
-from typing import Annotated, Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, create_model
 
 from gridslam.config.base import StrictModel
 from gridslam.config.builtin import read_config
@@ -81,7 +81,45 @@ def validate_run_config(
 
 def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
     """The model of a config for one registered method."""
-    return _with_method(registry.load(registry.METHODS[method].config))
+    config = registry.load(registry.METHODS[method].config)
+    return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
+
+
+def method_name(self) -> str:
+    """The method's name in the registry."""
+    return str(self.method.model_dump(include={"name"})["name"])
+
+
+def load_run_config(
+    name_or_path: str, overrides: Iterable[str] = (), seed: int | None = None
+) -> RunConfig[BaseModel]:
+    """The config of a file or a built-in name, with `--set` and `--seed` put over it.
+
+    Raises ConfigError with the file, the key path, what is wrong there and the nearest valid key.
+    """
+    document, source = read_config(name_or_path)
+    overrides = list(overrides)
+    document = apply_overrides(document, overrides)
+    if seed is not None:
+        document["seed"] = seed
+    return validate_run_config(document, source, overridden_keys(overrides))
+
+
+def validate_run_config(
+    document: dict[str, Any], source: str, overridden: Collection[str] = ()
+) -> RunConfig[BaseModel]:
+    """The checked config; errors name `source`, and mark the key paths that --set has `overridden`."""
+    model = run_config_model(method_name(document, source))
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        raise config_error(error, model, source, overridden) from None
+
+
+def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
+    """The model of a config for one registered method."""
+    config = registry.load(registry.METHODS[method].config)
+    return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
 
 
 def _with_method(method: Any) -> type[RunConfig[BaseModel]]:
@@ -112,8 +150,8 @@ def run_config_schema() -> dict[str, Any]:
     """The JSON schema of a config file, for editors: all methods, told apart by `method.name`."""
     models = [registry.load(entry.config) for entry in registry.METHODS.values()]
     any_method = functools.reduce(operator.or_, models)
-    by_name = Annotated.__class_getitem__((any_method, Field(discriminator="name")))  # type: ignore[attr-defined]
-    schema = _with_method(by_name).model_json_schema()
+    by_name = Field(discriminator="name")
+    schema = create_model("RunConfig", __base__=RunConfig, method=(any_method, by_name)).model_json_schema()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
