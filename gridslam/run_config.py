@@ -85,48 +85,6 @@ def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
     return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
 
 
-def method_name(self) -> str:
-    """The method's name in the registry."""
-    return str(self.method.model_dump(include={"name"})["name"])
-
-
-def load_run_config(
-    name_or_path: str, overrides: Iterable[str] = (), seed: int | None = None
-) -> RunConfig[BaseModel]:
-    """The config of a file or a built-in name, with `--set` and `--seed` put over it.
-
-    Raises ConfigError with the file, the key path, what is wrong there and the nearest valid key.
-    """
-    document, source = read_config(name_or_path)
-    overrides = list(overrides)
-    document = apply_overrides(document, overrides)
-    if seed is not None:
-        document["seed"] = seed
-    return validate_run_config(document, source, overridden_keys(overrides))
-
-
-def validate_run_config(
-    document: dict[str, Any], source: str, overridden: Collection[str] = ()
-) -> RunConfig[BaseModel]:
-    """The checked config; errors name `source`, and mark the key paths that --set has `overridden`."""
-    model = run_config_model(method_name(document, source))
-    try:
-        return model.model_validate(document)
-    except ValidationError as error:
-        raise config_error(error, model, source, overridden) from None
-
-
-def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
-    """The model of a config for one registered method."""
-    config = registry.load(registry.METHODS[method].config)
-    return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
-
-
-def _with_method(method: Any) -> type[RunConfig[BaseModel]]:
-    """RunConfig for a type that only the registry knows."""
-    return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(method))
-
-
 def method_name(document: dict[str, Any], source: str) -> str:
     """`method.name`, which decides what else the section may hold."""
     section = document.get("method")
