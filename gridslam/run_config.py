@@ -109,7 +109,8 @@ def run_config_schema() -> dict[str, Any]:
     models = [registry.load(entry.config) for entry in registry.METHODS.values()]
     any_method = functools.reduce(operator.or_, models)
     by_name = Field(discriminator="name")
-    schema = create_model("RunConfig", __base__=RunConfig, method=(any_method, by_name)).model_json_schema()
+    model: type[BaseModel] = create_model("RunConfig", __base__=RunConfig, method=(any_method, by_name))
+    schema = model.model_json_schema()
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
