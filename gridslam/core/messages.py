@@ -33,13 +33,15 @@ def canonical_yaw(yaw_rad: float) -> float:
 
 
 def as_float32(value: float) -> float:
-    """The value as ROS would store it in a float32 field."""
-    return float(np.float32(value))
+    """The value as ROS would store it in a float32 field; infinite where it is too large for one."""
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))
 
 
 def readonly(values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
     """A contiguous read-only array of the given type (a view where no conversion is needed)."""
-    array = np.ascontiguousarray(values, dtype=dtype).view()
+    with np.errstate(over="ignore"):  # a double that is too large for a float32 is infinite
+        array = np.ascontiguousarray(values, dtype=dtype).view()
     array.flags.writeable = False
     return array
 

@@ -129,7 +129,7 @@ class CarmenSource:
         """First pass: stamps, the value that means "no return", and where the laser sits."""
         found: dict[bytes, _Survey] = {}
         odom = array("q")
-        front_offset = 0.0
+        front_offset: float | None = None
         for number, line in self._lines:
             word = line[:12].split(b" ", 1)[0]
             where = f"{self._lines.path.name} line {number}"
@@ -153,7 +153,7 @@ class CarmenSource:
             self._add_laser(word, survey, front_offset)
         self._add_odometry(found, odom)
 
-    def _add_laser(self, word: bytes, survey: _Survey, front_offset: float) -> None:
+    def _add_laser(self, word: bytes, survey: _Survey, front_offset: float | None) -> None:
         frame = LASERS[word]
         self._scan_of[word] = len(self.streams)
         self.streams.append(
@@ -162,9 +162,12 @@ class CarmenSource:
         piled = survey.at_largest >= max(10, _PILE_SHARE * survey.readings)
         found = survey.largest if piled else DEFAULT_RANGE_MAX_M
         self._range_max[word] = as_float32(self._config.range_max_m or found)
-        x, y, yaw = survey.offset if survey.offset and not survey.offset_varies else (front_offset, 0.0, 0.0)
-        if word not in (b"FLASER", b"ROBOTLASER1") and (survey.offset is None or survey.offset_varies):
-            return  # where another laser sits is not known: the log's user is told so when it is used
+        if survey.offset is not None and not survey.offset_varies:
+            x, y, yaw = survey.offset
+        elif word in (b"FLASER", b"ROBOTLASER1") and front_offset is not None:
+            x, y, yaw = front_offset, 0.0, 0.0
+        else:
+            return  # where the laser sits is not known: `Log` says so
         pose = (x, y, 0.0), rotations.from_euler(0.0, 0.0, yaw)
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
 

@@ -32,7 +32,7 @@ def deliver(
         ranks,
         _size_of,
         limit_bytes,
-        lambda i: ledger.count(f"late.{kind_of[i]}"),
+        lambda i: _note_late(ledger, kind_of[i]),
     )
     count, left = ledger.counters, len(schedule)
     keys = {i: f"read.{kind}" for i, kind in kind_of.items()}
@@ -55,6 +55,13 @@ def deliver(
         ledger.skip("stereo", "no_partner", f"{image.camera} stamp {image.stamp_ns}")
     if left > 0:
         raise LogError(f"{path}: changed while it was read ({left} messages are gone); run again")
+
+
+def _note_late(ledger: Ledger, kind: str) -> None:
+    ledger.count(f"late.{kind}")
+    ledger.note(
+        f"some {kind} messages come out of order: raise log.limits.reorder_mb to hold more of them back"
+    )
 
 
 def odometry_of(transform: Transform) -> Odometry:

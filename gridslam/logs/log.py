@@ -16,7 +16,7 @@ from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
 from gridslam.logs.delivery import deliver
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.streams import SILENT, Source, StreamInfo
+from gridslam.logs.streams import SILENT, RecordedStream, Source, StreamInfo
 
 _MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "stereo", "depth", "disparity", "camera_info"})
 
@@ -140,9 +140,8 @@ class Log:
         kind_of = dict(self._choice.kind_of)
         if with_truth and self._choice.truth is not None:
             kind_of[self._choice.truth] = "truth"
-        by_stamp = (self._config.order or self._source.order) == "stamp"
         limit_bytes = self._config.limits.reorder_mb << 20
-        yield from deliver(self.path, self._source, kind_of, by_stamp, limit_bytes, ledger)
+        yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, ledger)
 
     def truth(self) -> Trajectory | None:
         """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log
@@ -171,6 +170,10 @@ class Log:
         file = self.path.parent / f"{self.path.name.removesuffix('.mcap')}.truth" / "trajectory.tum"
         return read_tum(file) if file.is_file() else None
 
+    @property
+    def _is_sorted(self) -> bool:
+        return (self._config.order or self._source.order) == "stamp"
+
     def _mount(self) -> list[Transform]:
         streams = self._source.streams
         used = [streams[i] for i, kind in self._choice.kind_of.items() if kind in _MOUNTED]
@@ -196,6 +199,7 @@ class Log:
             stamps = self._source.streams[index].stamps_ns
             if back := ordering.steps_back(stamps):
                 self._opening.count(f"steps_back.{kind}", back)
+                self._opening.note(_disorder_note(self._source.streams[index], back, self._is_sorted))
             if equal := ordering.repeated_stamps(stamps):
                 self._opening.count(f"equal_stamps.{kind}", equal)
         for index in self._choice.listed:
@@ -210,3 +214,8 @@ class Log:
         for part in (self._opening, self._source.ledger, self._delivery):
             total.absorb(part)
         return total
+
+
+def _disorder_note(stream: RecordedStream, steps: int, is_sorted: bool) -> str:
+    what = "are sorted" if is_sorted else "keep their recorded place; log.order: stamp would sort them"
+    return f"{stream.label}: {steps} stamps step back; the messages {what}"

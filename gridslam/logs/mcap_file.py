@@ -19,7 +19,7 @@ from gridslam.logs.ledger import Ledger
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
-DATA_END = 0x0F
+STATISTICS, DATA_END = 0x0B, 0x0F
 _KNOWN_OPCODES = range(1, 16)
 _SKIPPED_OPCODES = (MESSAGE_INDEX, 0x09, 0x0C)  # of the data section: message index, attachment, metadata
 _RECORD = struct.Struct("<BQ")
@@ -59,6 +59,7 @@ class McapFile:
     compressions: dict[str, int] = field(default_factory=dict)
     _chunk_offsets: list[int] = field(default_factory=list)
     _bad_chunks: set[int] = field(default_factory=set)
+    _expected: int | None = None
     _size: int = 0
     _surveyed: bool = False
     _complete: bool = False
@@ -72,6 +73,16 @@ class McapFile:
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel id, data) of every readable message in recorded order. The same messages on every call."""
+        number = 0
+        for message in self._messages():
+            number += 1
+            yield message
+        if not self._surveyed and self._expected is not None and number < self._expected:
+            missing = self._expected - number
+            self.ledger.note(f"{self.path.name}: {missing} of {self._expected} messages are missing")
+        self._surveyed = True
+
+    def _messages(self) -> Iterator[tuple[int, bytes]]:
         with self.path.open("rb") as stream:
             stream.seek(len(MAGIC))
             at = len(MAGIC)
@@ -96,7 +107,6 @@ class McapFile:
                 stream.seek(at)
             else:
                 self._note_end(at)
-        self._surveyed = True
 
     def _belongs_here(self, stream: IO[bytes], opcode: int, length: int) -> bool:
         """Whether a record of this kind can stand at the stream's position in the data section. A chunk
@@ -216,6 +226,8 @@ class McapFile:
                 self._note_schema(body, start)
             elif opcode == CHANNEL:
                 self._note_channel(body, start)
+            elif opcode == STATISTICS and length >= 8:
+                self._expected = int.from_bytes(body[:8], "little")
             elif opcode == CHUNK_INDEX and length >= 24:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
 

@@ -15,6 +15,7 @@ from gridslam.core.messages import Imu, LaserScan, Odometry, Transform, canonica
 from gridslam.logs.cdr import CdrReader
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import NS_PER_S, join_stamp
+from gridslam.logs.streams import printable
 
 _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id
 _SCAN = struct.Struct(
@@ -43,7 +44,7 @@ def head(data: bytes) -> tuple[int, bytes] | None:
 @lru_cache(maxsize=1024)
 def frame_text(frame: bytes) -> str:
     """frame_id as text, without the leading slash of old tf."""
-    return frame.decode().lstrip("/")
+    return printable(frame.decode().lstrip("/"))
 
 
 def scan(data: bytes) -> LaserScan:

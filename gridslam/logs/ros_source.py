@@ -15,16 +15,26 @@ from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_file import Channel, Schema
 from gridslam.logs.ros_types import KIND_OF_TYPE, decoder_of, full_name, is_standard
 from gridslam.logs.rotations import normalise, yaw_of
-from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.streams import RecordedStream, Skip, printable
 
 # What decoding a damaged message may raise.
-DECODING_ERRORS = (struct.error, ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError)
+DECODING_ERRORS = (
+    struct.error,
+    ValueError,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
 _FAST: dict[str, Callable[[bytes], Event]] = {
     "sensor_msgs/msg/LaserScan": ros_fast.scan,
     "nav_msgs/msg/Odometry": ros_fast.odometry,
     "sensor_msgs/msg/Imu": ros_fast.imu,
 }
 _MOST_FRAMES = 1000
+_MOST_EDGES = 10_000
 _LITTLE = b"\x00\x01"
 
 
@@ -49,8 +59,8 @@ class _Decoder:
     """
 
     def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
-        self.topic = channel.topic
-        self.type = full_name(schema.name) if schema else ""
+        self.topic = printable(channel.topic)
+        self.type = printable(full_name(schema.name)) if schema else ""
         self.kind = KIND_OF_TYPE.get(self.type, "other")
         self.fault = ""
         self.stream: int | None = None
@@ -203,12 +213,17 @@ class RosSource:
         self.files = files
         self.ledger = ledger
         self.streams: list[RecordedStream] = []
-        self.static_edges: list[Transform] = []
+        self._static: dict[str, Transform] = {}
         self._container = container
         self._config = config
         self._decoders: dict[int, _Decoder] = {}
         self._tf_streams: dict[tuple[str, str, str], int] = {}
         self._survey()
+
+    @property
+    def static_edges(self) -> list[Transform]:
+        """The last static transform to each frame."""
+        return list(self._static.values())
 
     def close(self) -> None:
         """Nothing stays open between passes."""
@@ -292,7 +307,7 @@ class RosSource:
         static = decoder.topic.endswith("tf_static")
         for transform in decoder.transforms(data, static):
             if static:
-                self.static_edges.append(transform)
+                self._static[transform.child_frame_id] = transform
                 continue
             if transform.stamp_ns < 0:
                 self.ledger.skip("tf", "bad_stamp", f"{decoder.topic} message {number}")
@@ -300,6 +315,9 @@ class RosSource:
             key = (decoder.topic, transform.frame_id, transform.child_frame_id)
             rotation = normalise(transform.quat_wxyz)
             value = None if rotation is None else (transform.translation_m, rotation)
+            if key not in self._tf_streams and len(self._tf_streams) >= _MOST_EDGES:
+                self.ledger.skip("tf", "too_many_frames", f"{decoder.topic} message {number}")
+                continue
             if key not in self._tf_streams:
                 self._tf_streams[key] = len(self.streams)
                 detail = f"{transform.frame_id}->{transform.child_frame_id}"

@@ -57,6 +57,11 @@ class RecordedStream:
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
+def printable(name: str) -> str:
+    """A name out of a file without what a terminal would take as a command."""
+    return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
+
+
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
     """One stream as shown to people. `used` tells whether `events()` delivers it."""
@@ -94,9 +99,12 @@ class Source(Protocol):
     order: Literal["recorded", "stamp"]
     base_frame: str | None
     streams: list[RecordedStream]
-    static_edges: list[Transform]
     files: list[Path]
     ledger: Ledger
+
+    @property
+    def static_edges(self) -> list[Transform]:
+        """The transforms that never change."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """(stream index, event) for every entry of the wanted streams' `stamps_ns`, per stream in recorded
