@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import operator
 from collections.abc import Collection, Iterable
@@ -90,10 +91,10 @@ def method_name(document: dict[str, Any], source: str) -> str:
     section = document.get("method")
     known = registry.METHODS
     if section is None:
-        near = nearest(next(iter(document), ""), ["method"]) if document else ""
-        raise ConfigError(
-            f"{source}: method: this section is missing{near}; write method: {{name: {next(iter(known))}}}"
-        )
+        near = difflib.get_close_matches("method", [str(key) for key in document], n=1)
+        hint = f" (there is {near[0]!r})" if near else ""
+        example = f"write method: {{name: {next(iter(known))}}}"
+        raise ConfigError(f"{source}: method: this section is missing{hint}; {example}")
     if not isinstance(section, dict):
         raise ConfigError(f"{source}: method: expected a section with keys, got {section!r}")
     name = section.get("name")

@@ -92,6 +92,13 @@ def test_a_config_without_a_method_says_what_to_write(tmp_path: Path) -> None:
         load_run_config(str(file))
 
 
+def test_a_misspelt_method_section_is_recognised(tmp_path: Path) -> None:
+    file = tmp_path / "typo.yaml"
+    file.write_text("metod: {name: dead-reckoning}\nseed: 1\n")
+    with pytest.raises(ConfigError, match=r"method: this section is missing \(there is 'metod'\)"):
+        load_run_config(str(file))
+
+
 def test_a_name_that_is_no_file_gets_the_nearest_built_in_name() -> None:
     with pytest.raises(ConfigError, match=r"did you mean 'slam-sd'"):
         load_run_config("slamsd")
