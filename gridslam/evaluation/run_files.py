@@ -100,7 +100,7 @@ def _is_number(word: bytes) -> bool:
 def read_probability(path: Path) -> OccupancyGrid | None:
     """The layer `probability` of layers.npz, None without it. Raises InputError for a damaged file."""
     try:
-        with np.load(path, allow_pickle=False) as layers:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as layers:
             if "probability" not in layers:
                 return None
             values = np.asarray(layers["probability"], dtype=np.float32)

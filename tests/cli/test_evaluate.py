@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gridslam.cli.main import main
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.map_server import save_map
+from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
+from gridslam.report.layers import write_layers
+from gridslam.report.text_files import write_tum
+
+Cli = Callable[..., tuple[int, str, str]]
+RELATION = "0.5 1.5 0.1 0 0 0 0 0\n100 101 0 0 0 0 0 0\n"
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+    """Runs `evaluate` in this process: exit code, stdout, stderr."""
+
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        capsys.readouterr()
+        code = main(["evaluate", *map(str, arguments)])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+def trajectory(shift_m: float = 0.0) -> Trajectory:
+    x = np.arange(30) * 0.1
+    return Trajectory(
+        np.arange(30) * 100_000_000, np.column_stack([x, np.sin(x) + shift_m, np.arctan(np.cos(x))])
+    )
+
+
+@pytest.fixture
+def run_dir(tmp_path: Path) -> Path:
+    """A run directory 0.3 m beside the truth, as `map` writes it."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    write_tum(folder / "trajectory.tum", trajectory(0.3))
+    rng = np.random.default_rng(0)
+    probability = rng.choice(np.array([0.02, 0.98], np.float32), (20, 30))
+    geometry = GridGeometry(0.1, (0.0, 0.3))
+    save_map(OccupancyGrid(probability, geometry), folder / "map")
+    write_layers(folder / "layers.npz", {"probability": GridLayer(probability, geometry)})
+    (folder / "objects.csv").write_text("id,class,x,y,yaw,moved,state\nd,door,1,0.3,0,false,open\n")
+    (folder / "report.json").write_text('{"format": "gridslam run", "command": "map"}')
+    return folder
+
+
+@pytest.fixture
+def truth_dir(tmp_path: Path, run_dir: Path) -> Path:
+    """Its truth, as the simulator writes it."""
+    folder = tmp_path / "log.truth"
+    folder.mkdir()
+    write_tum(folder / "trajectory.tum", trajectory())
+    for name in ("map.pgm", "map.yaml"):
+        (folder / name).write_bytes((run_dir / name).read_bytes())
+    yaml = (folder / "map.yaml").read_text()
+    assert "origin: [0.0, 0.3, 0.0]" in yaml
+    (folder / "map.yaml").write_text(yaml.replace("0.3, 0.0]", "0.0, 0.0]"))
+    (folder / "objects.csv").write_text("id,class,x,y,yaw,moved,state\nd,door,1,0,0,false,open\n")
+    return folder
+
+
+def test_a_map_run_is_aligned_and_all_measures_have_their_names(
+    cli: Cli, run_dir: Path, truth_dir: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "relations").write_text(RELATION)
+    code, out, err = cli(run_dir, "--truth", truth_dir, "--relations", tmp_path / "relations", "--json")
+    document = json.loads(out)
+    assert (code, err) == (0, "")
+    for part in ("ape", "rpe"):
+        for kind in ("trans", "rot"):
+            assert set(document[part][kind]) == {"rmse", "mean", "median", "std", "min", "max"}
+            assert document[part][kind]["rmse"] == pytest.approx(0.0, abs=1e-6)
+    assert document["ape"]["alignment"]["y"] == pytest.approx(-0.3)
+    assert (document["relations"]["count"], document["relations"]["missed"]) == (1, 1)
+    assert document["map"]["accuracy"]["max"] == pytest.approx(0.0, abs=1e-6)
+    assert document["map"]["completeness"]["p95"] == pytest.approx(0.0, abs=1e-6)
+    assert document["map"]["iou"] == 1.0
+    assert document["map"]["log_loss"] == pytest.approx(-np.log(0.98), rel=1e-5)
+    assert document["objects"]["correct"] == document["doors"]["state_correct"] == 1
+    assert document["final"]["trans"] == pytest.approx(0.0, abs=1e-6)
+    assert "localization" not in document
+
+
+def test_without_alignment_the_shift_is_the_error(cli: Cli, run_dir: Path, truth_dir: Path) -> None:
+    code, out, _ = cli(run_dir, "--truth", truth_dir / "trajectory.tum", "--align", "none", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["ape"]["trans"]["mean"] == pytest.approx(0.3)
+    assert document["localization"] == {"success": True, "time_to_convergence": 0.0}
+    assert "map" not in document
+
+
+def test_every_failed_gate_has_a_line_and_the_exit_code_is_1(
+    cli: Cli, run_dir: Path, truth_dir: Path
+) -> None:
+    gates = ("ape.trans.rmse<=0.10", "final.trans<0.2", "ape.count==30")
+    options = [word for gate in gates for word in ("--require", gate)]
+    code, out, err = cli(run_dir, "--truth", truth_dir, "--align", "none", *options)
+    assert code == 1
+    assert "ape.trans.rmse" in out
+    lines = err.splitlines()
+    assert [line.startswith("gridslam: error: gate failed: ") for line in lines] == [True, True]
+    assert "ape.trans.rmse = 0.3, required <= 0.1" in lines[0]
+    assert "final.trans = 0.3, required < 0.2" in lines[1]
+
+
+def test_what_has_no_value_is_null_and_passes_no_gate(cli: Cli, run_dir: Path, tmp_path: Path) -> None:
+    (tmp_path / "relations").write_text("100 101 0 0 0 0 0 0\n")
+    code, out, _ = cli(
+        run_dir, "--relations", tmp_path / "relations", "--json", "--require", "relations.trans.mean<=1"
+    )
+    assert code == 1
+    assert json.loads(out)["relations"]["trans"]["mean"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["RUN"], 2, "nothing to compare with"),
+        (["RUN", "--truth", "TRUTH", "--require", "ape.trans.rsme<=1"], 2, "did you mean 'ape.trans.rmse'"),
+        (["RUN", "--truth", "TRUTH", "--require", "relations.count>=1"], 2, "--relations"),
+        (["RUN", "--truth", "TRUTH", "--require", "nonsense"], 2, "nonsense"),
+        (["RUN", "--truth", "TRUTH", "--align", "se3"], 2, "--align"),
+        (["RUN", "--truth", "TRUTH", "--scale", "--align", "none"], 2, "--scale"),
+        (["RUN", "--truth", "TRUTH", "--delta", "0.5"], 2, "--delta"),
+        (["RUN", "--truth", "TRUTH", "--delta", "0"], 2, "--delta"),
+        (["nowhere", "--truth", "TRUTH"], 3, "nowhere"),
+        (["RUN", "--truth", "nowhere"], 3, "nowhere"),
+        (["RUN", "--truth", "LATE"], 3, "no stamps within"),
+        (["RUN", "--truth-map", "LATE"], 3, "late.tum"),
+        (["LATE", "--truth-map", "TRUTH/map.yaml"], 2, "nothing that"),
+    ],
+)
+def test_an_error_is_one_line_with_the_right_exit_code(
+    cli: Cli, run_dir: Path, truth_dir: Path, tmp_path: Path, arguments: list[str], code: int, says: str
+) -> None:
+    late = tmp_path / "late.tum"
+    late.write_text("900 0 0 0 0 0 0 1\n901 1 0 0 0 0 0 1\n")
+    names = {
+        "RUN": run_dir,
+        "TRUTH": truth_dir,
+        "LATE": late,
+        "TRUTH/map.yaml": truth_dir / "map.yaml",
+    }
+    got, out, err = cli(*[names.get(a, a) for a in arguments])
+    assert (got, out) == (code, "")
+    assert err.count("\n") == 1
+    assert says in err
+
+
+def test_help_needs_no_scipy_and_no_images() -> None:
+    script = (
+        "import sys; from gridslam.cli.main import main; code = main(['evaluate', '--help']);"
+        "heavy = {'scipy', 'cv2', 'PIL', 'numba', 'matplotlib', 'numpy'} & set(sys.modules);"
+        "sys.exit(code or (str(heavy) if heavy else 0))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--require" in done.stdout

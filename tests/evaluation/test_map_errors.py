@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gridslam.core.poses import inverse, transform_points
+from gridslam.evaluation.map_errors import intersection_over_union, log_loss, moved, wall_distances
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+
+HERE = np.zeros(3)
+
+
+def grid(rows: list[str], resolution_m: float = 0.1, x: float = 0.0, y: float = 0.0) -> OccupancyGrid:
+    """`#` wall, `.` free, space unknown; the first line is the top row."""
+    values = {"#": 1.0, ".": 0.0, " ": math.nan}
+    cells = np.array([[values[c] for c in row] for row in rows[::-1]], np.float32)
+    return OccupancyGrid(cells, GridGeometry(resolution_m, (x, y)))
+
+
+ROOM = grid(["#####", "#...#", "#...#", "#####"])
+
+
+def test_a_map_is_at_no_distance_from_itself() -> None:
+    walls = wall_distances(ROOM, ROOM, HERE)
+    assert walls.accuracy.tolist() == [0.0] * 14
+    assert walls.completeness.tolist() == [0.0] * 10  # the four corners border on no free cell
+    assert intersection_over_union(ROOM, ROOM, HERE) == 1.0
+
+
+def test_distances_go_from_each_wall_cell_to_the_nearest_one() -> None:
+    truth = grid(["....#", "....#"])
+    built = grid([".#...", "....#"])
+    walls = wall_distances(built, truth, HERE)
+    assert sorted(walls.accuracy) == pytest.approx([0.0, 0.3])
+    # the upper true cell: 0.1 to the lower mapped one
+    assert sorted(walls.completeness) == pytest.approx([0.0, 0.1])
+    assert intersection_over_union(built, truth, HERE) == pytest.approx(1 / 3)
+
+
+def test_the_inside_of_a_thick_wall_need_not_be_mapped() -> None:
+    truth = grid(["....", "####", "####", "####"])
+    built = grid(["....", "####", "    ", "    "])
+    assert wall_distances(built, truth, HERE).completeness.tolist() == [0.0] * 4
+
+
+def test_reach_leaves_out_walls_far_from_all_that_was_mapped() -> None:
+    truth = grid(["#........#"])
+    built = grid(["#...      "])
+    assert sorted(wall_distances(built, truth, HERE).completeness) == pytest.approx([0.0, 0.9])
+    assert wall_distances(built, truth, HERE, reach_m=0.2).completeness.tolist() == [0.0]
+
+
+def test_a_map_in_another_frame_is_moved_into_the_truths() -> None:
+    T_truth_built = np.array([1.3, -0.4, 0.7])
+    elsewhere = OccupancyGrid(ROOM.probability, moved(ROOM.geometry, inverse(T_truth_built)))
+    walls = wall_distances(elsewhere, ROOM, T_truth_built)
+    assert walls.accuracy == pytest.approx(np.zeros(14), abs=1e-9)
+    assert intersection_over_union(elsewhere, ROOM, T_truth_built) == 1.0
+    assert wall_distances(elsewhere, ROOM, HERE).accuracy.max() > 0.1
+
+
+def test_a_moved_geometry_has_its_cells_where_the_motion_takes_them() -> None:
+    geometry = GridGeometry(0.1, (1.0, 2.0), 0.4)
+    T_new_old = np.array([-3.0, 1.0, 2.0])
+    cells = np.array([[0, 0], [5, 7]])
+    expected = transform_points(T_new_old, geometry.centres(cells))
+    assert moved(geometry, T_new_old).centres(cells) == pytest.approx(expected)
+
+
+def test_log_loss_is_the_mean_surprise_over_cells_that_both_know() -> None:
+    truth = grid(["#. #"])
+    built = OccupancyGrid(np.array([[0.8, 0.1, 0.5, np.nan]], np.float32), truth.geometry)
+    loss, cells = log_loss(built, truth, HERE)
+    assert loss == pytest.approx(-(math.log(0.8) + math.log(0.9)) / 2, rel=1e-6)
+    assert cells == 2
+
+
+def test_a_wrong_certainty_is_dear_but_finite() -> None:
+    truth = grid(["#"])
+    loss, _ = log_loss(OccupancyGrid(np.zeros((1, 1), np.float32), truth.geometry), truth, HERE)
+    assert loss == pytest.approx(-math.log(1e-6))
+
+
+def test_a_map_without_walls_has_no_distances() -> None:
+    empty = grid(["....", "...."])
+    assert len(wall_distances(empty, empty, HERE).accuracy) == 0
+    assert math.isnan(intersection_over_union(empty, empty, HERE))
