@@ -38,7 +38,7 @@ def read_map_yaml(path: Path) -> MapYaml:
     if not isinstance(image, str) or not image or "\0" in image:
         raise MapError(f"{path}: image: expected the name of an image file, got {image!r}")
     mode = document.get("mode", "trinary")
-    if mode not in MODES:
+    if not isinstance(mode, str) or mode not in MODES:
         raise MapError(f"{path}: mode: expected trinary, scale or raw, got {mode!r}")
     resolution = _number(path, "resolution", _get(path, document, "resolution"))
     if not 1e-4 <= resolution <= 1e3:
