@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core import poses as se2
 from gridslam.core.errors import MapError
 from gridslam.maps.occupancy import OccupancyGrid
 
@@ -24,6 +25,8 @@ def draw_free_poses(
 ) -> Floats:
     """Poses `(count, 3)`, uniform over the free cells and all headings."""
     cells = np.argwhere(free)[rng.integers(0, int(free.sum()), count)]
-    within = (rng.random((count, 2)) - 0.5) * occupancy.geometry.resolution_m
-    xy = occupancy.geometry.centres(cells) + within
+    geometry = occupancy.geometry
+    within = (rng.random((count, 2)) - 0.5) * geometry.resolution_m
+    turn = np.array([0.0, 0.0, geometry.yaw_rad])
+    xy = geometry.centres(cells) + se2.transform_points(turn, within)
     return np.column_stack([xy, rng.uniform(-np.pi, np.pi, count)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import erf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +35,7 @@ def beam_table(model: BeamMixture, reach_m: float) -> NDArray[np.float32]:
     Thrun et al. 2005, eqs. 6.4 - 6.12: Gaussian about the expected range and exponential before it, both normalised over
     their support; no return; uniform. Probabilities are per bin. Raises ConfigError when the weights are all zero.
     """
-    total = model.hit + model.short + model.max + model.random
-    if total <= 0.0:
+    if model.hit + model.short + model.max + model.random <= 0.0:
         raise ConfigError("method.weight: hit, short, max and random are all 0; one of them must be positive")
     last = round(reach_m / model.bin_m)
     centres = np.arange(last + 1) * model.bin_m
@@ -55,12 +53,15 @@ def beam_table(model: BeamMixture, reach_m: float) -> NDArray[np.float32]:
     )
     table[last, last] += model.hit
     table[last] += model.max
-    return np.log(np.maximum(table / total, 1e-12)).astype(np.float32)
+    table /= table.sum(axis=0)  # at an expected range of 0 nothing can be short of it
+    return np.log(np.maximum(table, 1e-12)).astype(np.float32)
 
 
 def _normal(edges: Floats, mean: float, sigma: float) -> Floats:
     """Cumulated normal distribution at the edges."""
-    return np.array([0.5 * (1.0 + erf((e - mean) / (sigma * 2.0**0.5))) for e in edges])
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr((edges - mean) / sigma))
 
 
 class BeamModel:

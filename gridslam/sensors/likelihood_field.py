@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.likelihood_field import sum_over_points
+from gridslam.maps.distance_field import distance_to_occupied
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.sensors.grid_frame import poses_in_cells
 
@@ -48,12 +49,9 @@ class DistanceField:
 
 def distance_field(occupied: NDArray[np.bool_], geometry: GridGeometry, reach_m: float) -> DistanceField:
     """The field of a grid of occupied cells `(rows, cols)`: exact Euclidean distances between cell centres."""
-    from scipy.ndimage import distance_transform_edt
-
-    if not occupied.any():
-        return DistanceField(np.full(occupied.shape, FAR, np.uint8), geometry, reach_m)
-    distances = distance_transform_edt(~occupied, sampling=geometry.resolution_m)
-    steps = np.minimum(np.rint(distances * (FAR / reach_m)), FAR).astype(np.uint8)
+    walls = OccupancyGrid(occupied.astype(np.float32), geometry)
+    distances = distance_to_occupied(walls, max_distance_m=reach_m).values.astype(np.float64)
+    steps = np.rint(distances * (FAR / reach_m)).astype(np.uint8)
     return DistanceField(steps, geometry, reach_m)
 
 

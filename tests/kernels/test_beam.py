@@ -1,0 +1,34 @@
+"""The beam kernel is ray casting followed by a look-up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gridslam.kernels.beam import sum_over_beams
+from gridslam.kernels.raycast import free_squares
+from tests.reference.ray_traversal import cast_cell_by_cell
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_each_beam_is_looked_up_under_its_expected_range(seed):
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((30, 30)) < 0.03
+    # Smooth in the expected range, so that a range on the edge of two bins does not matter.
+    table = (np.arange(40)[:, None] + 1e-4 * np.arange(40)[None]).astype(np.float32)
+    poses = np.column_stack([rng.uniform(3, 27, (5, 2)), rng.uniform(-4, 4, 5)])
+    sensor = np.array([0.7, -0.4, 0.3])
+    bearings, measured = rng.uniform(-2, 2, 6), rng.integers(0, 40, 6)
+    sums = sum_over_beams(free_squares(occupied), table, 0.5, bearings, measured, sensor, poses, 19.0)
+    for (x, y, yaw), got in zip(poses, sums, strict=True):
+        sx = x + math.cos(yaw) * sensor[0] - math.sin(yaw) * sensor[1]
+        sy = y + math.sin(yaw) * sensor[0] + math.cos(yaw) * sensor[1]
+        total = 0.0
+        for bearing, row in zip(bearings, measured, strict=True):
+            expected, _ = cast_cell_by_cell(occupied, sx, sy, yaw + sensor[2] + bearing, 19.0)
+            total += float(table[row, min(int(expected / 0.5 + 0.5), 39)])
+        assert abs(got - total) < 1e-3

@@ -1,0 +1,95 @@
+"""Sums over end points against loops written for the eye."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gridslam.kernels.likelihood_field import sum_over_offsets, sum_over_points, sum_over_segments
+from gridslam.kernels.raycast import free_squares
+from tests.reference import mcl as reference
+from tests.reference.ray_traversal import cast_cell_by_cell
+
+
+def _case(seed):
+    rng = np.random.default_rng(seed)
+    rows, cols = rng.integers(2, 40, 2)
+    field = rng.integers(0, 256, (rows, cols)).astype(np.uint8)
+    table = rng.normal(size=256).astype(np.float32)
+    points = rng.uniform(-15, 15, (12, 2))
+    poses = np.column_stack([rng.uniform(0, cols, 6), rng.uniform(0, rows, 6), rng.uniform(-4, 4, 6)])
+    return rng, field, table, points, poses
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_sums_over_points_are_those_of_the_plain_loop(seed):
+    _, field, table, points, poses = _case(seed)
+    sums = sum_over_points(field, table, points.astype(np.float32), poses)
+    for pose, got in zip(poses, sums, strict=True):
+        # Single precision may put a point within 1e-5 cells of a grid line on its other side: shift and compare the nearest.
+        near = [
+            reference.sum_over_points(field, table, points, (pose[0] + a, pose[1] + b, pose[2]))
+            for a in (0.0, 2e-5, -2e-5)
+            for b in (0.0, 2e-5, -2e-5)
+        ]
+        assert min(abs(got - value) for value in near) < 1e-4
+
+
+def test_a_pose_left_of_the_field_sees_nothing_of_it():
+    field = np.zeros((3, 3), np.uint8)
+    table = np.arange(256, dtype=np.float32)
+    poses = np.array([[-0.5, 1.0, 0.0], [0.5, 1.0, 0.0], [1e9, 0.0, 0.0], [-1e9, 0.0, 0.0]])
+    sums = sum_over_points(field, table, np.zeros((1, 2), np.float32), poses)
+    np.testing.assert_array_equal(sums, [255.0, 0.0, 255.0, 255.0])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_blocked_beams_take_the_last_entry(seed):
+    rng, field, table, points, poses = _case(seed)
+    occupied = rng.random(field.shape) < 0.05
+    starts = rng.uniform(-0.5, 0.5, points.shape)
+    sums = sum_over_segments(field, free_squares(occupied), table, starts, points, 1.5, 0.0, poses)
+    for (x, y, yaw), got in zip(poses, sums, strict=True):
+        turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+        total = 0.0
+        for start, end in zip(starts @ turn.T + (x, y), points @ turn.T + (x, y), strict=True):
+            way = math.hypot(*(end - start)) - 1.5
+            angle = math.atan2(end[1] - start[1], end[0] - start[0])
+            row, col = math.floor(end[1]), math.floor(end[0])
+            inside = 0 <= row < field.shape[0] and 0 <= col < field.shape[1]
+            free = way <= 0.0 or cast_cell_by_cell(occupied, start[0], start[1], angle, way)[0] >= way
+            total += float(table[field[row, col] if inside and free else 255])
+        assert got == pytest.approx(total, abs=1e-4)
+
+
+def test_a_beam_that_grazes_a_wall_is_not_blocked_by_it():
+    occupied = np.zeros((20, 60), bool)
+    occupied[5, 20:] = True
+    squares = free_squares(occupied)
+    table = np.full(256, 1.0, np.float32)
+    table[255] = 0.0
+    field = np.zeros((20, 60), np.uint8)
+    starts = np.array([[5.0, 6.2]])
+    along = np.array([[55.0, 5.5]])
+    pose = np.zeros((1, 3))
+    assert sum_over_segments(field, squares, table, starts, along, 4.0, 0.0, pose)[0] == 0.0
+    assert sum_over_segments(field, squares, table, starts, along, 4.0, 3.0, pose)[0] == 1.0
+    above, below = np.array([[40.0, 9.0]]), np.array([[42.0, 1.0]])
+    assert sum_over_segments(field, squares, table, above, below, 1.0, 3.0, pose)[0] == 0.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_sums_over_offsets_are_sums_of_looked_up_values(seed):
+    rng = np.random.default_rng(seed)
+    worth = rng.integers(0, 256, 500).astype(np.uint8)
+    starts = rng.integers(0, 250, 9).astype(np.int32)
+    offsets = rng.integers(0, 250, (4, 7)).astype(np.int32)
+    expected = worth.astype(np.int64)[starts[None, :, None] + offsets[:, None, :]].sum(axis=2)
+    np.testing.assert_array_equal(sum_over_offsets(worth, starts, offsets), expected)

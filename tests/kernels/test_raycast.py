@@ -1,0 +1,73 @@
+"""Ray casting against the traversal cell by cell."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gridslam.kernels.raycast import cast_rays, free_squares
+from tests.reference.ray_traversal import cast_cell_by_cell
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 40),
+    st.integers(1, 40),
+    st.sampled_from([0.0, 0.01, 0.1, 0.4]),
+    st.floats(1.0, 80.0),
+)
+def test_ranges_are_those_of_the_traversal_cell_by_cell(seed, rows, cols, density, reach):
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((rows, cols)) < density
+    poses = np.column_stack(
+        [rng.uniform(-1, cols + 1, 8), rng.uniform(-1, rows + 1, 8), rng.uniform(-4, 4, 8)]
+    )
+    bearings = rng.uniform(-math.pi, math.pi, 5)
+    ranges = cast_rays(free_squares(occupied), poses, bearings, reach)
+    for pose, row in zip(poses, ranges, strict=True):
+        for bearing, measured in zip(bearings, row, strict=True):
+            expected, _ = cast_cell_by_cell(occupied, pose[0], pose[1], pose[2] + bearing, reach)
+            assert abs(measured - expected) < 1e-4 * max(1.0, expected)
+
+
+def test_rays_along_the_axes_hit_the_face_of_the_cell():
+    occupied = np.zeros((21, 31), bool)
+    occupied[10, 25] = occupied[10, 2] = occupied[18, 12] = occupied[1, 12] = True
+    bearings = np.array([0.0, math.pi, math.pi / 2, -math.pi / 2])
+    ranges = cast_rays(free_squares(occupied), np.array([[12.5, 10.5, 0.0]]), bearings, 100.0)
+    np.testing.assert_allclose(ranges[0], [12.5, 9.5, 7.5, 8.5], atol=1e-5)
+
+
+def test_a_ray_from_within_a_wall_has_no_length_and_one_that_leaves_the_grid_has_the_reach():
+    occupied = np.zeros((5, 5), bool)
+    occupied[2, 2] = True
+    squares = free_squares(occupied)
+    assert cast_rays(squares, np.array([[2.5, 2.5, 1.0]]), np.zeros(1), 9.0)[0, 0] == 0.0
+    assert cast_rays(squares, np.array([[4.5, 4.5, 0.5]]), np.zeros(1), 9.0)[0, 0] == 9.0
+    assert cast_rays(squares, np.array([[-3.0, 2.5, 0.0]]), np.zeros(1), 9.0)[0, 0] == 9.0
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 12))
+@settings(max_examples=50, deadline=None)
+def test_free_squares_are_free_and_the_largest(seed, rows, cols):
+    occupied = np.random.default_rng(seed).random((rows, cols)) < 0.15
+    squares = free_squares(occupied)
+    for quadrant in range(4):
+        for r in range(rows):
+            for c in range(cols):
+                side = int(squares[quadrant, r, c])
+                assert _is_free(occupied, r, c, quadrant, side)
+                assert not _is_free(occupied, r, c, quadrant, side + 1)
+
+
+def _is_free(occupied, r, c, quadrant, side):
+    """Whether the square of this side in the corner of which the cell lies is in the grid and free."""
+    r0 = r - side + 1 if quadrant // 2 else r
+    c0 = c - side + 1 if quadrant % 2 else c
+    if r0 < 0 or c0 < 0 or r0 + side > occupied.shape[0] or c0 + side > occupied.shape[1]:
+        return False
+    return not occupied[r0 : r0 + side, c0 : c0 + side].any()

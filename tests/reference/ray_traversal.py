@@ -1,0 +1,29 @@
+"""Ray casting written for the eye: from cell to cell, one grid line at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def cast_cell_by_cell(
+    occupied: NDArray[np.bool_], x: float, y: float, angle_rad: float, reach: float
+) -> tuple[float, tuple[int, int] | None]:
+    """Range in cells and the cell (row, col) that is hit; the reach and None when nothing is."""
+    rows, cols = occupied.shape
+    dx, dy = math.cos(angle_rad), math.sin(angle_rad)
+    row, col = math.floor(y), math.floor(x)
+    travelled = 0.0
+    while 0 <= row < rows and 0 <= col < cols and travelled < reach:
+        if occupied[row, col]:
+            return travelled, (row, col)
+        to_column = ((col + 1 if dx > 0 else col) - x) / dx if dx != 0.0 else math.inf
+        to_row = ((row + 1 if dy > 0 else row) - y) / dy if dy != 0.0 else math.inf
+        travelled = min(to_column, to_row)
+        if to_column < to_row:
+            col += 1 if dx > 0 else -1
+        else:
+            row += 1 if dy > 0 else -1
+    return reach, None
