@@ -1,14 +1,8 @@
-"""CARMEN text logs: FLASER and its kin, ROBOTLASER, ODOM.
+"""CARMEN text logs as a source of streams.
 
-    FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
-    ROBOTLASER1 type start_angle field_of_view resolution max_range accuracy remission_mode n r.. m rem..
-                laser(x y theta) robot(x y theta) tv rv forward side turn ipc_timestamp host logger_timestamp
-    ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
-
-The tail is counted from the end; the time is ipc_timestamp. Every laser line gives two events of one stamp,
-the odometry in it and the scan. ODOM lines are a second opinion about the same odometry, published on its
-own and with its own delay: where laser lines carry odometry they are left aside (and counted), else they
-are the odometry.
+Every laser line gives two events of one stamp, the odometry in it and the scan. ODOM lines are a second
+opinion about the same odometry, published on its own and with its own delay: where laser lines carry
+odometry they are left aside (and counted), else they are the odometry.
 """
 
 from __future__ import annotations
@@ -21,40 +15,28 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32, canonical_yaw, readonly
+from gridslam.core.messages import Event, LaserScan, Transform, as_float32, readonly
 from gridslam.logs import rotations
+from gridslam.logs.carmen_lines import (
+    LASERS,
+    OTHERS,
+    LaserLine,
+    beam_angles,
+    laser_line,
+    odom_line,
+    odometry_in,
+)
 from gridslam.logs.config import LogConfig
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.stamps import parse_stamp
 from gridslam.logs.streams import RecordedStream, Skip
 from gridslam.logs.text import TextLines, packing_of
 
-# Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
-LASERS = {
-    b"FLASER": "laser",
-    b"RLASER": "rear_laser",
-    b"ROBOTLASER0": "laser0",
-    b"ROBOTLASER1": "laser",
-    b"ROBOTLASER2": "rear_laser",
-    **{b"LASER%d" % n: f"laser{n}" for n in range(3, 6)},
-}
-_OTHERS = frozenset({b"ODOM", b"PARAM", b"SYNC", b"TRUEPOS"})
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 _PILE_SHARE = (
     0.001  # a largest reading that makes up this share of all readings is no distance but "no return"
 )
-
-
-def looks_like_carmen(text: bytes) -> bool:
-    """Whether the first lines hold a laser or odometry message."""
-    return any(
-        words[0] in LASERS or words[0] in _OTHERS
-        for words in (line.split(None, 2) for line in text.splitlines())
-        if len(words) > 2
-    )
 
 
 @dataclass(slots=True)
@@ -67,18 +49,6 @@ class _Survey:
     offset: tuple[float, float, float] | None = None
     offset_varies: bool = False
     stamps: array[int] = field(default_factory=lambda: array("q"))
-
-
-@dataclass(frozen=True, slots=True)
-class _LaserLine:
-    """One laser line taken apart. `geometry` is (angle_min, increment, range_max) where the line says it."""
-
-    stamp_ns: int
-    ranges: NDArray[np.float64]
-    laser_pose: tuple[float, float, float]
-    robot_pose: tuple[float, float, float]
-    velocity: tuple[float, float] | None = None
-    geometry: tuple[float, float, float] | None = None
 
 
 class CarmenSource:
@@ -113,15 +83,15 @@ class CarmenSource:
             where = f"{self._lines.path.name} line {number}"
             scan, odometry = self._scan_of.get(word), self._odometry_of.get(word)
             if word == b"ODOM" and odometry in wanted and odometry is not None:
-                read = _odom_line(line)
+                read = odom_line(line)
                 if not isinstance(read, str):
                     yield odometry, read
             elif scan is not None and (scan in wanted or odometry in wanted):
-                laser = _laser_line(word, line)
+                laser = laser_line(word, line)
                 if isinstance(laser, str):
                     continue
                 if odometry is not None and odometry in wanted:
-                    yield odometry, _odometry(laser)
+                    yield odometry, odometry_in(laser)
                 if scan in wanted:
                     yield scan, self._scan(word, laser, where)
 
@@ -134,20 +104,20 @@ class CarmenSource:
             word = line[:12].split(b" ", 1)[0]
             where = f"{self._lines.path.name} line {number}"
             if word in LASERS:
-                laser = _laser_line(word, line)
+                laser = laser_line(word, line)
                 if isinstance(laser, str):
                     self.ledger.skip("scan", laser, where)
                 else:
                     _note_laser(found.setdefault(word, _Survey()), laser)
             elif word == b"ODOM":
-                read = _odom_line(line)
+                read = odom_line(line)
                 if isinstance(read, str):
                     self.ledger.skip("odom", read, where)
                 else:
                     odom.append(read.stamp_ns)
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
-            elif word and not word.startswith(b"#") and word not in _OTHERS:
+            elif word and not word.startswith(b"#") and word not in OTHERS:
                 self.ledger.count("unused.other")
         for word, survey in found.items():
             self._add_laser(word, survey, front_offset)
@@ -197,7 +167,7 @@ class CarmenSource:
             )
         )
 
-    def _scan(self, word: bytes, laser: _LaserLine, where: str) -> Event | Skip:
+    def _scan(self, word: bytes, laser: LaserLine, where: str) -> Event | Skip:
         count = len(laser.ranges)
         if count == 0:
             return Skip("no_beams", where)
@@ -218,94 +188,7 @@ class CarmenSource:
         )
 
 
-def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[float, float]:
-    """(angle_min, increment) in rad of `count` beams.
-
-    The SICK lasers of these logs look 180 degrees wide: 181 beams at 1 and 361 at 0.5 degrees reach both
-    ends; 180 and 360 lack the last one (-90..+89 and -90..+89.5). A given field of view is that from the
-    first to the last beam.
-    """
-    if field_of_view_deg is not None:
-        increment = math.radians(field_of_view_deg) / max(count - 1, 1)
-        return -0.5 * math.radians(field_of_view_deg), increment
-    intervals = count - 1 if count % 2 else count
-    return -0.5 * math.pi, math.pi / max(intervals, 1)
-
-
-def _laser_line(word: bytes, line: bytes) -> _LaserLine | str:
-    """The line taken apart, or the reason why it cannot be."""
-    words = line.split()
-    try:
-        return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
-    except (ValueError, IndexError):
-        return "unreadable_line"
-
-
-def _old_laser(words: list[bytes]) -> _LaserLine | str:
-    count = int(words[1])
-    if count < 0 or len(words) != count + 11:
-        return "wrong_number_of_fields"
-    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
-    if stamp is None:
-        return "bad_stamp"
-    tail = list(map(float, words[count + 2 : count + 8]))
-    if not math.isfinite(sum(tail)):
-        return "not_finite"
-    ranges = np.array(list(map(float, words[2 : count + 2])))
-    return _LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
-
-
-def _robot_laser(words: list[bytes]) -> _LaserLine | str:
-    count = int(words[8])
-    if count < 0 or len(words) < count + 10:
-        return "wrong_number_of_fields"
-    remissions = int(words[count + 9])
-    if remissions < 0 or len(words) != count + remissions + 24:
-        return "wrong_number_of_fields"
-    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
-    if stamp is None:
-        return "bad_stamp"
-    start, _, resolution, range_max = (float(w) for w in words[2:6])
-    ranges = np.array(list(map(float, words[9 : count + 9])))
-    tail = list(map(float, words[-14:-3]))
-    if not math.isfinite(sum(tail)):
-        return "not_finite"
-    return _LaserLine(
-        stamp,
-        ranges,
-        (tail[0], tail[1], tail[2]),
-        (tail[3], tail[4], tail[5]),
-        (tail[6], tail[7]),
-        (start, resolution, range_max),
-    )
-
-
-def _odom_line(line: bytes) -> Odometry | str:
-    words = line.split()
-    if len(words) != 10:
-        return "wrong_number_of_fields"
-    stamp = parse_stamp(words[7].decode("ascii", "replace"))
-    if stamp is None:
-        return "bad_stamp"
-    try:
-        x, y, yaw, vx, wz = (float(w) for w in words[1:6])
-    except ValueError:
-        return "unreadable_line"
-    return Odometry(stamp, "odom", x, y, _yaw(yaw), vx, wz)
-
-
-def _odometry(laser: _LaserLine) -> Odometry:
-    x, y, yaw = laser.robot_pose
-    vx, wz = laser.velocity or (math.nan, math.nan)
-    return Odometry(laser.stamp_ns, "odom", x, y, _yaw(yaw), vx, wz)
-
-
-def _yaw(yaw: float) -> float:
-    """Canonical and in (-pi, pi], as every format can keep it."""
-    return canonical_yaw(math.atan2(math.sin(yaw), math.cos(yaw))) if math.isfinite(yaw) else yaw
-
-
-def _note_laser(survey: _Survey, laser: _LaserLine) -> None:
+def _note_laser(survey: _Survey, laser: LaserLine) -> None:
     """Add one line to the survey: its stamp, its largest readings, the laser's place on the robot."""
     survey.stamps.append(laser.stamp_ns)
     survey.readings += len(laser.ranges)
@@ -323,7 +206,7 @@ def _note_laser(survey: _Survey, laser: _LaserLine) -> None:
         survey.offset_varies = True
 
 
-def _offset(laser: _LaserLine) -> tuple[float, float, float]:
+def _offset(laser: LaserLine) -> tuple[float, float, float]:
     """T_robot_laser, to the six decimals that the lines have."""
     (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose, laser.laser_pose
     cos, sin = math.cos(ryaw), math.sin(ryaw)

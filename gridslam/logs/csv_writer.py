@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -12,7 +11,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-import numpy as np
 import yaml
 
 from gridslam.core.errors import LogError
@@ -32,7 +30,7 @@ from gridslam.core.messages import (
     Transform,
     WheelTicks,
 )
-from gridslam.logs.csv_images import write_floats, write_pixels
+from gridslam.logs.csv_rows import ROWS
 from gridslam.logs.csv_source import LAYOUT_FILE
 from gridslam.logs.layout import COLUMNS
 from gridslam.logs.stamps import END_NS, format_stamp
@@ -181,7 +179,7 @@ class CsvFolderWriter:
             file = self._open(kind, event, topic)
             self._files.by_key[key] = file
         file.rows += 1
-        for row in _ROWS[kind](self, event):
+        for row in ROWS[kind](self, event):
             file.writer.writerow([format_stamp(event.stamp_ns), *row])
 
     def _open(self, kind: str, event: Any, topic: str | None) -> _File:
@@ -222,100 +220,3 @@ class CsvFolderWriter:
             name = f"{event.stamp_ns:019d}_{number}{suffix}"
         write(folder / name, pixels)
         return f"{folder.name}/{name}"
-
-
-def _number(value: float) -> str:
-    """The shortest text that gives the same float64 again; empty for NaN."""
-    return "" if math.isnan(value) else repr(float(value))
-
-
-def _single(value: float) -> str:
-    """The shortest text that gives the same float32 again."""
-    return str(np.float32(value))
-
-
-def _scan(writer: CsvFolderWriter, scan: LaserScan) -> list[list[str]]:
-    head = [
-        scan.angle_min_rad,
-        scan.angle_increment_rad,
-        scan.range_min_m,
-        scan.range_max_m,
-        scan.time_increment_s,
-    ]
-    return [[_single(v) for v in head] + [str(r) for r in np.asarray(scan.ranges_m, np.float32)]]
-
-
-def _odometry(writer: CsvFolderWriter, o: Odometry) -> list[list[str]]:
-    return [[_number(v) for v in (o.x_m, o.y_m, o.yaw_rad, o.vx_mps, o.wz_radps)]]
-
-
-def _truth(writer: CsvFolderWriter, o: Odometry) -> list[list[str]]:
-    return [[_number(v) for v in (o.x_m, o.y_m, o.yaw_rad)]]
-
-
-def _imu(writer: CsvFolderWriter, imu: Imu) -> list[list[str]]:
-    return [[_number(imu.wz_radps)]]
-
-
-def _wheels(writer: CsvFolderWriter, ticks: WheelTicks) -> list[list[str]]:
-    return [[_number(ticks.left_rad), _number(ticks.right_rad)]]
-
-
-def _range(writer: CsvFolderWriter, r: Range) -> list[list[str]]:
-    limits = [_single(v) for v in (r.range_m, r.range_min_m, r.range_max_m)]
-    return [[r.frame_id, _number(r.bearing_rad), *limits]]
-
-
-def _fix(writer: CsvFolderWriter, fix: PoseFix) -> list[list[str]]:
-    c = fix.covariance
-    values = [*fix.pose, c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
-    return [[_number(float(v)) for v in values]]
-
-
-def _tags(writer: CsvFolderWriter, tags: TagInventory) -> list[list[str]]:
-    if not tags.tag_ids:
-        return [[tags.antenna, "", "", tags.frame_id]]
-    reads = zip(tags.tag_ids, tags.rssi_dbm, strict=True)
-    return [[tags.antenna, tag, _single(rssi), tags.frame_id] for tag, rssi in reads]
-
-
-def _image(writer: CsvFolderWriter, image: Image) -> list[list[str]]:
-    name = writer.picture("image", image, write_pixels, image.pixels, ".png")
-    return [[image.camera, name, image.frame_id]]
-
-
-def _depth(writer: CsvFolderWriter, depth: DepthImage) -> list[list[str]]:
-    name = writer.picture("depth", depth, write_floats, depth.depth_m, ".npy")
-    return [[depth.camera, name, depth.frame_id]]
-
-
-def _disparity(writer: CsvFolderWriter, d: Disparity) -> list[list[str]]:
-    name = writer.picture("disparity", d, write_floats, d.disparity_px, ".npy")
-    return [[d.camera, name, _single(d.focal_px), _single(d.baseline_m), d.frame_id]]
-
-
-def _camera_info(writer: CsvFolderWriter, info: CameraInfo) -> list[list[str]]:
-    numbers = [_number(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
-    distortion = [_number(float(v)) for v in info.D[:14]] + [""] * (14 - len(info.D))
-    return [[info.camera, str(info.width_px), str(info.height_px), *numbers, *distortion, info.frame_id]]
-
-
-def _transform(writer: CsvFolderWriter, t: Transform) -> list[list[str]]:
-    return [[t.frame_id, t.child_frame_id, *(_number(v) for v in (*t.translation_m, *t.quat_wxyz))]]
-
-
-_ROWS: dict[str, Callable[[CsvFolderWriter, Any], list[list[str]]]] = {
-    "scan": _scan,
-    "odom": _odometry,
-    "truth": _truth,
-    "imu": _imu,
-    "wheels": _wheels,
-    "range": _range,
-    "fix": _fix,
-    "tags": _tags,
-    "image": _image,
-    "depth": _depth,
-    "disparity": _disparity,
-    "camera_info": _camera_info,
-    "tf": _transform,
-}

@@ -1,8 +1,7 @@
-"""The records of an MCAP file, read so that damage costs as little as possible.
+"""An MCAP file, read so that damage costs as little as possible.
 
-Layout: magic, then records of (opcode u8, length u64, body). Schemas, channels and messages lie in chunks
-or bare. A file that was closed properly ends with a summary (schemas and channels again, the place of every
-chunk) and a footer. Specification: https://mcap.dev/spec
+Records lie in chunks, or bare. A chunk is used when it unpacks and its checksum is right; after a part that
+is no record reading goes on with the next chunk, which the index names or a search finds.
 """
 
 from __future__ import annotations
@@ -16,35 +15,33 @@ from typing import IO
 
 from gridslam.core.errors import LogError
 from gridslam.logs.ledger import Ledger
+from gridslam.logs.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_HEAD,
+    CHUNK_INDEX,
+    DATA_END,
+    FOOTER,
+    HEADER,
+    KNOWN_OPCODES,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD_BYTES,
+    MESSAGE_RECORD,
+    RECORD,
+    SCHEMA,
+    SKIPPED_OPCODES,
+    STATISTICS,
+    Channel,
+    Schema,
+    block,
+    exactly,
+    is_chunk_body,
+    text,
+    unpack,
+)
 
-MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
-STATISTICS, DATA_END = 0x0B, 0x0F
-_KNOWN_OPCODES = range(1, 16)
-_SKIPPED_OPCODES = (MESSAGE_INDEX, 0x09, 0x0C)  # of the data section: message index, attachment, metadata
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<BQH")
-_CHUNK = struct.Struct("<QQQII")  # start, end, unpacked size, crc, length of the compression's name
-_MESSAGE_HEAD = 22  # channel u16, sequence u32, log time u64, publish time u64
 _SEARCH_BLOCK = 1 << 20
-
-
-@dataclass(frozen=True, slots=True)
-class Schema:
-    """The definition of a message type. `encoding`: ros2msg, ros2idl, jsonschema, ..."""
-
-    name: str
-    encoding: str
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """A topic. `encoding` of its messages: cdr, json, ..."""
-
-    topic: str
-    encoding: str
-    schema_id: int
 
 
 @dataclass(slots=True)
@@ -59,6 +56,7 @@ class McapFile:
     compressions: dict[str, int] = field(default_factory=dict)
     _chunk_offsets: list[int] = field(default_factory=list)
     _bad_chunks: set[int] = field(default_factory=set)
+    _resumed: dict[int, int] = field(default_factory=dict)
     _expected: int | None = None
     _size: int = 0
     _surveyed: bool = False
@@ -86,9 +84,9 @@ class McapFile:
         with self.path.open("rb") as stream:
             stream.seek(len(MAGIC))
             at = len(MAGIC)
-            while at + _RECORD.size <= self._size:
-                opcode, length = _RECORD.unpack(_exactly(stream, _RECORD.size))
-                body = at + _RECORD.size
+            while at + RECORD.size <= self._size:
+                opcode, length = RECORD.unpack(exactly(stream, RECORD.size))
+                body = at + RECORD.size
                 if opcode == DATA_END and length == 4 and all(offset < at for offset in self._chunk_offsets):
                     if not self._complete:
                         self.ledger.note(f"{self.path.name}: the index at its end is missing; no message is")
@@ -102,22 +100,23 @@ class McapFile:
                     if length > self.limit_bytes:
                         self._lose("too_large_record", at)
                     else:
-                        yield from self._records(_RECORD.pack(opcode, length) + _exactly(stream, length), at)
+                        yield from self._records(RECORD.pack(opcode, length) + exactly(stream, length), at)
                 at = body + length
                 stream.seek(at)
             else:
                 self._note_end(at)
 
     def _belongs_here(self, stream: IO[bytes], opcode: int, length: int) -> bool:
-        """Whether a record of this kind can stand at the stream's position in the data section. A chunk
-        whose opcode was
-        damaged does not pass as something to skip."""
+        """Whether such a record can stand at the stream's position in the data section.
+
+        A chunk whose opcode was damaged does not pass as something to skip.
+        """
         if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, HEADER):
             return True
-        if opcode not in _SKIPPED_OPCODES and opcode < 0x80:
+        if opcode not in SKIPPED_OPCODES and opcode < 0x80:
             return False
         here = stream.tell()
-        is_chunk = _is_chunk_body(stream, length)
+        is_chunk = is_chunk_body(stream, length)
         stream.seek(here)
         return not is_chunk
 
@@ -133,17 +132,15 @@ class McapFile:
     def _unpack(self, stream: IO[bytes], at: int, length: int) -> bytes | None:
         """The chunk's records, or None (and a line in the ledger) where they cannot be had."""
         data, fault = None, "chunk_of_impossible_size"
-        if _CHUNK.size + 8 <= length <= self.limit_bytes:
-            body = _exactly(stream, length)
-            _, _, size, crc, name_length = _CHUNK.unpack_from(body)
-            start = _CHUNK.size + name_length + 8
+        if CHUNK_HEAD.size + 8 <= length <= self.limit_bytes:
+            body = exactly(stream, length)
+            _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(body)
+            start = CHUNK_HEAD.size + name_length + 8
             packed_size = int.from_bytes(body[start - 8 : start], "little")
             if start + packed_size <= length and size <= self.limit_bytes:
-                name = body[_CHUNK.size : start - 8].decode("utf-8", "replace")
-                data, fault = (
-                    unpack(name, body[start : start + packed_size], size),
-                    "chunk_that_cannot_be_unpacked",
-                )
+                name = body[CHUNK_HEAD.size : start - 8].decode("utf-8", "replace")
+                fault = "chunk_that_cannot_be_unpacked"
+                data = unpack(name, body[start : start + packed_size], size)
                 if data is not None and not self._surveyed:
                     if crc and zlib.crc32(data) != crc:
                         data, fault = None, "chunk_with_wrong_checksum"
@@ -155,7 +152,7 @@ class McapFile:
     def _records(self, data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
         """The messages among the records in `data`; schemas and channels are noted."""
         position, end = 0, len(data)
-        unpack_from = _MESSAGE.unpack_from
+        unpack_from = MESSAGE_RECORD.unpack_from
         while position + 11 <= end:
             opcode, length, channel = unpack_from(data, position)
             start = position + 9
@@ -164,10 +161,10 @@ class McapFile:
                 self._lose("rest_of_damaged_chunk", at)
                 return
             if opcode == MESSAGE:
-                if length < _MESSAGE_HEAD:
+                if length < MESSAGE_HEAD_BYTES:
                     self._lose("rest_of_damaged_chunk", at)
                     return
-                yield channel, data[start + _MESSAGE_HEAD : position]
+                yield channel, data[start + MESSAGE_HEAD_BYTES : position]
             elif opcode == SCHEMA:
                 self._note_schema(data[start:position], at)
             elif opcode == CHANNEL:
@@ -176,9 +173,9 @@ class McapFile:
     def _note_schema(self, body: bytes, at: int) -> None:
         try:
             identifier = int.from_bytes(body[:2], "little")
-            name, after = _text(body, 2)
-            encoding, after = _text(body, after)
-            data, _ = _block(body, after)
+            name, after = text(body, 2)
+            encoding, after = text(body, after)
+            data, _ = block(body, after)
         except (ValueError, UnicodeDecodeError):
             self._lose("damaged_schema", at)
             return
@@ -187,39 +184,37 @@ class McapFile:
     def _note_channel(self, body: bytes, at: int) -> None:
         try:
             identifier = int.from_bytes(body[:2], "little")
-            topic, after = _text(body, 4)
-            encoding, _ = _text(body, after)
+            topic, after = text(body, 4)
+            encoding, _ = text(body, after)
         except (ValueError, UnicodeDecodeError):
             self._lose("damaged_channel", at)
             return
         self.channels.setdefault(identifier, Channel(topic, encoding, int.from_bytes(body[2:4], "little")))
 
     def _read_summary(self, stream: IO[bytes]) -> None:
-        """Schemas, channels and chunk places from the end of the file, where it has one with a right
-        checksum.
-        """
-        tail_size = _RECORD.size + 20 + len(MAGIC)
+        """Schemas, channels and chunk places from the file's end, if its checksum is right."""
+        tail_size = RECORD.size + 20 + len(MAGIC)
         if self._size < len(MAGIC) + tail_size:
             return
         stream.seek(self._size - tail_size)
         tail = stream.read(tail_size)
-        opcode, length = _RECORD.unpack_from(tail)
+        opcode, length = RECORD.unpack_from(tail)
         if opcode != FOOTER or length != 20 or not tail.endswith(MAGIC):
             return
         self._complete = True
-        start, _, crc = struct.unpack_from("<QQI", tail, _RECORD.size)
+        start, _, crc = struct.unpack_from("<QQI", tail, RECORD.size)
         footer_at = self._size - tail_size
         if not len(MAGIC) <= start <= footer_at or footer_at - start > self.limit_bytes:
             return
         stream.seek(start)
-        summary = _exactly(stream, footer_at - start)
-        if crc and zlib.crc32(tail[: _RECORD.size + 16], zlib.crc32(summary)) != crc:
+        summary = exactly(stream, footer_at - start)
+        if crc and zlib.crc32(tail[: RECORD.size + 16], zlib.crc32(summary)) != crc:
             return
         position = 0
-        while position + _RECORD.size <= len(summary):
-            opcode, length = _RECORD.unpack_from(summary, position)
-            body = summary[position + _RECORD.size : position + _RECORD.size + length]
-            position += _RECORD.size + length
+        while position + RECORD.size <= len(summary):
+            opcode, length = RECORD.unpack_from(summary, position)
+            body = summary[position + RECORD.size : position + RECORD.size + length]
+            position += RECORD.size + length
             if len(body) < length:
                 return
             if opcode == SCHEMA:
@@ -233,17 +228,20 @@ class McapFile:
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
         """Where to go on after something at `at` that is no record: the next chunk of the index, else the
-        next place
-        that looks like one."""
+        next place that looks like a record. The answer is the same on every pass.
+        """
+        if at in self._resumed:
+            stream.seek(self._resumed[at])
+            return self._resumed[at]
         stream.seek(at)
         chunked = bool(self.compressions or self._bad_chunks) or stream.read(1) == bytes([CHUNK])
         place = next((offset for offset in sorted(self._chunk_offsets) if offset > at), None)
         if place is None:
             place = self._search(stream, at + 1, (CHUNK,) if chunked else (MESSAGE, CHUNK))
         self._lose("damaged_part" if place is not None or self._complete else "last_record_of_cut_file", at)
-        place = self._size if place is None else place
-        stream.seek(place)
-        return place
+        self._resumed[at] = self._size if place is None else place
+        stream.seek(self._resumed[at])
+        return self._resumed[at]
 
     def _search(self, stream: IO[bytes], start: int, opcodes: tuple[int, ...]) -> int | None:
         """The next offset at which a chunk whose lengths agree, or three records in a row, can be."""
@@ -261,15 +259,15 @@ class McapFile:
     def _plausible(self, stream: IO[bytes], at: int) -> bool:
         for _ in range(3):
             stream.seek(at)
-            head = stream.read(_RECORD.size)
-            if len(head) < _RECORD.size:
+            head = stream.read(RECORD.size)
+            if len(head) < RECORD.size:
                 return False
             opcode, length = head[0], int.from_bytes(head[1:], "little")
-            at += _RECORD.size + length
-            if opcode not in _KNOWN_OPCODES or at > self._size or length == 0:
+            at += RECORD.size + length
+            if opcode not in KNOWN_OPCODES or at > self._size or length == 0:
                 return False
             if opcode == CHUNK:
-                return _is_chunk_body(stream, length)
+                return is_chunk_body(stream, length)
             if opcode in (DATA_END, FOOTER):
                 return length <= 20
         return True
@@ -285,61 +283,3 @@ class McapFile:
         """Enter damage in the ledger, on the first pass only."""
         if not self._surveyed:
             self.ledger.lose(what, f"{self.path.name} byte {at}")
-
-
-def _is_chunk_body(stream: IO[bytes], length: int) -> bool:
-    """Whether the record body at the stream's position is a chunk's: its inner lengths add up to `length`."""
-    head = stream.read(_CHUNK.size)
-    if len(head) < _CHUNK.size:
-        return False
-    name_length = int(_CHUNK.unpack(head)[4])
-    if name_length > 16:
-        return False
-    stream.seek(name_length, 1)
-    records_length = int.from_bytes(stream.read(8), "little")
-    return bool(records_length + _CHUNK.size + name_length + 8 == length)
-
-
-def unpack(compression: str, data: bytes, size: int) -> bytes | None:
-    """`data` unpacked to exactly `size` bytes, never more; None where that fails or the compression is
-    unknown.
-    """
-    if compression == "":
-        return data if len(data) == size else None
-    if compression == "zstd":
-        import zstandard
-
-        try:
-            with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-                plain = bytes(reader.read(size + 1))
-        except zstandard.ZstdError:
-            return None
-    elif compression == "lz4":
-        import lz4.frame
-
-        try:
-            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-        except (RuntimeError, EOFError):
-            return None
-    else:
-        return None
-    return plain if len(plain) == size else None
-
-
-def _exactly(stream: IO[bytes], size: int) -> bytes:
-    data = stream.read(size)
-    if len(data) != size:
-        raise LogError(f"{getattr(stream, 'name', 'the log')}: became shorter while it was read; run again")
-    return data
-
-
-def _block(body: bytes, at: int) -> tuple[bytes, int]:
-    end = at + 4 + int.from_bytes(body[at : at + 4], "little")
-    if at + 4 > len(body) or end > len(body):
-        raise ValueError("field reaches beyond its record")
-    return body[at + 4 : end], end
-
-
-def _text(body: bytes, at: int) -> tuple[str, int]:
-    block, end = _block(body, at)
-    return block.decode(), end

@@ -60,7 +60,8 @@ def _source(path: Path, config: LogConfig) -> Source:
 
 
 def _text_source(path: Path, config: LogConfig) -> Source:
-    from gridslam.logs.carmen import CarmenSource, looks_like_carmen
+    from gridslam.logs.carmen import CarmenSource
+    from gridslam.logs.carmen_lines import looks_like_carmen
     from gridslam.logs.text import beginning
     from gridslam.logs.wean_hall import WeanHallSource, looks_like_wean_hall
 

@@ -11,7 +11,7 @@ from typing import Any
 from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.mcap_file import Channel, Schema
+from gridslam.logs.mcap_records import Channel, Schema
 from gridslam.logs.ros_source import RosSource
 from gridslam.logs.ros_types import humble
 

@@ -12,7 +12,8 @@ from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.csv_table import inside
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.mcap_file import Channel, McapFile, Schema
+from gridslam.logs.mcap_file import McapFile
+from gridslam.logs.mcap_records import Channel, Schema
 from gridslam.logs.ros_source import Container, RosSource
 from gridslam.logs.ros_types import full_name
 

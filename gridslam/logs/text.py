@@ -54,6 +54,7 @@ class TextLines:
         self._ledger = ledger
         self._limit = line_limit_bytes
         self._kept: list[bytes] | None = None
+        self._entered: set[tuple[str, int]] = set()
         self._read_before = False
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
@@ -83,17 +84,19 @@ class TextLines:
                     while len(line) >= self._limit and not line.endswith(b"\n"):
                         line = stream.readline(self._limit)
                 except (OSError, EOFError, zlib.error) as error:
-                    if not self._read_before:
-                        self._ledger.lose(
-                            "rest_of_packed_text", f"{self.path.name} after line {number} ({error})"
-                        )
+                    self._lose("rest_of_packed_text", number, f"after line {number} ({error})")
                     return
                 if not line and not too_long:
                     return
                 number += 1
                 if too_long:
-                    if not self._read_before:
-                        self._ledger.lose("too_long_line", f"{self.path.name} line {number}")
+                    self._lose("too_long_line", number, f"line {number}")
                     yield b""
                     continue
                 yield line.rstrip(b"\r\n")
+
+    def _lose(self, what: str, number: int, where: str) -> None:
+        """Enter damage in the ledger, the same damage once whatever the number of passes."""
+        if (what, number) not in self._entered:
+            self._entered.add((what, number))
+            self._ledger.lose(what, f"{self.path.name} {where}")

@@ -11,7 +11,7 @@ import pytest
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.logs import LogConfig, open_log
-from gridslam.logs.carmen import beam_angles
+from gridslam.logs.carmen_lines import beam_angles
 from tests.logs.mutations import sample_carmen
 
 FLASER = "FLASER 3 1.0 2.0 3.0 0.5 0.1 0.2 0.5 0.1 0.2 {time} host 0.5"

@@ -12,7 +12,8 @@ from mcap.writer import CompressionType, IndexType, Writer
 from gridslam.core.errors import LogError
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.mcap_file import CHUNK, MAGIC, McapFile, unpack
+from gridslam.logs.mcap_file import McapFile
+from gridslam.logs.mcap_records import CHUNK, MAGIC, unpack
 from tests.logs.mutations import SCANS, read, sample_mcap, whole_chunk_messages
 
 

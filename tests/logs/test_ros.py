@@ -26,7 +26,7 @@ from gridslam.core.messages import (
     WheelTicks,
 )
 from gridslam.logs import LogConfig, open_log, require_streams
-from gridslam.logs.mcap_file import Schema
+from gridslam.logs.mcap_records import Schema
 from gridslam.logs.ros_types import is_standard
 from tests.logs.mutations import fingerprint
 from tests.logs.ros_samples import HUMBLE, header, make, odometry, scan, tf, transform, write_json, write_mcap
@@ -523,3 +523,52 @@ def test_ros_messages_in_json_are_read(tmp_path: Path) -> None:
         (event,) = [e for e in log.events() if isinstance(e, LaserScan)]
         assert log.counters["skipped.scan.undecodable"] == 1
     assert (event.stamp_ns, event.ranges_m.tolist()) == (7 * S + 9, [1.5, 2.5])
+
+
+def test_a_tf_stream_may_be_named_as_the_odometry(tmp_path: Path) -> None:
+    moves = [("/tf", tf(transform(i * S, "world", "base_link", (i, 0, 0)))) for i in (1, 2)]
+    path = write_mcap(tmp_path / "a.mcap", [("/odom", odometry(S, 9.0)), *moves])
+    config = LogConfig.model_validate({"topics": {"odom": "world->base_link"}})
+    assert [e.x_m for e in events(path, config, ("odom",))] == [1.0, 2.0]
+
+
+def test_disorder_is_said_and_is_no_loss(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", moving(scan(2 * S), scan(S), scan(S), odometry(S)))
+    with open_log(path, kinds=["scan", "odom"]) as log:
+        assert log.counters["steps_back.scan"] == 1
+        assert log.counters["equal_stamps.scan"] == 1
+        assert any("/scan: 1 stamps step back" in line for line in log.problems)
+        assert not log.is_lossy
+
+
+def test_a_stray_stamp_is_skipped_and_counted(tmp_path: Path) -> None:
+    stamps = [1, 2, 100_000, 3, 4]
+    path = write_mcap(tmp_path / "a.mcap", moving(*(scan(t * S) for t in stamps)))
+    with open_log(path) as log:
+        assert [e.stamp_ns // S for e in log.events() if isinstance(e, LaserScan)] == [1, 2, 3, 4]
+        assert log.counters["skipped.scan.stray_stamp"] == 1
+        assert any("/scan message 3" in line for line in log.problems)
+
+
+def test_names_cannot_steer_a_terminal(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", [("/\x1b[2Jscan\n", scan(S, frame="la\x07ser"))])
+    with open_log(path) as log:
+        assert log.streams[0].topic == "/?[2Jscan?"
+        assert log.streams[0].frame == "la?ser"
+
+
+def test_memory_for_early_messages_is_bounded_and_what_comes_late_is_said(tmp_path: Path) -> None:
+    big = np.zeros((1000, 1000, 3), np.uint8).tobytes()
+    pictures = []
+    for i in range(2, 6):
+        message = picture("rgb8", 1000, 1000, 3000, big)
+        message.header = header(i * S, "cam")
+        pictures.append(("/cam/image", message))
+    path = write_mcap(tmp_path / "a.mcap", [*pictures, ("/odom", odometry(S))])
+    small = LogConfig.model_validate({"limits": {"reorder_mb": 6}})
+    with open_log(path, small) as log:
+        kinds = [type(e).__name__ for e in log.events() if not isinstance(e, Transform)]
+        assert sorted(kinds) == ["Image"] * 4 + ["Odometry"]
+        assert log.counters["late.odom"] == 1
+        assert any("reorder_mb" in line for line in log.problems)
+    assert type(events(path)[0]).__name__ == "Odometry"

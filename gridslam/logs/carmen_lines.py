@@ -1,0 +1,139 @@
+"""Lines of CARMEN logs taken apart.
+
+    FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
+    ROBOTLASER1 type start_angle field_of_view resolution max_range accuracy remission_mode n r.. m rem..
+                laser(x y theta) robot(x y theta) tv rv forward side turn ipc_timestamp host logger_timestamp
+    ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
+
+The tail is counted from the end; the time is ipc_timestamp.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Odometry, canonical_yaw
+from gridslam.logs.stamps import parse_stamp
+
+# Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
+LASERS = {
+    b"FLASER": "laser",
+    b"RLASER": "rear_laser",
+    b"ROBOTLASER0": "laser0",
+    b"ROBOTLASER1": "laser",
+    b"ROBOTLASER2": "rear_laser",
+    **{b"LASER%d" % n: f"laser{n}" for n in range(3, 6)},
+}
+OTHERS = frozenset({b"ODOM", b"PARAM", b"SYNC", b"TRUEPOS"})
+
+
+@dataclass(frozen=True, slots=True)
+class LaserLine:
+    """One laser line taken apart. `geometry` is (angle_min, increment, range_max) where the line says it."""
+
+    stamp_ns: int
+    ranges: NDArray[np.float64]
+    laser_pose: tuple[float, float, float]
+    robot_pose: tuple[float, float, float]
+    velocity: tuple[float, float] | None = None
+    geometry: tuple[float, float, float] | None = None
+
+
+def looks_like_carmen(text: bytes) -> bool:
+    """Whether the first lines hold a laser or odometry message."""
+    return any(
+        words[0] in LASERS or words[0] in OTHERS
+        for words in (line.split(None, 2) for line in text.splitlines())
+        if len(words) > 2
+    )
+
+
+def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[float, float]:
+    """(angle_min, increment) in rad of `count` beams.
+
+    The SICK lasers of these logs look 180 degrees wide: 181 beams at 1 and 361 at 0.5 degrees reach both
+    ends; 180 and 360 lack the last one (-90..+89 and -90..+89.5). A given field of view is that from the
+    first to the last beam.
+    """
+    if field_of_view_deg is not None:
+        increment = math.radians(field_of_view_deg) / max(count - 1, 1)
+        return -0.5 * math.radians(field_of_view_deg), increment
+    intervals = count - 1 if count % 2 else count
+    return -0.5 * math.pi, math.pi / max(intervals, 1)
+
+
+def laser_line(word: bytes, line: bytes) -> LaserLine | str:
+    """The line taken apart, or the reason why it cannot be."""
+    words = line.split()
+    try:
+        return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
+    except (ValueError, IndexError):
+        return "unreadable_line"
+
+
+def _old_laser(words: list[bytes]) -> LaserLine | str:
+    count = int(words[1])
+    if count < 0 or len(words) != count + 11:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    tail = list(map(float, words[count + 2 : count + 8]))
+    if not math.isfinite(sum(tail)):
+        return "not_finite"
+    ranges = np.array(list(map(float, words[2 : count + 2])))
+    return LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
+
+
+def _robot_laser(words: list[bytes]) -> LaserLine | str:
+    count = int(words[8])
+    if count < 0 or len(words) < count + 10:
+        return "wrong_number_of_fields"
+    remissions = int(words[count + 9])
+    if remissions < 0 or len(words) != count + remissions + 24:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[-3].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    start, _, resolution, range_max = (float(w) for w in words[2:6])
+    ranges = np.array(list(map(float, words[9 : count + 9])))
+    tail = list(map(float, words[-14:-3]))
+    if not math.isfinite(sum(tail)):
+        return "not_finite"
+    return LaserLine(
+        stamp,
+        ranges,
+        (tail[0], tail[1], tail[2]),
+        (tail[3], tail[4], tail[5]),
+        (tail[6], tail[7]),
+        (start, resolution, range_max),
+    )
+
+
+def odom_line(line: bytes) -> Odometry | str:
+    words = line.split()
+    if len(words) != 10:
+        return "wrong_number_of_fields"
+    stamp = parse_stamp(words[7].decode("ascii", "replace"))
+    if stamp is None:
+        return "bad_stamp"
+    try:
+        x, y, yaw, vx, wz = (float(w) for w in words[1:6])
+    except ValueError:
+        return "unreadable_line"
+    return Odometry(stamp, "odom", x, y, _yaw(yaw), vx, wz)
+
+
+def odometry_in(laser: LaserLine) -> Odometry:
+    x, y, yaw = laser.robot_pose
+    vx, wz = laser.velocity or (math.nan, math.nan)
+    return Odometry(laser.stamp_ns, "odom", x, y, _yaw(yaw), vx, wz)
+
+
+def _yaw(yaw: float) -> float:
+    """Canonical and in (-pi, pi], as every format can keep it."""
+    return canonical_yaw(math.atan2(math.sin(yaw), math.cos(yaw))) if math.isfinite(yaw) else yaw

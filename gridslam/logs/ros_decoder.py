@@ -1,0 +1,173 @@
+"""Messages of one channel to events: by hand where the type is frequent and standard, else by its schema."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gridslam.core.messages import Event, Transform
+from gridslam.logs import foxglove, ros_events, ros_fast
+from gridslam.logs.config import LogConfig
+from gridslam.logs.mcap_records import Channel, Schema
+from gridslam.logs.ros_types import KIND_OF_TYPE, decoder_of, full_name, is_standard
+from gridslam.logs.rotations import yaw_of
+from gridslam.logs.streams import printable
+
+# What decoding a damaged message may raise.
+DECODING_ERRORS = (
+    struct.error,
+    ValueError,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
+_FAST: dict[str, Callable[[bytes], Event]] = {
+    "sensor_msgs/msg/LaserScan": ros_fast.scan,
+    "nav_msgs/msg/Odometry": ros_fast.odometry,
+    "sensor_msgs/msg/Imu": ros_fast.imu,
+}
+_LITTLE = b"\x00\x01"
+
+
+class ChannelDecoder:
+    """Messages of one channel: `head` reads stamp and frame only, `event` all of it. Both raise
+    DECODING_ERRORS.
+    """
+
+    def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
+        self.topic = printable(channel.topic)
+        self.type = printable(full_name(schema.name)) if schema else ""
+        self.kind = KIND_OF_TYPE.get(self.type, "other")
+        self.fault = ""
+        self.stream: int | None = None
+        self._config = config
+        self._fast: Callable[[bytes], Event] | None = None
+        self._standard_tf = False
+        self._decode: Callable[[bytes], Any] = _no_decoder
+        self.is_json = channel.encoding == "json"
+        if self.is_json:
+            foreign = foxglove.kind_of(schema.name if schema else "")
+            if foreign:
+                self.type, self.kind = (schema.name if schema else ""), foreign
+            self._decode = foxglove.parse
+        elif channel.encoding != "cdr":
+            self.fault = "unknown_encoding" if self.kind != "other" else ""
+        elif self.kind != "other" and schema is not None:
+            self._standard_tf = self.is_tf and is_standard(schema)
+            if is_standard(schema):
+                self._fast = _FAST.get(self.type)
+            if self._fast is not None or self._standard_tf:
+                self._decode = _Late(schema, self.type)
+            else:
+                try:
+                    self._decode = decoder_of(schema, self.type)
+                except ValueError:
+                    self.fault = "unreadable_schema"
+        self._convert = ros_events.CONVERTERS.get(self.type)
+
+    @property
+    def is_tf(self) -> bool:
+        """Whether one message holds many transforms."""
+        return self.kind == "tf"
+
+    def classify(self, data: bytes) -> None:
+        """Settle by its first message what a channel is whose type leaves it open."""
+        if self.fault:
+            return
+        if self.type == "sensor_msgs/msg/Image" and ros_events.is_depth(self._decode(data)):
+            self.kind, self._convert = "depth", ros_events.depth
+        elif self.type == "sensor_msgs/msg/JointState":
+            names = [str(n) for n in self._decode(data).name]
+            if ros_events.wheel_names(names, self._config.wheels) is None:
+                self.kind = "joints"
+        elif self.is_json and self.kind != "other":
+            self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data))
+
+    def head(self, data: bytes) -> tuple[int, str] | None:
+        """(stamp_ns, frame) without decoding the rest; None without a valid stamp."""
+        if not self.is_json:
+            found = ros_fast.head(data)
+            return None if found is None else (found[0], ros_fast.frame_text(found[1]))
+        stamp, frame = foxglove.head(self._decode(data))
+        return None if stamp is None else (stamp, frame)
+
+    def is_counted(self, data: bytes) -> bool:
+        """Whether the survey has a stamp of this message."""
+        try:
+            return self.head(data) is not None
+        except DECODING_ERRORS:
+            return False
+
+    def transforms(self, data: bytes, static: bool) -> list[Transform]:
+        """All transforms of a tf message; those without a valid stamp have stamp -1."""
+        if self.is_json:
+            return foxglove.transforms(self._decode(data), static)
+        if self._standard_tf:
+            return ros_fast.transforms(data, static)
+        return ros_events.transforms(self._decode(data), static)
+
+    def child_frame(self, data: bytes) -> str:
+        """Of odometry."""
+        event = self.event(data, None)
+        return str(getattr(event, "child_frame_id", ""))
+
+    def event(self, data: bytes, servos: Servos | None) -> Event:
+        """The whole message."""
+        if self._fast is not None and data[:2] == _LITTLE:
+            return self._fast(data)
+        message = self._decode(data)
+        if self.kind == "wheels":
+            return ros_events.wheels(message, self._config.wheels)
+        if self.kind == "range":
+            _, frame = ros_events.head(message)
+            return ros_events.reading(message, servos.bearing(frame) if servos else 0.0)
+        if self.is_json and foxglove.kind_of(self.type):
+            return foxglove.event(self.type, self.kind, message, self.topic)
+        if self._convert is None:
+            raise ValueError("no decoder")
+        return self._convert(message, self.topic)
+
+    def joints(self, data: bytes) -> dict[str, float]:
+        """Angles by joint name."""
+        message = self._decode(data)
+        return {str(n): float(p) for n, p in zip(message.name, message.position, strict=False)}
+
+
+class _Late:
+    """A general decoder that is made when it is needed: for the odd message the fast way cannot read."""
+
+    def __init__(self, schema: Schema, name: str) -> None:
+        self._schema = schema
+        self._name = name
+        self._decode: Callable[[bytes], Any] | None = None
+
+    def __call__(self, data: bytes) -> Any:
+        if self._decode is None:
+            self._decode = decoder_of(self._schema, self._name)
+        return self._decode(data)
+
+
+def _no_decoder(data: bytes) -> Any:
+    raise ValueError("no decoder")
+
+
+class Servos:
+    """The last known angle of each servo: joints named as the ranger's frame, or tf with the frame as
+    child.
+    """
+
+    def __init__(self) -> None:
+        self._angles: dict[str, float] = {}
+
+    def learn(self, angles: Mapping[str, float]) -> None:
+        self._angles.update(angles)
+
+    def turn(self, transform: Transform) -> None:
+        self._angles[transform.child_frame_id] = yaw_of(transform.quat_wxyz)
+
+    def bearing(self, frame: str) -> float:
+        return self._angles.get(frame, 0.0)
