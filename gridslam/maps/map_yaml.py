@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +16,7 @@ Mode = Literal["trinary", "scale", "raw"]
 
 MODES: dict[str, Mode] = {"trinary": "trinary", "scale": "scale", "raw": "raw"}
 MAX_YAML_BYTES = 1_000_000
+MOST_SHOWN = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +38,10 @@ def read_map_yaml(path: Path) -> MapYaml:
     document = _read_mapping(path)
     image = _get(path, document, "image")
     if not isinstance(image, str) or not image or "\0" in image:
-        raise MapError(f"{path}: image: expected the name of an image file, got {image!r}")
+        raise MapError(f"{path}: image: expected the name of an image file, got {_short(image)}")
     mode = document.get("mode", "trinary")
     if not isinstance(mode, str) or mode not in MODES:
-        raise MapError(f"{path}: mode: expected trinary, scale or raw, got {mode!r}")
+        raise MapError(f"{path}: mode: expected trinary, scale or raw, got {_short(mode)}")
     resolution = _number(path, "resolution", _get(path, document, "resolution"))
     if not 1e-4 <= resolution <= 1e3:
         raise MapError(
@@ -47,7 +49,7 @@ def read_map_yaml(path: Path) -> MapYaml:
         )
     origin = _get(path, document, "origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f"{path}: origin: expected [x, y, yaw], got {origin!r}")
+        raise MapError(f"{path}: origin: expected [x, y, yaw], got {_short(origin)}")
     x, y, yaw = (_number(path, f"origin[{i}]", value) for i, value in enumerate(origin))
     occupied = _number(path, "occupied_thresh", _get(path, document, "occupied_thresh"))
     free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
@@ -73,6 +75,12 @@ def _read_mapping(path: Path) -> dict[str, Any]:
     return document
 
 
+def _short(value: object) -> str:
+    """The value for a message: a few kB of YAML aliases can stand for gigabytes."""
+    text = reprlib.repr(value)
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} ..."
+
+
 def _get(path: Path, document: dict[str, Any], key: str) -> Any:
     if key not in document:
         raise MapError(f"{path}: the key {key!r} is missing")
@@ -88,11 +96,11 @@ def _number(path: Path, key: str, value: Any) -> float:
             number = math.nan
         if math.isfinite(number):
             return number
-    raise MapError(f"{path}: {key}: expected a finite number, got {value!r}")
+    raise MapError(f"{path}: {key}: expected a finite number, got {_short(value)}")
 
 
 def _negate(path: Path, document: dict[str, Any]) -> bool:
     value = _get(path, document, "negate")
     if isinstance(value, (bool, int)):
         return bool(value)
-    raise MapError(f"{path}: negate: expected 0 or 1, got {value!r}")
+    raise MapError(f"{path}: negate: expected 0 or 1, got {_short(value)}")

@@ -222,6 +222,17 @@ def test_a_wrong_yaml_is_a_map_error_that_names_the_key(
     assert says in str(error.value)
 
 
+def test_aliases_that_stand_for_gigabytes_are_a_short_message(tmp_path: Path) -> None:
+    path = write_map(tmp_path, grey_ramp())
+    laughs = "a0: &a0 [0, 0, 0, 0]\n"
+    for i in range(1, 30):
+        laughs += f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 8)}]\n"
+    path.write_text(laughs + path.read_text().replace("[1, 2, 0]", "*a29"))
+    with pytest.raises(MapError) as error:
+        load_map(path)
+    assert len(str(error.value)) < 1000
+
+
 @pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
 def test_a_cut_image_is_a_map_error(tmp_path: Path, kind: str) -> None:
     rng = np.random.default_rng(0)
