@@ -20,11 +20,17 @@ LogPath = Annotated[
 ]
 
 
-def run(log: LogPath, strict: Strict = False, as_json: AsJson = False) -> None:
+Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message.")]
+
+
+def run(log: LogPath, check: Check = False, strict: Strict = False, as_json: AsJson = False) -> None:
     """Show what a log holds: its streams, how long it is, and what is wrong with it."""
     from gridslam.logs.open import open_log
 
     with open_log(log) as opened:
+        if check:
+            for _ in opened.events():
+                pass
         document = describe(opened)
     if as_json:
         console.emit_json(document)
@@ -72,7 +78,7 @@ def describe(log: Log) -> dict[str, Any]:
             }
             for t in log.mountings
         ],
-        "counters": {key: n for key, n in log.counters.items() if not key.startswith("read.")},
+        "counters": log.counters,
         "problems": log.problems,
         "is_lossy": log.is_lossy,
     }

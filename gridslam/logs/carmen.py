@@ -34,9 +34,8 @@ from gridslam.logs.text import TextLines, packing_of
 
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
-_PILE_SHARE = (
-    0.001  # a largest reading that makes up this share of all readings is no distance but "no return"
-)
+# A largest reading that makes up this share of all readings is no distance but means "no return".
+_PILE_SHARE = 0.001
 
 
 @dataclass(slots=True)
@@ -52,7 +51,7 @@ class _Survey:
 
 
 class CarmenSource:
-    """Streams are named by their message: scans `FLASER`, its odometry `FLASER odometry`, and so on."""
+    """Streams are named by their message: scans and odometry of FLASER lines `FLASER`, and so on."""
 
     format = "CARMEN"
     order: Literal["recorded", "stamp"] = "recorded"
@@ -142,9 +141,7 @@ class CarmenSource:
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
 
     def _add_odometry(self, found: dict[bytes, _Survey], odom: array[int]) -> None:
-        """The odometry inside the scans of the main laser; ODOM lines where there is none, or when config
-        names them.
-        """
+        """The odometry in the lines of the main laser; ODOM lines without one, or when config names them."""
         main = max(found, key=lambda word: len(found[word].stamps), default=None)
         if odom and (main is None or self._odometry_topic == "ODOM"):
             source, stamps = b"ODOM", odom

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import Event, Image, Odometry, Transform, canonical_yaw
+from gridslam.core.messages import Event, Image, Odometry, PoseFix, Transform, canonical_yaw
 from gridslam.logs import checks, ordering, rotations
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.stereo import Pairing
@@ -36,7 +36,7 @@ def deliver(
     )
     count, left = ledger.counters, len(schedule)
     keys = {i: f"read.{kind}" for i, kind in kind_of.items()}
-    special = {i for i, kind in kind_of.items() if kind == "stereo" or kind != streams[i].kind == "tf"}
+    special = {i for i, kind in kind_of.items() if kind != streams[i].kind or kind == "truth"}
     pairing = Pairing()
     for index, event in delivered:
         left -= 1
@@ -73,6 +73,14 @@ def odometry_of(transform: Transform) -> Odometry:
     )
 
 
+def as_truth(event: Event | Skip) -> Odometry | None:
+    """The true pose that a message tells; None for anything else."""
+    if isinstance(event, PoseFix):
+        x, y, yaw = (float(v) for v in event.pose)
+        return Odometry(event.stamp_ns, event.frame_id, x, y, yaw)
+    return event if isinstance(event, Odometry) else None
+
+
 def _checked(
     source: Source, kind_of: dict[int, str], items: Iterator[tuple[int, Event | Skip]]
 ) -> Iterator[tuple[int, Event | Skip]]:
@@ -96,9 +104,11 @@ def _checked(
 
 
 def _special(event: Event, topic: str, pairing: Pairing, ledger: Ledger) -> Event | None:
-    """Odometry for a transform; for an image the pair that it completes, if it does."""
+    """Odometry for a transform and for a true pose; for an image the pair that it completes, if it does."""
     if isinstance(event, Transform):
         return odometry_of(event)
+    if isinstance(event, PoseFix):
+        return as_truth(event)
     if not isinstance(event, Image):
         return event
     pair, alone = pairing.add(event, topic)

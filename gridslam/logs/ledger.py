@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 
 
 class Ledger:
@@ -45,13 +46,18 @@ class Ledger:
         """Whether anything in the log could not be used."""
         return bool(self._first)
 
-    def absorb(self, other: Ledger) -> None:
-        """Add another account to this one."""
-        self.counters.update(other.counters)
+    def absorb(self, other: Ledger, streams: Collection[str] | None = None) -> None:
+        """Add another account to this one; given `streams`, only what was skipped of these."""
+
+        def concerns(key: str) -> bool:
+            return streams is None or not key.startswith("skipped.") or key.split(".")[1] in streams
+
+        self.counters.update({key: number for key, number in other.counters.items() if concerns(key)})
         for line in other._notes:
             self.note(line)
         for key, where in other._first.items():
-            self._first.setdefault(key, where)
+            if concerns(key):
+                self._first.setdefault(key, where)
 
     def _add(self, key: str, where: str, number: int) -> None:
         self.counters[key] += number

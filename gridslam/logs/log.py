@@ -9,12 +9,12 @@ from types import TracebackType
 
 import numpy as np
 
-from gridslam.core.messages import Event, Odometry, PoseFix, Transform
+from gridslam.core.messages import Event, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import checks, mounting, ordering
 from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
-from gridslam.logs.delivery import deliver
+from gridslam.logs.delivery import as_truth, deliver
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.streams import SILENT, RecordedStream, Source, StreamInfo
 
@@ -22,9 +22,7 @@ _MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "stereo", "depth"
 
 
 class Log:
-    """An open log; use it as a context manager. `path` is what was opened, `format` what it turned out to
-    be.
-    """
+    """An open log; use it as a context manager. `path` was opened, `format` is what it turned out to be."""
 
     def __init__(self, path: Path, source: Source, config: LogConfig, kinds: Collection[str] | None) -> None:
         self.path = path
@@ -33,6 +31,8 @@ class Log:
         self._source = source
         self._config = config
         self._choice: Choice = choose(source.streams, config, kinds, source.base_frame)
+        # What is wrong with streams that nobody asked for is no loss; tf matters to all.
+        self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
         self._delivery = Ledger()
         self._opening = Ledger()
         self._static = self._mount()
@@ -53,28 +53,7 @@ class Log:
     @property
     def streams(self) -> list[StreamInfo]:
         """All streams of the log, by kind, then by topic."""
-        used = set(self._choice.kind_of)
-        infos = []
-        for index in self._choice.listed:
-            stream = self._source.streams[index]
-            stamps = stream.stamps_ns if stream.kind != "other" else None
-            infos.append(
-                StreamInfo(
-                    kind="truth"
-                    if index == self._choice.truth
-                    else self._choice.kind_of.get(index, stream.kind),
-                    topic=stream.topic,
-                    detail=stream.detail,
-                    type=stream.type,
-                    count=len(stream.stamps_ns),
-                    first_stamp_ns=min(stamps) if stamps else None,
-                    last_stamp_ns=max(stamps) if stamps else None,
-                    frame=", ".join(list(stream.frames)[:8]),
-                    steps_back=ordering.steps_back(stamps) if stamps else 0,
-                    used=index in used,
-                )
-            )
-        return infos
+        return [self._info(index) for index in self._choice.listed]
 
     @property
     def base_frame(self) -> str:
@@ -93,9 +72,9 @@ class Log:
 
     @property
     def counters(self) -> dict[str, int]:
-        """`read.<stream>`, `skipped.<stream>.<reason>`, `lost.<what>`, `steps_back.<stream>`,
-        `equal_stamps.<stream>`,
-        `unused.<what>`. Counts of events are those of the present or last pass of `events()`."""
+        """`read.<kind>`, `skipped.<kind>.<reason>`, `lost.<what>`, `steps_back.<kind>`, `equal_stamps.<kind>`,
+        `unused.<kind>`. What concerns events is that of the present or last pass of `events()`.
+        """
         return dict(sorted(self._account().counters.items()))
 
     @property
@@ -122,9 +101,7 @@ class Log:
         return dict(sorted(hashes.items()))
 
     def events(self) -> Iterator[Event]:
-        """Static transforms first, then all used streams merged by stamp. Each call starts from the
-        beginning.
-        """
+        """Static transforms first, then all used streams merged by stamp; each call begins anew."""
         for _, event in self.events_by_topic():
             yield event
 
@@ -144,25 +121,18 @@ class Log:
         yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, ledger)
 
     def truth(self) -> Trajectory | None:
-        """The true path (topic `log.truth`, else `trajectory.tum` beside the log), or None where the log
-        has none.
-        """
+        """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either."""
         index = self._choice.truth
         if index is None:
             return self._truth_beside()
         stamps, poses = [], []
-        for _, event in self._source.read(
-            frozenset({index}), [index] * len(self._source.streams[index].stamps_ns)
-        ):
-            if isinstance(event, Odometry) and checks.fault_of(event) is None:
-                stamps.append(event.stamp_ns)
-                poses.append((event.x_m, event.y_m, event.yaw_rad))
-            elif isinstance(event, PoseFix):
-                stamps.append(event.stamp_ns)
-                poses.append((event.pose[0], event.pose[1], event.pose[2]))
-        if not stamps:
-            return Trajectory.empty()
-        return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64))
+        schedule = [index] * len(self._source.streams[index].stamps_ns)
+        for _, event in self._source.read(frozenset({index}), schedule):
+            pose = as_truth(event)
+            if pose is not None and checks.fault_of(pose) is None:
+                stamps.append(pose.stamp_ns)
+                poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
+        return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64).reshape(-1, 3))
 
     def _truth_beside(self) -> Trajectory | None:
         from gridslam.logs.tum import read_tum
@@ -173,6 +143,23 @@ class Log:
     @property
     def _is_sorted(self) -> bool:
         return (self._config.order or self._source.order) == "stamp"
+
+    def _info(self, index: int) -> StreamInfo:
+        stream = self._source.streams[index]
+        stamps = stream.stamps_ns if stream.kind != "other" else None
+        is_truth = index == self._choice.truth
+        return StreamInfo(
+            kind="truth" if is_truth else self._choice.kind_of.get(index, stream.kind),
+            topic=stream.topic,
+            detail=stream.detail,
+            type=stream.type,
+            count=len(stream.stamps_ns),
+            first_stamp_ns=min(stamps) if stamps else None,
+            last_stamp_ns=max(stamps) if stamps else None,
+            frame=", ".join(list(stream.frames)[:8]),
+            steps_back=ordering.steps_back(stamps) if stamps else 0,
+            used=index in self._choice.kind_of,
+        )
 
     def _mount(self) -> list[Transform]:
         streams = self._source.streams
@@ -212,7 +199,7 @@ class Log:
     def _account(self) -> Ledger:
         total = Ledger()
         for part in (self._opening, self._source.ledger, self._delivery):
-            total.absorb(part)
+            total.absorb(part, self._concerned)
         return total
 
 

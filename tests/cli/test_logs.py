@@ -84,3 +84,16 @@ def test_convert_refuses_an_unknown_topic_and_an_existing_output(
     assert (tmp_path / "b.mcap").read_bytes() == b"mine"
     assert run(capsys, "convert", path, tmp_path / "b.mcap", "--force")[0] == 0
     assert (tmp_path / "b.mcap").read_bytes()[1:5] == b"MCAP"
+
+
+def test_info_looks_into_the_messages_when_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = sample_csv(tmp_path / "a")
+    lines = (path / "odom.csv").read_text().splitlines()
+    lines[3] = lines[3].rsplit(",", 5)[0] + ",inf,0,0,0,0"
+    (path / "odom.csv").write_text("\n".join(lines) + "\n")
+    assert run(capsys, "info", path, "--strict")[0] == 0
+    code, out, err = run(capsys, "info", path, "--strict", "--check", "--json")
+    assert code == 3
+    assert json.loads(out)["counters"]["skipped.odom.not_finite"] == 1
+    assert "odom.csv message 3" in json.loads(out)["problems"][0]
+    assert "--strict" in err

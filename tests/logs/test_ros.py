@@ -26,6 +26,7 @@ from gridslam.core.messages import (
     WheelTicks,
 )
 from gridslam.logs import LogConfig, open_log, require_streams
+from gridslam.logs.convert import convert_log
 from gridslam.logs.mcap_records import Schema
 from gridslam.logs.ros_types import is_standard
 from tests.logs.mutations import fingerprint
@@ -572,3 +573,29 @@ def test_memory_for_early_messages_is_bounded_and_what_comes_late_is_said(tmp_pa
         assert log.counters["late.odom"] == 1
         assert any("reorder_mb" in line for line in log.problems)
     assert type(events(path)[0]).__name__ == "Odometry"
+
+
+def test_what_is_wrong_with_streams_nobody_asked_for_is_no_loss(tmp_path: Path) -> None:
+    undated = picture("mono8", 1, 1, 1, b"\0")
+    undated.header.stamp.sec = -1
+    path = write_mcap(tmp_path / "a.mcap", [("/cam/image", undated), *moving(scan(S), odometry(S))])
+    with open_log(path, kinds=["scan", "odom"]) as log:
+        assert len(list(log.events())) == 3
+        assert not log.is_lossy
+        assert "skipped.image.bad_stamp" not in log.counters
+    with open_log(path) as log:
+        assert log.counters["skipped.image.bad_stamp"] == 1
+
+
+def test_a_fix_may_be_the_truth_and_is_converted_as_such(tmp_path: Path) -> None:
+    message = make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(S, "map"))
+    message.pose.pose.orientation.w, message.pose.pose.position.x = 1.0, 3.0
+    path = write_mcap(tmp_path / "a.mcap", [("/mocap", message), ("/odom", odometry(S))])
+    for name in ("b.mcap", "b"):
+        with open_log(path, LogConfig(truth="/mocap")) as log:
+            convert_log(log, tmp_path / name)
+        with open_log(tmp_path / name, kinds=["odom"]) as log:
+            truth = log.truth()
+            assert truth is not None
+            assert truth.poses.tolist() == [[3.0, 0.0, 0.0]]
+            assert sum(isinstance(e, Odometry) for e in log.events()) == 1
