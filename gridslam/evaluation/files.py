@@ -15,6 +15,7 @@ from gridslam.evaluation.relations import Relations
 from gridslam.logs.stamps import parse_stamp
 
 MAX_BYTES = 1 << 30
+LARGEST = 1e9  # metres: beyond it no centimetre is left in the arithmetic
 _TUM_WORDS, _PLANAR_WORDS, _RELATION_WORDS = 8, 4, 8
 _TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
 _RELATION_LINE = "t1 t2 x y z roll pitch yaw"
@@ -92,7 +93,9 @@ def _numbers(place: str, words: list[str]) -> list[float]:
             value = float(word)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"{place}: {word[:40]!r} is no finite number; correct the line or leave it out")
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"{place}: {word[:40]!r} is no number up to {LARGEST:g}; correct the line or leave it out"
+            )
         values.append(value)
     return values

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.maps.occupancy import OccupancyGrid
 
 OCCUPIED_FROM = 0.5
 _SMALLEST_PROBABILITY = 1e-6
+_CELLS_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ def intersection_over_union(
 
     Counted in the cells that the true map knows, each compared with the built cell under its centre.
     """
-    built_there = sample(built, _cell_centres_in_built(truth, T_truth_built)).reshape(truth.probability.shape)
+    built_there = _on_cells_of(truth, built, T_truth_built)
     known = ~np.isnan(truth.probability)
     true_wall, built_wall = _walls(truth), known & (built_there > OCCUPIED_FROM)
     union = np.count_nonzero(true_wall | built_wall)
@@ -68,7 +69,7 @@ def log_loss(
 
     Probabilities are kept within [1e-6, 1 - 1e-6], so that one wrong certainty is dear but not infinite.
     """
-    p = sample(probability, _cell_centres_in_built(truth, T_truth_built)).reshape(truth.probability.shape)
+    p = _on_cells_of(truth, probability, T_truth_built)
     both = ~np.isnan(p) & ~np.isnan(truth.probability)
     if not both.any():
         return float("nan"), 0
@@ -87,12 +88,6 @@ def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.fl
     return values
 
 
-def moved(geometry: GridGeometry, T_new_old: NDArray[np.float64]) -> GridGeometry:
-    """The geometry of the same cells in another frame."""
-    pose = se2.compose(T_new_old, np.array([*geometry.origin_xy_m, geometry.yaw_rad]))
-    return GridGeometry(geometry.resolution_m, (float(pose[0]), float(pose[1])), float(pose[2]))
-
-
 def _walls(grid: OccupancyGrid) -> NDArray[np.bool_]:
     return np.asarray(grid.probability > OCCUPIED_FROM)
 
@@ -108,9 +103,20 @@ def _centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64
     return grid.geometry.centres(np.argwhere(mask))
 
 
-def _cell_centres_in_built(truth: OccupancyGrid, T_truth_built: NDArray[np.float64]) -> NDArray[np.float64]:
-    centres = _centres(truth, np.ones(truth.probability.shape, np.bool_))
-    return se2.transform_points(se2.inverse(T_truth_built), centres)
+def _on_cells_of(
+    truth: OccupancyGrid, built: OccupancyGrid, T_truth_built: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """What the built map says at the centre of each cell of the true one, `(rows, cols)`, a few rows at a time."""
+    rows, cols = truth.probability.shape
+    T_built_truth = se2.inverse(T_truth_built)
+    values = np.empty((rows, cols), np.float32)
+    at_once = max(_CELLS_AT_ONCE // max(cols, 1), 1)
+    for first in range(0, rows, at_once):
+        block = values[first : first + at_once]
+        cells = np.indices(block.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0], np.int64)
+        centres = se2.transform_points(T_built_truth, truth.geometry.centres(cells))
+        block[:] = sample(built, centres).reshape(block.shape)
+    return values
 
 
 def _nearest(points: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,6 +42,7 @@ def test_comments_blank_lines_and_windows_line_ends_are_no_poses(tmp_path: Path)
         ("", "t.tum", "no pose"),
         ("# nothing\n", "t.tum", "no pose"),
         ("1 0 0 0\n2 nan 0 0\n", "t.tum:2", "'nan'"),
+        ("1 0 0 0\n2 0 -1e10 0\n", "t.tum:2", "'-1e10'"),
         ("1 0 0 0\n2 1e999 0 0\n", "t.tum:2", "'1e999'"),
         ("nan 0 0 0\n", "t.tum:1", "no stamp"),
         ("-1 0 0 0\n", "t.tum:1", "no stamp"),
