@@ -9,7 +9,7 @@ from .. import console
 
 def run() -> None:
     """Compile the kernels ahead of the first run."""
-    from gridslam.kernels import warm_up
+    from gridslam.warm_up import warm_up
 
     started = time.perf_counter()
     warm_up()

@@ -1,0 +1,125 @@
+"""A robot that drives twice around a block inside a hall, computed from the walls' equations.
+
+It needs no world file and no renderer: the kernels are warmed up on its events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform, canonical_yaw, readonly
+from gridslam.core.random import random_stream
+
+START_NS = 1_700_000_000_000_000_000
+PERIOD_NS = 100_000_000
+SPEED_M = 0.06  # per period
+TURN_RAD = 0.08
+RANGE_MAX_M = 20.0
+LASER_X_M = 0.1
+
+Rectangle = tuple[float, float, float, float]
+HALL: Rectangle = (0.0, 0.0, 14.0, 9.0)  # x0, y0, x1, y1
+BLOCKS: tuple[Rectangle, ...] = (
+    (4.0, 3.0, 10.0, 6.0),  # what the robot drives around
+    (0.0, 4.0, 0.6, 5.2),
+    (12.4, 0.0, 14.0, 0.7),
+    (7.0, 8.4, 8.1, 9.0),
+    (3.2, 0.0, 3.5, 0.5),
+    (13.3, 6.1, 14.0, 6.5),
+)
+ROUTE: tuple[tuple[float, float], ...] = ((2.0, 1.5), (12.0, 1.5), (12.0, 7.5), (2.0, 7.5))
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviation of a range (m), and of odometry as shares of the motion, with its systematic part."""
+
+    range_m: float = 0.01
+    translation: float = 0.05
+    rotation: float = 0.05
+    scale: float = 1.01
+    drift_rad: float = 0.0006  # per period
+
+
+def walls() -> NDArray[np.float64]:
+    """Wall segments `(n, 4)`: x0, y0, x1, y1 in metres."""
+    sides = [
+        side
+        for x0, y0, x1, y1 in (HALL, *BLOCKS)
+        for side in ((x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0))
+    ]
+    return np.array(sides)
+
+
+def true_path(laps: int = 2) -> NDArray[np.float64]:
+    """Poses `(n, 3)`, one a period: straight along the route's sides, turning on the spot at its corners."""
+    corners = np.array(ROUTE * laps + ROUTE[:1])
+    pieces = []
+    for start, end, after in zip(corners, corners[1:], [*corners[2:], corners[-1]], strict=False):
+        way = end - start
+        yaw = float(np.arctan2(way[1], way[0]))
+        steps = round(float(np.hypot(*way)) / SPEED_M)
+        along = start + np.arange(steps)[:, None] / steps * way
+        pieces.append(np.column_stack([along, np.full(steps, yaw)]))
+        turn = float(se2.wrap_angle(np.arctan2(*(after - end)[::-1]) - yaw)) if (after != end).any() else 0.0
+        n = max(round(abs(turn) / TURN_RAD), 1)
+        pieces.append(np.column_stack([np.tile(end, (n, 1)), se2.wrap_angle(yaw + np.arange(n) / n * turn)]))
+    return np.concatenate(pieces)
+
+
+def ranges_from(pose: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Exact distance `(m,)` to the nearest wall along each bearing `(m,)` from a laser pose `(3,)`."""
+    x0, y0, x1, y1 = walls().T[:, None, :]
+    cos, sin = np.cos(pose[2] + bearings)[:, None], np.sin(pose[2] + bearings)[:, None]
+    dx, dy, ox, oy = x1 - x0, y1 - y0, x0 - pose[0], y0 - pose[1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = cos * dy - sin * dx
+        distance = (ox * dy - oy * dx) / cross
+        share = (ox * sin - oy * cos) / cross
+    hit = (distance > 0) & (share >= 0) & (share <= 1)
+    return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
+
+
+def scripted_log(
+    laps: int = 2, beams: int = 180, seed: int = 0, noise: Noise | None = None
+) -> Iterator[tuple[Event, Odometry | None]]:
+    """Events in order, each odometry with the true pose of its moment; first the laser's mounting."""
+    noise = noise or Noise()
+    rng = random_stream(seed, "scripted log")
+    bearings = np.linspace(-np.pi / 2, np.pi / 2, beams)
+    yield Transform(START_NS, "base_link", "laser", (LASER_X_M, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), True), None
+    believed, before = np.zeros(3), None
+    for k, pose in enumerate(true_path(laps)):
+        stamp = START_NS + k * PERIOD_NS
+        if before is not None:
+            step = se2.between(before, pose)
+            step[0] *= noise.scale + noise.translation * rng.standard_normal()
+            step[2] = step[2] * (1 + noise.rotation * rng.standard_normal()) + noise.drift_rad
+            believed = se2.compose(believed, step)
+        before = pose
+        yield _odometry(stamp, "odom", believed), _odometry(stamp, "map", pose)
+        exact = ranges_from(se2.compose(pose, [LASER_X_M, 0.0, 0.0]), bearings)
+        ranges = exact + noise.range_m * rng.standard_normal(beams)
+        yield _scan(stamp, bearings, ranges), None
+
+
+def _odometry(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> Odometry:
+    return Odometry(stamp_ns, frame, float(pose[0]), float(pose[1]), canonical_yaw(float(pose[2])))
+
+
+def _scan(stamp_ns: int, bearings: NDArray[np.float64], ranges: NDArray[np.float64]) -> LaserScan:
+    step = float(np.float32(bearings[1] - bearings[0]))
+    return LaserScan(
+        stamp_ns,
+        "laser",
+        readonly(ranges, np.float32),
+        float(np.float32(bearings[0])),
+        step,
+        0.05,
+        RANGE_MAX_M,
+    )

@@ -1,0 +1,16 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from gridslam.kernels.compiling import telling_of_compilation
+from gridslam.run import run_map
+from gridslam.run_config import load_run_config
+from gridslam.warm_up import warm_up
+
+
+def test_after_a_warm_up_a_run_compiles_nothing(small_log: Path) -> None:
+    warm_up()
+    told: list[str] = []
+    with telling_of_compilation(lambda: told.append("compiling")):
+        run_map(load_run_config("slam-sd"), small_log, lambda progress: None, lambda: False)
+    assert told == []
