@@ -169,3 +169,23 @@ def test_help_needs_no_scipy_and_no_images() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "--require" in done.stdout
+
+
+def test_damaged_files_end_with_a_result_or_with_one_line_about_the_input(
+    cli: Cli, run_dir: Path, truth_dir: Path
+) -> None:
+    rng = np.random.default_rng(5)
+    files = [
+        run_dir / name for name in ("trajectory.tum", "map.yaml", "map.pgm", "layers.npz", "objects.csv")
+    ]
+    for file in files:
+        whole = file.read_bytes()
+        for _ in range(25):
+            damaged = bytearray(whole[: int(rng.integers(1, len(whole) + 1))])
+            for place in rng.integers(len(damaged), size=2):
+                damaged[place] = int(rng.integers(256))
+            file.write_bytes(bytes(damaged))
+            code, out, err = cli(run_dir, "--truth", truth_dir, "--json")
+            assert code in (0, 3), err
+            assert code == 0 or (out == "" and err.count("\n") == 1)
+        file.write_bytes(whole)
