@@ -72,13 +72,13 @@ def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, r
             t = tx
             col = edge_x - 1 if left else edge_x
             if side > 1:
-                at = int(np.floor(y + t * dy))
+                at = int(y + t * dy)
                 row = min(max(at, edge_y), row) if down else max(min(at, edge_y - 1), row)
         else:
             t = ty
             row = edge_y - 1 if down else edge_y
             if side > 1:
-                at = int(np.floor(x + t * dx))
+                at = int(x + t * dx)
                 col = min(max(at, edge_x), col) if left else max(min(at, edge_x - 1), col)
         if t >= reach or not (0 <= col < cols and 0 <= row < rows):
             return reach
