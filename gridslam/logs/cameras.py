@@ -38,9 +38,7 @@ def camera_of(topic: str) -> str:
 
 
 def pixels_of(encoding: str, height: int, width: int, step: int, data: bytes) -> NDArray[np.uint8]:
-    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises ValueError for an encoding that is not
-    known.
-    """
+    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises ValueError for other encodings."""
     channels = _CHANNELS.get(encoding)
     if channels is None:
         raise ValueError(f"encoding {encoding!r}")

@@ -20,9 +20,7 @@ _TRUTH_KINDS = frozenset({"odom", "pose", "fix", "truth"})
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """`kind_of`: the streams that are delivered, by index, with what each serves as, in order of
-    precedence.
-    """
+    """`kind_of`: the streams to deliver, by index, with what each serves as, in order of precedence."""
 
     kind_of: dict[int, str]
     truth: int | None

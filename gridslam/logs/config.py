@@ -28,9 +28,7 @@ StreamKind: TypeAlias = Literal[
 
 
 class MountingConfig(StrictModel):
-    """T_base_sensor: where a sensor's frame sits in the base frame (rotation: roll, then pitch, then yaw,
-    fixed axes).
-    """
+    """T_base_sensor: a sensor's place on the robot (turned by roll, then pitch, then yaw, axes fixed)."""
 
     x: float = Field(0.0, description="forward of the base, m")
     y: float = Field(0.0, description="left of the base, m")

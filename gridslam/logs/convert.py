@@ -11,8 +11,10 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
 from gridslam.logs.log import Log
 from gridslam.logs.stamps import NS_PER_S
-from gridslam.logs.streams import StreamInfo
+from gridslam.logs.streams import KIND_OF_EVENT, StreamInfo
 from gridslam.logs.write import TRUTH_TOPIC, open_writer
+
+_NAMED_BY_CAMERA = frozenset({"tf", "image", "depth", "disparity", "camera_info"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +33,10 @@ def convert_log(
     end_s: float | None = None,
     force: bool = False,
 ) -> Conversion:
-    """Write a log's streams, the truth too; `start_s` and `end_s` count from the log's first stamp, ends
-    included.
+    """Write a log's streams, the truth too.
 
-    Mountings are always written. Raises ConfigError for a topic that the log lacks, LogError where the
-    output exists.
+    `start_s` and `end_s` count from the log's first stamp, both included. Mountings are always written.
+    Raises ConfigError for a topic that the log lacks, LogError where the output exists.
     """
     streams = [info for info in log.streams if info.used or info.kind == "truth"]
     known = {info.topic for info in streams}
@@ -48,37 +49,39 @@ def convert_log(
     origin = min((i.first_stamp_ns for i in streams if i.first_stamp_ns is not None), default=0)
     first = None if start_s is None else origin + round(start_s * NS_PER_S)
     last = None if end_s is None else origin + round(end_s * NS_PER_S)
+    truth = {info.topic for info in streams if info.kind == "truth"}
     written: Counter[str] = Counter()
     with open_writer(output, force) as writer:
         for topic, event in log.events_by_topic(with_truth=True):
             if isinstance(event, Transform) and event.is_static:
                 writer.write(event)
                 continue
-            if topic not in names or (first is not None and event.stamp_ns < first):
+            kind = "truth" if topic in truth else KIND_OF_EVENT[type(event)]
+            if (kind, topic) not in names or (first is not None and event.stamp_ns < first):
                 continue
             if last is not None and event.stamp_ns > last:
                 continue
-            writer.write(event, names[topic])
+            writer.write(event, names[kind, topic])
             written[topic] += 1
     left_out = [f"{i.topic} ({i.type})" for i in log.streams if not i.used and i.kind != "truth" and i.count]
     return Conversion(dict(sorted(written.items())), left_out)
 
 
-def _names(streams: list[StreamInfo]) -> dict[str, str | None]:
-    """The topic under which each stream is written. Names that are no ROS topics give way to the usual one
-    of their kind,
-    unless two streams of a kind would meet there."""
-    counts = Counter(info.kind for info in {info.topic: info for info in streams}.values())
-    names: dict[str, str | None] = {}
-    for info in streams:
-        if info.kind == "truth":
-            names[info.topic] = TRUTH_TOPIC
-        elif info.topic.startswith("/"):
-            names[info.topic] = info.topic
-        elif counts[info.kind] == 1 or info.kind in ("tf", "image", "depth", "disparity", "camera_info"):
-            names[info.topic] = None
-        else:
-            names[info.topic] = (
-                "/" + "".join(c if c.isalnum() else "_" for c in info.topic).strip("_").lower()
-            )
-    return names
+def _names(streams: list[StreamInfo]) -> dict[tuple[str, str], str | None]:
+    """The topic under which each stream, given by kind and topic, is written; None for the usual one of its kind.
+
+    Names that are no ROS topics give way to the usual one, unless two streams of a kind would meet there.
+    """
+    keys = {(info.kind, info.topic) for info in streams}
+    counts = Counter(kind for kind, _ in keys)
+    return {(kind, topic): _name(kind, topic, counts[kind] == 1) for kind, topic in keys}
+
+
+def _name(kind: str, topic: str, is_only: bool) -> str | None:
+    if kind == "truth":
+        return TRUTH_TOPIC
+    if topic.startswith("/"):
+        return topic
+    if is_only or kind in _NAMED_BY_CAMERA:
+        return None
+    return f"/{kind}_" + "".join(c if c.isalnum() else "_" for c in topic).strip("_").lower()

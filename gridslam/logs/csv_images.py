@@ -1,6 +1,4 @@
-"""Picture files of a CSV folder: PNG or JPEG for images, .npy (float32) or 16-bit PNG (millimetres) for
-depths.
-"""
+"""Picture files of a CSV folder: images in PNG or JPEG, depths in .npy (float32) or 16-bit PNG (mm)."""
 
 from __future__ import annotations
 

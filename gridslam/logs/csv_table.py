@@ -80,9 +80,7 @@ class Row:
 
 
 class CsvTable:
-    """A stream of one file. `survey` goes through it first; `events` gives one entry per stamp of the
-    survey.
-    """
+    """A stream of one file. `survey` comes first; `events` gives one entry per stamp of the survey."""
 
     def __init__(
         self, folder: Path, path: Path, stream: CsvStream, ledger: Ledger, line_limit_bytes: int

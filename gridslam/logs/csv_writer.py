@@ -15,41 +15,19 @@ import yaml
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import (
-    CameraInfo,
-    DepthImage,
-    Disparity,
     Event,
     Image,
-    Imu,
-    LaserScan,
     Odometry,
-    PoseFix,
-    Range,
     StereoPair,
-    TagInventory,
     Transform,
-    WheelTicks,
 )
 from gridslam.logs.csv_rows import ROWS
 from gridslam.logs.csv_source import LAYOUT_FILE
 from gridslam.logs.layout import COLUMNS
 from gridslam.logs.stamps import END_NS, format_stamp
+from gridslam.logs.streams import KIND_OF_EVENT
 from gridslam.logs.write import TRUTH_TOPIC
 
-_KINDS: dict[type, str] = {
-    LaserScan: "scan",
-    Odometry: "odom",
-    Imu: "imu",
-    WheelTicks: "wheels",
-    Range: "range",
-    PoseFix: "fix",
-    TagInventory: "tags",
-    Image: "image",
-    DepthImage: "depth",
-    Disparity: "disparity",
-    CameraInfo: "camera_info",
-    Transform: "tf",
-}
 _MANY_FRAMES = frozenset({"tags", "image", "depth", "disparity", "camera_info"})
 
 
@@ -112,7 +90,7 @@ class CsvFolderWriter:
         elif isinstance(event, Transform) and event.is_static:
             self._mount(event)
         else:
-            kind = "truth" if topic == TRUTH_TOPIC else _KINDS[type(event)]
+            kind = "truth" if topic == TRUTH_TOPIC else KIND_OF_EVENT[type(event)]
             self._append(kind, event, topic)
 
     def write_truth(self, pose: Odometry) -> None:

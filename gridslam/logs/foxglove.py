@@ -126,9 +126,7 @@ def event(type_name: str, kind: str, message: Any, topic: str) -> Event:
 
 
 def _scan(stamp: int, frame: str, message: Any) -> LaserScan:
-    """Angles run from start_angle to end_angle inclusive. The type names no range limits: any positive
-    range counts.
-    """
+    """Angles run from start_angle to end_angle inclusive; there are no range limits in the type."""
     ranges = np.array([np.nan if r is None else r for r in message.ranges], dtype=np.float32)
     span = float(message.end_angle) - float(message.start_angle)
     return LaserScan(

@@ -7,9 +7,7 @@ from collections.abc import Collection
 
 
 class Ledger:
-    """Counters for the report and, for people, one line per kind of trouble with the place of its first
-    occurrence.
-    """
+    """Counters for the report and, for people, a line per kind of trouble with the place of the first."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()

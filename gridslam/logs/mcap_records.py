@@ -56,9 +56,7 @@ def is_chunk_body(stream: IO[bytes], length: int) -> bool:
 
 
 def unpack(compression: str, data: bytes, size: int) -> bytes | None:
-    """`data` unpacked to exactly `size` bytes, never more; None where that fails or the compression is
-    unknown.
-    """
+    """`data` unpacked to exactly `size` bytes, never more; None where that cannot be done."""
     if compression == "":
         return data if len(data) == size else None
     if compression == "zstd":

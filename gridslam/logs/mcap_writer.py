@@ -19,9 +19,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 class McapWriter:
-    """Events in, one MCAP file out. The file has its name only when `close` succeeds; the same events give
-    the same bytes.
-    """
+    """Events in, one MCAP file out, which has its name only when `close` succeeds; same events, same bytes."""
 
     def __init__(
         self,
@@ -58,9 +56,7 @@ class McapWriter:
             self.abandon()
 
     def write(self, event: Event, topic: str | None = None) -> None:
-        """Append one event. `topic` is that of a log it comes from; without it the usual one of the event's
-        kind.
-        """
+        """Append one event, on `topic` or the usual one of its kind."""
         for message in ros_encode.encode(event, topic):
             self._append(message)
 

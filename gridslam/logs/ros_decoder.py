@@ -34,9 +34,7 @@ _LITTLE = b"\x00\x01"
 
 
 class ChannelDecoder:
-    """Messages of one channel: `head` reads stamp and frame only, `event` all of it. Both raise
-    DECODING_ERRORS.
-    """
+    """Messages of one channel: `head` reads stamp and frame only, `event` all; both raise DECODING_ERRORS."""
 
     def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
         self.topic = printable(channel.topic)
@@ -156,9 +154,7 @@ def _no_decoder(data: bytes) -> Any:
 
 
 class Servos:
-    """The last known angle of each servo: joints named as the ranger's frame, or tf with the frame as
-    child.
-    """
+    """The last known angle of each servo: of the joint with the ranger's name, or of tf to its frame."""
 
     def __init__(self) -> None:
         self._angles: dict[str, float] = {}

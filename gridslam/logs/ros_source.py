@@ -187,10 +187,18 @@ class RosSource:
         with suppress(*DECODING_ERRORS):  # the survey counts such a message; its type's usual kind holds
             decoder.classify(first)
         if not decoder.is_tf:
-            decoder.stream = len(self.streams)
-            self.streams.append(RecordedStream(decoder.kind, decoder.topic, decoder.type or channel.encoding))
+            decoder.stream = self._stream_of(decoder.kind, decoder.topic, decoder.type or channel.encoding)
         self._decoders[identifier] = decoder
         return decoder
+
+    def _stream_of(self, kind: str, topic: str, type_name: str) -> int:
+        """The stream of a channel; channels of one topic and type (several recorders' parts) share theirs."""
+        key = (kind, topic, type_name)
+        for index, stream in enumerate(self.streams):
+            if (stream.kind, stream.topic, stream.type) == key:
+                return index
+        self.streams.append(RecordedStream(*key))
+        return len(self.streams) - 1
 
 
 def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip:

@@ -63,9 +63,7 @@ def full_name(name: str) -> str:
 
 
 def is_standard(schema: Schema) -> bool:
-    """Whether every type in a ros2msg schema that we know has exactly the standard fields, in the standard
-    order.
-    """
+    """Whether all types in a ros2msg schema that we know have exactly the standard fields in order."""
     if schema.encoding != "ros2msg":
         return False
     try:

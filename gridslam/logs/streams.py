@@ -8,7 +8,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
-from gridslam.core.messages import Event, Transform
+from gridslam.core.messages import (
+    CameraInfo,
+    DepthImage,
+    Disparity,
+    Event,
+    Image,
+    Imu,
+    LaserScan,
+    Odometry,
+    PoseFix,
+    Range,
+    TagInventory,
+    Transform,
+    WheelTicks,
+)
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.rotations import Rigid
 
@@ -32,6 +46,20 @@ KINDS = (
     "joints",
     "other",
 )
+KIND_OF_EVENT: dict[type, str] = {
+    LaserScan: "scan",
+    Odometry: "odom",
+    Imu: "imu",
+    WheelTicks: "wheels",
+    Range: "range",
+    PoseFix: "fix",
+    TagInventory: "tags",
+    Image: "image",
+    DepthImage: "depth",
+    Disparity: "disparity",
+    CameraInfo: "camera_info",
+    Transform: "tf",
+}
 # Kinds of which a method takes one stream; of the others (cameras, rangers) it takes all.
 SINGLE = frozenset({"scan", "odom", "imu", "wheels", "fix"})
 # Kinds that hold no events for a method.
@@ -107,8 +135,7 @@ class Source(Protocol):
         """The transforms that never change."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
-        """(stream index, event) for every entry of the wanted streams' `stamps_ns`, per stream in recorded
-        order.
+        """(stream index, event) for every stamp of the wanted streams, per stream in recorded order.
 
         `schedule` names the streams in the order in which their events are needed; a reader that can choose
         (one file per stream) follows it.

@@ -1,5 +1,6 @@
-"""The Wean Hall text logs of CMU: `O x y th t` and `L x y th xl yl thl r1..r180 t`, centimetres, radians,
-seconds.
+"""The Wean Hall text logs of CMU, in centimetres, radians and seconds.
+
+Their lines are `O x y th t` (odometry) and `L x y th xl yl thl r1..r180 t` (odometry, laser, ranges).
 """
 
 from __future__ import annotations
@@ -37,9 +38,7 @@ def looks_like_wean_hall(text: bytes) -> bool:
 
 
 class WeanHallSource:
-    """Streams `L` (scans) and `O` (odometry; L lines carry it too, and both are one stream in the file's
-    order).
-    """
+    """Streams `L` (scans) and `O` (the odometry of both kinds of line, in the file's order)."""
 
     format = "Wean Hall text"
     order: Literal["recorded", "stamp"] = "recorded"

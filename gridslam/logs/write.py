@@ -14,9 +14,7 @@ TRUTH_TOPIC = "/ground_truth"
 
 
 class LogWriter(Protocol):
-    """What writes a log. The log has its name only after `close`; an exception inside `with` leaves nothing
-    behind.
-    """
+    """What writes a log. It has its name only after `close`; an exception in `with` leaves nothing behind."""
 
     def __enter__(self) -> LogWriter: ...
 

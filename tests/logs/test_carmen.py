@@ -12,6 +12,7 @@ from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.carmen_lines import beam_angles
+from gridslam.logs.convert import convert_log
 from tests.logs.mutations import sample_carmen
 
 FLASER = "FLASER 3 1.0 2.0 3.0 0.5 0.1 0.2 0.5 0.1 0.2 {time} host 0.5"
@@ -164,3 +165,12 @@ def test_what_is_no_log_is_refused_with_what_would_be(tmp_path: Path) -> None:
         open_log(tmp_path / "empty")
     with pytest.raises(LogError, match="no such file"):
         open_log(tmp_path / "absent")
+
+
+def test_a_log_of_two_lasers_converts_to_two_topics(tmp_path: Path) -> None:
+    path = written(tmp_path, FLASER.format(time=1), ROBOTLASER.format(time=2), FLASER.format(time=3))
+    with open_log(path) as log:
+        convert_log(log, tmp_path / "both.mcap")
+    with open_log(tmp_path / "both.mcap") as log:
+        topics = {info.topic: (info.kind, info.count) for info in log.streams}
+    assert topics == {"/scan_flaser": ("scan", 2), "/scan_robotlaser1": ("scan", 1), "/odom": ("odom", 2)}
