@@ -36,6 +36,7 @@ DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
 _PILE_SHARE = 0.001
+_KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), again on each pass beyond
 
 
 @dataclass(slots=True)
@@ -65,6 +66,7 @@ class CarmenSource:
         self.streams: list[RecordedStream] = []
         self._config = config.carmen
         self._lines = TextLines(path, self.ledger, config.limits.line_mb << 20)
+        self._parsed: dict[int, LaserLine] = {}
         self._scan_of: dict[bytes, int] = {}
         self._odometry_of: dict[bytes, int] = {}
         self._range_max: dict[bytes, float] = {}
@@ -86,7 +88,7 @@ class CarmenSource:
                 if not isinstance(read, str):
                     yield odometry, read
             elif scan is not None and (scan in wanted or odometry in wanted):
-                laser = laser_line(word, line)
+                laser = self._parsed.get(number) or laser_line(word, line)
                 if isinstance(laser, str):
                     continue
                 if odometry is not None and odometry in wanted:
@@ -99,6 +101,7 @@ class CarmenSource:
         found: dict[bytes, _Survey] = {}
         odom = array("q")
         front_offset: float | None = None
+        readings = 0
         for number, line in self._lines:
             word = line[:12].split(b" ", 1)[0]
             where = f"{self._lines.path.name} line {number}"
@@ -108,6 +111,9 @@ class CarmenSource:
                     self.ledger.skip("scan", laser, where)
                 else:
                     _note_laser(found.setdefault(word, _Survey()), laser)
+                    readings += len(laser.ranges)
+                    if readings <= _KEPT_READINGS:
+                        self._parsed[number] = laser
             elif word == b"ODOM":
                 read = odom_line(line)
                 if isinstance(read, str):
@@ -189,7 +195,9 @@ def _note_laser(survey: _Survey, laser: LaserLine) -> None:
     """Add one line to the survey: its stamp, its largest readings, the laser's place on the robot."""
     survey.stamps.append(laser.stamp_ns)
     survey.readings += len(laser.ranges)
-    largest = float(np.max(laser.ranges, initial=0.0, where=np.isfinite(laser.ranges)))
+    largest = float(laser.ranges.max(initial=0.0))
+    if not math.isfinite(largest):
+        largest = float(np.max(laser.ranges, initial=0.0, where=np.isfinite(laser.ranges)))
     if largest > survey.largest:
         survey.largest, survey.at_largest = largest, 0
     if largest == survey.largest:
