@@ -9,7 +9,7 @@ import typer
 
 from .. import console
 from ..options import AsJson, Strict
-from .info import LOSSY, LogPath
+from .info import LOSSY, Layout, LogPath
 
 MOST_PROBLEMS = 20
 Destination = Annotated[
@@ -34,15 +34,17 @@ def run(
     topics: Topics = "",
     start: Start = None,
     end: End = None,
+    layout: Layout = None,
     force: Replace = False,
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
     """Rewrite any readable log as MCAP or as a folder of CSV files."""
+    from gridslam.logs.config import LogConfig
     from gridslam.logs.convert import convert_log
     from gridslam.logs.open import open_log
 
-    with open_log(log) as opened:
+    with open_log(log, LogConfig(csv=layout)) as opened:
         chosen = [topic for topic in topics.split(",") if topic]
         done = convert_log(opened, output, chosen, start, end, force)
         problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters

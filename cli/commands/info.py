@@ -21,13 +21,24 @@ LogPath = Annotated[
 
 
 Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message.")]
+Layout = Annotated[
+    Path | None,
+    typer.Option("--layout", metavar="YAML", help="How to read a folder of CSV files that has no log.yaml."),
+]
 
 
-def run(log: LogPath, check: Check = False, strict: Strict = False, as_json: AsJson = False) -> None:
+def run(
+    log: LogPath,
+    layout: Layout = None,
+    check: Check = False,
+    strict: Strict = False,
+    as_json: AsJson = False,
+) -> None:
     """Show what a log holds: its streams, how long it is, and what is wrong with it."""
+    from gridslam.logs.config import LogConfig
     from gridslam.logs.open import open_log
 
-    with open_log(log) as opened:
+    with open_log(log, LogConfig(csv=layout)) as opened:
         if check:
             for _ in opened.events():
                 pass

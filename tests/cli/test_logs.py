@@ -97,3 +97,18 @@ def test_info_looks_into_the_messages_when_asked(tmp_path: Path, capsys: pytest.
     assert json.loads(out)["counters"]["skipped.odom.not_finite"] == 1
     assert "odom.csv message 3" in json.loads(out)["problems"][0]
     assert "--strict" in err
+
+
+def test_a_layout_may_be_given_for_a_folder_without_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "poses.txt").write_text("t;east;north;heading\n1;250;50;0\n")
+    layout = tmp_path / "layout.yaml"
+    layout.write_text(
+        "streams:\n  - kind: odom\n    file: poses.txt\n    delimiter: ';'\n"
+        "    columns: {stamp: t, x: east, y: north, yaw: heading}\n    units: {x: cm, y: cm}\n"
+    )
+    assert run(capsys, "info", tmp_path / "a")[0] == 3
+    assert run(capsys, "convert", tmp_path / "a", tmp_path / "b", "--layout", layout)[0] == 0
+    assert (tmp_path / "b" / "odom.csv").read_text().splitlines()[1] == "1.000000000,2.5,0.5,0.0,,"
