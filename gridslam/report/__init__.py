@@ -1,0 +1,1 @@
+"""The run directory: map, trajectory, tables, report."""
