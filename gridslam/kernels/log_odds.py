@@ -86,9 +86,7 @@ def insert_beams_all(
 ) -> None:
     """`insert_beams` for every particle into its own map, whose tiles are its own already."""
     for k in prange(poses.shape[0]):
-        insert_beams(
-            directory[k], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit
-        )
+        insert_beams(directory[k], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit)
 
 
 @njit(cache=True)

@@ -1,8 +1,8 @@
 """Copy-on-write tiles: which tile of which map holds a cell, and who owns it.
 
 A cell of the plane has signed integer coordinates (row, col) = floor((y, x) / resolution). A map is a window of tile
-numbers, `directory[map, tile_row - origin_row, tile_col - origin_col]`, -1 where nothing was written yet. Several maps may hold the
-same tile; `refcount[tile]` counts them, and a tile is copied before a map that shares it writes to it.
+numbers, `directory[map, tile_row - origin_row, tile_col - origin_col]`, -1 where nothing was written yet. Several maps may hold
+the same tile; `refcount[tile]` counts them, and a tile is copied before a map that shares it writes to it.
 """
 
 from __future__ import annotations

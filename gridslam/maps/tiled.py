@@ -110,7 +110,7 @@ class TileStore:
         lo = np.floor((poses[:, 1::-1].min(axis=0) - reach) / tile_m).astype(np.int64)
         hi = np.floor((poses[:, 1::-1].max(axis=0) + reach) / tile_m).astype(np.int64) + 1
         rows, cols = self.directory.shape[1:]
-        end = self.origin + (rows, cols)
+        end = self.origin + np.array([rows, cols])
         if (lo >= self.origin).all() and (hi <= end).all():
             return
         first = not (self.directory >= 0).any()
