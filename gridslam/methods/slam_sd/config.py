@@ -39,6 +39,13 @@ class FrontEndConfig(StrictModel):
         0.02, gt=0.0, description="step of the search for the heading where odometry leaves it open"
     )
     yaw_points: int = Field(120, ge=20, description="most points used in that search")
+    least_fit: float = Field(
+        0.55, ge=0.0, le=1.0, description="share of points on surfaces below which it looks around"
+    )
+    look_around_m: float = Field(0.3, gt=0.0, description="how far along the way it looks then")
+    look_around_rad: float = Field(0.5, gt=0.0, description="and how far in heading")
+    better_fit: float = Field(0.2, ge=0.0, description="a pose found that way must fit by so much better")
+    found_fit: float = Field(0.5, ge=0.0, le=1.0, description="and so well at least")
     min_points: int = Field(20, ge=3, description="with fewer correspondences the odometry stands")
 
 
@@ -51,6 +58,9 @@ class OdometryConfig(StrictModel):
     rotation_floor_rad: float = Field(0.005, gt=0.0)
     rotation_per_rad: float = Field(0.5, ge=0.0)
     rotation_per_m_rad: float = Field(0.1, ge=0.0)
+    surprise_share: float = Field(
+        0.3, ge=0.0, description="share of an unexpected change of the step that adds to both"
+    )
     max_speed_mps: float = Field(5.0, gt=0.0, description="odometry that goes faster has jumped")
     max_turn_radps: float = Field(10.0, gt=0.0, description="odometry that turns faster has jumped")
     jump_tolerance_m: float = Field(
@@ -81,6 +91,7 @@ class FilterConfig(StrictModel):
     least_fit: float = Field(
         0.6, gt=0.0, le=1.0, description="share of points on known surfaces that ties a scan to the map"
     )
+    least_search_fit: float = Field(0.6, gt=0.0, le=1.0, description="the same after a search")
     search_after: int = Field(
         40, ge=0, description="untied for so many key scans, a particle looks around for its map"
     )

@@ -119,12 +119,9 @@ class SlamSd:
     def _take(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan goes through the filter as well."""
         with self._timed("front_end"):
-            scan, step = self._prepare(placed)
-            is_matched = True
-            if self._last is not None:
-                matched = self._front_end.track(scan, step, placed.broken)
-                is_matched = matched.is_matched
-            self._counters["scan.unmatched"] += not is_matched
+            scan = self._prepare(placed)
+            matched = self._front_end.track(scan, placed.odometry, placed.broken)
+            self._counters["scan.unmatched"] += not matched.is_matched
             self._stamps.append(scan.stamp_ns)
             self._track.append(self._front_end.pose.copy())
             self._last = placed
@@ -135,9 +132,9 @@ class SlamSd:
             with self._timed("filter"):
                 self._filter(scan)
 
-    def _prepare(self, placed: PlacedScan) -> tuple[PreparedScan, Floats]:
-        """The scan's points, and the odometry since the scan before."""
-        scan, step, twist = placed.scan, np.zeros(3), np.zeros(3)
+    def _prepare(self, placed: PlacedScan) -> PreparedScan:
+        """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
+        scan, twist = placed.scan, np.zeros(3)
         if self._last is not None:
             step = se2.between(self._last.odometry, placed.odometry)
             elapsed_s = (scan.stamp_ns - self._last.scan.stamp_ns) * 1e-9
@@ -146,7 +143,7 @@ class SlamSd:
         mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
         prepared = prepare_scan(scan, mounting, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
-        return prepared, step
+        return prepared
 
     def _is_key(self) -> bool:
         if not self._keys:

@@ -106,7 +106,7 @@ class ParticleMaps:
             for _ in range(config.search_starts):
                 starts = predicted + self.drift.sample(self._rng)
                 m, i, f = self._register(points, normals, starts, predicted, prior)
-                better = lost & (f > fit)
+                better = lost & (f > fit) & (f >= config.least_search_fit)
                 matched[better], information[better], fit[better] = m[better], i[better], f[better]
         tied = fit >= config.least_fit
         self.ties = int(tied.sum())
