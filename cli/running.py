@@ -65,7 +65,7 @@ def _run(
     from gridslam.kernels.compiling import telling_of_compilation  # imports numba: not before the checks
 
     def tell() -> None:
-        console.say("compiling kernels, once per installation; this takes a while")
+        console.say("compiling kernels, once per installation: about a minute")
 
     with console.progress_bar(command) as show, telling_of_compilation(tell):
         if map_path is None:
