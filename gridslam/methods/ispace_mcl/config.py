@@ -133,14 +133,25 @@ class SearchConfig(StrictModel):
     distrust_per_m: float = Field(
         3.0, ge=0.0, description="log-odds that it loses by a metre of travel with a bad fit"
     )
-    most_trust: float = Field(12.0, ge=0.0, description="most log-odds that it can have before a contest")
+    most_trust: float = Field(6.0, ge=0.0, description="most log-odds that it can have before a contest")
     sure_lead: float = Field(
-        2.0, ge=0.0, description="log-odds before the best rival from which the tracked pose stands"
+        2.0, ge=0.0, description="lead of the tracked pose, in log-odds, that leaves no doubt"
+    )
+    rival_lead: float = Field(
+        1.0, ge=0.0, description="lead of a rival, in log-odds, from which particles go there"
     )
     tracked_share: float = Field(0.3, ge=0.0, lt=1.0, description="share of particles that go on as they are")
     window_m: float = Field(4.0, ge=0.0, description="scans of this much travel are searched for together")
     window_points: int = Field(300, ge=10, description="most beams of the window, evenly from its scans")
     window_scans: int = Field(10, ge=1, description="most scans in the window")
+    past_scans: int = Field(50, ge=1, description="most scans that a hypothesis is traced back over")
+    past_beams: int = Field(30, ge=3, description="most beams of each of these scans")
+    most_evidence: float = Field(
+        0.8, gt=0.0, description="most log-odds that one of these scans speaks against a pose"
+    )
+    carried_odds: float = Field(
+        10.0, ge=0.0, description="log-odds against the robot having been carried elsewhere unseen"
+    )
     window_step_m: float = Field(0.4, gt=0.0, description="travel between the scans of the window")
     retry_m: float = Field(1.0, gt=0.0, description="travel between searches while lost or uncertain")
     check_m: float = Field(

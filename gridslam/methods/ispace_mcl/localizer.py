@@ -153,7 +153,7 @@ class Localizer:
         self._since_search = 0.0
         self.counters["searches"] += 1
         contest = self._contender.contest(
-            self._window.segments(self._config.search.window_points),
+            self._window,
             None if belief is None else Tracked(self.particles, belief, self._trust),
             self._config.particles.most,
             self._rng,
@@ -161,7 +161,7 @@ class Localizer:
         if contest is None:
             return False
         self._is_checked = contest.is_confirmed
-        if contest.is_confirmed:
+        if contest.particles is None:
             return False
         self.particles = contest.particles
         self._watch.restart()

@@ -6,7 +6,7 @@ come from the scans, and tracked and new ones are weighed by the same evidence, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.kernels.mcl import systematic
 from gridslam.methods.ispace_mcl.config import SearchConfig
+from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import Hypotheses, PoseSearch, best_apart, climb
 from gridslam.sensors.sight import Segments, Sight
@@ -26,6 +27,7 @@ _LEAST_SHARE = 1e-4  # hypotheses less likely than this get no particles
 _SCATTER = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
 _APART = (0.5, 0.26)  # m, rad: one hypothesis per place
 _LEAST_POINTS = 10
+_TRACING_STEPS = ((0.1, 0.02), (0.05, 0.01))  # m, rad: how far a pose is drawn to the map at each scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +41,9 @@ class Tracked:
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """What a search came to: the particles that go on, and whether the tracked pose has stood."""
+    """What a search came to: other particles, None where the tracked ones stay; and whether nothing comes near to them."""
 
-    particles: Particles
+    particles: Particles | None
     is_confirmed: bool
 
 
@@ -74,31 +76,67 @@ class Contender:
     def _score(self, segments: Segments) -> Callable[[Floats], Floats]:
         return lambda poses: self._config.beam_weight * self._sight.sums(self._table, segments, poses)
 
+    def traced(self, poses: Floats, past: Sequence[PastScan]) -> Floats:
+        """Log-likelihoods `(k, n)` of k scans, latest first, for robots that are at poses `(n, 3)` now.
+
+        Each pose is followed back along the way, drawn to the map at every scan: what a hypothesis says about now must have
+        been possible all the time. What one scan can say against a pose is bounded: a place may have changed.
+        """
+        scores = np.zeros((len(past), len(poses)))
+        for row, scan in enumerate(past):
+            if len(scan.segments):
+                score = self._score(scan.segments)
+                scores[row] = score(poses)
+                for in_xy, in_yaw in _TRACING_STEPS:
+                    poses, scores[row] = climb(score, poses, scores[row], in_xy, in_yaw)
+            poses = se2.compose(poses, se2.inverse(scan.step))
+        return np.maximum(scores, -self._config.most_evidence)
+
     def contest(
-        self, segments: Segments, tracked: Tracked | None, most: int, rng: np.random.Generator
+        self, window: ScanWindow, tracked: Tracked | None, most: int, rng: np.random.Generator
     ) -> Contest | None:
-        """The tracked particles against what the search finds; None when the window is too small to search for."""
+        """The tracked particles against what the search finds; None when there is too little to search for."""
+        config = self._config
+        segments = window.recent(config.window_points)
         if len(segments) < _LEAST_POINTS:
             return None
         found = self.found(segments)
         if tracked is None:
             return Contest(_drawn(found, most, rng), False)
-        particles, belief = tracked.particles, tracked.belief
-        own = self.climbed(belief.mean[None], segments)
+        own = self.climbed(tracked.belief.mean[None], segments)
         rivals = _others(found, own.poses[0])
-        if not len(rivals.poses):
-            return Contest(particles, True)
-        backed = float(own.scores[0]) + tracked.trust
-        if backed > rivals.scores[0] + self._config.sure_lead:
-            return Contest(particles, True)
-        total = np.r_[backed, rivals.scores]
-        share = float(1.0 / np.exp(total - total[0]).sum())
+        past = window.past(config.past_beams)
+        traced = self.traced(np.concatenate([own.poses[:1], rivals.poses]), past)
+        own_score = float(traced[:, 0].sum()) + tracked.trust
+        rivals = Hypotheses(rivals.poses, with_break(traced[:, 1:], traced[:, 0], config.carried_odds))
+        lead = own_score - rivals.scores.max(initial=-np.inf)
+        if lead > -config.rival_lead:
+            return Contest(None, lead > config.sure_lead)
+        return Contest(self._mixed(tracked.particles, own_score, rivals, most, rng), False)
+
+    def _mixed(
+        self, particles: Particles, score: float, rivals: Hypotheses, most: int, rng: np.random.Generator
+    ) -> Particles:
+        """The tracked particles and particles about the rivals, weighted by what speaks for each."""
+        share = float(1.0 / np.exp(np.r_[score, rivals.scores] - score).sum())
         kept = max(int(self._config.tracked_share * most), 1)
         chosen = systematic(particles.weights, kept, float(rng.random()))
         new = _drawn(rivals, most - kept, rng)
         poses = np.concatenate([particles.poses[chosen], new.poses])
         weights = np.r_[np.full(kept, share / kept), new.weights * (1.0 - share)]
-        return Contest(Particles(poses, weights / weights.sum()), False)
+        return Particles(poses, weights / weights.sum())
+
+
+def with_break(rivals: Floats, own: Floats, odds: float) -> Floats:
+    """Scores `(n,)` of rivals over k scans `(k, n)`, latest first, that may claim to have been carried there.
+
+    A rival explains all scans itself; or, at the price of `odds`, only the latest ones, and leaves the older ones to the tracked
+    pose's scores `(k,)`.
+    """
+    latest = np.cumsum(rivals, axis=0)
+    older = own.sum() - np.cumsum(own)
+    carried = (latest + older[:, None])[:-1].max(axis=0, initial=-np.inf) - odds
+    return np.asarray(np.maximum(latest[-1], carried))
 
 
 def _others(found: Hypotheses, pose: Floats) -> Hypotheses:

@@ -40,13 +40,26 @@ class _Entry:
     step: Floats
     is_matched: bool
 
+    def segments(self, most: int) -> Segments:
+        """At most so many of the beams, evenly spread over the scan."""
+        ends = self.points[_evenly(len(self.points), most)]
+        return Segments(np.broadcast_to(self.viewpoint, ends.shape), ends)
+
+
+@dataclass(frozen=True, slots=True)
+class PastScan:
+    """A scan's beams in the robot's frame of its moment, and T_before_this to the scan before it."""
+
+    step: Floats
+    segments: Segments
+
 
 class ScanWindow:
     """The scans of the last stretch of way."""
 
     def __init__(self, config: SearchConfig) -> None:
         self._config = config
-        self._entries: deque[_Entry] = deque(maxlen=config.window_scans)
+        self._entries: deque[_Entry] = deque(maxlen=config.past_scans)
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -72,22 +85,18 @@ class ScanWindow:
         step = se2.between(self._entries[-1].odometry, odometry)
         self._entries.append(_Entry(odometry, viewpoint, kept, step, False))
 
-    def segments(self, most: int) -> Segments:
-        """The beams of the window's scans in the robot's present frame, at most so many, evenly many of each scan."""
-        entries = list(self._entries)
-        for before, entry in pairwise(entries):
-            if not entry.is_matched:
-                entry.step = matched_step(before.points, entry.points, entry.step)
-                entry.is_matched = True
+    def recent(self, most: int) -> Segments:
+        """The beams of the last scans in the robot's present frame as one, at most so many, evenly many of each scan."""
+        self._match()
+        entries = list(self._entries)[-self._config.window_scans :]
         starts, ends = [], []
         pose, travelled = np.zeros(3), 0.0
         share = max(most // max(len(entries), 1), 1)
         for entry in reversed(entries):
-            points = entry.points
-            if len(points):
-                some = points[_evenly(len(points), share)]
-                ends.append(se2.transform_points(pose, some))
-                starts.append(np.broadcast_to(se2.transform_points(pose, entry.viewpoint[None]), some.shape))
+            if len(entry.points):
+                segments = entry.segments(share)
+                starts.append(se2.transform_points(pose, segments.starts))
+                ends.append(se2.transform_points(pose, segments.ends))
             travelled += float(np.hypot(entry.step[0], entry.step[1]))
             if travelled > self._config.window_m:
                 break
@@ -95,6 +104,18 @@ class ScanWindow:
         if not ends:
             return Segments(np.zeros((0, 2)), np.zeros((0, 2)))
         return Segments(np.concatenate(starts), np.concatenate(ends))
+
+    def past(self, beams: int) -> list[PastScan]:
+        """All scans from the latest to the oldest, each with at most so many beams."""
+        self._match()
+        return [PastScan(entry.step, entry.segments(beams)) for entry in reversed(self._entries)]
+
+    def _match(self) -> None:
+        """Correct the steps that are odometry's alone."""
+        for before, entry in pairwise(self._entries):
+            if not entry.is_matched:
+                entry.step = matched_step(before.points, entry.points, entry.step)
+                entry.is_matched = True
 
     def _is_near(self, step: Floats) -> bool:
         return float(np.hypot(step[0], step[1])) < self._config.window_step_m and abs(float(step[2])) < 0.3
