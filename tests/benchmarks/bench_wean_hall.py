@@ -51,6 +51,7 @@ def rows() -> Iterator[Row]:
         yield Row(
             f"localize.{name}.first_localized", float(np.median([localized_after(r) for r in results])), "s"
         )
+        yield Row(f"localize.{name}.jumps", max(jumps(result) for result in results), "", 0.0)
         say(f"picture: {draw(grid, events, results[0], PICTURES / f'wean_{name}.png')}")
 
 
@@ -80,6 +81,14 @@ def localized_after(result: RunResult) -> float:
     assert isinstance(facts, dict)
     seconds = facts["localized_after_s"]
     return float("nan") if seconds is None else float(seconds)
+
+
+def jumps(result: RunResult) -> int:
+    """How often the path leaps by more than a metre from one scan to the next after its first ten seconds."""
+    path = result.trajectory
+    late = path.stamps_ns[1:] - path.stamps_ns[0] > 10 * 10**9
+    steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
+    return int((late & (steps > 1.0)).sum())
 
 
 def seconds_until_held(away: NDArray[np.float64], stamps: NDArray[np.int64]) -> float:
