@@ -6,6 +6,8 @@ A transform `T_a_b` maps points of frame b into frame a and reads "b expressed i
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,10 +22,29 @@ def wrap_angle(angle_rad: ArrayLike) -> Array:
     return np.where(inside, angle, wrapped)
 
 
+def _wrap_one(angle: float) -> float:
+    """`wrap_angle` of one number."""
+    return angle if -math.pi < angle <= math.pi else math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+def _compose_one(a: list[float], b: list[float]) -> Array:
+    """`compose` of two single poses: plain floats are ten times as fast as arrays of three."""
+    cos, sin = math.cos(a[2]), math.sin(a[2])
+    return np.array([a[0] + cos * b[0] - sin * b[1], a[1] + sin * b[0] + cos * b[1], _wrap_one(a[2] + b[2])])
+
+
+def _inverse_one(a: list[float]) -> Array:
+    """`inverse` of one pose."""
+    cos, sin = math.cos(a[2]), math.sin(a[2])
+    return np.array([-cos * a[0] - sin * a[1], sin * a[0] - cos * a[1], _wrap_one(-a[2])])
+
+
 def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
     """T_a_c, shape the broadcast of both inputs, yaw wrapped."""
     a = np.asarray(T_a_b, dtype=np.float64)
     b = np.asarray(T_b_c, dtype=np.float64)
+    if a.ndim == 1 and b.ndim == 1:
+        return _compose_one(a.tolist(), b.tolist())
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + cos * b[..., 0] - sin * b[..., 1]
     y = a[..., 1] + sin * b[..., 0] + cos * b[..., 1]
@@ -33,6 +54,8 @@ def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
 def inverse(T_a_b: ArrayLike) -> Array:
     """T_b_a."""
     a = np.asarray(T_a_b, dtype=np.float64)
+    if a.ndim == 1:
+        return _inverse_one(a.tolist())
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = -cos * a[..., 0] - sin * a[..., 1]
     y = sin * a[..., 0] - cos * a[..., 1]

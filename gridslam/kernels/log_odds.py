@@ -71,6 +71,26 @@ def insert_beams(
         _add(directory, pool, origin, end_row, end_col, hit, limit)
 
 
+@njit(cache=True)
+def insert_beam_trail(
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    origin: NDArray[np.int64],
+    resolution_m: float,
+    poses: NDArray[np.float64],
+    viewpoint: NDArray[np.float64],
+    points: NDArray[np.float64],
+    first_point: NDArray[np.int64],
+    hit: float,
+    miss: float,
+    limit: float,
+) -> None:
+    """`insert_beams` of scan after scan into one map: scan i owns points[first_point[i]:first_point[i + 1]]."""
+    for i in range(poses.shape[0]):
+        own = points[first_point[i] : first_point[i + 1]]
+        insert_beams(directory, pool, origin, resolution_m, poses[i], viewpoint, own, hit, miss, limit)
+
+
 @njit(cache=True, parallel=True)
 def insert_beams_all(
     directory: NDArray[np.int32],

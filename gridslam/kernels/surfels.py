@@ -67,6 +67,23 @@ def insert_surfels(
 
 
 @njit(cache=True)
+def insert_surfel_trail(
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    origin: NDArray[np.int64],
+    resolution_m: float,
+    poses: NDArray[np.float64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    first_point: NDArray[np.int64],
+) -> None:
+    """`insert_surfels` of scan after scan into one map: scan i owns points[first_point[i]:first_point[i + 1]]."""
+    for i in range(poses.shape[0]):
+        lo, hi = first_point[i], first_point[i + 1]
+        insert_surfels(directory, pool, origin, resolution_m, poses[i], points[lo:hi], normals[lo:hi])
+
+
+@njit(cache=True)
 def _nearest(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -123,11 +140,13 @@ def register(
     reach_m: float,
     final_reach_m: float,
     iterations: int,
+    least_used: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Gauss-Newton on the point-to-line distances to one map, robust, with a Gaussian prior on the pose.
 
     Minimises sum rho(n_k . (T p_i - q_k)) + (T - prior)' prior_information (T - prior), rho the Geman-McClure loss of
     scale `sigma_m`; the reach of a correspondence is halved every iteration from `reach_m` down to `final_reach_m`.
+    With fewer than `least_used` correspondences it gives up.
 
     Returns the pose `(3,)`, the information of the scan alone at it `(3, 3)`, and the number of correspondences.
     """
@@ -174,6 +193,8 @@ def register(
         gradient = np.array([g0, g1, g2]) + prior_information @ off
         step = np.linalg.solve(scan_information + prior_information, -gradient)
         pose += step
+        if used < least_used:
+            break
         settled = abs(step[0]) < CONVERGED_M and abs(step[1]) < CONVERGED_M and abs(step[2]) < CONVERGED_RAD
         if settled and reach <= final_reach_m:
             break
@@ -326,6 +347,7 @@ def register_all(
     reach_m: float,
     final_reach_m: float,
     iterations: int,
+    least_used: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """`register` for every particle against its own map; `prior_information` `(n, 3, 3)` about the `priors` `(n, 3)`."""
     n = starts.shape[0]
@@ -347,6 +369,7 @@ def register_all(
             reach_m,
             final_reach_m,
             iterations,
+            least_used,
         )
         poses[k] = pose
         information[k] = info
@@ -428,6 +451,7 @@ def register_pairs(
     reach_m: float,
     final_reach_m: float,
     iterations: int,
+    least_used: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """`register` of scan scans[k] in map maps[k] from starts[k]: poses `(n, 3)`, information `(n, 3, 3)`, fit `(n,)`.
 
@@ -454,6 +478,7 @@ def register_pairs(
             reach_m,
             final_reach_m,
             iterations,
+            least_used,
         )
         poses[k] = pose
         information[k] = info

@@ -17,6 +17,18 @@ TILE_MASK = TILE_CELLS - 1
 
 
 @njit(cache=True)
+def reach_of(points: NDArray[np.float64]) -> float:
+    """The largest distance of the points `(m, 2)` from the origin; infinity when one is not finite."""
+    largest = 0.0
+    for i in range(points.shape[0]):
+        squared = points[i, 0] ** 2 + points[i, 1] ** 2
+        if not squared < np.inf:
+            return np.inf
+        largest = max(largest, squared)
+    return float(np.sqrt(largest))
+
+
+@njit(cache=True)
 def mark_end_tiles(
     wanted: NDArray[np.bool_],
     origin: NDArray[np.int64],
@@ -60,6 +72,39 @@ def mark_beam_tiles(
             col = int(np.floor((x0 + t * (x1 - x0)) / tile_m)) - origin[1]
             if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
                 wanted[row, col] = True
+
+
+@njit(cache=True)
+def mark_trail_tiles(
+    wanted: NDArray[np.bool_],
+    origin: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    viewpoint: NDArray[np.float64],
+    points: NDArray[np.float64],
+    first_point: NDArray[np.int64],
+    resolution_m: float,
+    with_beams: bool,
+) -> None:
+    """`mark_end_tiles` or `mark_beam_tiles` for scan after scan: scan i owns points[first_point[i]:first_point[i + 1]]."""
+    for i in range(poses.shape[0]):
+        own = points[first_point[i] : first_point[i + 1]]
+        if with_beams:
+            mark_beam_tiles(wanted, origin, poses[i], viewpoint, own, resolution_m)
+        else:
+            mark_end_tiles(wanted, origin, poses[i], own, resolution_m)
+
+
+@njit(cache=True)
+def bounds_of(poses: NDArray[np.float64], reach_m: float) -> tuple[float, float, float, float]:
+    """Least y and x, largest y and x within reach of the poses `(n, 3)`; not finite when a number is not."""
+    lo_x = hi_x = poses[0, 0]
+    lo_y = hi_y = poses[0, 1]
+    for i in range(poses.shape[0]):
+        if not np.isfinite(poses[i, 0] + poses[i, 1] + poses[i, 2]):
+            return np.nan, np.nan, np.nan, np.nan
+        lo_x, hi_x = min(lo_x, poses[i, 0]), max(hi_x, poses[i, 0])
+        lo_y, hi_y = min(lo_y, poses[i, 1]), max(hi_y, poses[i, 1])
+    return lo_y - reach_m, lo_x - reach_m, hi_y + reach_m, hi_x + reach_m
 
 
 @njit(cache=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,7 @@ class TileStore:
         self.resolution_m = resolution_m
         self.memory_limit_mb = memory_limit_mb
         self.origin = np.zeros(2, np.int64)  # tile (row, col) of directory[:, 0, 0]
+        self._corner = 0, 0  # the same as plain numbers
         self.directory = np.full((n_maps, 1, 1), -1, np.int32)
         self.pool = np.zeros((0, kernel.TILE_CELLS, kernel.TILE_CELLS, channels), np.float32)
         self.refcount = np.zeros(0, np.int32)
@@ -45,7 +48,7 @@ class TileStore:
         self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]
     ) -> None:
         """Make the tiles in which the points `(m, 2)` end, seen from pose k `(n, 3)`, writable in map maps[k]."""
-        self._cover(poses, points)
+        self._cover(poses, kernel.reach_of(points))
         for k, map_index in enumerate(maps):
             kernel.mark_end_tiles(self._wanted, self.origin, poses[k], points, self.resolution_m)
             self._own(int(map_index))
@@ -58,10 +61,29 @@ class TileStore:
         points: NDArray[np.float64],
     ) -> None:
         """The same for all tiles that the beams from the viewpoint (2,) in the robot's frame to the points cross."""
-        self._cover(poses, np.vstack([points, viewpoint[None, :2]]))
+        self._cover(poses, max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1]))))
         for k, map_index in enumerate(maps):
             kernel.mark_beam_tiles(self._wanted, self.origin, poses[k], viewpoint, points, self.resolution_m)
             self._own(int(map_index))
+
+    def own_trail(
+        self,
+        map_index: int,
+        poses: NDArray[np.float64],
+        viewpoint: NDArray[np.float64],
+        points: NDArray[np.float64],
+        first_point: NDArray[np.int64],
+        with_beams: bool,
+    ) -> None:
+        """The tiles of many scans in one map: scan i, seen from poses[i], owns points[first_point[i]:first_point[i + 1]].
+
+        With beams, the tiles that they cross on the way are made writable as well.
+        """
+        self._cover(poses, max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1]))))
+        kernel.mark_trail_tiles(
+            self._wanted, self.origin, poses, viewpoint, points, first_point, self.resolution_m, with_beams
+        )
+        self._own(map_index)
 
     def redistribute(self, ancestors: NDArray[np.int64]) -> None:
         """Resampling: map i becomes a copy of map ancestors[i]."""
@@ -99,20 +121,21 @@ class TileStore:
             self._wanted, self.directory[map_index], self.pool, self.refcount, self.free, self.n_free
         )
 
-    def _cover(self, poses: NDArray[np.float64], points: NDArray[np.float64]) -> None:
-        """Let the directory's window cover all points seen from all poses."""
-        if not len(points) or not len(poses):
+    def _cover(self, poses: NDArray[np.float64], reach_m: float) -> None:
+        """Let the directory's window cover all that lies within reach of the poses `(n, 3)`."""
+        if not len(poses):
             return
-        if not (np.isfinite(poses).all() and np.isfinite(points).all()):
+        bounds = kernel.bounds_of(poses, reach_m)
+        if not math.isfinite(sum(bounds)):
             raise MethodError("a pose or a scan point is not finite: the map cannot take it in")
-        reach = float(np.sqrt((points**2).sum(axis=1).max()))
         tile_m = self.resolution_m * kernel.TILE_CELLS
-        lo = np.floor((poses[:, 1::-1].min(axis=0) - reach) / tile_m).astype(np.int64)
-        hi = np.floor((poses[:, 1::-1].max(axis=0) + reach) / tile_m).astype(np.int64) + 1
+        lo_row, lo_col, hi_row, hi_col = (math.floor(b / tile_m) for b in bounds)
         rows, cols = self.directory.shape[1:]
-        end = self.origin + np.array([rows, cols])
-        if (lo >= self.origin).all() and (hi <= end).all():
+        row, col = self._corner
+        if row <= lo_row and col <= lo_col and hi_row < row + rows and hi_col < col + cols:
             return
+        lo, hi = np.array([lo_row, lo_col]), np.array([hi_row + 1, hi_col + 1])
+        end = self.origin + np.array([rows, cols])
         first = not (self.directory >= 0).any()
         new_lo = (lo if first else np.minimum(lo, self.origin)) - GROWTH_MARGIN_TILES
         new_hi = (hi if first else np.maximum(hi, end)) + GROWTH_MARGIN_TILES
@@ -124,6 +147,7 @@ class TileStore:
             r, c = self.origin - new_lo
             grown[:, r : r + rows, c : c + cols] = self.directory
         self.directory, self.origin = grown, new_lo
+        self._corner = int(new_lo[0]), int(new_lo[1])
         self._wanted = np.zeros((size[0], size[1]), np.bool_)
 
     def _grow_pool(self, missing: int) -> None:

@@ -189,6 +189,7 @@ def _register(
         reach_m,
         0.1,
         15,
+        0.0,
     )
     good = fit >= stage.least_fit
     centres = np.array([span.centre for span in spans])

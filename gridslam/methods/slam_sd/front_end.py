@@ -139,6 +139,7 @@ class FrontEnd:
             config.reach_m,
             config.final_reach_m,
             config.iterations,
+            0.0,
         )[::2]
         if used < config.min_points:
             return Matched(predicted, 0.0, False)

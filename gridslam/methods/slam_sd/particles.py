@@ -8,6 +8,8 @@ its new end, and the map with it (block sampling, Doucet, Briers and Senecal 200
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,31 +152,40 @@ class ParticleMaps:
     def _redraw(self, particle: int) -> None:
         """Draw all scans that are in the maps into one particle's map, which is empty."""
         config = self._config
-        maps = np.array([particle])
-        for scan, pose in zip(self._scans[: self._inserted], self._paths[particle], strict=False):
-            self.surfaces.own_end_points(maps, pose[None], scan.surface)
-            surfels.insert_surfels(
-                self.surfaces.directory[particle],
-                self.surfaces.pool,
-                self.surfaces.origin,
-                config.filter.resolution_m,
-                pose,
-                scan.surface,
-                scan.surface_normals,
-            )
-            self.cells.own_beams(maps, pose[None], scan.viewpoint, scan.points)
-            log_odds.insert_beams(
-                self.cells.directory[particle],
-                self.cells.pool,
-                self.cells.origin,
-                config.filter.free_resolution_m,
-                pose,
-                scan.viewpoint,
-                scan.points,
-                config.map.hit,
-                config.map.miss,
-                config.map.limit,
-            )
+        scans, poses = self._scans[: self._inserted], self._paths[particle, : self._inserted]
+        points = np.concatenate([scan.surface for scan in scans])
+        normals = np.concatenate([scan.surface_normals for scan in scans])
+        first = _first_rows([scan.surface for scan in scans])
+        eye = scans[0].viewpoint  # one lidar, one place on the robot
+        store = self.surfaces
+        store.own_trail(particle, poses, eye, points, first, with_beams=False)
+        surfels.insert_surfel_trail(
+            store.directory[particle],
+            store.pool,
+            store.origin,
+            store.resolution_m,
+            poses,
+            points,
+            normals,
+            first,
+        )
+        points = np.concatenate([scan.points for scan in scans])
+        first = _first_rows([scan.points for scan in scans])
+        store = self.cells
+        store.own_trail(particle, poses, eye, points, first, with_beams=True)
+        log_odds.insert_beam_trail(
+            store.directory[particle],
+            store.pool,
+            store.origin,
+            store.resolution_m,
+            poses,
+            eye,
+            points,
+            first,
+            config.map.hit,
+            config.map.miss,
+            config.map.limit,
+        )
 
     def _weigh(self, likelihood: Floats) -> None:
         """Add what the scan says about the particles, relative to the best, to their log weights."""
@@ -202,6 +213,7 @@ class ParticleMaps:
             config.reach_m,
             2.0 * config.sigma_m,
             8,
+            0.5 * config.least_fit * len(points),
         )
         return poses, scan_information, used / max(len(points), 1)
 
@@ -268,6 +280,13 @@ class ParticleMaps:
             config.map.miss,
             config.map.limit,
         )
+
+
+def _first_rows(parts: Sequence[Floats]) -> Ints:
+    """Where each part begins when all are concatenated, and where the last one ends."""
+    first = np.zeros(len(parts) + 1, np.int64)
+    np.cumsum([len(part) for part in parts], out=first[1:])
+    return first
 
 
 def residual_ancestors(weights: Floats, rng: np.random.Generator) -> Ints:
