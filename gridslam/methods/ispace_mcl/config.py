@@ -147,7 +147,7 @@ class SearchConfig(StrictModel):
     past_scans: int = Field(50, ge=1, description="most scans that a hypothesis is traced back over")
     past_beams: int = Field(30, ge=3, description="most beams of each of these scans")
     most_evidence: float = Field(
-        0.8, gt=0.0, description="most log-odds that one of these scans speaks against a pose"
+        0.8, gt=0.0, description="most log-odds that a scan speaks for one and against another pose"
     )
     carried_odds: float = Field(
         10.0, ge=0.0, description="log-odds against the robot having been carried elsewhere unseen"

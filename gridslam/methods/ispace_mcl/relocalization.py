@@ -80,7 +80,8 @@ class Contender:
         """Log-likelihoods `(k, n)` of k scans, latest first, for robots that are at poses `(n, 3)` now.
 
         Each pose is followed back along the way, drawn to the map at every scan: what a hypothesis says about now must have
-        been possible all the time. What one scan can say against a pose is bounded: a place may have changed.
+        been possible all the time. What one scan can say for one pose and against another
+        is bounded: a place may have changed.
         """
         scores = np.zeros((len(past), len(poses)))
         for row, scan in enumerate(past):
@@ -90,7 +91,8 @@ class Contender:
                 for in_xy, in_yaw in _TRACING_STEPS:
                     poses, scores[row] = climb(score, poses, scores[row], in_xy, in_yaw)
             poses = se2.compose(poses, se2.inverse(scan.step))
-        return np.maximum(scores, -self._config.most_evidence)
+        best = scores.max(axis=1, keepdims=True)
+        return np.asarray(np.maximum(scores, best - self._config.most_evidence))
 
     def contest(
         self, window: ScanWindow, tracked: Tracked | None, most: int, rng: np.random.Generator
