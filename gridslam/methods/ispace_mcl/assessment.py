@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.filters.particles import Belief
 from gridslam.methods.ispace_mcl.config import ConfidenceConfig
 from gridslam.sensors.lidar_beams import Beams
-from gridslam.sensors.sight import Segments, Sight
+from gridslam.sensors.sight import Sight
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,6 @@ class Watch:
     def __init__(self, config: ConfidenceConfig, sight: Sight) -> None:
         self._config = config
         self._sight = sight
-        self._explained = (sight.field.distances_m < config.tolerance_m).astype(np.float32)
         self._fit: float | None = None
 
     def restart(self) -> None:
@@ -46,36 +45,33 @@ class Watch:
         config = self._config
         distance = float("nan")
         if len(beams.points):
-            distance = float(self._sight.field.under(beams.points, belief.mean).mean())
-            present = self._fit_of(beams, belief.mean)
+            distances = self._sight.field.under(beams.points, belief.mean)
+            distance = float(distances.mean())
+            present = self._fit_of(beams, belief.mean, distances)
             past = present if self._fit is None else self._fit
             self._fit = config.memory * past + (1.0 - config.memory) * present
         fit = 0.0 if self._fit is None else self._fit
         confidence = confidence_of(fit, belief, config)
         return Assessment(fit, distance, confidence, _status(confidence, config))
 
-    def _fit_of(self, beams: Beams, pose: Floats) -> float:
+    def _fit_of(self, beams: Beams, pose: Floats, distances: Floats) -> float:
         """Share of the returned beams that the map explains from a pose; what is less than a contradiction counts in part.
 
         A beam that ends at a wall behind another one may be moved furniture, and one that ends in the open may be a person.
+        `distances` `(m,)` are those of the end points to walls.
         """
-        points = beams.points
-        segments = Segments(np.broadcast_to(beams.mounting[:2], points.shape), points)
-        seen = float(self._sight.sums(self._explained, segments, pose[None])[0])
-        ended = float(self._sight.field.sums(self._explained, points, pose[None])[0])
-        in_the_open = self._count_in_the_open(beams, pose)
-        behind, open_ = self._config.behind_share, self._config.open_share
-        return (seen + behind * (ended - seen) + open_ * in_the_open) / len(points)
-
-    def _count_in_the_open(self, beams: Beams, pose: Floats) -> int:
-        """Beams that end far from all walls, and well before the wall that they point at."""
-        returned = beams.returned
-        far = self._sight.field.under(beams.points, pose) >= self._config.tolerance_m
-        expected = self._sight.caster.ranges(
-            pose[None], beams.bearings[returned], beams.mounting, beams.reach_m
-        )[0]
-        before = beams.ranges[returned] < expected - self._config.sight_tolerance_m
-        return int((far & before).sum())
+        config, sight = self._config, self._sight
+        bearings, ranges = beams.bearings[beams.returned], beams.ranges[beams.returned]
+        aside = np.arctan2(sight.slack_m, ranges)
+        around = np.concatenate([bearings, bearings + aside, bearings - aside])
+        expected = sight.caster.ranges(pose[None], around, beams.mounting, beams.reach_m)[0].reshape(3, -1)
+        at_wall = distances < config.tolerance_m
+        blocked = (expected < ranges - sight.tolerance_m).all(axis=0)
+        in_the_open = ~at_wall & (ranges < expected[0] - sight.tolerance_m)
+        worth = np.where(
+            at_wall, np.where(blocked, config.behind_share, 1.0), config.open_share * in_the_open
+        )
+        return float(worth.mean())
 
 
 def confidence_of(fit: float, belief: Belief, config: ConfidenceConfig) -> float:
