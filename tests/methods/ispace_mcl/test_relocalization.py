@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gridslam.core import poses as se2
+from gridslam.methods.ispace_mcl.config import SearchConfig
+from gridslam.methods.ispace_mcl.relocalization import with_break
+from gridslam.methods.ispace_mcl.window import ScanWindow, matched_step
+from tests.methods.ispace_mcl.building import BEAMS, LIDAR, building, drive, scan_at
+
+
+def _points(pose):
+    grid = building()
+    ranges = scan_at(grid, grid.probability > 0.5, np.asarray(pose))
+    angles = -np.pi + 2.0 * np.pi / BEAMS * np.arange(BEAMS)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1) * ranges[:, None] + LIDAR[:2]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(0, 5))
+def test_a_rival_explains_all_scans_or_the_latest_ones_at_a_price(seed, scans, rivals):
+    rng = np.random.default_rng(seed)
+    theirs, own = rng.normal(-1.0, 1.0, (scans, rivals)), rng.normal(-1.0, 1.0, scans)
+    got = with_break(theirs, own, 1.5)
+    for rival in range(rivals):
+        choices = [theirs[:, rival].sum()]
+        choices += [theirs[:b, rival].sum() + own[b:].sum() - 1.5 for b in range(1, scans)]
+        assert got[rival] == pytest.approx(max(choices))
+
+
+def test_a_scan_matched_to_the_one_before_corrects_the_odometry():
+    before, after = np.array([-1.0, 3.8, 0.1]), np.array([-0.6, 3.9, 0.3])
+    truth = se2.between(before, after)
+    guess = truth + np.array([0.12, -0.08, 0.1])
+    found = matched_step(_points(before), _points(after), guess)
+    assert np.hypot(*(found - truth)[:2]) < 0.08
+    assert abs(found[2] - truth[2]) < 0.03
+
+
+def test_a_step_that_nothing_supports_stays_as_it_was():
+    step = np.array([0.3, 0.0, 0.1])
+    np.testing.assert_array_equal(matched_step(_points((-1.0, 3.8, 0.1)), np.zeros((5, 2)), step), step)
+
+
+def test_the_window_lays_its_scans_over_each_other():
+    path = drive([(-2.0, 3.8), (-0.5, 3.8), (-0.5, 5.8)])
+    drifting = np.zeros(3)
+    window = ScanWindow(SearchConfig())
+    for k, pose in enumerate(path):
+        if k:
+            step = se2.between(path[k - 1], pose)
+            drifting = se2.compose(drifting, step * (1.1, 1.0, 1.1))
+        window.add(drifting, LIDAR[:2], _points(pose))
+    segments = window.recent(300)
+    assert len(segments) <= 300
+    occupied = building().geometry.centres(np.argwhere(building().probability > 0.5))
+    ends = se2.transform_points(path[-1], segments.ends)
+    distances = np.sqrt(((ends[:, None] - occupied[None]) ** 2).sum(axis=2)).min(axis=1)
+    assert np.median(distances) < 0.08
+    assert np.mean(distances < 0.2) > 0.85
+
+
+def test_scans_close_to_each_other_take_one_place():
+    window = ScanWindow(SearchConfig(window_step_m=0.4))
+    for k in range(41):
+        window.add(np.array([0.05 * k, 0.0, 0.0]), np.zeros(2), np.ones((3, 2)))
+    assert 5 <= len(window) <= 7
+    assert len(window.past(2)) == len(window)
+    window.clear()
+    assert len(window.recent(10)) == 0
