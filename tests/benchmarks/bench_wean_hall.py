@@ -64,9 +64,9 @@ def localized(events: list[Event], grid: OccupancyGrid, seed: int) -> RunResult:
 
 
 def medoid(paths: NDArray[np.float64]) -> int:
-    """The path that most of the others end with."""
-    ends = paths[:, -1, :2]
-    return int((np.hypot(*(ends[:, None] - ends[None]).transpose(2, 0, 1)) < 0.5).sum(axis=1).argmax())
+    """The path that the others share most poses with."""
+    near = [(np.hypot(*(paths - path).transpose(2, 0, 1)[:2]) < 0.5).mean() for path in paths]
+    return int(np.argmax(near))
 
 
 def late_wall_distance(result: RunResult) -> float:

@@ -71,16 +71,16 @@ class BeamConfig(StrictModel):
     """Ray casting with the four-part mixture of Thrun et al. 2005, table 6.1."""
 
     kind: Literal["beam"] = "beam"
-    sigma_m: float = Field(0.2, gt=0.0, description="standard deviation of a range about the expected one")
-    hit: float = Field(0.8, ge=0.0, description="weight of the wall")
+    sigma_m: float = Field(0.3, gt=0.0, description="standard deviation of a range about the expected one")
+    hit: float = Field(0.65, ge=0.0, description="weight of the wall")
     short: float = Field(0.1, ge=0.0, description="weight of something before the wall")
     max: float = Field(0.05, ge=0.0, description="weight of no return")
-    random: float = Field(0.05, gt=0.0, description="weight of anything")
+    random: float = Field(0.2, gt=0.0, description="weight of anything")
     short_decay_per_m: float = Field(
         0.2, gt=0.0, description="how quickly short readings get rarer with range, 1/m"
     )
     bin_m: float = Field(0.05, gt=0.0, description="bin of the tabulated model")
-    beam_weight: float = Field(0.15, gt=0.0, le=1.0, description="power of a beam's likelihood")
+    beam_weight: float = Field(0.05, gt=0.0, le=1.0, description="power of a beam's likelihood")
 
 
 class RangeDifferenceConfig(StrictModel):
@@ -128,7 +128,7 @@ class SearchConfig(StrictModel):
     beam_weight: float = Field(0.1, gt=0.0, le=1.0, description="power of a beam's likelihood")
     start_trust: float = Field(3.0, ge=0.0, description="log-odds that a start pose has in its favour")
     trust_per_m: float = Field(
-        0.7, ge=0.0, description="log-odds that the tracked pose earns by a metre of travel with a good fit"
+        1.0, ge=0.0, description="log-odds that the tracked pose earns by a metre of travel with a good fit"
     )
     distrust_per_m: float = Field(
         3.0, ge=0.0, description="log-odds that it loses by a metre of travel with a bad fit"
@@ -138,7 +138,7 @@ class SearchConfig(StrictModel):
         2.0, ge=0.0, description="lead of the tracked pose, in log-odds, that leaves no doubt"
     )
     rival_lead: float = Field(
-        1.0, ge=0.0, description="lead of a rival, in log-odds, from which particles go there"
+        2.0, ge=0.0, description="lead of a rival, in log-odds, from which particles go there"
     )
     tracked_share: float = Field(0.3, ge=0.0, lt=1.0, description="share of particles that go on as they are")
     window_m: float = Field(4.0, ge=0.0, description="scans of this much travel are searched for together")
