@@ -39,7 +39,7 @@ bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks.harness
 
 samples: $(DEV)
-	$(BIN)/python -m gridslam.simulation.scripted_sample $(SAMPLE)
+	$(BIN)/python -m gridslam.simulation.samples sample_logs
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks tests/failures

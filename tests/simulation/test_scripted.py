@@ -1,13 +1,10 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.simulation.scripted import LASER_X_M, Noise, ranges_from, scripted_log, true_path, walls
-from gridslam.simulation.scripted_sample import write_sample
 
 
 def test_ranges_are_the_distances_to_the_walls_ahead() -> None:
@@ -47,19 +44,3 @@ def test_without_noise_the_log_is_exact() -> None:
     scans = [event for event, _ in events if isinstance(event, LaserScan)]
     exact = ranges_from(se2.compose(last.pose, [LASER_X_M, 0, 0]), np.linspace(-np.pi / 2, np.pi / 2, 20))
     assert np.array_equal(scans[-1].ranges_m, exact.astype(np.float32))
-
-
-def test_the_sample_is_written_with_the_same_bytes_every_time(tmp_path: Path) -> None:
-    files = []
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        write_sample(tmp_path / name / "log.mcap")
-        files.append(
-            {
-                p.relative_to(tmp_path / name): p.read_bytes()
-                for p in (tmp_path / name).rglob("*.*")
-                if p.is_file()
-            }
-        )
-    assert files[0] == files[1]
-    assert {p.name for p in files[0]} == {"log.mcap", "trajectory.tum", "map.pgm", "map.yaml"}

@@ -1,0 +1,69 @@
+"""gridslam simulate"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..options import AsJson, Overrides
+
+WorldName = Annotated[
+    str, typer.Argument(metavar="WORLD", help="A world file (YAML), or a built-in world such as office.")
+]
+LogOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="LOG",
+        help="The log to write: MCAP if the name ends in .mcap, else a CSV folder.",
+    ),
+]
+Preview = Annotated[
+    Path | None, typer.Option("--preview", metavar="PNG", help="Draw the world instead, or as well.")
+]
+WorldSeed = Annotated[
+    int | None, typer.Option("--seed", min=0, help="Seed of all noise; wins over the file.")
+]
+Replace = Annotated[bool, typer.Option("--force", help="Replace the log that is there.")]
+
+
+def run(
+    world: WorldName,
+    output: LogOutput = None,
+    preview: Preview = None,
+    override: Overrides = None,
+    seed: WorldSeed = None,
+    force: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write the log that a robot would have recorded in a world, with the truth beside it."""
+    from gridslam.simulation.world_config import load_world
+
+    if output is None and preview is None:
+        raise typer.BadParameter("nothing to do: give -o LOG, or --preview PNG", param_hint="'-o'")
+    place, path = load_world(world, override or (), seed)
+    if preview is not None:
+        from gridslam.simulation.preview import draw_world
+
+        draw_world(place, path.parent, preview)
+    if output is None:
+        return
+    from gridslam.simulation.record import record_world
+
+    done = record_world(place, path.parent, output, force)
+    document = {
+        "output": str(output),
+        "truth": str(done.truth),
+        "duration_s": round(done.duration_s, 3),
+        "way_m": round(done.way_m, 3),
+        "messages": done.messages,
+    }
+    if as_json:
+        console.emit_json(document)
+    else:
+        console.say(f"{done.duration_s:.0f} s, {done.way_m:.0f} m; the truth is in {done.truth}")
+        console.emit_table(("message", "count"), list(done.messages.items()))

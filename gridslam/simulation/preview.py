@@ -1,0 +1,68 @@
+"""A picture of a world: walls, furniture, doors, objects, people's ways, and the robot's route."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.files import write_atomic
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.world_config import World
+
+LONGEST_IN = 14.0
+
+
+def draw_world(world: World, folder: Path, output: Path) -> None:
+    """Write the picture (PNG)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    scene = Scene(world, folder)
+    points = scene.standing.reshape(-1, 2)
+    width, height = (float(v) for v in np.ptp(points, axis=0) + 1.0)
+    scale = LONGEST_IN / max(width, height)
+    figure = Figure(figsize=(max(width * scale, 3.0) + 1.0, max(height * scale, 2.0) + 1.0), dpi=80)
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    _draw_things(axes, scene)
+    _draw_route(axes, world)
+    for sensor in world.people:
+        axes.plot(*np.array(sensor.path).T, color="tab:red", linestyle=":", linewidth=1)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    figure.tight_layout()
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", metadata={"Software": None})
+    write_atomic(output, picture.getvalue())
+
+
+def _draw_things(axes: Any, scene: Scene) -> None:
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Circle
+
+    axes.add_collection(
+        LineCollection(list(scene.standing.reshape(-1, 2, 2)), colors="black", linewidths=1.2)
+    )
+    axes.add_collection(
+        LineCollection(list(scene.moving.reshape(-1, 2, 2)), colors="tab:blue", linewidths=1.5)
+    )
+    for x, y, radius in scene.circles(0.0).tolist():
+        axes.add_patch(Circle((x, y), radius, fill=False, color="black"))
+    for x, y, yaw in scene.tag_poses().values():
+        axes.arrow(x, y, 0.2 * math.cos(yaw), 0.2 * math.sin(yaw), color="tab:orange", head_width=0.08)
+    axes.autoscale_view()
+
+
+def _draw_route(axes: Any, world: World) -> None:
+    x, y, yaw_deg = world.robot.start
+    route = np.array([(x, y), *world.robot.route])
+    axes.plot(*route.T, color="tab:green", linewidth=0.8, marker=".", markersize=4)
+    yaw = math.radians(yaw_deg)
+    axes.arrow(x, y, 0.4 * math.cos(yaw), 0.4 * math.sin(yaw), color="tab:green", head_width=0.2)
+    for index, (px, py) in enumerate(world.robot.route):
+        axes.annotate(str(index), (px, py), fontsize=6, color="tab:green")

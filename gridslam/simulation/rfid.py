@@ -1,0 +1,76 @@
+"""An RFID reader: what power comes back from each tag, and which tags a round therefore reads."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, TagInventory, as_float32
+from gridslam.simulation.drive import DrivenRobot
+from gridslam.simulation.mounts import planar
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.sensor_config import Antenna
+from gridslam.simulation.timing import Schedule
+
+FLOOR = 0.1  # of the cosine of a tag's turn: some power reaches a tag from behind
+THRESHOLD_DBM = -70.0
+BEFORE_TAG_M = 0.02
+
+
+class RfidReader:
+    """Inventory rounds of one antenna, empty ones included."""
+
+    def __init__(self, config: Antenna, start_ns: int, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+        self._schedule = Schedule(config, start_ns, rng, phase=0.3)
+
+    def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
+        """The rounds of this step."""
+        if not self._schedule.is_due(now_ns):
+            return []
+        self._schedule.take()
+        ids, powers = self._round(robot.pose, scene, now_ns * 1e-9)
+        stamp = self._schedule.stamp_ns(now_ns)
+        if stamp is None:
+            return []
+        return [TagInventory(stamp, self._config.name, self._config.name, ids, powers)]
+
+    def _round(
+        self, pose: NDArray[np.float64], scene: Scene, time_s: float
+    ) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        tags = scene.tag_poses()
+        if not tags:
+            return (), ()
+        count = len(tags)
+        power = mean_power_db(self._config, pose, np.array(list(tags.values())), scene, time_s)
+        power = power + self._config.fading_db * self._rng.standard_normal(count)
+        read = (power > 0.0) & (self._rng.random(count) >= self._config.missed)
+        stray, which = float(self._rng.random()), int(self._rng.integers(count))
+        if stray < self._config.stray:
+            read[which] = True
+        names = list(tags)
+        found = [i for i in range(count) if read[i]]
+        strengths = tuple(as_float32(round(THRESHOLD_DBM + max(float(power[i]), 0.0), 1)) for i in found)
+        return tuple(names[i] for i in found), strengths
+
+
+def mean_power_db(
+    config: Antenna, pose: NDArray[np.float64], tags: NDArray[np.float64], scene: Scene, time_s: float
+) -> NDArray[np.float64]:
+    """Power above the reader's threshold `(n,)`, before fading, from tags at poses `(n, 3)`."""
+    antenna = se2.compose(pose, planar(config.mounting))
+    way = tags[:, :2] - antenna[:2]
+    distance = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.05)
+    direction = np.arctan2(way[:, 1], way[:, 0])
+    bearing = np.degrees(se2.wrap_angle(direction - antenna[2]))
+    facing = np.cos(se2.wrap_angle(direction + math.pi - tags[:, 2]))
+    rays = np.column_stack([np.tile(antenna[:2], (len(tags), 1)), np.cos(direction), np.sin(direction)])
+    reach = float(distance.max())
+    blocked = scene.cast(rays, reach, time_s).ranges_m < distance - BEFORE_TAG_M
+    power = config.gain_db - 40.0 * np.log10(distance) - 12.0 * (bearing / config.half_power_deg) ** 2
+    power += 20.0 * np.log10(np.maximum(facing, FLOOR)) - config.wall_loss_db * blocked
+    return np.asarray(power)

@@ -1,0 +1,115 @@
+"""The closed loop: command wheel speeds, step, read what the sensors say.
+
+simulator = Simulator(world, folder)
+for event in simulator.step(left_radps, right_radps): ...
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Protocol
+
+from gridslam.core.messages import Event, Odometry, Transform, canonical_yaw
+from gridslam.core.random import random_stream
+from gridslam.simulation.drive import STEP_NS, DrivenRobot
+from gridslam.simulation.encoders import BASE_FRAME, Encoders
+from gridslam.simulation.fixes import FixSource
+from gridslam.simulation.gyro import GyroSensor
+from gridslam.simulation.infrared import InfraredRangers
+from gridslam.simulation.lidar import LidarSensor
+from gridslam.simulation.mounts import static_transform
+from gridslam.simulation.rfid import RfidReader
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.world_config import World
+
+MAP_FRAME = "map"
+
+
+class Sensor(Protocol):
+    """Anything that says something as time passes."""
+
+    def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
+        """The messages that are complete at this step."""
+
+
+class Simulator:
+    """A world, the robot in it, and its sensors, advanced in steps of 10 ms. Same world, same commands: same events."""
+
+    step_s = STEP_NS * 1e-9
+
+    def __init__(self, world: World, folder: Path) -> None:
+        self.world = world
+        self.scene = Scene(world, folder)
+        self.robot = DrivenRobot(world.robot.wheels, world.robot.start, random_stream(world.seed, "wheels"))
+        self._now_ns = 0
+        self._rangers = InfraredRangers(
+            world.sensors.infrared, world.start_ns, random_stream(world.seed, "infrared")
+        )
+        self._sensors = [*_sensors(world), self._rangers]
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since the beginning."""
+        return self._now_ns * 1e-9
+
+    @property
+    def is_sweeping(self) -> bool:
+        """Whether infrared rangers are sweeping; the robot must stand meanwhile."""
+        return self._rangers.is_sweeping
+
+    def mounts(self) -> list[Transform]:
+        """The static transforms of all sensors."""
+        sensors, stamp = self.world.sensors, self.world.start_ns
+        mounted = [(sensors.lidar.mounting, sensors.lidar.frame)] if sensors.lidar else []
+        mounted += [(ranger.mounting, ranger.name) for ranger in sensors.infrared]
+        mounted += [(antenna.mounting, antenna.name) for antenna in sensors.antennas]
+        return [static_transform(mounting, frame, stamp) for mounting, frame in mounted]
+
+    def start_sweep(self) -> None:
+        """Let the infrared rangers sweep once."""
+        self._rangers.start(self._now_ns, self.robot, self.scene)
+
+    def step(self, left_radps: float, right_radps: float) -> list[Event]:
+        """Drive for 10 ms with these wheel speeds; what the sensors said by then."""
+        self.robot.step(left_radps, right_radps)
+        self._now_ns += STEP_NS
+        events: list[Event] = []
+        for sensor in self._sensors:
+            events += sensor.poll(self._now_ns, self.robot, self.scene)
+        return events
+
+    def truth(self) -> Odometry:
+        """T_map_base as it really is."""
+        x, y, yaw = self.robot.pose.tolist()
+        return Odometry(
+            self.world.start_ns + self._now_ns,
+            MAP_FRAME,
+            x,
+            y,
+            canonical_yaw(_wrapped(yaw)),
+            self.robot.v_mps,
+            self.robot.w_radps,
+            BASE_FRAME,
+        )
+
+
+def _wrapped(yaw_rad: float) -> float:
+    return math.remainder(yaw_rad, math.tau)
+
+
+def _sensors(world: World) -> list[Sensor]:
+    """The sensors of a world, each with random numbers of its own."""
+    seed, start, wanted = world.seed, world.start_ns, world.sensors
+    sensors: list[Sensor] = []
+    if wanted.odometry:
+        sensors.append(Encoders(wanted.odometry, start, random_stream(seed, "odometry")))
+    if wanted.gyro:
+        sensors.append(GyroSensor(wanted.gyro, start, random_stream(seed, "gyro")))
+    if wanted.lidar:
+        sensors.append(LidarSensor(wanted.lidar, start, random_stream(seed, "lidar")))
+    readers = ((antenna, random_stream(seed, f"antenna {antenna.name}")) for antenna in wanted.antennas)
+    sensors += [RfidReader(antenna, start, rng) for antenna, rng in readers]
+    if wanted.fixes:
+        sensors.append(FixSource(wanted.fixes, start, random_stream(seed, "fixes")))
+    return sensors

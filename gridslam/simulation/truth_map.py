@@ -1,0 +1,78 @@
+"""The true map: walls and furniture drawn as cells, what the robot could reach free, all else unknown."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import ConfigError
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.simulation.outlines import Array
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.world_config import TruthMap
+
+SAMPLES_PER_CELL = 5
+MOST_CELLS = 100_000_000
+
+
+def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
+    """What stands still and carries no tag; doors and tagged objects are in objects.csv instead."""
+    segments, circles = scene.standing, scene.cylinders
+    centres, radii = circles[:, :2], circles[:, 2:]
+    corners = np.concatenate([segments.reshape(-1, 2), centres - radii, centres + radii])
+    resolution = config.resolution_m
+    low = np.floor((corners.min(axis=0) - config.margin_m) / resolution) * resolution
+    cols, rows = (int(v) for v in np.ceil((corners.max(axis=0) + config.margin_m - low) / resolution))
+    if rows * cols > MOST_CELLS:
+        raise ConfigError(
+            f"truth.resolution_m: a map of {rows} x {cols} cells is too large; make the cells larger than {resolution:g} m"
+        )
+    geometry = GridGeometry(resolution, (float(low[0]), float(low[1])))
+    occupied = np.zeros((rows, cols), bool)
+    drawn = [_segment_points(segment, resolution) for segment in segments]
+    drawn += [_circle_points(circle, resolution) for circle in circles]
+    for points in drawn:
+        row, col = geometry.cells(points).T
+        occupied[row, col] = True
+    start = geometry.cells(np.array([scene.world.robot.start[:2]]))[0]
+    free = reachable(~occupied, int(start[0]), int(start[1]))
+    values = np.where(occupied, 1.0, np.where(free, 0.0, np.nan)).astype(np.float32)
+    return OccupancyGrid(values, geometry)
+
+
+def reachable(free: NDArray[np.bool_], row: int, col: int) -> NDArray[np.bool_]:
+    """Free cells connected with a start cell along rows and columns; none where it lies outside or is not free."""
+    found = np.zeros_like(free)
+    rows, cols = free.shape
+    if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
+        return found
+    waiting = deque([(row, col)])
+    while waiting:
+        r, c = waiting.popleft()
+        if found[r, c]:
+            continue
+        left, right = c, c
+        while left > 0 and free[r, left - 1] and not found[r, left - 1]:
+            left -= 1
+        while right < cols - 1 and free[r, right + 1] and not found[r, right + 1]:
+            right += 1
+        found[r, left : right + 1] = True
+        for beside in (r - 1, r + 1):
+            if 0 <= beside < rows:
+                open_cells = free[beside, left : right + 1] & ~found[beside, left : right + 1]
+                starts = np.flatnonzero(open_cells & ~np.r_[False, open_cells[:-1]])
+                waiting.extend((beside, left + int(k)) for k in starts)
+    return found
+
+
+def _segment_points(segment: Array, resolution: float) -> Array:
+    count = int(np.hypot(*(segment[2:] - segment[:2])) / resolution * SAMPLES_PER_CELL) + 2
+    return np.linspace(segment[:2], segment[2:], count)
+
+
+def _circle_points(circle: Array, resolution: float) -> Array:
+    count = int(2.0 * np.pi * circle[2] / resolution * SAMPLES_PER_CELL) + 8
+    angle = np.linspace(0.0, 2.0 * np.pi, count)
+    return np.asarray(circle[:2] + circle[2] * np.column_stack([np.cos(angle), np.sin(angle)]))

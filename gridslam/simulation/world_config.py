@@ -1,0 +1,121 @@
+"""A world file: all of it as one model, read from YAML or by a built-in name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, PositiveFloat, ValidationError, model_validator
+
+from gridslam.config.base import StrictModel
+from gridslam.config.errors import config_error, nearest
+from gridslam.config.overrides import apply_overrides, overridden_keys
+from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import ConfigError
+from gridslam.simulation.robot_config import Robot
+from gridslam.simulation.sensor_config import Sensors
+from gridslam.simulation.shapes import Box, Cylinder, Door, NotNegative, Person, Point, TaggedObject, Wall
+
+
+class Plan(StrictModel):
+    """Walls taken from a map_server YAML, or from a picture of a plan with the size of its pixels."""
+
+    file: str = Field(min_length=1)
+    resolution_m: PositiveFloat | None = None  # of a picture's pixels; a map has its own
+    origin: Point = (0.0, 0.0)  # of a picture's lower-left corner
+    walls_are: str = Field(default="dark", pattern="^(dark|bright)$")
+    simplify_m: NotNegative = 0.05
+
+
+class TruthMap(StrictModel):
+    """How the true map is drawn."""
+
+    resolution_m: PositiveFloat = 0.05
+    margin_m: NotNegative = 1.0
+
+
+class World(StrictModel):
+    """A place, what moves in it, a robot and its sensors."""
+
+    version: Annotated[int, Field(ge=1, le=1)] = 1
+    seed: Annotated[int, Field(ge=0)] = 0
+    start_ns: Annotated[int, Field(ge=0, lt=2**61)] = 1_700_000_000_000_000_000
+    max_duration_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = 3600.0
+    plan: Plan | None = None
+    walls: tuple[Wall, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    cylinders: tuple[Cylinder, ...] = ()
+    doors: tuple[Door, ...] = ()
+    objects: tuple[TaggedObject, ...] = ()
+    people: tuple[Person, ...] = ()
+    robot: Robot
+    sensors: Sensors = Sensors()
+    truth: TruthMap = TruthMap()
+
+    @property
+    def things(self) -> list[Door | TaggedObject]:
+        """All that may move between visits."""
+        return [*self.doors, *self.objects]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> World:
+        named = self.things
+        _refuse_twice("id", [thing.id for thing in named])
+        _refuse_twice("tag id", [thing.tag.id for thing in named if thing.tag])
+        _refuse_twice("infrared name", [ranger.name for ranger in self.sensors.infrared])
+        _refuse_twice("antenna name", [antenna.name for antenna in self.sensors.antennas])
+        if self.robot.stops and not self.sensors.infrared:
+            raise ValueError("robot.stops: stops are for sweeps of infrared rangers, and there is none")
+        if self.sensors.infrared and not self.robot.stops:
+            raise ValueError("sensors.infrared: rangers sweep while the robot stands: robot.stops is missing")
+        if not (self.plan or self.walls or self.boxes):
+            raise ValueError("an empty world: neither plan nor walls nor boxes")
+        return self
+
+
+def _refuse_twice(what: str, names: Sequence[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"the {what} {twice[0]!r} is given twice")
+
+
+def builtin_worlds() -> list[str]:
+    """Names of the worlds that ship with the program."""
+    folder = files("gridslam.configs").joinpath("worlds")
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml"))
+
+
+def load_world(
+    name_or_path: str, overrides: Sequence[str] = (), seed: int | None = None
+) -> tuple[World, Path]:
+    """The world of a file or of a built-in name, and its path (files that it names are relative to that).
+
+    Raises ConfigError: no such world, not YAML, or what the model refuses, with the key path.
+    """
+    path = _path_of(name_or_path)
+    document = apply_overrides(read_yaml(path), overrides)
+    if seed is not None:
+        document["seed"] = seed
+    return validate_world(document, name_or_path, overrides), path
+
+
+def validate_world(document: dict[str, Any], source: str, overrides: Sequence[str] = ()) -> World:
+    """The model of a document; ConfigError says what is wrong with it and where."""
+    try:
+        return World.model_validate(document)
+    except ValidationError as error:
+        raise config_error(error, World, source, overridden_keys(overrides)) from None
+
+
+def _path_of(name_or_path: str) -> Path:
+    path = Path(name_or_path)
+    if path.exists():
+        return path
+    if name_or_path in builtin_worlds():
+        with as_file(files("gridslam.configs").joinpath("worlds", f"{name_or_path}.yaml")) as found:
+            return found
+    hint = nearest(path.name.removesuffix(".yaml"), builtin_worlds())
+    raise ConfigError(f"{name_or_path}: neither a world file nor a built-in world{hint}")
