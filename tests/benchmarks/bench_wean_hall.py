@@ -51,7 +51,8 @@ def rows() -> Iterator[Row]:
         yield Row(
             f"localize.{name}.first_localized", float(np.median([localized_after(r) for r in results])), "s"
         )
-        yield Row(f"localize.{name}.jumps", max(jumps(result) for result in results), "", 0.0)
+        leaping = sum(jumps(result) > 0 for result in results)
+        yield Row(f"localize.{name}.leaping", leaping, f"of {len(SEEDS)}", 1.0)
         say(f"picture: {draw(grid, events, results[0], PICTURES / f'wean_{name}.png')}")
 
 
