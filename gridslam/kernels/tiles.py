@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-TILE_BITS = 4
-TILE_CELLS = 1 << TILE_BITS  # 16 x 16 cells
+TILE_BITS = 3
+TILE_CELLS = 1 << TILE_BITS  # 8 x 8 cells
 TILE_MASK = TILE_CELLS - 1
 
 

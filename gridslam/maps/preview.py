@@ -145,10 +145,12 @@ def _draw_cells(grid: OccupancyGrid, view: _View) -> Image.Image:
     if view.zoom < 1.0:
         k = round(1.0 / view.zoom)
         window = window.reshape(window.shape[0] // k, k, window.shape[1] // k, k).max(axis=(1, 3))
-    shade = np.clip(window[::-1, :, None], 0.0, 1.0)
-    colours = np.asarray(FREE) * (1.0 - shade) + np.asarray(WALL) * shade
-    colours = np.where(window[::-1, :, None] < 0.0, np.asarray(UNKNOWN), colours)
-    picture = Image.fromarray(np.rint(colours).astype(np.uint8))
+    steps = np.rint(np.clip(window[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
+    share = np.arange(256)[:, None] / 255.0
+    table = np.rint(np.asarray(FREE) * (1.0 - share) + np.asarray(WALL) * share).astype(np.uint8)
+    colours = table[steps]
+    colours[window[::-1] < 0.0] = UNKNOWN
+    picture = Image.fromarray(colours)
     return picture.resize((view.width_px, view.height_px), Image.Resampling.NEAREST)
 
 
