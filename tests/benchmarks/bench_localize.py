@@ -74,7 +74,7 @@ def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
         twin = best_ms(lambda p=poses: numpy_sums(field, table, beams.points, p), 3)
         label = f"localize.{name}.{spread}"
         yield Row(f"{label}.field", weigh, "ms")
-        yield Row(f"{label}.field.over_numpy", twin / weigh, "x", 8.0, at_least=True)
+        yield Row(f"{label}.field.over_numpy", twin / weigh, "x", 5.0, at_least=True)
         yield Row(f"{label}.beam", best_ms(lambda p=poses: model.log_likelihood(beams, p), 7), "ms")
     bearings = np.linspace(-np.pi, np.pi, 100, endpoint=False)
     cast = best_ms(lambda: caster.ranges(everywhere, bearings, np.zeros(3), REACH_M), 5)
