@@ -145,6 +145,10 @@ class FinalStageConfig(StrictModel):
     )
     window_m: float = Field(3.0, gt=0.0, description="half width of the search window of a loop")
     window_rad: float = Field(0.2, gt=0.0, description="half angle of the search window of a loop")
+    searches: int = Field(
+        3, ge=1, description="loops are searched for again, so often at most, while poses move"
+    )
+    search_again_m: float = Field(0.5, gt=0.0, description="by more than this")
     field_resolution_m: float = Field(0.1, gt=0.0, description="cell of the field that the search uses")
     least_score: float = Field(
         0.6, gt=0.0, lt=1.0, description="mean likelihood of a loop's correlative match"

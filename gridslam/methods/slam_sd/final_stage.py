@@ -63,14 +63,22 @@ def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: 
     points = _gather(scans, config.filter.max_points)
     spans = spans_of(n, stage.submap_key_scans)
     odometry = _steps(track, config)
-    loops, tried = _search_loops(scans, points, spans, poses, config)
-    estimate, weights = optimise(poses, Edges.concatenate([odometry, loops]), stage.robust_scale)
-    rejected = int(np.count_nonzero(weights[n - 1 :] < 0.1))
-    matches = loops
+    estimate, found = poses, _no_edges()
+    tried = rejected = 0
+    for _ in range(stage.searches):
+        before = estimate
+        loops, pairs = _search_loops(scans, points, spans, before, config)
+        tried += pairs
+        found = Edges.concatenate([found, loops])
+        estimate, weights = optimise(before, Edges.concatenate([odometry, found]), stage.robust_scale)
+        rejected = int(np.count_nonzero(weights[n - 1 :] < 0.1))
+        if np.hypot(*(estimate - before)[:, :2].T).max() < stage.search_again_m:
+            break
+    matches = found
     for _ in range(stage.rounds):
         matches = _register_in_view(scans, points, spans, estimate, config)
         estimate, _ = optimise(estimate, Edges.concatenate([odometry, matches]), stage.robust_scale)
-    return Refined(estimate, tried, len(loops), rejected, len(matches))
+    return Refined(estimate, tried, len(found), rejected, len(matches))
 
 
 def _steps(track: Floats, config: SlamSdConfig) -> Edges:
