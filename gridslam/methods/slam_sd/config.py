@@ -139,7 +139,7 @@ class FinalStageConfig(StrictModel):
     submap_key_scans: int = Field(
         20, ge=4, description="key scans in a submap; neighbours share half of them"
     )
-    stride: int = Field(3, ge=1, description="every so many key scans one is searched for in far submaps")
+    stride: int = Field(4, ge=1, description="every so many key scans one is searched for in far submaps")
     search_radius_m: float = Field(
         8.0, gt=0.0, description="loops are looked for between poses nearer than this"
     )
@@ -161,7 +161,7 @@ class FinalStageConfig(StrictModel):
     )
     odometry_share: float = Field(1.0, gt=0.0, description="weight of the front end's steps")
     robust_scale: float = Field(2.0, gt=0.0, description="scale of the robust kernel in standard deviations")
-    rounds: int = Field(2, ge=1, description="how often the scans are registered anew and the graph solved")
+    rounds: int = Field(3, ge=1, description="scans are registered anew so often at most, while poses move")
     resolution_m: float | None = Field(
         None, gt=0.0, description="cell of the rebuilt map; absent: map.resolution_m"
     )

@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 REGISTRATION_SIGMA_M = 0.05
+SETTLED_M = 0.05  # scans that move less are not registered anew
 WEAK_PRIOR = np.diag(
     [1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.05**2]
 )  # keeps the open direction of a corridor where it was
@@ -72,13 +73,21 @@ def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: 
         found = Edges.concatenate([found, loops])
         estimate, weights = optimise(before, Edges.concatenate([odometry, found]), stage.robust_scale)
         rejected = int(np.count_nonzero(weights[n - 1 :] < 0.1))
-        if np.hypot(*(estimate - before)[:, :2].T).max() < stage.search_again_m:
+        if _largest_move(before, estimate) < stage.search_again_m:
             break
     matches = found
     for _ in range(stage.rounds):
-        matches = _register_in_view(scans, points, spans, estimate, config)
-        estimate, _ = optimise(estimate, Edges.concatenate([odometry, matches]), stage.robust_scale)
+        before = estimate
+        matches = _register_in_view(scans, points, spans, before, config)
+        estimate, _ = optimise(before, Edges.concatenate([odometry, matches]), stage.robust_scale)
+        if _largest_move(before, estimate) < SETTLED_M:
+            break
     return Refined(estimate, tried, len(found), rejected, len(matches))
+
+
+def _largest_move(before: Floats, after: Floats) -> float:
+    """How far (m) the pose that moved farthest has moved."""
+    return float(np.hypot(*(after - before)[:, :2].T).max())
 
 
 def _steps(track: Floats, config: SlamSdConfig) -> Edges:

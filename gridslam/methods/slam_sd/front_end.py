@@ -76,10 +76,8 @@ class FrontEnd:
 
         `has_jumped`: the odometry lost the motion since the last scan, and says little about it.
         """
-        if not self._recent:
-            match = Matched(self.pose, 1.0, True)
-        else:
-            match = self._match(scan, odometry, has_jumped)
+        first = Matched(self.pose, 1.0, True)
+        match = self._match(scan, odometry, has_jumped) if self._recent else first
         self.pose = match.pose
         self._recent.append(_Moment(scan.stamp_ns, odometry, match.pose))
         return match
@@ -117,8 +115,8 @@ class FrontEnd:
         it holds still), and somewhat ahead or behind.
         """
         guesses = [predicted, se2.compose(self.pose, steady)]
-        for moment in (self._recent[0], self._recent[len(self._recent) // 2]):
-            guesses.append(se2.compose(moment.pose, se2.between(moment.odometry, odometry)))
+        earlier = (self._recent[0], self._recent[len(self._recent) // 2])
+        guesses += [se2.compose(then.pose, se2.between(then.odometry, odometry)) for then in earlier]
         reach = self._config.look_around_m
         guesses += [se2.compose(predicted, np.array([ahead, 0.0, 0.0])) for ahead in (-reach, reach)]
         return [np.asarray(guess) for guess in guesses]
