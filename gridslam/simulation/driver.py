@@ -47,7 +47,10 @@ class RouteDriver:
 
     def _must_stop(self, robot: DrivenRobot) -> bool:
         stops = self.config.stops
-        return stops is not None and robot.way_m - self._way_of_last_stop_m >= stops.every_m
+        if stops is None:
+            return False
+        braking_m = robot.v_mps**2 / (2.0 * robot.wheels.acceleration_mps2)
+        return robot.way_m + braking_m - self._way_of_last_stop_m >= stops.every_m
 
     def _stop(self, robot: DrivenRobot) -> tuple[float, float]:
         """Brake; standing, ask for the sweep and let the robot settle."""

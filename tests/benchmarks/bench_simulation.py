@@ -1,0 +1,50 @@
+"""The simulator: seconds for ten minutes of lidar, and how far the odometry of six laps goes wrong."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Odometry
+from gridslam.simulation.outlines import radians
+from gridslam.simulation.record import record_world
+from gridslam.simulation.route import drive_route
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.world_config import load_world
+from tests.benchmarks.harness import Row
+
+SEEDS = 20
+LIDAR = ("sensors.lidar.rate_hz=10", "sensors.lidar.beams=360", "sensors.lidar.field_of_view_deg=360")
+
+
+def rows() -> Iterator[Row]:
+    """Speed, including the writing of the log; mean, deviation and largest drift over 20 seeds."""
+    yield Row("simulation.lidar.ten_minutes", seconds_for_ten_minutes(), "s", bound=30.0)
+    drifts = np.array([final_drift(seed) for seed in range(SEEDS)])
+    yield Row("simulation.ir_laps.drift.mean", float(drifts.mean()), "m")
+    yield Row("simulation.ir_laps.drift.deviation", float(drifts.std()), "m")
+    yield Row("simulation.ir_laps.drift.largest", float(drifts.max()), "m")
+
+
+def seconds_for_ten_minutes() -> float:
+    """Wall seconds for 600 s of 10 scans a second of 360 beams in the office, log and truth written."""
+    world, path = load_world("office", LIDAR)
+    with tempfile.TemporaryDirectory() as folder:
+        record_world(load_world("ir-room")[0], path.parent, Path(folder) / "warm_up.mcap")
+        started = time.perf_counter()
+        done = record_world(world, path.parent, Path(folder) / "log.mcap")
+        return (time.perf_counter() - started) * 600.0 / done.duration_s
+
+
+def final_drift(seed: int) -> float:
+    """Distance between where odometry ends and where the robot is, after six laps of the infrared world."""
+    world, path = load_world("ir-laps", ("sensors.gyro=null",), seed)
+    simulator = Simulator(world, path.parent)
+    odometry = [e for e, is_truth in drive_route(simulator) if isinstance(e, Odometry) and not is_truth]
+    believed = se2.compose(radians(world.robot.start), odometry[-1].pose)
+    return float(np.hypot(*(believed - simulator.robot.pose)[:2]))

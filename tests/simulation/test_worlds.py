@@ -1,0 +1,128 @@
+"""Every world that ships is valid and can be driven; wrong world files say what is wrong."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from gridslam.core.errors import ConfigError
+from gridslam.maps.occupancy import GridGeometry
+from gridslam.simulation.plan import outlines_of, plan_segments
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.shapes import Door
+from gridslam.simulation.truth_map import true_map
+from gridslam.simulation.world_config import Plan, builtin_worlds, load_world
+from tests.reference.segment_casting import cast_one
+from tests.simulation.places import room
+
+
+@pytest.mark.parametrize("name", builtin_worlds())
+def test_every_route_keeps_clear_of_what_stands(name: str) -> None:
+    world, path = load_world(name)
+    scene = Scene(world, path.parent)
+    route = [world.robot.start[:2], *world.robot.route]
+    for start, end in pairwise(route):
+        way = np.subtract(end, start)
+        length = float(np.hypot(*way))
+        if length == 0.0:
+            continue
+        across = world.robot.radius_m * np.array([-way[1], way[0]]) / length
+        for side in (-1.0, 0.0, 1.0):
+            ray = np.array([*(np.asarray(start) + side * across), *(way / length)])
+            free = scene.cast(ray[None], length + world.robot.radius_m, 0.0).ranges_m[0]
+            assert free >= length + world.robot.radius_m - 1e-9, f"{start} to {end} in {name}"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"walls": [{"points": [[0, 0]]}]}, "walls.0: a wall has either two or more points"),
+        ({"walls": [{"rectangle": [3, 0, 1, 1]}]}, "walls.0: rectangle: expected x0 < x1"),
+        ({"boxs": []}, "boxs: no such key.*did you mean 'boxes'"),
+        ({"sensors": {"lidar": {"beam": 3}}}, "sensors.lidar.beam: no such key.*'beams'"),
+        ({"sensors": {"lidar": {"sweep_s": 0.5}}}, "a sweep of 0.5 s does not fit 10 scans a second"),
+        ({"robot": {"start": [0, 0]}}, "robot.start"),
+        ({"walls": []}, "an empty world"),
+        (
+            {"doors": [{"id": "a", "hinge": [1, 1]}, {"id": "a", "hinge": [2, 1]}]},
+            "the id 'a' is given twice",
+        ),
+    ],
+)
+def test_a_wrong_world_file_is_an_error_with_the_key_path(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        room(**change)
+
+
+def test_an_unknown_world_is_an_error_that_names_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'office'"):
+        load_world("ofice")
+
+
+def test_a_door_turns_about_its_hinge_when_its_way_point_is_reached() -> None:
+    world = room(doors=[{"id": "d", "hinge": [4, 5], "width_m": 1, "turns": {"2": -90}}])
+    scene = Scene(world, Path())
+    door = world.doors[0]
+    assert isinstance(door, Door)
+    scene.reach(1)
+    assert scene.moving[:, [0, 2]].max() == pytest.approx(5.0)
+    scene.reach(2)
+    assert scene.moving[:, [1, 3]].min() == pytest.approx(4.0)
+    assert scene.pose_of(door) == pytest.approx([4, 5, -np.pi / 2])
+
+
+def test_the_true_map_has_walls_where_they_are_and_is_free_where_the_robot_could_go() -> None:
+    world = room(boxes=[{"centre": [5, 2.5], "size": [1, 1]}])
+    grid = true_map(Scene(world, Path()), world.truth)
+    points = np.array([[0.0, 2.5], [8.0, 1.0], [4.5, 2.5], [2.0, 2.0], [5.0, 2.5], [-0.5, 2.0]])
+    row, col = grid.geometry.cells(points + 1e-6).T
+    values = grid.probability[row, col]
+    assert values[:4].tolist() == [1.0, 1.0, 1.0, 0.0]
+    assert np.isnan(values[4:]).all()  # inside a box, and outside of the room
+
+
+def test_the_walls_of_a_map_lie_on_the_borders_of_its_cells() -> None:
+    occupied = np.zeros((40, 60), bool)
+    occupied[[0, -1]] = True
+    occupied[:, [0, -1]] = True
+    segments = outlines_of(occupied, GridGeometry(0.1, (-1.0, 2.0)), 0.02)
+    ray = np.array([2.0, 4.0, 1.0, 0.0])
+    assert cast_one(segments, np.zeros((0, 3)), ray, 50.0) == pytest.approx(5.0 - 0.1 - 2.0, abs=0.02)
+
+
+def test_a_slanted_wall_of_a_map_becomes_one_smooth_wall() -> None:
+    rows, cols = np.mgrid[0:200, 0:200]
+    occupied = np.abs(rows - 0.5 * cols - 40) < 2
+    segments = outlines_of(occupied, GridGeometry(0.05, (0.0, 0.0)), 0.05)
+    assert len(segments) < 20
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize("name", ["maps/depot.yaml", "maps/warehouse.yaml", "maps/tb3_sandbox.yaml"])
+def test_a_world_is_made_from_a_real_map(data_dir: Path, name: str) -> None:
+    if not (data_dir / name).exists():
+        pytest.skip(f"no {name}")
+    segments = plan_segments(Plan(file=str(data_dir / name)), Path())
+    assert 4 < len(segments) < 20_000
+
+
+@pytest.mark.real_data
+def test_a_world_is_made_from_a_drawing(data_dir: Path) -> None:
+    drawings = sorted((data_dir / "sketches").rglob("*.png"))
+    assert drawings
+    for drawing in drawings:
+        plan = Plan(file=str(drawing), resolution_m=0.1, walls_are="bright")
+        assert 4 <= len(plan_segments(plan, Path())) < 20_000
+
+
+def test_a_plan_without_the_size_of_its_pixels_is_an_error(tmp_path: Path) -> None:
+    document = {"plan": {"file": "plan.png"}, "robot": {"start": [0, 0, 0]}}
+    (tmp_path / "world.yaml").write_text(yaml.safe_dump(document))
+    world, path = load_world(str(tmp_path / "world.yaml"))
+    with pytest.raises(ConfigError, match=r"plan.resolution_m: .*is missing"):
+        Scene(world, path.parent)
