@@ -145,14 +145,3 @@ class Fixes(Stream):
     noise_deg: PositiveFloat = 1.0
     outliers: Share = 0.03
     outlier_m: NotNegative = 1.0
-
-
-class Sensors(StrictModel):
-    """Everything on board."""
-
-    lidar: Lidar | None = None
-    odometry: WheelOdometry | None = WheelOdometry()
-    gyro: Gyro | None = None
-    infrared: tuple[Infrared, ...] = ()
-    antennas: tuple[Antenna, ...] = ()
-    fixes: Fixes | None = None

@@ -7,11 +7,14 @@ for event in simulator.step(left_radps, right_radps): ...
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
 from gridslam.core.messages import Event, Odometry, Transform, canonical_yaw
 from gridslam.core.random import random_stream
+from gridslam.simulation.camera_config import RgbdCamera, StereoCamera
+from gridslam.simulation.cameras import CameraSensor
 from gridslam.simulation.drive import STEP_NS, DrivenRobot
 from gridslam.simulation.encoders import BASE_FRAME, Encoders
 from gridslam.simulation.fixes import FixSource
@@ -46,7 +49,9 @@ class Simulator:
         self._rangers = InfraredRangers(
             world.sensors.infrared, world.start_ns, random_stream(world.seed, "infrared")
         )
-        self._sensors = [*_sensors(world), self._rangers]
+        self._cameras = _cameras(world, folder, world.sensors.cameras, is_fixed=False)
+        self._fixed_cameras = _cameras(world, folder, world.fixed_cameras, is_fixed=True)
+        self._sensors: list[Sensor] = [*_sensors(world), self._rangers, *self._cameras, *self._fixed_cameras]
 
     @property
     def time_s(self) -> float:
@@ -64,7 +69,9 @@ class Simulator:
         mounted = [(sensors.lidar.mounting, sensors.lidar.frame)] if sensors.lidar else []
         mounted += [(ranger.mounting, ranger.name) for ranger in sensors.infrared]
         mounted += [(antenna.mounting, antenna.name) for antenna in sensors.antennas]
-        return [static_transform(mounting, frame, stamp) for mounting, frame in mounted]
+        transforms = [static_transform(mounting, frame, stamp) for mounting, frame in mounted]
+        transforms += [camera.mount(stamp, BASE_FRAME) for camera in self._cameras]
+        return transforms + [camera.mount(stamp, MAP_FRAME) for camera in self._fixed_cameras]
 
     def start_sweep(self) -> None:
         """Let the infrared rangers sweep once."""
@@ -96,6 +103,15 @@ class Simulator:
 
 def _wrapped(yaw_rad: float) -> float:
     return math.remainder(yaw_rad, math.tau)
+
+
+def _cameras(
+    world: World, folder: Path, configs: Iterable[RgbdCamera | StereoCamera], is_fixed: bool
+) -> list[CameraSensor]:
+    return [
+        CameraSensor(c, world.start_ns, random_stream(world.seed, f"camera {c.name}"), folder, is_fixed)
+        for c in configs
+    ]
 
 
 def _sensors(world: World) -> list[Sensor]:

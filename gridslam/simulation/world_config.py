@@ -15,8 +15,9 @@ from gridslam.config.errors import config_error, nearest
 from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
+from gridslam.simulation.camera_config import RgbdCamera
 from gridslam.simulation.robot_config import Robot
-from gridslam.simulation.sensor_config import Sensors
+from gridslam.simulation.sensor_suite import Sensors
 from gridslam.simulation.shapes import Box, Cylinder, Door, NotNegative, Person, Point, TaggedObject, Wall
 
 
@@ -51,6 +52,7 @@ class World(StrictModel):
     doors: tuple[Door, ...] = ()
     objects: tuple[TaggedObject, ...] = ()
     people: tuple[Person, ...] = ()
+    fixed_cameras: tuple[RgbdCamera, ...] = ()  # their mountings are in the map frame
     robot: Robot
     sensors: Sensors = Sensors()
     truth: TruthMap = TruthMap()
@@ -67,6 +69,8 @@ class World(StrictModel):
         _refuse_twice("tag id", [thing.tag.id for thing in named if thing.tag])
         _refuse_twice("infrared name", [ranger.name for ranger in self.sensors.infrared])
         _refuse_twice("antenna name", [antenna.name for antenna in self.sensors.antennas])
+        cameras = [*self.sensors.cameras, *self.fixed_cameras]
+        _refuse_twice("camera name", [camera.name for camera in cameras])
         if self.robot.stops and not self.sensors.infrared:
             raise ValueError("robot.stops: stops are for sweeps of infrared rangers, and there is none")
         if self.sensors.infrared and not self.robot.stops:

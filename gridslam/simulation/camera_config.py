@@ -1,0 +1,50 @@
+"""Cameras of a world file: stereo pairs and RGB-D, on the robot or fixed in the world."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, PositiveFloat
+
+from gridslam.simulation.sensor_config import Mounting, Stream
+from gridslam.simulation.shapes import NotNegative, Share
+
+
+class Camera(Stream):
+    """A pinhole camera that looks along its mounting's x axis; pixels have normal noise of `noise_levels` (of 255)."""
+
+    name: str = Field(min_length=1, pattern="^[A-Za-z][A-Za-z0-9_]*$")
+    mounting: Mounting = Mounting(z=0.6)
+    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    width_px: Annotated[int, Field(ge=16, le=4096)] = 320
+    height_px: Annotated[int, Field(ge=16, le=4096)] = 240
+    focal_px: PositiveFloat = 280.0
+    noise_levels: NotNegative = 1.5
+
+
+class RgbdCamera(Camera):
+    """Colour and depth of the same pixels. The deviation of a depth is depth_noise_m + depth_noise_per_m2 * depth^2; all of
+    them are wrong by `depth_offset_m`. There is no depth outside [depth_min_m, depth_max_m], for the share `holes` of the
+    pixels, beyond an incidence of `grazing_deg`, and beside edges of more than 5 % of the depth.
+    """
+
+    kind: Literal["rgbd"] = "rgbd"
+    depth_min_m: PositiveFloat = 0.4
+    depth_max_m: PositiveFloat = 8.0
+    depth_noise_m: NotNegative = 0.002
+    depth_noise_per_m2: NotNegative = 0.002
+    depth_offset_m: float = 0.0
+    depth_resolution_m: NotNegative = 0.001
+    holes: Share = 0.01
+    grazing_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 80.0
+    edge_shadow: bool = True
+
+
+class StereoCamera(Camera):
+    """Two rectified grey cameras: the mounting is the left one's, the right one is `baseline_m` to its right."""
+
+    kind: Literal["stereo"] = "stereo"
+    baseline_m: PositiveFloat = 0.12
+
+
+AnyCamera = Annotated[RgbdCamera | StereoCamera, Field(discriminator="kind")]

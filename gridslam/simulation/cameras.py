@@ -1,0 +1,159 @@
+"""Stereo and RGB-D cameras on the robot, and RGB-D cameras fixed in the world."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, StereoPair, Transform, readonly
+from gridslam.simulation.camera_config import RgbdCamera, StereoCamera
+from gridslam.simulation.drive import DrivenRobot
+from gridslam.simulation.mesh import Mesh, joined, moving_mesh, robot_mesh, standing_mesh
+from gridslam.simulation.mounts import planar
+from gridslam.simulation.renderer import Renderer, View
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.sensor_config import Mounting
+from gridslam.simulation.timing import Schedule
+
+Array = NDArray[np.float64]
+EDGE_SHARE = 0.05
+GREY = np.array([0.299, 0.587, 0.114], np.float32)
+
+
+class CameraSensor:
+    """One camera with its own schedule. `is_fixed`: the mounting is in the map frame, and the robot is in view."""
+
+    def __init__(
+        self,
+        config: RgbdCamera | StereoCamera,
+        start_ns: int,
+        rng: np.random.Generator,
+        folder: Path,
+        is_fixed: bool,
+    ) -> None:
+        self._config = config
+        self._rng = rng
+        self._folder = folder
+        self._is_fixed = is_fixed
+        self._schedule = Schedule(config, start_ns, rng, phase=0.4)
+        self._renderer = Renderer(config.width_px, config.height_px, config.focal_px)
+        self._standing: Mesh | None = None
+        self.frame = f"{config.name}_optical"
+
+    def infos(self, stamp_ns: int) -> list[CameraInfo]:
+        """The calibration messages."""
+        if isinstance(self._config, RgbdCamera):
+            return [self._info(stamp_ns, self._config.name, 0.0)]
+        baseline = self._config.baseline_m
+        return [
+            self._info(stamp_ns, f"{self._config.name}/left", 0.0),
+            self._info(stamp_ns, f"{self._config.name}/right", baseline),
+        ]
+
+    def mount(self, stamp_ns: int, parent: str) -> Transform:
+        """T_parent_optical: x right, y down, z along the view."""
+        mounting = self._config.mounting
+        forward, left, up = axes(mounting, 0.0).T
+        quat = _quaternion(np.column_stack([-left, -up, forward]))
+        return Transform(stamp_ns, parent, self.frame, (mounting.x, mounting.y, mounting.z), quat, True)
+
+    def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
+        """The pictures of this step."""
+        if not self._schedule.is_due(now_ns):
+            return []
+        self._schedule.take()
+        stamp = self._schedule.stamp_ns(now_ns)
+        if stamp is None:
+            return []
+        mesh = self._mesh(robot, scene, now_ns * 1e-9)
+        if isinstance(self._config, RgbdCamera):
+            return self._rgbd(self._config, stamp, mesh, robot)
+        return self._stereo(self._config, stamp, mesh, robot)
+
+    def _mesh(self, robot: DrivenRobot, scene: Scene, time_s: float) -> Mesh:
+        if self._standing is None:
+            self._standing = standing_mesh(scene.world, self._folder, scene)
+        parts = [self._standing, moving_mesh(scene.world, scene, time_s)]
+        if self._is_fixed:
+            parts.append(robot_mesh(scene.world, robot))
+        return joined(parts)
+
+    def _view(self, mesh: Mesh, robot: DrivenRobot, to_the_right_m: float = 0.0) -> View:
+        base = np.zeros(3) if self._is_fixed else robot.pose
+        mounting = self._config.mounting
+        x, y, _ = se2.compose(base, planar(mounting)).tolist()
+        rotation = axes(mounting, float(base[2]))
+        position = np.array([x, y, mounting.z]) - to_the_right_m * rotation[:, 1]
+        return self._renderer.render(mesh, position, rotation)
+
+    def _rgbd(self, config: RgbdCamera, stamp: int, mesh: Mesh, robot: DrivenRobot) -> list[Event]:
+        view = self._view(mesh, robot)
+        colour = readonly(self._exposed(view.colour), np.uint8)
+        depth = readonly(noisy_depth(config, view, self._rng), np.float32)
+        return [
+            *self.infos(stamp),
+            Image(stamp, self.frame, colour, config.name),
+            DepthImage(stamp, self.frame, depth, config.name),
+        ]
+
+    def _stereo(self, config: StereoCamera, stamp: int, mesh: Mesh, robot: DrivenRobot) -> list[Event]:
+        views = (self._view(mesh, robot), self._view(mesh, robot, config.baseline_m))
+        left, right = (readonly(self._exposed(view.colour @ GREY), np.uint8) for view in views)
+        return [*self.infos(stamp), StereoPair(stamp, self.frame, left, right)]
+
+    def _exposed(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Light (0 to 255) as noisy pixels."""
+        noise = self._config.noise_levels * self._rng.standard_normal(light.shape, np.float32)
+        return np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
+
+    def _info(self, stamp_ns: int, name: str, baseline_m: float) -> CameraInfo:
+        c = self._config
+        K = np.array(
+            [[c.focal_px, 0, 0.5 * (c.width_px - 1)], [0, c.focal_px, 0.5 * (c.height_px - 1)], [0, 0, 1]]
+        )
+        P = np.column_stack([K, [-c.focal_px * baseline_m, 0.0, 0.0]])
+        K, P, D = (readonly(values, np.float64) for values in (K, P, np.zeros(5)))
+        return CameraInfo(stamp_ns, self.frame, c.width_px, c.height_px, K, P, D, name)
+
+
+def noisy_depth(config: RgbdCamera, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Depths as the sensor reports them, NaN where it has none."""
+    depth = view.depth_m.astype(np.float64)
+    normal, hole = rng.standard_normal(depth.shape), rng.random(depth.shape)
+    with np.errstate(invalid="ignore"):
+        sigma = config.depth_noise_m + config.depth_noise_per_m2 * depth**2
+        found = depth + config.depth_offset_m + sigma * normal
+        if config.depth_resolution_m:
+            found = np.round(found / config.depth_resolution_m) * config.depth_resolution_m
+    lost = (hole < config.holes) | ~(depth >= config.depth_min_m) | ~(depth <= config.depth_max_m)
+    lost |= view.cosine < math.cos(math.radians(config.grazing_deg))
+    if config.edge_shadow:
+        lost |= _beside_edges(depth)
+    return np.where(lost, np.nan, found).astype(np.float32)
+
+
+def _beside_edges(depth: Array) -> NDArray[np.bool_]:
+    """Far pixels whose left neighbour is much nearer: the projector's light does not reach them."""
+    shadow = np.zeros(depth.shape, bool)
+    with np.errstate(invalid="ignore"):
+        shadow[:, 1:] = depth[:, 1:] - depth[:, :-1] > EDGE_SHARE * depth[:, 1:]
+    return shadow
+
+
+def axes(mounting: Mounting, base_yaw_rad: float) -> Array:
+    """Forward, left, up of a camera as columns `(3, 3)`; pitch is positive downwards."""
+    yaw, pitch = base_yaw_rad + math.radians(mounting.yaw_deg), math.radians(mounting.pitch_deg)
+    cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    return np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])
+
+
+def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """w, x, y, z of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
+    return w, x, y, z
