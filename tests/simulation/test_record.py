@@ -1,0 +1,162 @@
+"""The files that a simulation writes."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from gridslam.core.messages import LaserScan, Odometry
+from gridslam.evaluation.object_files import read_objects
+from gridslam.logs import open_log
+from gridslam.logs.tum import read_tum
+from gridslam.maps.map_server import load_map
+from gridslam.simulation.preview import draw_world
+from gridslam.simulation.record import record_world
+from gridslam.simulation.world_config import load_world
+from tests.conftest import Program
+
+SMALL = """
+version: 1
+seed: 5
+walls: [{rectangle: [0, 0, 6, 4]}]
+doors: [{id: d, hinge: [2, 4], width_m: 0.9, turns: {1: -80}, tag: {id: tag-d, position: [0.45, -0.02], facing_deg: -90}}]
+objects: [{id: b, pose: [4, 3.6, -90], size: [0.4, 0.4], moves: {0: [4.5, 3.6, -90]}, tag: {id: tag-b, position: [0.2, 0]}}]
+people: [{path: [[1, 3], [5, 3]]}]
+robot: {start: [1, 1, 0], route: [[4, 1], [4, 2], [1, 2]], wheels: {slip_deviation: 0.02}}
+sensors:
+  lidar: {beams: 90}
+  gyro: {}
+  odometry: {publish_wheels: true}
+  antennas: [{name: antenna}]
+  fixes: {}
+"""
+
+
+@pytest.fixture
+def world_file(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return path
+
+
+def digests(folder: Path) -> dict[str, str]:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+@pytest.mark.parametrize("name", ["log.mcap", "log"])
+def test_a_log_and_its_truth_are_readable(world_file: Path, tmp_path: Path, name: str) -> None:
+    world, path = load_world(str(world_file))
+    done = record_world(world, path.parent, tmp_path / name)
+    with open_log(tmp_path / name) as log:
+        kinds = [type(event).__name__ for event in log.events()]
+    assert {"LaserScan", "Odometry", "Imu", "WheelTicks", "TagInventory", "PoseFix"} <= set(kinds)
+    assert kinds.count("LaserScan") == done.messages["LaserScan"]
+    truth = read_tum(tmp_path / "log.truth" / "trajectory.tum")
+    assert truth.poses[0] == pytest.approx([1, 1, 0])
+    assert np.hypot(*(truth.poses[-1, :2] - [1, 2])) < 0.3
+    assert load_map(tmp_path / "log.truth" / "map.yaml").probability.shape == (120, 160)
+    objects = read_objects(tmp_path / "log.truth" / "objects.csv")
+    assert objects["d"].state == "open"
+    assert objects["d"].moved
+    assert objects["b"].pose[:2] == pytest.approx((4.5, 3.6))
+    again, _ = load_world(str(tmp_path / "log.truth" / "world.yaml"))
+    assert again == world
+
+
+def test_the_same_world_and_seed_give_the_same_bytes_on_any_number_of_threads(
+    world_file: Path, tmp_path: Path
+) -> None:
+    found = []
+    for threads in ("1", "2"):
+        folder = tmp_path / threads
+        folder.mkdir()
+        command = [sys.executable, "-m", "gridslam.cli.main"]
+        code = "import sys; from gridslam.cli.main import main; sys.exit(main(sys.argv[1:]))"
+        command = [
+            sys.executable,
+            "-c",
+            code,
+            "simulate",
+            str(world_file),
+            "-o",
+            str(folder / "log.mcap"),
+            "-q",
+        ]
+        environment = {**os.environ, "NUMBA_NUM_THREADS": threads}
+        subprocess.run(command, check=True, env=environment, capture_output=True)
+        found.append(digests(folder))
+    assert found[0] == found[1]
+    assert set(found[0]) == {
+        "log.mcap",
+        *(
+            f"log.truth/{name}"
+            for name in ("map.pgm", "map.yaml", "objects.csv", "trajectory.tum", "world.yaml")
+        ),
+    }
+
+
+def test_a_standard_reader_opens_the_log(world_file: Path, tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    world, path = load_world(str(world_file))
+    done = record_world(world, path.parent, tmp_path / "log.mcap")
+    names: dict[str, int] = {}
+    with (tmp_path / "log.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, _, _, message in reader.iter_decoded_messages():
+            assert schema is not None
+            assert message is not None
+            names[schema.name] = names.get(schema.name, 0) + 1
+    assert names["sensor_msgs/msg/LaserScan"] == done.messages["LaserScan"]
+    assert names["gridslam_msgs/msg/TagInventory"] == done.messages["TagInventory"]
+    assert names["geometry_msgs/msg/PoseWithCovarianceStamped"] == done.messages["PoseFix"]
+
+
+def test_the_truth_in_the_log_is_not_shown_to_methods(world_file: Path, tmp_path: Path) -> None:
+    world, path = load_world(str(world_file))
+    done = record_world(world, path.parent, tmp_path / "log.mcap")
+    with open_log(tmp_path / "log.mcap") as log:
+        events = list(log.events())
+    assert sum(isinstance(event, Odometry) for event in events) == done.messages["Odometry"]
+    assert sum(isinstance(event, LaserScan) for event in events) == done.messages["LaserScan"]
+
+
+def test_a_preview_is_a_picture(world_file: Path, tmp_path: Path) -> None:
+    world, path = load_world(str(world_file))
+    draw_world(world, path.parent, tmp_path / "world.png")
+    assert (tmp_path / "world.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_tells_what_it_wrote_and_refuses_to_overwrite(
+    program: Program, world_file: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    done = program("simulate", world_file, "-o", log, "--json", "--seed", "9")
+    assert done.returncode == 0, done.stderr
+    assert yaml.safe_load(done.stdout)["messages"]["LaserScan"] > 50
+    again = program("simulate", world_file, "-o", log)
+    assert again.returncode == 3
+    assert "--force" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["office"], "nothing to do"),
+        (["nowhere", "-o", "x.mcap"], "neither a world file nor a built-in world"),
+        (["office", "-o", "x.mcap", "--set", "robot.speed=3"], "robot.speed: no such key"),
+    ],
+)
+def test_wrong_commands_end_with_two(program: Program, arguments: list[str], message: str) -> None:
+    done = program("simulate", *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
