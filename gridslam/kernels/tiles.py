@@ -141,6 +141,52 @@ def own_tiles(
 
 
 @njit(cache=True)
+def own_for_maps(
+    wanted: NDArray[np.bool_],
+    directory: NDArray[np.int32],
+    pool: NDArray[np.float32],
+    refcount: NDArray[np.int32],
+    free: NDArray[np.int32],
+    n_free: int,
+    origin: NDArray[np.int64],
+    resolution_m: float,
+    maps: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    viewpoint: NDArray[np.float64],
+    points: NDArray[np.float64],
+    reach_m: float,
+    with_beams: bool,
+    begin: int,
+) -> tuple[int, int, int]:
+    """`own_tiles` for one scan in maps[begin:], seen from poses[k] in map maps[k], with the beams' tiles or the ends' alone.
+
+    Stops at the first map for which too few tiles are free. Returns the free tiles left, how far it came (len(maps): all
+    done), and how many tiles the next map needs. All points and the viewpoint lie within reach of the robot.
+    """
+    tile_m = resolution_m * TILE_CELLS
+    for k in range(begin, maps.shape[0]):
+        if with_beams:
+            mark_beam_tiles(wanted, origin, poses[k], viewpoint, points, resolution_m)
+        else:
+            mark_end_tiles(wanted, origin, poses[k], points, resolution_m)
+        row_0 = max(int(np.floor((poses[k, 1] - reach_m) / tile_m)) - origin[0] - 1, 0)
+        col_0 = max(int(np.floor((poses[k, 0] - reach_m) / tile_m)) - origin[1] - 1, 0)
+        row_1 = int(np.floor((poses[k, 1] + reach_m) / tile_m)) - origin[0] + 2
+        col_1 = int(np.floor((poses[k, 0] + reach_m) / tile_m)) - origin[1] + 2
+        window = wanted[row_0:row_1, col_0:col_1]
+        held = directory[maps[k], row_0:row_1, col_0:col_1]
+        needed = 0
+        for row in range(window.shape[0]):
+            for col in range(window.shape[1]):
+                if window[row, col] and (held[row, col] < 0 or refcount[held[row, col]] > 1):
+                    needed += 1
+        if needed > n_free:
+            return n_free, k, needed
+        n_free = own_tiles(window, held, pool, refcount, free, n_free)
+    return n_free, maps.shape[0], 0
+
+
+@njit(cache=True)
 def redistribute(
     directory: NDArray[np.int32],
     ancestors: NDArray[np.int64],

@@ -48,10 +48,7 @@ class TileStore:
         self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]
     ) -> None:
         """Make the tiles in which the points `(m, 2)` end, seen from pose k `(n, 3)`, writable in map maps[k]."""
-        self._cover(poses, kernel.reach_of(points))
-        for k, map_index in enumerate(maps):
-            kernel.mark_end_tiles(self._wanted, self.origin, poses[k], points, self.resolution_m)
-            self._own(int(map_index))
+        self._own_for_maps(maps, poses, np.zeros(2), points, with_beams=False)
 
     def own_beams(
         self,
@@ -61,10 +58,7 @@ class TileStore:
         points: NDArray[np.float64],
     ) -> None:
         """The same for all tiles that the beams from the viewpoint (2,) in the robot's frame to the points cross."""
-        self._cover(poses, max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1]))))
-        for k, map_index in enumerate(maps):
-            kernel.mark_beam_tiles(self._wanted, self.origin, poses[k], viewpoint, points, self.resolution_m)
-            self._own(int(map_index))
+        self._own_for_maps(maps, poses, viewpoint, points, with_beams=True)
 
     def own_trail(
         self,
@@ -120,6 +114,38 @@ class TileStore:
         self.n_free = kernel.own_tiles(
             self._wanted, self.directory[map_index], self.pool, self.refcount, self.free, self.n_free
         )
+
+    def _own_for_maps(
+        self,
+        maps: NDArray[np.int64],
+        poses: NDArray[np.float64],
+        viewpoint: NDArray[np.float64],
+        points: NDArray[np.float64],
+        with_beams: bool,
+    ) -> None:
+        reach_m = max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1])))
+        self._cover(poses, reach_m)
+        done = 0
+        while done < len(maps):
+            self.n_free, done, needed = kernel.own_for_maps(
+                self._wanted,
+                self.directory,
+                self.pool,
+                self.refcount,
+                self.free,
+                self.n_free,
+                self.origin,
+                self.resolution_m,
+                maps,
+                poses,
+                viewpoint,
+                points,
+                reach_m,
+                with_beams,
+                done,
+            )
+            if done < len(maps):
+                self._grow_pool(needed - self.n_free)
 
     def _cover(self, poses: NDArray[np.float64], reach_m: float) -> None:
         """Let the directory's window cover all that lies within reach of the poses `(n, 3)`."""
