@@ -21,15 +21,17 @@ class Sample:
 
 
 # Pictures are what makes logs large: the samples have few and small ones.
-_SMALL = "width_px: 160, height_px: 120, focal_px: 120, rate_hz: 1, noise_levels: 0.5"
-_ONBOARD = f"[{{name: onboard, kind: rgbd, mounting: {{x: 0.15, z: 0.5}}, depth_max_m: 5, {_SMALL}}}]"
+_SMALL = (
+    "width_px: 112, height_px: 84, focal_px: 84, rate_hz: 1, noise_levels: 0.2, depth_max_m: 9, "
+    "depth_noise_per_m2: 0.001, depth_resolution_m: 0.02"
+)
 _FIXED = ", ".join(
-    f"{{name: ispace{k}, kind: rgbd, mounting: {{x: {x}, y: 1.3, z: 2.4, pitch_deg: 28}}, depth_max_m: 9, {_SMALL}}}"
+    f"{{name: ispace{k}, kind: rgbd, mounting: {{x: {x}, y: 1.3, z: 2.4, pitch_deg: 28}}, {_SMALL}}}"
     for k, x in enumerate((1.0, 10.5, 20.0), start=1)
 )
 _STEREO = (
     "[{name: stereo, kind: stereo, rate_hz: 1, mounting: {x: 0.1, y: 0.06, z: 0.6}, "
-    "width_px: 240, height_px: 180, focal_px: 195, baseline_m: 0.12, noise_levels: 0.7}]"
+    "width_px: 240, height_px: 180, focal_px: 195, baseline_m: 0.12, noise_levels: 0.4}]"
 )
 SAMPLES = (
     Sample("slam-sd.mcap", "office"),
@@ -37,9 +39,7 @@ SAMPLES = (
     Sample("ir-scan.mcap", "ir-room"),
     Sample("ir-scan-csv", "ir-room"),
     Sample("handmap-slam.mcap", "hand-corridor-30", ("sensors.lidar.beams=180", "sensors.lidar.rate_hz=4")),
-    Sample(
-        "ispace-mcl.mcap", "ispace-corridor", (f"sensors.cameras={_ONBOARD}", f"fixed_cameras=[{_FIXED}]")
-    ),
+    Sample("ispace-mcl.mcap", "ispace-corridor", ("sensors.cameras=[]", f"fixed_cameras=[{_FIXED}]")),
     Sample("stereo-bayes.mcap", "stereo-room", (f"sensors.cameras={_STEREO}",)),
 )
 
