@@ -96,16 +96,17 @@ def _nearest(
     reach_m: float,
 ) -> tuple[int, int, int]:
     """(tile, row, col) of the nearest surface element within reach that faces the same way; tile -1 for none."""
-    row, col = int(np.floor(y / resolution_m)), int(np.floor(x / resolution_m))
-    cells = min(int(np.ceil(reach_m / resolution_m)), MAX_SEARCH_CELLS)
+    span_m = min(reach_m, MAX_SEARCH_CELLS * resolution_m)
+    row_0, row_1 = int(np.floor((y - span_m) / resolution_m)), int(np.floor((y + span_m) / resolution_m))
+    col_0, col_1 = int(np.floor((x - span_m) / resolution_m)), int(np.floor((x + span_m) / resolution_m))
     best = reach_m * reach_m
     b_tile, b_row, b_col = -1, 0, 0
     has_normal = nx != 0.0 or ny != 0.0
-    for r in range(row - cells, row + cells + 1):
+    for r in range(row_0, row_1 + 1):
         t_row = (r >> TILE_BITS) - origin[0]
         if t_row < 0 or t_row >= directory.shape[0]:
             continue
-        for q in range(col - cells, col + cells + 1):
+        for q in range(col_0, col_1 + 1):
             t_col = (q >> TILE_BITS) - origin[1]
             if t_col < 0 or t_col >= directory.shape[1]:
                 continue
