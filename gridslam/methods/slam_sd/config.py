@@ -137,7 +137,7 @@ class FinalStageConfig(StrictModel):
 
     enabled: bool = Field(True, description="whether the trajectory of the filter is refined")
     submap_key_scans: int = Field(
-        20, ge=4, description="key scans in a submap; neighbours share half of them"
+        30, ge=4, description="key scans in a submap; neighbours share half of them"
     )
     stride: int = Field(4, ge=1, description="every so many key scans one is searched for in far submaps")
     search_radius_m: float = Field(
@@ -148,7 +148,7 @@ class FinalStageConfig(StrictModel):
     searches: int = Field(
         3, ge=1, description="loops are searched for again, so often at most, while poses move"
     )
-    search_again_m: float = Field(0.5, gt=0.0, description="by more than this")
+    search_again_m: float = Field(1.5, gt=0.0, description="by more than this")
     field_resolution_m: float = Field(0.1, gt=0.0, description="cell of the field that the search uses")
     least_score: float = Field(
         0.6, gt=0.0, lt=1.0, description="mean likelihood of a loop's correlative match"
