@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .. import console
 from ..options import AsJson, Overrides
 
+if TYPE_CHECKING:
+    from gridslam.simulation.record import Recorded
+    from gridslam.simulation.world_config import World
+
+STEPS = 1000  # of the progress bar
 WorldName = Annotated[
     str, typer.Argument(metavar="WORLD", help="A world file (YAML), or a built-in world such as office.")
 ]
@@ -52,9 +57,7 @@ def run(
         draw_world(place, path.parent, preview)
     if output is None:
         return
-    from gridslam.simulation.record import record_world
-
-    done = record_world(place, path.parent, output, force)
+    done = _record(place, path.parent, output, force)
     document = {
         "output": str(output),
         "truth": str(done.truth),
@@ -67,3 +70,18 @@ def run(
     else:
         console.say(f"{done.duration_s:.0f} s, {done.way_m:.0f} m; the truth is in {done.truth}")
         console.emit_table(("message", "count"), list(done.messages.items()))
+
+
+def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:
+    """The recording, with a progress bar and a word when the ray caster has to be compiled first."""
+    from gridslam.kernels.compiling import telling_of_compilation
+    from gridslam.run import Progress
+    from gridslam.simulation.record import record_world
+
+    def tell() -> None:
+        console.say("compiling the ray caster, once per installation: some seconds")
+
+    with console.progress_bar("simulate") as show, telling_of_compilation(tell):
+        return record_world(
+            world, folder, output, force, lambda share: show(Progress(round(share * STEPS), STEPS, 0))
+        )

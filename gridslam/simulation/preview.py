@@ -30,8 +30,12 @@ def draw_world(world: World, folder: Path, output: Path) -> None:
     axes = figure.add_subplot()
     _draw_things(axes, scene)
     _draw_route(axes, world)
-    for sensor in world.people:
-        axes.plot(*np.array(sensor.path).T, color="tab:red", linestyle=":", linewidth=1)
+    for person in world.people:
+        axes.plot(*np.array(person.path).T, color="tab:red", linestyle=":", linewidth=1)
+    for camera in world.fixed_cameras:
+        _draw_arrow(
+            axes, camera.mounting.x, camera.mounting.y, math.radians(camera.mounting.yaw_deg), "tab:purple"
+        )
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
@@ -54,7 +58,7 @@ def _draw_things(axes: Any, scene: Scene) -> None:
     for x, y, radius in scene.circles(0.0).tolist():
         axes.add_patch(Circle((x, y), radius, fill=False, color="black"))
     for x, y, yaw in scene.tag_poses().values():
-        axes.arrow(x, y, 0.2 * math.cos(yaw), 0.2 * math.sin(yaw), color="tab:orange", head_width=0.08)
+        _draw_arrow(axes, x, y, yaw, "tab:orange")
     axes.autoscale_view()
 
 
@@ -62,7 +66,13 @@ def _draw_route(axes: Any, world: World) -> None:
     x, y, yaw_deg = world.robot.start
     route = np.array([(x, y), *world.robot.route])
     axes.plot(*route.T, color="tab:green", linewidth=0.8, marker=".", markersize=4)
-    yaw = math.radians(yaw_deg)
-    axes.arrow(x, y, 0.4 * math.cos(yaw), 0.4 * math.sin(yaw), color="tab:green", head_width=0.2)
+    _draw_arrow(axes, x, y, math.radians(yaw_deg), "tab:green")
     for index, (px, py) in enumerate(world.robot.route):
         axes.annotate(str(index), (px, py), fontsize=6, color="tab:green")
+
+
+def _draw_arrow(axes: Any, x: float, y: float, yaw: float, colour: str) -> None:
+    """An arrow of the same size in every picture."""
+    axes.quiver(
+        x, y, math.cos(yaw), math.sin(yaw), color=colour, angles="xy", units="inches", width=0.02, scale=4.0
+    )

@@ -19,7 +19,7 @@ from gridslam.logs.stamps import format_stamp
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import save_map
 from gridslam.simulation.outlines import radians
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.route import drive_route, route_length_m
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.simulator import Simulator
@@ -49,18 +49,19 @@ def record_world(
     folder: Path,
     output: Path,
     force: bool = False,
-    tell: Callable[[float], None] = lambda time_s: None,
+    tell: Callable[[float], None] = lambda share: None,
 ) -> Recorded:
-    """Drive the route and write log and truth; `tell` is called with the simulated time now and then."""
+    """Drive the route and write log and truth; `tell` is called now and then with the share of the route that is behind."""
     simulator = Simulator(world, folder)
     counts: Counter[str] = Counter()
+    length_m = route_length_m(world.robot)
     path: list[Odometry] = []
     with open_writer(output, force) as writer:
         for event, is_truth in drive_route(simulator):
             if is_truth and isinstance(event, Odometry):
                 writer.write_truth(event)
                 path.append(event)
-                tell(simulator.time_s)
+                tell(min(simulator.robot.way_m / max(length_m, 1e-9), 1.0))
             else:
                 writer.write(event)
                 counts[type(event).__name__] += 1

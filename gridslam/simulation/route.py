@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event
 from gridslam.simulation.driver import RouteDriver
+from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.simulator import Simulator
 
 TRUTH_EVERY_STEPS = 10
@@ -38,3 +41,9 @@ def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
                 f"robot.route: way point {driver.reached} at ({x:g}, {y:g}) is not reached within "
                 f"{simulator.world.max_duration_s:g} s; check the way or raise max_duration_s"
             )
+
+
+def route_length_m(robot: Robot) -> float:
+    """Length of the way from the start through all way points, in all laps."""
+    points = np.array([robot.start[:2], *(robot.route * robot.laps)])
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())

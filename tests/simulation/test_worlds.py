@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,10 @@ from gridslam.simulation.plan import outlines_of, plan_segments
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import Plan, builtin_worlds, load_world
+from gridslam.simulation.world_config import Plan, builtin_worlds, load_world, validate_world
+from tests.conftest import REPOSITORY
 from tests.reference.segment_casting import cast_one
-from tests.simulation.places import room
+from tests.simulation.places import driven, room
 
 
 @pytest.mark.parametrize("name", builtin_worlds())
@@ -126,3 +128,24 @@ def test_a_plan_without_the_size_of_its_pixels_is_an_error(tmp_path: Path) -> No
     world, path = load_world(str(tmp_path / "world.yaml"))
     with pytest.raises(ConfigError, match=r"plan.resolution_m: .*is missing"):
         Scene(world, path.parent)
+
+
+def blocks(language: str) -> list[str]:
+    """The code blocks of the simulator's page."""
+    text = (REPOSITORY / "docs" / "simulation.md").read_text()
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_world_on_the_simulators_page_can_be_driven() -> None:
+    (block,) = blocks("yaml")
+    document = {**yaml.safe_load(block), "fixed_cameras": []}
+    simulator, events = driven(validate_world(document, "docs/simulation.md"))
+    assert simulator.scene.openings == {"door": -80}
+    assert len(events) > 1000
+
+
+def test_the_program_on_the_simulators_page_works() -> None:
+    (block,) = blocks("python")
+    names: dict[str, Any] = {}
+    exec(block.replace("60.0", "1.0"), names)
+    assert names["true_pose"].x_m > 8.2
