@@ -81,6 +81,37 @@ class RouteDriver:
         return wheel_speeds(robot, forward, turn)
 
 
+class PathDriver:
+    """Wheel speeds that follow a driven path, whatever becomes of it: nobody corrects what slip does."""
+
+    wants_sweep = False
+
+    def __init__(self, config: Robot) -> None:
+        self.route = config.path * config.laps
+        self.reached = 0
+        self._left_s = config.wait_at_start_s
+        self._is_waiting = True
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last part is driven."""
+        return self.reached >= len(self.route) and not self._is_waiting
+
+    def command(self, robot: DrivenRobot, is_sweeping: bool) -> tuple[float, float]:
+        """Left and right wheel speed (rad/s) for the next step."""
+        self._left_s -= STEP_S
+        if self._is_waiting:
+            if self._left_s <= 0.0:
+                self._is_waiting = False
+                self._left_s = self.route[0].seconds if self.route else 0.0
+            return 0.0, 0.0
+        part = self.route[self.reached]
+        if self._left_s <= 1e-9:
+            self.reached += 1
+            self._left_s = self.route[self.reached].seconds if self.reached < len(self.route) else 0.0
+        return wheel_speeds(robot, part.forward_mps, part.turn_radps)
+
+
 def wheel_speeds(robot: DrivenRobot, forward_mps: float, turn_radps: float) -> tuple[float, float]:
     """Left and right wheel speed (rad/s) of a motion, by the maker's figures."""
     half = 0.5 * turn_radps * robot.wheels.base_m

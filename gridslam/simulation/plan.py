@@ -70,7 +70,7 @@ def _from_picture(plan: Plan, path: Path) -> tuple[NDArray[np.bool_], GridGeomet
     try:
         with Image.open(path) as picture:
             grey = np.asarray(_on_ground(picture, plan.walls_are == "dark"))
-    except (OSError, UnidentifiedImageError) as error:
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise ConfigError(f"plan.file: {path}: not a readable picture ({error})") from None
     is_wall = grey < 128 if plan.walls_are == "dark" else grey >= 128
     return np.ascontiguousarray(is_wall[::-1]), GridGeometry(plan.resolution_m, plan.origin)

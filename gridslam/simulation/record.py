@@ -18,6 +18,7 @@ from gridslam.core.poses import quaternion_of_yaw
 from gridslam.logs.stamps import format_stamp
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import save_map
+from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.simulation.outlines import radians
 from gridslam.simulation.route import drive_route, route_length_m
 from gridslam.simulation.scene import Scene
@@ -53,6 +54,7 @@ def record_world(
 ) -> Recorded:
     """Drive the route and write log and truth; `tell` is called now and then with the share of the route that is behind."""
     simulator = Simulator(world, folder)
+    grid = true_map(simulator.scene, world.truth)  # first: it may say that the world is too large
     counts: Counter[str] = Counter()
     length_m = route_length_m(world.robot)
     path: list[Odometry] = []
@@ -66,15 +68,15 @@ def record_world(
                 writer.write(event)
                 counts[type(event).__name__] += 1
     truth = truth_folder(output)
-    write_truth(truth, world, simulator.scene, path)
+    write_truth(truth, world, simulator.scene, path, grid)
     return Recorded(dict(sorted(counts.items())), simulator.time_s, simulator.robot.way_m, truth)
 
 
-def write_truth(folder: Path, world: World, scene: Scene, path: list[Odometry]) -> None:
+def write_truth(folder: Path, world: World, scene: Scene, path: list[Odometry], grid: OccupancyGrid) -> None:
     """The true trajectory, map, objects and the world itself."""
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / "trajectory.tum", "".join(map(tum_line, path)).encode())
-    save_map(true_map(scene, world.truth), folder / "map")
+    save_map(grid, folder / "map")
     write_atomic(folder / "objects.csv", objects_csv(world, scene).encode())
     document = world.model_dump(mode="json", exclude_defaults=True)
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)

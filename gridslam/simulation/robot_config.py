@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.simulation.shapes import NotNegative, Point, PoseDeg, Share
@@ -39,11 +39,20 @@ class Stops(StrictModel):
     settle_s: NotNegative = 0.3
 
 
+class Motion(StrictModel):
+    """A part of a driven path: so many seconds with these speeds."""
+
+    seconds: PositiveFloat
+    forward_mps: float = 0.0
+    turn_radps: float = 0.0
+
+
 class Robot(StrictModel):
-    """Where the robot begins, the way points that it visits, and how it drives."""
+    """Where the robot begins and how it drives: to way points, or as `path` says (each of its parts counts as a way point)."""
 
     start: PoseDeg
     route: tuple[Point, ...] = Field(default=(), max_length=10_000)
+    path: tuple[Motion, ...] = Field(default=(), max_length=100_000)
     laps: Annotated[int, Field(ge=1, le=1000)] = 1
     speed_mps: PositiveFloat = 0.6
     turn_radps: PositiveFloat = 0.8
@@ -52,3 +61,11 @@ class Robot(StrictModel):
     wait_at_start_s: NotNegative = 1.0
     stops: Stops | None = None
     wheels: Wheels = Wheels()
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Robot:
+        if self.route and self.path:
+            raise ValueError("give either a route of way points or a driven path, not both")
+        if self.path and self.stops:
+            raise ValueError("stops go with a route; in a path, a part without speeds stops the robot")
+        return self

@@ -8,7 +8,7 @@ import numpy as np
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event
-from gridslam.simulation.driver import RouteDriver
+from gridslam.simulation.driver import PathDriver, RouteDriver
 from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.simulator import Simulator
 
@@ -22,7 +22,8 @@ def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
     """
     yield from ((mount, False) for mount in simulator.mounts())
     yield simulator.truth(), True
-    driver = RouteDriver(simulator.world.robot)
+    robot = simulator.world.robot
+    driver = PathDriver(robot) if robot.path else RouteDriver(robot)
     reached, steps = 0, 0
     while not driver.finished:
         command = driver.command(simulator.robot, simulator.is_sweeping)
@@ -36,14 +37,24 @@ def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
         if steps % TRUTH_EVERY_STEPS == 0:
             yield simulator.truth(), True
         if simulator.time_s > simulator.world.max_duration_s:
-            x, y = driver.route[min(driver.reached, len(driver.route) - 1)]
-            raise ConfigError(
-                f"robot.route: way point {driver.reached} at ({x:g}, {y:g}) is not reached within "
-                f"{simulator.world.max_duration_s:g} s; check the way or raise max_duration_s"
-            )
+            raise _too_long(simulator, driver.reached)
+
+
+def _too_long(simulator: Simulator, reached: int) -> ConfigError:
+    robot, limit = simulator.world.robot, simulator.world.max_duration_s
+    if robot.path:
+        return ConfigError(f"robot.path: takes longer than {limit:g} s; shorten it or raise max_duration_s")
+    points = robot.route * robot.laps
+    x, y = points[min(reached, len(points) - 1)] if points else robot.start[:2]
+    return ConfigError(
+        f"robot.route: way point {reached} at ({x:g}, {y:g}) is not reached within {limit:g} s; "
+        "check the way or raise max_duration_s"
+    )
 
 
 def route_length_m(robot: Robot) -> float:
-    """Length of the way from the start through all way points, in all laps."""
+    """Length of the way from the start through all way points, or of the driven path, in all laps."""
+    if robot.path:
+        return robot.laps * sum(abs(part.forward_mps) * part.seconds for part in robot.path)
     points = np.array([robot.start[:2], *(robot.route * robot.laps)])
     return float(np.hypot(*np.diff(points, axis=0).T).sum())

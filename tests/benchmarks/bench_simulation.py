@@ -11,6 +11,9 @@ import numpy as np
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
+from gridslam.core.random import random_stream
+from gridslam.simulation.camera_config import RgbdCamera
+from gridslam.simulation.cameras import CameraSensor
 from gridslam.simulation.outlines import radians
 from gridslam.simulation.record import record_world
 from gridslam.simulation.route import drive_route
@@ -25,6 +28,7 @@ LIDAR = ("sensors.lidar.rate_hz=10", "sensors.lidar.beams=360", "sensors.lidar.f
 def rows() -> Iterator[Row]:
     """Speed, including the writing of the log; mean, deviation and largest drift over 20 seeds."""
     yield Row("simulation.lidar.ten_minutes", seconds_for_ten_minutes(), "s", bound=30.0)
+    yield Row("simulation.rgbd.frames", rgbd_frames_per_second(), "1/s", bound=5.0, at_least=True)
     drifts = np.array([final_drift(seed) for seed in range(SEEDS)])
     yield Row("simulation.ir_laps.drift.mean", float(drifts.mean()), "m")
     yield Row("simulation.ir_laps.drift.deviation", float(drifts.std()), "m")
@@ -48,3 +52,16 @@ def final_drift(seed: int) -> float:
     odometry = [e for e, is_truth in drive_route(simulator) if isinstance(e, Odometry) and not is_truth]
     believed = se2.compose(radians(world.robot.start), odometry[-1].pose)
     return float(np.hypot(*(believed - simulator.robot.pose)[:2]))
+
+
+def rgbd_frames_per_second(frames: int = 20) -> float:
+    """Colour and depth of 640 x 480 pixels in the corridor with people."""
+    world, path = load_world("ispace-corridor")
+    config = RgbdCamera(name="camera", width_px=640, height_px=480, focal_px=560.0, rate_hz=100.0)
+    camera = CameraSensor(config, world.start_ns, random_stream(0, "camera"), path.parent, is_fixed=False)
+    simulator = Simulator(world, path.parent)
+    camera.poll(0, simulator.robot, simulator.scene)
+    started = time.perf_counter()
+    for k in range(1, frames + 1):
+        assert camera.poll(k * 10_000_000, simulator.robot, simulator.scene)
+    return frames / (time.perf_counter() - started)

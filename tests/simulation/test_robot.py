@@ -134,3 +134,24 @@ def test_stepping_gives_the_truth_at_any_time() -> None:
     assert truth.stamp_ns == simulator.world.start_ns + 10**9
     assert (truth.frame_id, truth.y_m) == ("map", 2.0)
     assert 3.0 < truth.x_m < 3.2
+
+
+def test_a_driven_path_is_driven_without_looking() -> None:
+    path = [
+        {"seconds": 10, "forward_mps": 0.3},
+        {"seconds": 5, "turn_radps": 0.2},
+        {"seconds": 4, "forward_mps": 0.5},
+    ]
+    world = room(
+        robot={"start": [1, 1, 0], "path": path, "wait_at_start_s": 0.5, "wheels": {"acceleration_mps2": 1e6}}
+    )
+    simulator, _ = driven(world)
+    assert simulator.time_s == pytest.approx(19.5, abs=0.05)
+    x, y, yaw = simulator.robot.pose
+    assert yaw == pytest.approx(1.0, abs=0.005)
+    assert np.allclose([x, y], [1 + 3 + 2 * np.cos(1.0), 1 + 2 * np.sin(1.0)], atol=0.02)
+
+
+def test_a_route_and_a_path_together_are_an_error() -> None:
+    with pytest.raises(ConfigError, match="robot: give either a route of way points or a driven path"):
+        room(robot={"start": [1, 1, 0], "route": [[2, 2]], "path": [{"seconds": 1}]})
