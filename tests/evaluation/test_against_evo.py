@@ -100,7 +100,8 @@ def test_absolute_errors(seed: int, align: str, with_scale: bool, kind: str) -> 
     if align == "se2":
         singular = np.linalg.svd(np.cov(evo_estimate.positions_xyz[:, :2].T))[1]
         assume(singular.min() > 1e-6)  # evo fits in space and refuses a straight line
-        evo_estimate.align(evo_truth, correct_scale=with_scale)
+        R_truth_estimate, _, _ = evo_estimate.align(evo_truth, correct_scale=with_scale)
+        assume(R_truth_estimate[2, 2] > 0.0)  # evo turned the plane over: see the test below
     elif align == "origin":
         evo_estimate.align_origin(evo_truth)
     errors = absolute_errors(alignment.apply(pairs.estimate), pairs.truth)
@@ -108,6 +109,32 @@ def test_absolute_errors(seed: int, align: str, with_scale: bool, kind: str) -> 
     rotation = metrics.APE(PoseRelation.rotation_angle_deg)
     assert ours(errors.translation_m) == near(evo_statistics(translation, evo_truth, evo_estimate))
     assert ours(errors.rotation_deg) == near(evo_statistics(rotation, evo_truth, evo_estimate))
+
+
+@pytest.mark.parametrize("with_scale", [False, True])
+def test_where_evo_turns_the_plane_over_the_fit_stays_in_the_plane(with_scale: bool) -> None:
+    """A path and its mirror image: evo flips it in space and finds no error at all.
+
+    In the plane, of points s = (x, y) about their mean and t = (x, -y), the sums of the fit are sum(x^2 - y^2) for
+    the cosine and -2 sum(x y) for the sine. For this path they are 6 - 2 = 4 and 0: no turn, and the scale is
+    4 / (6 + 2) = 1/2 where it is free; each pose stays |t - scale s| off.
+    """
+    xy = np.array([[-1.0, -1.0], [-1.0, 1.0], [2.0, 0.0]])
+    stamps = np.arange(len(xy)) * 1_000_000_000
+    estimate = Trajectory(stamps, np.column_stack([xy, np.zeros(len(xy))]))
+    truth = Trajectory(stamps, estimate.poses * [1.0, -1.0, 1.0])
+    pairs = associate(estimate, truth, "nearest")
+    mirrored = as_evo(estimate)
+    R_truth_estimate, _, _ = mirrored.align(as_evo(truth), correct_scale=with_scale)
+    assert R_truth_estimate[2, 2] == pytest.approx(-1.0)
+    assert np.allclose(mirrored.positions_xyz[:, :2], truth.poses[:, :2], atol=1e-9)
+    alignment = find_alignment(pairs.estimate, pairs.truth, "se2", with_scale)
+    assert alignment is not None
+    scale = 0.5 if with_scale else 1.0
+    assert alignment.scale == pytest.approx(scale)
+    assert np.allclose(alignment.T_truth_estimate, 0.0, atol=1e-12)
+    errors = absolute_errors(alignment.apply(pairs.estimate), pairs.truth)
+    assert errors.translation_m == pytest.approx(np.hypot(*(truth.poses - scale * estimate.poses)[:, :2].T))
 
 
 @few
