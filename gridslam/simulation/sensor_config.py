@@ -121,7 +121,8 @@ class Antenna(Stream):
     """A reader whose round reads a tag when the power that comes back exceeds the threshold.
 
     power (dB) = gain - 40 log10(distance / 1 m) - 12 (bearing / half_power_deg)^2 + 20 log10(cos of the tag's turn, at least
-    0.1) - `wall_loss_db` per wall + fading (normal, `fading_db`); read when power > 0, unless missed all the same.
+    0.1) - `wall_loss_db` when anything stands between + fading (normal, `fading_db`); read when power > 0, unless missed
+    all the same.
     """
 
     name: str = Field(min_length=1)
