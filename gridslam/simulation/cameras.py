@@ -123,7 +123,7 @@ class CameraSensor:
 def noisy_depth(config: RgbdCamera, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
     """Depths as the sensor reports them, NaN where it has none."""
     depth = view.depth_m.astype(np.float64)
-    normal, hole = rng.standard_normal(depth.shape), rng.random(depth.shape)
+    normal, hole = rng.standard_normal(depth.shape, np.float32), rng.random(depth.shape, np.float32)
     with np.errstate(invalid="ignore"):
         sigma = config.depth_noise_m + config.depth_noise_per_m2 * depth**2
         found = depth + config.depth_offset_m + sigma * normal

@@ -14,7 +14,7 @@ from gridslam.simulation.mesh import TEXTURES, Mesh
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
-LAMP = np.array([0.35, 0.48, 0.80])  # direction to the light, about a unit vector
+LAMP = np.array([0.35, 0.48, 0.80], np.float32)  # direction to the light, about a unit vector
 AMBIENT, DIRECT = 0.55, 0.45
 TILE = 256  # texels of the noise tile
 # Per texture: contrast of the noise whose texels are so large (m); `checks` and `brick` have a pattern as well.
@@ -27,6 +27,7 @@ CONTRAST: dict[str, tuple[float, float, float]] = {
     "checks": (0.08, 0.08, 0.08),
     "carpet": (0.25, 0.22, 0.12),
 }
+PATTERNED = (TEXTURES.index("brick"), TEXTURES.index("checks"))
 BRICK_M, ROW_M, JOINT_M, CHECK_M = 0.25, 0.08, 0.012, 0.12
 
 
@@ -51,12 +52,12 @@ class Renderer:
         rows = (np.arange(height_px) - 0.5 * (height_px - 1)) / focal_px
         x, y = np.meshgrid(cols, rows)
         # camera axes: x forward, y left, z up
-        self._directions = np.stack([np.ones_like(x), -x, -y], axis=-1).reshape(-1, 3)
+        self._directions = np.stack([np.ones_like(x), -x, -y], axis=-1).reshape(-1, 3).astype(np.float32)
         self._tile = random_stream(0, "texture").uniform(-1.0, 1.0, (TILE, TILE)).astype(np.float32)
 
     def render(self, mesh: Mesh, position: Array, rotation: Array) -> View:
         """The view from `position` `(3,)` with the axes `rotation` `(3, 3)` (columns: forward, left, up)."""
-        directions = np.ascontiguousarray(self._directions @ rotation.T, np.float32)
+        directions = np.ascontiguousarray(self._directions @ rotation.T.astype(np.float32))
         origins = np.ascontiguousarray(np.broadcast_to(position, directions.shape), np.float32)
         hit = _embree_scene(mesh.triangles).run(origins, directions, query="INTERSECT", output=True)
         index: NDArray[np.int32] = hit["primID"]
@@ -98,7 +99,9 @@ class Renderer:
             v = (up / texel % TILE).astype(np.float32).reshape(shape)
             noise = cv2.remap(self._tile, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP).reshape(-1)
             factor += contrast * noise * np.clip(texel / np.maximum(footprint, 1e-6) - 0.5, 0.0, 1.0)
-        factor[_dark_parts(texture, across, up)] *= 0.6
+        patterned = np.flatnonzero(np.isin(texture, PATTERNED))
+        dark = _dark_parts(texture[patterned], across[patterned], up[patterned])
+        factor[patterned[dark]] *= 0.6
         return np.maximum(factor, 0.05)
 
 
