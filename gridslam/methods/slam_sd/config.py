@@ -79,7 +79,7 @@ class FilterConfig(StrictModel):
     window_key_scans: int = Field(
         60, ge=0, description="a key scan enters the particles' maps after so many more"
     )
-    max_points: int = Field(120, ge=20, description="most points of a key scan used by a particle")
+    max_points: int = Field(80, ge=20, description="most points of a key scan used by a particle")
     translation_floor_m: float = Field(
         0.0015, gt=0.0, description="noise of the matched motion over one key step"
     )
@@ -91,10 +91,12 @@ class FilterConfig(StrictModel):
     least_fit: float = Field(
         0.6, gt=0.0, le=1.0, description="share of points on known surfaces that ties a scan to the map"
     )
-    least_search_fit: float = Field(0.6, gt=0.0, le=1.0, description="the same after a search")
+    least_search_fit: float = Field(0.7, gt=0.0, le=1.0, description="the same after a search")
     search_after: int = Field(
-        40, ge=0, description="untied for so many key scans, a particle looks around for its map"
+        20, ge=0, description="untied for so many key scans, a particle looks around for its map"
     )
+    search_m: float = Field(0.5, ge=0.0, description="within this deviation at least")
+    search_rad: float = Field(0.05, ge=0.0, description="and this deviation of the heading")
     search_every: int = Field(3, ge=1, description="and does so at every so many key scans")
     search_starts: int = Field(6, ge=0, description="from so many poses drawn from its drift")
     anchored_m: float = Field(
@@ -139,6 +141,7 @@ class FinalStageConfig(StrictModel):
     submap_key_scans: int = Field(
         30, ge=4, description="key scans in a submap; neighbours share half of them"
     )
+    max_points: int = Field(120, ge=20, description="most points of a key scan used for matching")
     stride: int = Field(4, ge=1, description="every so many key scans one is searched for in far submaps")
     search_radius_m: float = Field(
         8.0, gt=0.0, description="loops are looked for between poses nearer than this"

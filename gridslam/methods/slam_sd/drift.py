@@ -33,13 +33,13 @@ class Drift:
         self.covariance = moved @ self.covariance @ moved.transpose(0, 2, 1) + np.diag(deviations**2)
         self.untied_steps += 1
 
-    def information(self) -> Floats:
-        """The inverse covariances `(n, 3, 3)`."""
-        return np.asarray(np.linalg.inv(self.covariance + np.diag(LEAST_DEVIATIONS**2)))
+    def information(self, floor: Floats = LEAST_DEVIATIONS) -> Floats:
+        """The inverse covariances `(n, 3, 3)`, those of `floor` (3,) added."""
+        return np.asarray(np.linalg.inv(self.covariance + np.diag(floor**2)))
 
-    def sample(self, rng: np.random.Generator) -> Floats:
-        """One offset (x, y, yaw) for each particle `(n, 3)`, in the map frame."""
-        root = np.linalg.cholesky(self.covariance + np.diag(LEAST_DEVIATIONS**2))
+    def sample(self, rng: np.random.Generator, floor: Floats = LEAST_DEVIATIONS) -> Floats:
+        """One offset (x, y, yaw) for each particle `(n, 3)`, in the map frame; the variances of `floor` (3,) are added."""
+        root = np.linalg.cholesky(self.covariance + np.diag(floor**2))
         return np.asarray(np.einsum("nij,nj->ni", root, rng.standard_normal(self.covariance.shape[:2])))
 
     def tie(self, tied: NDArray[np.bool_], information: Floats, key: int, anchored_m: float) -> None:

@@ -61,7 +61,7 @@ def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: 
     n = len(scans)
     if n < 3:
         return Refined(poses.copy(), 0, 0, 0, 0)
-    points = _gather(scans, config.filter.max_points)
+    points = _gather(scans, stage.max_points)
     spans = spans_of(n, stage.submap_key_scans)
     odometry = _steps(track, config)
     estimate, found = poses, _no_edges()

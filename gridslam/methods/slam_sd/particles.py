@@ -105,9 +105,12 @@ class ParticleMaps:
         matched, information, fit = self._register(points, normals, predicted, predicted, prior)
         lost = (fit < config.least_fit) & (self.drift.untied_steps > config.search_after)
         if lost.any() and len(self._scans) % config.search_every == 0:
+            # the map itself may be bent by more than the way since the last tie tells
+            floor = np.array([config.search_m, config.search_m, config.search_rad])
+            wide = self.drift.information(floor)
             for _ in range(config.search_starts):
-                starts = predicted + self.drift.sample(self._rng)
-                m, i, f = self._register(points, normals, starts, predicted, prior)
+                starts = predicted + self.drift.sample(self._rng, floor)
+                m, i, f = self._register(points, normals, starts, predicted, wide)
                 better = lost & (f > fit) & (f >= config.least_search_fit)
                 matched[better], information[better], fit[better] = m[better], i[better], f[better]
         tied = fit >= config.least_fit
