@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -30,7 +31,9 @@ settings = Settings()
 
 
 def start() -> None:
-    """Send the library's warnings to stderr, one line each; called once per process."""
+    """Send the library's warnings to stderr, one line each; let no character stop the output. Called once."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
     handler = _StderrHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     logger = logging.getLogger("gridslam")

@@ -78,7 +78,7 @@ def main(arguments: Sequence[str]) -> int:
     except GridslamError as error:
         return _fail(str(error), error.exit_code)
     except UsageProblem as error:
-        return _fail(f"{_usage_message(error)} (gridslam --help tells more)", USAGE)
+        return _fail(_usage_message(error), USAGE)
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted; nothing was written", INTERRUPTED)
     except MemoryError:
@@ -100,9 +100,10 @@ def _fail(message: str, code: int) -> int:
 
 
 def _usage_message(error: Exception) -> str:
-    """What was wrong with the command line, with the name of the option."""
+    """What was wrong with the command line, with the name of the option, and where the help is."""
     format_message = getattr(error, "format_message", None)
-    return str(format_message() if format_message else error)
+    command = getattr(getattr(error, "ctx", None), "command_path", "gridslam")
+    return f"{format_message() if format_message else error} ({command} --help tells more)"
 
 
 def _place_of(error: Exception) -> str:

@@ -48,7 +48,10 @@ def common(command: Callable[..., None]) -> Callable[..., None]:
     def with_common(*args: Any, quiet: bool, debug: bool, **kwargs: Any) -> None:
         console.settings.quiet |= quiet
         console.settings.debug |= debug
-        command(*args, **kwargs)
+        try:
+            command(*args, **kwargs)
+        except KeyboardInterrupt:  # typer's own answer to it differs between its releases
+            raise typer.Abort from None
 
     added = {"quiet": _Quiet, "debug": _Debug}
     signature = inspect.signature(command, eval_str=True)

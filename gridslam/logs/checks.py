@@ -43,7 +43,10 @@ def _scan(scan: LaserScan) -> str | None:
 
 
 def _odometry(odometry: Odometry) -> str | None:
-    return None if math.isfinite(odometry.x_m + odometry.y_m + odometry.yaw_rad) else "not_finite"
+    # Each by itself: the sum of finite numbers may overflow.
+    if math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad):
+        return None
+    return "not_finite"
 
 
 def _imu(imu: Imu) -> str | None:
@@ -51,7 +54,7 @@ def _imu(imu: Imu) -> str | None:
 
 
 def _wheels(ticks: WheelTicks) -> str | None:
-    return None if math.isfinite(ticks.left_rad + ticks.right_rad) else "not_finite"
+    return None if math.isfinite(ticks.left_rad) and math.isfinite(ticks.right_rad) else "not_finite"
 
 
 def _range(reading: Range) -> str | None:
@@ -67,7 +70,7 @@ def _fix(fix: PoseFix) -> str | None:
 
 
 def _transform(transform: Transform) -> str | None:
-    if not math.isfinite(sum(transform.translation_m)):
+    if not all(map(math.isfinite, transform.translation_m)):
         return "not_finite"
     norm = math.sqrt(sum(c * c for c in transform.quat_wxyz))
     return None if math.isfinite(norm) and norm > 1e-6 else "not_finite"

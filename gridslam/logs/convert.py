@@ -36,8 +36,10 @@ def convert_log(
     """Write a log's streams, the truth too.
 
     `start_s` and `end_s` count from the log's first stamp, both included. Mountings are always written.
-    Raises ConfigError for a topic that the log lacks, LogError where the output exists.
+    Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists.
     """
+    if start_s is not None and end_s is not None and not start_s <= end_s:
+        raise ConfigError(f"--start {start_s:g} --end {end_s:g}: the end lies before the start")
     streams = [info for info in log.streams if info.used or info.kind == "truth"]
     known = {info.topic for info in streams}
     for topic in topics:
@@ -63,6 +65,10 @@ def convert_log(
                 continue
             writer.write(event, names[kind, topic])
             written[topic] += 1
+        if not written and (start_s is not None or end_s is not None):
+            raise ConfigError(
+                f"{log.path}: no message to write between --start and --end; {output} is not made"
+            )
     left_out = [f"{i.topic} ({i.type})" for i in log.streams if not i.used and i.kind != "truth" and i.count]
     return Conversion(dict(sorted(written.items())), left_out)
 

@@ -20,6 +20,8 @@ from gridslam.logs.ledger import Ledger
 from gridslam.logs.streams import RecordedStream, Skip
 
 LAYOUT_FILE = "log.yaml"
+LOG_ENDINGS = (".mcap", ".db3", ".bag", ".clf", ".clf.gz", ".clf.bz2", ".log", ".log.gz", ".log.bz2")
+MOST_NAMED = 5
 
 
 class CsvSource:
@@ -101,5 +103,15 @@ def _found_streams(folder: Path) -> list[CsvStream]:
     if not found:
         raise LogError(
             f"{folder}: no log: neither {LAYOUT_FILE} nor one of {', '.join(DEFAULT_FILES.values())} is in it"
+            f"{_logs_inside(folder)}"
         )
     return found
+
+
+def _logs_inside(folder: Path) -> str:
+    """The files of a folder that look like logs, for someone who named the folder and meant one of them."""
+    names = sorted(file.name for file in folder.iterdir() if file.name.endswith(LOG_ENDINGS))
+    if not names:
+        return ""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"; it holds {', '.join(names[:MOST_NAMED])}{more}: name one of them"

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 import yaml
 
-from gridslam.core.errors import LogError
+from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import (
     Event,
     Image,
@@ -129,7 +129,7 @@ class CsvFolderWriter:
 
     def _put_in_place(self) -> None:
         if not self._force and self._path.exists():
-            raise LogError(f"{self._path}: exists already; choose another name or give --force")
+            raise ConfigError(f"{self._path}: exists already; choose another name or give --force")
         if self._path.is_dir() and not self._path.is_symlink():
             old = self._folder.with_name(self._folder.name + ".old")
             self._path.rename(old)

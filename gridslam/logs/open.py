@@ -42,6 +42,8 @@ def _source(path: Path, config: LogConfig) -> Source:
         from gridslam.logs.csv_source import CsvSource
 
         return CsvSource(path, config)
+    if not path.is_file():
+        raise LogError(f"{path}: a pipe or a device; logs are read more than once: save it to a file first")
     with path.open("rb") as stream:
         magic = stream.read(16)
     if magic.startswith(b"\x89MCAP"):

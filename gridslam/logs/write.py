@@ -7,10 +7,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
-from gridslam.core.errors import LogError
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, Odometry
 
 TRUTH_TOPIC = "/ground_truth"
+_READ_ONLY_FORMATS = (".bag", ".db3", ".clf", ".gz", ".bz2")
 
 
 class LogWriter(Protocol):
@@ -36,10 +37,18 @@ class LogWriter(Protocol):
 
 
 def open_writer(path: str | Path, force: bool = False) -> LogWriter:
-    """The writer for a path. Raises LogError where something is there already, unless `force` replaces it."""
+    """The writer for a path.
+
+    Raises ConfigError where something is there already, unless `force` replaces it, and for the ending of a
+    format that is only read.
+    """
     path = Path(path)
+    if path.suffix in _READ_ONLY_FORMATS:
+        raise ConfigError(
+            f"{path}: {path.suffix} is not written; name a file OUT.mcap or a folder for CSV files"
+        )
     if path.exists() and not force:
-        raise LogError(f"{path}: exists already; choose another name or give --force")
+        raise ConfigError(f"{path}: exists already; choose another name or give --force")
     if path.suffix == ".mcap":
         from gridslam.logs.mcap_writer import McapWriter
 

@@ -43,9 +43,9 @@ def read_levels(path: Path) -> ImageLevels:
             with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
                 _check_size(path, image.size)
                 return _levels(path, image)
-    except Image.DecompressionBombError as error:
+    except Image.DecompressionBombError:  # Pillow's own limit is higher: it has not told the size
         raise MapError(
-            f"{path}: the image is too large ({error}); at most {MAX_PIXELS} pixels are read"
+            f"{path}: too many pixels, at most {MAX_PIXELS} are read: crop the map or use coarser cells"
         ) from None
     except _DAMAGE as error:
         raise MapError(

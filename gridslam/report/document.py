@@ -92,7 +92,8 @@ def map_facts(run: Run) -> dict[str, Any] | None:
 
 def json_bytes(document: Mapping[str, Any]) -> bytes:
     """UTF-8 JSON; numbers that JSON cannot hold (NaN, infinities) become null."""
-    return (json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+    return (text + "\n").encode(errors="backslashreplace")  # for bytes of a file name that are no text
 
 
 def plain(value: Any) -> Any:

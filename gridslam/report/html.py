@@ -48,7 +48,7 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
-    write_atomic(path, page.encode())
+    write_atomic(path, page.encode(errors="replace"))  # a file name need not be text
 
 
 def plots(run: Run) -> Iterator[Plot]:

@@ -27,4 +27,6 @@ def write_run_yaml(path: Path, run: Run) -> None:
     given = "--map MAP.yaml " if run.command == "localize" else ""
     log = " ".join(run.log_path.name.split())
     header = HEADER.format(command=run.command, log=log, given=given)
-    write_atomic(path, (header + yaml.safe_dump(document, sort_keys=False, allow_unicode=True)).encode())
+    settings = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+    # A file name need not be text: what is not becomes a question mark in the comment.
+    write_atomic(path, header.encode(errors="replace") + settings.encode())

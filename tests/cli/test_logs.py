@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -79,11 +80,45 @@ def test_convert_refuses_an_unknown_topic_and_an_existing_output(
     assert not (tmp_path / "b.mcap").exists()
     (tmp_path / "b.mcap").write_bytes(b"mine")
     code, _, err = run(capsys, "convert", path, tmp_path / "b.mcap")
-    assert code == 3
+    assert code == 2
     assert "--force" in err
     assert (tmp_path / "b.mcap").read_bytes() == b"mine"
     assert run(capsys, "convert", path, tmp_path / "b.mcap", "--force")[0] == 0
     assert (tmp_path / "b.mcap").read_bytes()[1:5] == b"MCAP"
+
+
+@pytest.mark.parametrize(
+    ("output", "span", "says"),
+    [
+        ("b.bag", (), ".bag is not written"),
+        ("b.mcap", ("--start", 2, "--end", 1), "the end lies before the start"),
+        ("b.mcap", ("--start", 1000), "no message to write between --start and --end"),
+    ],
+)
+def test_convert_refuses_what_would_give_no_log_and_leaves_nothing_behind(
+    output: str, span: tuple[object, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = sample_csv(tmp_path / "a")
+    code, _, err = run(capsys, "convert", path, tmp_path / output, *span)
+    assert code == 2
+    assert says in err
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_folder_that_holds_logs_is_told_to_name_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sample_mcap(tmp_path / "monday.mcap")
+    code, _, err = run(capsys, "info", tmp_path)
+    assert code == 3
+    assert "it holds monday.mcap: name one of them" in err
+
+
+def test_a_pipe_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    code, _, err = run(capsys, "info", tmp_path / "pipe")
+    assert code == 3
+    assert "save it to a file first" in err
 
 
 def test_info_looks_into_the_messages_when_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -90,6 +91,36 @@ def test_an_error_is_one_line_with_the_right_exit_code_and_leaves_no_output(
     assert err.startswith("gridslam: error: ")
     assert says in err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["dr.yaml"]
+
+
+def test_the_hint_of_a_usage_error_names_the_command(cli: Cli, small_log: Path) -> None:
+    assert "(gridslam map --help tells more)" in cli("map", small_log)[2]
+
+
+def test_a_second_ctrl_c_says_that_nothing_was_written(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gridslam.cli.running.run_map", interrupted)
+    code, out, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out")
+    assert (code, out) == (130, "")
+    assert "interrupted; nothing was written" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_log_whose_name_is_not_text_can_be_mapped(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / os.fsdecode(b"caf\xe9.mcap")
+    log.symlink_to(small_log)
+    code, _, err = cli("map", log, "-c", config_file, "-o", tmp_path / "out")
+    assert (code, err) == (0, "")
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["log"]["path"].endswith(
+        "caf\udce9.mcap"
+    )
+    assert "caf?.mcap" in (tmp_path / "out" / "run.yaml").read_text()
 
 
 def test_a_bug_asks_to_be_reported_and_debug_shows_its_traceback(

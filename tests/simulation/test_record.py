@@ -144,7 +144,7 @@ def test_the_command_tells_what_it_wrote_and_refuses_to_overwrite(
     assert done.returncode == 0, done.stderr
     assert yaml.safe_load(done.stdout)["messages"]["LaserScan"] > 50
     again = program("simulate", world_file, "-o", log)
-    assert again.returncode == 3
+    assert again.returncode == 2
     assert "--force" in again.stderr
 
 
