@@ -100,7 +100,7 @@ def optimise(poses: Floats, edges: Edges, robust_scale: float, iterations: int =
     estimate = np.array(poses, dtype=np.float64)
     chi2 = chi_squared(estimate, edges)
     largest = float(np.sqrt(chi2[edges.is_loop].max())) if edges.is_loop.any() else robust_scale
-    scale = max(robust_scale, min(largest, 64.0 * robust_scale))
+    scale = max(robust_scale, 2.0 * largest)
     weights = robust_weights(chi2, edges.is_loop, scale)
     for _ in range(iterations):
         step = _solve_step(estimate, edges, weights)

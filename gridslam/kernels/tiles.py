@@ -48,6 +48,12 @@ def mark_end_tiles(
 
 
 @njit(cache=True)
+def _mark(wanted: NDArray[np.bool_], row: int, col: int) -> None:
+    if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
+        wanted[row, col] = True
+
+
+@njit(cache=True)
 def mark_beam_tiles(
     wanted: NDArray[np.bool_],
     origin: NDArray[np.int64],
@@ -56,22 +62,32 @@ def mark_beam_tiles(
     points: NDArray[np.float64],
     resolution_m: float,
 ) -> None:
-    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross, a tile of margin included."""
+    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross: exact traversal (see `log_odds`)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     tile_m = resolution_m * TILE_CELLS
-    x0 = pose[0] + c * viewpoint[0] - s * viewpoint[1]
-    y0 = pose[1] + s * viewpoint[0] + c * viewpoint[1]
+    x0 = (pose[0] + c * viewpoint[0] - s * viewpoint[1]) / tile_m
+    y0 = (pose[1] + s * viewpoint[0] + c * viewpoint[1]) / tile_m
     for i in range(points.shape[0]):
-        x1 = pose[0] + c * points[i, 0] - s * points[i, 1]
-        y1 = pose[1] + s * points[i, 0] + c * points[i, 1]
-        length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
-        steps = int(length / (0.25 * tile_m)) + 1
-        for k in range(steps + 1):
-            t = k / steps
-            row = int(np.floor((y0 + t * (y1 - y0)) / tile_m)) - origin[0]
-            col = int(np.floor((x0 + t * (x1 - x0)) / tile_m)) - origin[1]
-            if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
-                wanted[row, col] = True
+        x1 = (pose[0] + c * points[i, 0] - s * points[i, 1]) / tile_m
+        y1 = (pose[1] + s * points[i, 0] + c * points[i, 1]) / tile_m
+        row, col = int(np.floor(y0)), int(np.floor(x0))
+        end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
+        dx, dy = x1 - x0, y1 - y0
+        step_c, step_r = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+        per_c = abs(1.0 / dx) if dx != 0.0 else np.inf
+        per_r = abs(1.0 / dy) if dy != 0.0 else np.inf
+        next_c = ((col + 1 - x0) if dx > 0 else (x0 - col)) * per_c if dx != 0.0 else np.inf
+        next_r = ((row + 1 - y0) if dy > 0 else (y0 - row)) * per_r if dy != 0.0 else np.inf
+        _mark(wanted, row - origin[0], col - origin[1])
+        for _ in range(abs(end_row - row) + abs(end_col - col)):
+            if next_c < next_r:
+                col += step_c
+                next_c += per_c
+            else:
+                row += step_r
+                next_r += per_r
+            _mark(wanted, row - origin[0], col - origin[1])
+        _mark(wanted, end_row - origin[0], end_col - origin[1])
 
 
 @njit(cache=True)

@@ -163,7 +163,7 @@ class FinalStageConfig(StrictModel):
         0.03, gt=0.0, le=1.0, description="share of a match's information that counts"
     )
     odometry_share: float = Field(1.0, gt=0.0, description="weight of the front end's steps")
-    robust_scale: float = Field(2.0, gt=0.0, description="scale of the robust kernel in standard deviations")
+    robust_scale: float = Field(5.0, gt=0.0, description="scale of the robust kernel in standard deviations")
     rounds: int = Field(3, ge=1, description="scans are registered anew so often at most, while poses move")
     resolution_m: float | None = Field(
         None, gt=0.0, description="cell of the rebuilt map; absent: map.resolution_m"

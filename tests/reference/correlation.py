@@ -1,0 +1,31 @@
+"""Correlative matching by trying every pose of the window."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def correlate(
+    field: NDArray[np.uint8],
+    origin_xy_m: NDArray[np.float64],
+    resolution_m: float,
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    window_m: float,
+    yaw_step_rad: float,
+    yaw_steps: int,
+) -> float:
+    """The highest mean of the field under the points, over all whole-cell offsets and multiples of the yaw step."""
+    window = int(np.ceil(window_m / resolution_m))
+    best = -1.0
+    for k in range(-yaw_steps, yaw_steps + 1):
+        yaw = start[2] + k * yaw_step_rad
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        cells = np.floor((points @ turn.T + start[:2] - origin_xy_m) / resolution_m).astype(int)
+        for dr in range(-window, window + 1):
+            for dc in range(-window, window + 1):
+                rows, cols = cells[:, 1] + dr, cells[:, 0] + dc
+                inside = (rows >= 0) & (rows < field.shape[0]) & (cols >= 0) & (cols < field.shape[1])
+                best = max(best, float(field[rows[inside], cols[inside]].astype(int).sum()) / len(points))
+    return best
