@@ -60,7 +60,8 @@ def complain(line: str) -> None:
     if sys.stderr is None:
         return
     try:
-        print(f"gridslam: {line}", file=sys.stderr, flush=True)  # noqa: T201
+        sys.stderr.write(f"gridslam: {line}\n")
+        sys.stderr.flush()
     except BrokenPipeError:
         sys.stderr = None
 

@@ -12,6 +12,13 @@ import typer
 
 from . import console
 
+# Inputs are declared readable=False: what cannot be read is then told, with its exit code, by what reads it.
+LogPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="LOG", readable=False, help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag."
+    ),
+]
 ConfigName = Annotated[
     str,
     typer.Option(

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from .. import console
-from ..options import AsJson, Strict
-from .info import LOSSY, Layout, LogPath
+from ..options import AsJson, LogPath, Strict
+from .info import LOSSY, Layout
 
 MOST_PROBLEMS = 20
 Destination = Annotated[

@@ -40,26 +40,36 @@ class DeltaUnitName(str, Enum):
 
 
 ResultPath = Annotated[
-    Path, typer.Argument(metavar="DIR|TUM", help="A run directory, or a trajectory alone.")
+    Path, typer.Argument(metavar="DIR|TUM", readable=False, help="A run directory, or a trajectory alone.")
 ]
 TruthPath = Annotated[
     Path | None,
     typer.Option(
         "--truth",
         metavar="PATH",
+        readable=False,
         help="True poses: a trajectory (t x y z qx qy qz qw, or t x y yaw), a log that holds them, or a folder "
         "NAME.truth, whose map and objects are then used as well.",
     ),
 ]
 TruthMap = Annotated[
-    Path | None, typer.Option("--truth-map", metavar="MAP.yaml", help="The true map: a map_server YAML.")
+    Path | None,
+    typer.Option("--truth-map", metavar="MAP.yaml", readable=False, help="The true map: a map_server YAML."),
 ]
 TruthObjects = Annotated[
-    Path | None, typer.Option("--truth-objects", metavar="CSV", help="The true objects: id,class,x,y,yaw,...")
+    Path | None,
+    typer.Option(
+        "--truth-objects", metavar="CSV", readable=False, help="The true objects: id,class,x,y,yaw,..."
+    ),
 ]
 RelationsPath = Annotated[
     Path | None,
-    typer.Option("--relations", metavar="FILE", help="True motions: t1 t2 x y z roll pitch yaw, one a line."),
+    typer.Option(
+        "--relations",
+        metavar="FILE",
+        readable=False,
+        help="True motions: t1 t2 x y z roll pitch yaw, one a line.",
+    ),
 ]
 AlignOption = Annotated[
     AlignName | None,

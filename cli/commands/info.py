@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import console
-from ..options import AsJson, Strict
+from ..options import AsJson, LogPath, Strict
 
 if TYPE_CHECKING:
     from gridslam.logs.log import Log
 
 LOSSY = 3
 MOST_ROWS = 60
-LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag.")
-]
-
-
 Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message.")]
 Layout = Annotated[
     Path | None,
-    typer.Option("--layout", metavar="YAML", help="How to read a folder of CSV files that has no log.yaml."),
+    typer.Option(
+        "--layout",
+        metavar="YAML",
+        readable=False,
+        help="How to read a folder of CSV files that has no log.yaml.",
+    ),
 ]
 
 

@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
-from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed, Strict
-from .map import LogPath
+from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict
 
 MapPath = Annotated[
-    Path, typer.Option("--map", metavar="MAP", help="The map: a map_server YAML, or wean.dat(.gz).")
+    Path,
+    typer.Option(
+        "--map", metavar="MAP", readable=False, help="The map: a map_server YAML, or wean.dat(.gz)."
+    ),
 ]
 Start = Annotated[
     str | None,

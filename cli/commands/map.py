@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed, Strict
-
-LogPath = Annotated[
-    Path, typer.Argument(metavar="LOG", help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag.")
-]
+from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict
 
 
 def run(

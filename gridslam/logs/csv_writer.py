@@ -59,7 +59,7 @@ class CsvFolderWriter:
         try:
             self._folder = Path(tempfile.mkdtemp(prefix=f".{self._path.name}.", dir=self._path.parent))
         except OSError as error:
-            raise LogError(f"{self._path}: cannot be written ({error.strerror})") from error
+            raise ConfigError(f"{self._path}: cannot be written ({error.strerror})") from error
         self._folder.chmod(0o755)
         self._files = _Files()
         self._mounting: dict[str, dict[str, object]] = {}

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Literal
 
-from gridslam.core.errors import LogError
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, Odometry
 from gridslam.logs import ros_encode
 from gridslam.logs.ros_types import humble
@@ -33,7 +33,7 @@ class McapWriter:
         try:
             handle, name = tempfile.mkstemp(prefix=f".{self._path.name}.", dir=self._path.parent)
         except OSError as error:
-            raise LogError(f"{self._path}: cannot be written ({error.strerror})") from error
+            raise ConfigError(f"{self._path}: cannot be written ({error.strerror})") from error
         self._temporary = Path(name)
         self._stream: IO[bytes] = os.fdopen(handle, "wb")
         self._writer = Writer(

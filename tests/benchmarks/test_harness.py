@@ -31,4 +31,4 @@ def test_a_malformed_bound_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_stored_bounds_are_well_formed() -> None:
-    read_bounds(HERE / "bounds.yaml")
+    assert read_bounds(HERE / "bounds.yaml")
