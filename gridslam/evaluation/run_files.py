@@ -80,8 +80,11 @@ def read_truth(path: Path) -> Trajectory:
 
 def _looks_like_trajectory(path: Path) -> bool:
     """Whether the first line that is no comment begins with a number, or the name is that of a text file."""
-    with path.open("rb") as stream:
-        head = stream.read(_LONGEST_HEAD)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_LONGEST_HEAD)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     for line in head.split(b"\n"):
         words = line.partition(b"#")[0].replace(b",", b" ").split()
         if words:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.errors import ConfigError
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster
 from gridslam.filters.resampling import AdaptiveSize, resample
@@ -37,6 +38,19 @@ class Update:
     belief: Belief
     assessment: Assessment
     particles: int
+
+
+def _check_start(start: tuple[float, float, float], occupancy: OccupancyGrid) -> None:
+    """ConfigError for a start off the map: there no scan could ever tell the filter where it is."""
+    shape = occupancy.probability.shape
+    reach = occupancy.geometry.resolution_m * 2.0**31  # no grid has more cells: no cast may overflow
+    cell = occupancy.geometry.cells(np.clip(np.array([start[:2]]), -reach, reach))[0]
+    if not ((cell >= 0) & (cell < shape)).all():
+        corner, far = occupancy.geometry.centres(np.array([[0, 0], [shape[0] - 1, shape[1] - 1]]))
+        raise ConfigError(
+            f"method.start: ({start[0]:g}, {start[1]:g}) lies off the map, which reaches from "
+            f"({corner[0]:.2f}, {corner[1]:.2f}) to ({far[0]:.2f}, {far[1]:.2f}) m"
+        )
 
 
 class Localizer:
@@ -125,6 +139,7 @@ class Localizer:
         count = config.particles.most
         if config.start is None:
             return Particles.even(draw_free_poses(self._free, self._occupancy, count, self._rng))
+        _check_start(config.start, self._occupancy)
         drawn = self._rng.standard_normal((count, 3)) * config.start_deviation
         poses = np.asarray(config.start) + drawn
         poses[:, 2] = se2.wrap_angle(poses[:, 2])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ispace_mcl.config import (
@@ -63,6 +64,11 @@ def test_a_wrong_start_pose_is_noticed_and_put_right(seed):
     assert result.counters["injections"] >= 1
     assert away[len(away) // 3 :].max() < 0.25
     assert result.series["confidence"].values[-1] > 0.7
+
+
+def test_a_start_pose_off_the_map_is_refused():
+    with pytest.raises(ConfigError, match=r"method\.start: \(1e\+09, 2\) lies off the map"):
+        IspaceMcl(IspaceMclConfig(start=(1e9, 2.0, 0.0)), 0, MAP)
 
 
 def test_a_robot_that_is_carried_away_is_found_again():
