@@ -46,7 +46,7 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
         path = f"--set {path}"
     kind, given = detail["type"], detail["input"]
     if kind == "extra_forbidden":
-        return f"{path}: no such key{nearest(key, section.model_fields if section else ())}"
+        return f"{path}: no such key{_meant(key, section)}"
     if kind == "missing":
         return f"{path}: this key is missing"
     if kind == "literal_error":
@@ -68,6 +68,15 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
 def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _meant(key: str, section: type[BaseModel] | None) -> str:
+    """What may have been meant by an unknown key: the same key one section further down, or the nearest one here."""
+    if section is None:
+        return ""
+    below = ((name, _unwrapped(field.annotation)) for name, field in section.model_fields.items())
+    deeper = [f"{name}.{key}" for name, found in below if _is_model(found) and key in found.model_fields]
+    return f" (did you mean {deeper[0]!r}?)" if len(deeper) == 1 else nearest(key, section.model_fields)
 
 
 def _locate(

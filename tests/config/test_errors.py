@@ -38,6 +38,7 @@ class Outer(StrictModel):
     [
         ({}, "needed: this key is missing"),
         ({"neded": 1}, "neded: no such key (did you mean 'needed'?)"),
+        ({"value": 1}, "value: no such key (did you mean 'inner.value'?)"),
         ({"model": {"kind": "near", "rech_m": 1}}, "model.rech_m: no such key (did you mean 'reach_m'?)"),
         ({"model": {"kind": "far", "rang_m": 1}}, "model.rang_m: no such key (did you mean 'range_m'?)"),
         ({"model": {"kind": "near", "reach_m": 0}}, "model.reach_m: input should be greater than 0, got 0"),
