@@ -1,0 +1,60 @@
+"""Surface maps as dictionaries: cell (row, col) -> (count, mean point, mean normal)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Surfaces = dict[tuple[int, int], tuple[float, Floats, Floats]]
+
+MAX_COUNT, REPLACEABLE, AGREEMENT = 50.0, 3.0, 0.6
+
+
+def cell_of(point: Floats, resolution_m: float) -> tuple[int, int]:
+    """(row, col)."""
+    return math.floor(point[1] / resolution_m), math.floor(point[0] / resolution_m)
+
+
+def insert(surfaces: Surfaces, points: Floats, normals: Floats, resolution_m: float) -> None:
+    """Point by point: running means; a surface that faces the other way replaces a weak one."""
+    for point, normal in zip(points, normals, strict=True):
+        if not normal.any():
+            continue
+        cell = cell_of(point, resolution_m)
+        count, mean, direction = surfaces.get(cell, (0.0, np.zeros(2), np.zeros(2)))
+        if count > 0.0 and direction @ normal < 0.0:
+            if count > REPLACEABLE:
+                continue
+            count = 0.0
+        n = min(count + 1.0, MAX_COUNT)
+        if n == 1.0:
+            surfaces[cell] = (n, point, normal)
+        else:
+            surfaces[cell] = (n, mean + (point - mean) / n, direction + (normal - direction) / n)
+
+
+def nearest(
+    surfaces: Surfaces, point: Floats, normal: Floats, reach_m: float
+) -> tuple[Floats, Floats] | None:
+    """Mean point and normal of the nearest surface in reach that faces the same way."""
+    found, best = None, reach_m
+    for count, mean, direction in surfaces.values():
+        distance = float(np.hypot(*(mean - point)))
+        if count > 0.0 and distance < best and (not normal.any() or direction @ normal >= AGREEMENT):
+            found, best = (mean, direction / np.hypot(*direction)), distance
+    return found
+
+
+def log_likelihood(
+    surfaces: Surfaces, points: Floats, normals: Floats, sigma_m: float, reach_m: float, random_share: float
+) -> float:
+    """With nothing known about free space: a point with no surface in reach counts as one at distance sigma."""
+    total = 0.0
+    for point, normal in zip(points, normals, strict=True):
+        found = nearest(surfaces, point, normal, reach_m)
+        e = sigma_m if found is None else float(found[1] @ (point - found[0]))
+        total += math.log((1.0 - random_share) * math.exp(-0.5 * (e / sigma_m) ** 2) + random_share)
+    return total
