@@ -91,12 +91,13 @@ class FilterConfig(StrictModel):
     least_fit: float = Field(
         0.6, gt=0.0, le=1.0, description="share of points on known surfaces that ties a scan to the map"
     )
-    least_search_fit: float = Field(0.7, gt=0.0, le=1.0, description="the same after a search")
+    least_search_fit: float = Field(0.6, gt=0.0, le=1.0, description="the same after a search")
     search_after: int = Field(
         20, ge=0, description="untied for so many key scans, a particle looks around for its map"
     )
     search_m: float = Field(0.5, ge=0.0, description="within this deviation at least")
     search_rad: float = Field(0.05, ge=0.0, description="and this deviation of the heading")
+    search_gain: float = Field(0.3, description="and find a log likelihood higher by so much for each point")
     search_every: int = Field(3, ge=1, description="and does so at every so many key scans")
     search_starts: int = Field(6, ge=0, description="from so many poses drawn from its drift")
     anchored_m: float = Field(

@@ -113,11 +113,21 @@ class ParticleMaps:
                 m, i, f = self._register(points, normals, starts, predicted, wide)
                 better = lost & (f > fit) & (f >= config.least_search_fit)
                 matched[better], information[better], fit[better] = m[better], i[better], f[better]
+            fit[~self._explains_more(scan, points, normals, matched, predicted) & lost] = 0.0
         tied = fit >= config.least_fit
         self.ties = int(tied.sum())
         if tied.any():
             self._draw(predicted, matched, config.scan_information_share * information, tied)
         return self._log_likelihood(scan.viewpoint, points, normals, self.poses)
+
+    def _explains_more(
+        self, scan: PreparedScan, points: Floats, normals: Floats, found: Floats, predicted: Floats
+    ) -> Bools:
+        """Whether the scan is clearly likelier at the poses found than at the predicted ones `(n,)`, free space considered."""
+        gain = self._log_likelihood(scan.viewpoint, points, normals, found) - self._log_likelihood(
+            scan.viewpoint, points, normals, predicted
+        )
+        return np.asarray(gain > self._config.filter.search_gain * len(points))
 
     def _draw(self, predicted: Floats, matched: Floats, information: Floats, tied: Bools) -> None:
         """Draw the tied particles' poses about the matched ones and bend their paths to them."""
