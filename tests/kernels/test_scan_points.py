@@ -61,7 +61,7 @@ def test_normals_of_a_wall_stand_on_it_and_face_the_lidar() -> None:
 
 
 def test_scattered_points_have_no_normal() -> None:
-    points = np.random.default_rng(0).uniform(-0.15, 0.15, (40, 2)) + [3.0, 0.0]
+    points = np.random.default_rng(0).uniform(-0.15, 0.15, (40, 2)) + np.array([3.0, 0.0])
     normals = scan_points.surface_normals(points, np.arange(40), np.zeros(2))
     assert (normals == 0.0).all(axis=1).mean() > 0.8
 
