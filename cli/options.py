@@ -42,6 +42,19 @@ Strict = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 
+Drawing = Annotated[
+    Path | None,
+    typer.Option(
+        "--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place (handmap-slam)."
+    ),
+]
+Tags = Annotated[
+    Path | None,
+    typer.Option(
+        "--tags", metavar="TAGS.yaml", readable=False, help="What the RFID tags are fixed to (slam-sd)."
+    ),
+]
+
 _Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress and no remarks on stderr; errors only.")
 ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from gridslam.report.directory import check_free
 from gridslam.report.document import flatten
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
-from gridslam.run import Command, Run, Stop, run_localize, run_map
+from gridslam.run import Command, Run, Stop, read_inputs, run_localize, run_map
 from gridslam.run_config import RunConfig, load_run_config
 
 from . import console
@@ -38,6 +39,7 @@ class RunOptions:
     force: bool
     strict: bool
     as_json: bool
+    inputs: Mapping[str, Path] = field(default_factory=dict)
 
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
@@ -67,10 +69,11 @@ def _run(
     def tell() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
+    inputs = read_inputs(options.inputs)
     with console.progress_bar(command) as show, telling_of_compilation(tell):
         if map_path is None:
-            return run_map(config, options.log, show, stop)
-        return run_localize(config, options.log, map_path, show, stop)
+            return run_map(config, options.log, show, stop, inputs)
+        return run_localize(config, options.log, map_path, show, stop, inputs)
 
 
 def _warn_of_other_versions(config: RunConfig[BaseModel]) -> None:
@@ -132,3 +135,8 @@ def start_override(text: str) -> str:
             f"--start {text}: expected x,y,yaw in metres and radians, for example --start 1.5,-2,0.3"
         ) from None
     return f"method.start=[{x!r}, {y!r}, {yaw!r}]"
+
+
+def given(**paths: Path | None) -> dict[str, Path]:
+    """The inputs that the command line names."""
+    return {name: path for name, path in paths.items() if path is not None}

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 from pydantic import BaseModel
@@ -28,6 +29,12 @@ from gridslam.run_counts import Counts, merge_counts
 Status = Literal["complete", "interrupted", "lossy"]
 Command = Literal["map", "localize"]
 
+INPUT_READERS: Mapping[str, str] = MappingProxyType(
+    {
+        "drawing": "gridslam.maps.drawing:load_drawing",
+        "tags": "gridslam.maps.tag_database:load_tag_database",
+    }
+)
 LONGEST_BATCH = 256
 SHORT_BATCH_S = 0.01
 LONG_BATCH_S = 0.04
@@ -65,24 +72,49 @@ class Run:
     process_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Something that a method was given besides the log, and the file that it was read from."""
+
+    value: object
+    path: Path
+    sha256: str
+
+
+NOTHING_MORE: Mapping[str, Input] = MappingProxyType({})
+
 Show = Callable[[Progress], None]
 Stop = Callable[[], bool]
 
 
-def run_map(config: RunConfig[BaseModel], log_path: Path, show: Show, stop: Stop) -> Run:
+def run_map(
+    config: RunConfig[BaseModel],
+    log_path: Path,
+    show: Show,
+    stop: Stop,
+    inputs: Mapping[str, Input] = NOTHING_MORE,
+) -> Run:
     """Map a log. `show` is told the progress often; when `stop` says so the run ends with what it has.
 
+    `inputs` are what the method's registry entry lists by name (a drawing, a tag database).
     Raises ConfigError: the method does not map. LogError: the log is unreadable or lacks a stream.
     """
-    return _run("map", config, log_path, None, show, stop)
+    return _run("map", config, log_path, None, show, stop, inputs)
 
 
-def run_localize(config: RunConfig[BaseModel], log_path: Path, map_path: Path, show: Show, stop: Stop) -> Run:
+def run_localize(
+    config: RunConfig[BaseModel],
+    log_path: Path,
+    map_path: Path,
+    show: Show,
+    stop: Stop,
+    inputs: Mapping[str, Input] = NOTHING_MORE,
+) -> Run:
     """Localize along a log on a map (map_server YAML or wean.dat); otherwise as `run_map`.
 
     Raises MapError: the map is unreadable.
     """
-    run = _run("localize", config, log_path, load_any_map(map_path), show, stop)
+    run = _run("localize", config, log_path, load_any_map(map_path), show, stop, inputs)
     digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
     return replace(run, inputs={**run.inputs, map_path.name: digest})
 
@@ -94,14 +126,16 @@ def _run(
     occupancy: OccupancyGrid | None,
     show: Show,
     stop: Stop,
+    further: Mapping[str, Input],
 ) -> Run:
     started = time.perf_counter()
     build = method_builder(command, config)
-    needs = registry.METHODS[config.method_name].needs
-    with open_log(log_path, config.log, needs) as log:
-        require_streams(log, needs)
+    entry = registry.METHODS[config.method_name]
+    refuse_unknown_inputs(config.method_name, further)
+    with open_log(log_path, config.log, (*entry.needs, *entry.uses)) as log:
+        require_streams(log, entry.needs)
         given = () if occupancy is None else (occupancy,)
-        method = build(config.method, config.seed, *given)
+        method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
         opened = time.perf_counter()
         fed = feed(log, method, show, stop)
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
@@ -110,7 +144,7 @@ def _run(
         finished = time.perf_counter()
         interrupted = fed.stopped or stop()
         truth = log.truth()
-        inputs = log.input_hashes()
+        inputs = {**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}}
         return Run(
             command=command,
             config=config,
@@ -140,6 +174,29 @@ def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[.
         )
     builder: Callable[..., Method] = registry.load(reference)
     return builder
+
+
+def read_inputs(paths: Mapping[str, Path]) -> Mapping[str, Input]:
+    """The files that a run is given besides the log, by name, read by the reader of their name.
+
+    Raises ConfigError: one is missing or unreadable; the readers raise their own errors for what is wrong inside.
+    """
+    inputs = {}
+    for name, path in paths.items():
+        try:
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            raise ConfigError(f"--{name} {path}: cannot be read ({error.strerror or error})") from error
+        inputs[name] = Input(registry.load(INPUT_READERS[name])(path), path, digest)
+    return inputs
+
+
+def refuse_unknown_inputs(method: str, inputs: Mapping[str, Input]) -> None:
+    """Raises ConfigError: the method has no use for something that it was given."""
+    for name in inputs:
+        if name not in registry.METHODS[method].inputs:
+            able = [n for n, e in registry.METHODS.items() if name in e.inputs]
+            raise ConfigError(f"--{name}: {method} has no use for it; methods that have: {', '.join(able)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict
+from ..options import AsJson, ConfigName, Drawing, Force, Jobs, LogPath, Output, Overrides, Seed, Strict, Tags
 
 
 def run(
     log: LogPath,
     config: ConfigName,
     output: Output,
+    drawing: Drawing = None,
+    tags: Tags = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -17,8 +19,8 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Make a map and a trajectory from a log."""
-    from ..running import RunOptions, run_command
+    from ..running import RunOptions, given, run_command
 
-    run_command(
-        "map", RunOptions(log, config, output, tuple(override or ()), seed, jobs, force, strict, as_json)
-    )
+    inputs = given(drawing=drawing, tags=tags)
+    overrides = tuple(override or ())
+    run_command("map", RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json, inputs))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from gridslam.kernels.compiled import compiled_parallel
 from gridslam.kernels.raycast import cast
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def sum_over_beams(
     squares: NDArray[np.uint8],
     table: NDArray[np.float32],

@@ -7,13 +7,15 @@ of the full search without looking at most of it (Olson 2009; Hess et al. 2016, 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled, compiled_parallel
 
 STACK = 256  # nodes waiting in the depth-first search: 4 a level at most
 
 
-@njit(cache=True)
+@compiled
 def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
     """`(levels, rows, cols)`: level k at a cell is the maximum of the field over the 2^k x 2^k cells from there on.
 
@@ -37,7 +39,7 @@ def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
     return out
 
 
-@njit(cache=True)
+@compiled
 def _score(
     level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int
 ) -> int:
@@ -51,7 +53,7 @@ def _score(
     return total
 
 
-@njit(cache=True)
+@compiled
 def correlate(
     pyramid: NDArray[np.uint8],
     origin_xy_m: NDArray[np.float64],
@@ -133,7 +135,7 @@ def correlate(
     return found, best / n
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def correlate_all(
     pyramid: NDArray[np.uint8],
     origin_xy_m: NDArray[np.float64],

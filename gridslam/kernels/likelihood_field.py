@@ -8,13 +8,14 @@ Coordinates are in cells from the field's lower-left corner; points beyond the f
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from gridslam.kernels.compiled import compiled, compiled_parallel
 from gridslam.kernels.raycast import cast
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def sum_over_points(
     field: NDArray[np.uint8],
     table: NDArray[np.float32],
@@ -43,7 +44,7 @@ def sum_over_points(
     return sums
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def sum_over_offsets(
     worth: NDArray[np.uint8], starts: NDArray[np.int32], offsets: NDArray[np.int32]
 ) -> NDArray[np.int32]:
@@ -64,7 +65,7 @@ def sum_over_offsets(
     return scores
 
 
-@njit(cache=True)
+@compiled
 def _is_blocked(
     squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, tolerance: float, aside: float
 ) -> bool:
@@ -78,7 +79,7 @@ def _is_blocked(
     return bool(cast(squares, x, y, dx / moved, dy / moved, way) < way)
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def sum_over_segments(
     field: NDArray[np.uint8],
     squares: NDArray[np.uint8],

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from gridslam.kernels.compiled import compiled, compiled_parallel
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK
 
 
-@njit(cache=True)
+@compiled
 def _add(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -28,7 +29,7 @@ def _add(
         cell[0] = min(max(cell[0] + step, -limit), limit)
 
 
-@njit(cache=True)
+@compiled
 def insert_beams(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -71,7 +72,7 @@ def insert_beams(
         _add(directory, pool, origin, end_row, end_col, hit, limit)
 
 
-@njit(cache=True)
+@compiled
 def insert_beam_trail(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -91,7 +92,7 @@ def insert_beam_trail(
         insert_beams(directory, pool, origin, resolution_m, poses[i], viewpoint, own, hit, miss, limit)
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def insert_beams_all(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -109,7 +110,7 @@ def insert_beams_all(
         insert_beams(directory[k], pool, origin, resolution_m, poses[k], viewpoint, points, hit, miss, limit)
 
 
-@njit(cache=True)
+@compiled
 def insert_scan_dense(
     log_odds: NDArray[np.float32],
     touched: NDArray[np.int32],

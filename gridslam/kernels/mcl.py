@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gridslam.kernels.beam import sum_over_beams
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.likelihood_field import sum_over_offsets, sum_over_points, sum_over_segments
 from gridslam.kernels.raycast import cast_rays, free_squares
 
 
-@njit(cache=True)
+@compiled
 def systematic(weights: NDArray[np.float64], count: int, start: float) -> NDArray[np.int64]:
     """Ancestors `(count,)` by systematic resampling: one comb of `count` teeth, shifted by `start` in [0, 1), over the weights.
 
@@ -34,7 +34,7 @@ def systematic(weights: NDArray[np.float64], count: int, start: float) -> NDArra
     return ancestors
 
 
-@njit(cache=True)
+@compiled
 def occupied_bins(
     poses: NDArray[np.float64], chosen: NDArray[np.int64], cell_m: float, cell_rad: float
 ) -> int:

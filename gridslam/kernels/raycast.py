@@ -8,15 +8,17 @@ from cell to cell (Amanatides and Woo 1987): the cell that is hit, and the range
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled, compiled_parallel
 
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 _NEVER = 1e300
 _LARGEST = 255
 
 
-@njit(cache=True)
+@compiled
 def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Sides (cells, capped at 255) of the free squares `(4, rows, cols)`, all within the grid.
 
@@ -44,7 +46,7 @@ def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return squares
 
 
-@njit(cache=True)
+@compiled
 def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float) -> float:
     """Range in cells from (x, y) along the unit vector (dx, dy) to the first occupied cell; `reach` when there is none nearer.
 
@@ -84,7 +86,7 @@ def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, r
             return reach
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def cast_rays(
     squares: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], reach: float
 ) -> NDArray[np.float32]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled
 
 MAX_MISSING_BEAMS = 12  # a surface is not followed across a wider hole
 MIN_RADIUS_M = 0.2
@@ -15,7 +16,7 @@ MAX_DEVIATION_M = 0.04  # root mean square distance from that line
 MIN_CHORD_AGREEMENT = 0.12  # sine of the angle between a chord and the surfaces at its ends
 
 
-@njit(cache=True)
+@compiled
 def scan_to_points(
     ranges_m: NDArray[np.float32],
     angle_min_rad: float,
@@ -59,7 +60,7 @@ def scan_to_points(
     return points[:m].copy(), beams[:m].copy()
 
 
-@njit(cache=True)
+@compiled
 def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float, float]:
     """Unit normal of the line through points lo..hi, (0, 0) when they do not form one."""
     k = hi - lo + 1
@@ -84,12 +85,12 @@ def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float,
     return -np.sin(along), np.cos(along)
 
 
-@njit(cache=True)
+@compiled
 def _distance(points: NDArray[np.float64], i: int, j: int) -> float:
     return float(np.sqrt((points[i, 0] - points[j, 0]) ** 2 + (points[i, 1] - points[j, 1]) ** 2))
 
 
-@njit(cache=True)
+@compiled
 def surface_normals(
     points: NDArray[np.float64], beams: NDArray[np.int64], viewpoint: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -125,7 +126,7 @@ def surface_normals(
     return normals
 
 
-@njit(cache=True)
+@compiled
 def thin_out(points: NDArray[np.float64], spacing_m: float, max_points: int) -> NDArray[np.int64]:
     """Indices of a subset along the scan, at least `spacing_m` apart, and at most `max_points` of them by even stride."""
     m = points.shape[0]
@@ -148,7 +149,7 @@ def thin_out(points: NDArray[np.float64], spacing_m: float, max_points: int) -> 
     return chosen
 
 
-@njit(cache=True)
+@compiled
 def surface_chords(
     points: NDArray[np.float64], normals: NDArray[np.float64], max_chord_m: float
 ) -> NDArray[np.bool_]:
@@ -171,7 +172,7 @@ def surface_chords(
     return chords
 
 
-@njit(cache=True)
+@compiled
 def fill_chords(
     points: NDArray[np.float64], normals: NDArray[np.float64], chords: NDArray[np.bool_], spacing_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

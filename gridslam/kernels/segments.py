@@ -7,15 +7,17 @@ hit so far lies before the next cell; what moves (few segments, few circles) is 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled, compiled_parallel
 
 _PARALLEL = 1e-14
 _NEVER = 1e300
 _SLACK = 1e-9  # relative overlap at the ends of segments: no ray slips through a corner
 
 
-@njit(cache=True)
+@compiled
 def _cell_span(low: float, high: float, origin: float, size: float, count: int) -> tuple[int, int]:
     """First and last cell that [low, high] touches, one more on both sides against rounding."""
     first = int(np.floor((low - origin) / size - 1e-6))
@@ -23,7 +25,7 @@ def _cell_span(low: float, high: float, origin: float, size: float, count: int) 
     return min(max(first, 0), count - 1), min(max(last, 0), count - 1)
 
 
-@njit(cache=True)
+@compiled
 def _touches(segment: NDArray[np.float64], x: float, y: float, half: float) -> bool:
     """Whether a segment meets the square of half side `half` about (x, y); the bounding boxes are known to overlap."""
     dx, dy = segment[2] - segment[0], segment[3] - segment[1]
@@ -31,7 +33,7 @@ def _touches(segment: NDArray[np.float64], x: float, y: float, half: float) -> b
     return bool(distance <= half * (abs(dx) + abs(dy)) * (1.0 + 1e-6) + 1e-12)
 
 
-@njit(cache=True)
+@compiled
 def fill_buckets(
     segments: NDArray[np.float64], origin_x: float, origin_y: float, size: float, rows: int, cols: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -61,7 +63,7 @@ def fill_buckets(
     return starts, items
 
 
-@njit(cache=True)
+@compiled
 def _segment_distance(s: NDArray[np.float64], ox: float, oy: float, dx: float, dy: float) -> float:
     """Distance along the ray to a segment, or _NEVER."""
     ex, ey = s[2] - s[0], s[3] - s[1]
@@ -76,7 +78,7 @@ def _segment_distance(s: NDArray[np.float64], ox: float, oy: float, dx: float, d
     return distance if distance >= 0.0 else _NEVER
 
 
-@njit(cache=True)
+@compiled
 def _circle_distance(c: NDArray[np.float64], ox: float, oy: float, dx: float, dy: float) -> float:
     """Distance along the ray to a circle (x, y, radius) from outside or inside, or _NEVER."""
     wx, wy = c[0] - ox, c[1] - oy
@@ -90,7 +92,7 @@ def _circle_distance(c: NDArray[np.float64], ox: float, oy: float, dx: float, dy
     return along + half if along + half >= 0.0 else _NEVER
 
 
-@njit(cache=True)
+@compiled
 def _entry(o: float, d: float, low: float, high: float) -> tuple[float, float]:
     """Distances at which a ray enters and leaves a slab."""
     if abs(d) < _PARALLEL:
@@ -99,7 +101,7 @@ def _entry(o: float, d: float, low: float, high: float) -> tuple[float, float]:
     return min(a, b), max(a, b)
 
 
-@njit(cache=True)
+@compiled
 def _cast_standing(
     segments: NDArray[np.float64],
     starts: NDArray[np.int32],
@@ -145,7 +147,7 @@ def _cast_standing(
                 return best, index
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def cast_segments(
     segments: NDArray[np.float64],
     starts: NDArray[np.int32],

@@ -7,9 +7,10 @@ COUNT, X, Y, NX, NY). Averaging over hits takes out the range noise and the quan
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 from numpy.typing import NDArray
 
+from gridslam.kernels.compiled import compiled, compiled_parallel
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK
 
 CHANNELS = 5
@@ -23,7 +24,7 @@ CONVERGED_M = 1e-4
 CONVERGED_RAD = 1e-5
 
 
-@njit(cache=True)
+@compiled
 def insert_surfels(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -66,7 +67,7 @@ def insert_surfels(
         cell[COUNT] = n
 
 
-@njit(cache=True)
+@compiled
 def insert_surfel_trail(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -83,7 +84,7 @@ def insert_surfel_trail(
         insert_surfels(directory, pool, origin, resolution_m, poses[i], points[lo:hi], normals[lo:hi])
 
 
-@njit(cache=True)
+@compiled
 def _nearest(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -126,7 +127,7 @@ def _nearest(
     return b_tile, b_row, b_col
 
 
-@njit(cache=True)
+@compiled
 def register(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -203,7 +204,7 @@ def register(
     return pose, scan_information, used
 
 
-@njit(cache=True)
+@compiled
 def search_yaw(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -245,7 +246,7 @@ def search_yaw(
     return np.array([predicted[0], predicted[1], best_yaw])
 
 
-@njit(cache=True)
+@compiled
 def _log_odds_at(
     directory: NDArray[np.int32], pool: NDArray[np.float32], origin: NDArray[np.int64], row: int, col: int
 ) -> float:
@@ -257,7 +258,7 @@ def _log_odds_at(
     return float(pool[tile, row & TILE_MASK, col & TILE_MASK, 0]) if tile >= 0 else 0.0
 
 
-@njit(cache=True)
+@compiled
 def _passes_wall(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -281,7 +282,7 @@ def _passes_wall(
     return False
 
 
-@njit(cache=True)
+@compiled
 def log_likelihood(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -333,7 +334,7 @@ def log_likelihood(
     return total
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def register_all(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -378,7 +379,7 @@ def register_all(
     return poses, information, used
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def log_likelihood_all(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -420,7 +421,7 @@ def log_likelihood_all(
     return out
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def insert_surfels_all(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],
@@ -435,7 +436,7 @@ def insert_surfels_all(
         insert_surfels(directory[k], pool, origin, resolution_m, poses[k], points, normals)
 
 
-@njit(cache=True, parallel=True)
+@compiled_parallel
 def register_pairs(
     directory: NDArray[np.int32],
     pool: NDArray[np.float32],

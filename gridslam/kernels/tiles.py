@@ -8,15 +8,16 @@ the same tile; `refcount[tile]` counts them, and a tile is copied before a map t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled
 
 TILE_BITS = 3
 TILE_CELLS = 1 << TILE_BITS  # 8 x 8 cells
 TILE_MASK = TILE_CELLS - 1
 
 
-@njit(cache=True)
+@compiled
 def reach_of(points: NDArray[np.float64]) -> float:
     """The largest distance of the points `(m, 2)` from the origin; infinity when one is not finite."""
     largest = 0.0
@@ -28,7 +29,7 @@ def reach_of(points: NDArray[np.float64]) -> float:
     return float(np.sqrt(largest))
 
 
-@njit(cache=True)
+@compiled
 def mark_end_tiles(
     wanted: NDArray[np.bool_],
     origin: NDArray[np.int64],
@@ -47,13 +48,13 @@ def mark_end_tiles(
             wanted[row, col] = True
 
 
-@njit(cache=True)
+@compiled
 def _mark(wanted: NDArray[np.bool_], row: int, col: int) -> None:
     if 0 <= row < wanted.shape[0] and 0 <= col < wanted.shape[1]:
         wanted[row, col] = True
 
 
-@njit(cache=True)
+@compiled
 def mark_beam_tiles(
     wanted: NDArray[np.bool_],
     origin: NDArray[np.int64],
@@ -90,7 +91,7 @@ def mark_beam_tiles(
         _mark(wanted, end_row - origin[0], end_col - origin[1])
 
 
-@njit(cache=True)
+@compiled
 def mark_trail_tiles(
     wanted: NDArray[np.bool_],
     origin: NDArray[np.int64],
@@ -110,7 +111,7 @@ def mark_trail_tiles(
             mark_end_tiles(wanted, origin, poses[i], own, resolution_m)
 
 
-@njit(cache=True)
+@compiled
 def bounds_of(poses: NDArray[np.float64], reach_m: float) -> tuple[float, float, float, float]:
     """Least y and x, largest y and x within reach of the poses `(n, 3)`; not finite when a number is not."""
     lo_x = hi_x = poses[0, 0]
@@ -123,7 +124,7 @@ def bounds_of(poses: NDArray[np.float64], reach_m: float) -> tuple[float, float,
     return lo_y - reach_m, lo_x - reach_m, hi_y + reach_m, hi_x + reach_m
 
 
-@njit(cache=True)
+@compiled
 def own_tiles(
     wanted: NDArray[np.bool_],
     directory: NDArray[np.int32],
@@ -156,7 +157,7 @@ def own_tiles(
     return n_free
 
 
-@njit(cache=True)
+@compiled
 def own_for_maps(
     wanted: NDArray[np.bool_],
     directory: NDArray[np.int32],
@@ -202,7 +203,7 @@ def own_for_maps(
     return n_free, maps.shape[0], 0
 
 
-@njit(cache=True)
+@compiled
 def redistribute(
     directory: NDArray[np.int32],
     ancestors: NDArray[np.int64],

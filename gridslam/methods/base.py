@@ -32,6 +32,18 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture that only the method can make; written as PNG beside the map and shown in the report.
+
+    `rgb` is uint8 `(height, width, 3)`, top row first; `note` says in a sentence what is to be seen.
+    """
+
+    rgb: NDArray[np.uint8]
+    title: str
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """Where the method believes the robot to be; particles `(n, 3)` when it keeps any."""
 
@@ -42,13 +54,18 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected."""
+    """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected.
+
+    `occupancy` becomes map.pgm, and each of `maps` NAME.pgm beside it; `pictures` become NAME.png.
+    """
 
     trajectory: Trajectory
     occupancy: OccupancyGrid | None = None
+    maps: Mapping[str, OccupancyGrid] = field(default_factory=dict)
     layers: Mapping[str, GridLayer] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
     series: Mapping[str, Series] = field(default_factory=dict)
+    pictures: Mapping[str, Picture] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)
     timings_s: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json

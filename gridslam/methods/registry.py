@@ -17,6 +17,8 @@ class MethodEntry:
     mapper: str = ""
     localizer: str = ""
     needs: tuple[str, ...] = ()  # streams that a log must have
+    uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
+    inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
 
 
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(

@@ -31,8 +31,17 @@ class Plot:
     note: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A heading and its PNG, base64."""
+
+    title: str
+    png: str
+    note: str
+
+
 def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
-    """Write the page; `map.png`, when there is one, is taken from the same folder."""
+    """Write the page; `map.png` and the method's pictures are taken from the same folder."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("gridslam.report"),
         autoescape=True,
@@ -44,11 +53,19 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
     page = environment.get_template(TEMPLATE).render(
         run=document,
         map_png=base64.b64encode(picture.read_bytes()).decode() if picture.exists() else "",
+        pictures=list(pictures(run, path.parent)),
         plots=list(plots(run)),
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
     write_atomic(path, page.encode(errors="replace"))  # a file name need not be text
+
+
+def pictures(run: Run, folder: Path) -> Iterator[Shown]:
+    """The method's own pictures, as they lie in the folder."""
+    for name, picture in sorted(run.result.pictures.items()):
+        png = base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
+        yield Shown(picture.title, png, picture.note)
 
 
 def plots(run: Run) -> Iterator[Plot]:

@@ -6,6 +6,8 @@ import io
 import time
 from pathlib import Path
 
+from PIL import Image
+
 from gridslam.core.files import write_atomic
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import GridLayer
@@ -39,15 +41,27 @@ def write_run(run: Run, directory: Path, force: bool = False) -> dict[str, objec
 
 
 def write_map_files(run: Run, folder: Path) -> None:
-    """map.pgm, map.yaml and layers.npz where the run made a map; map.png also of a map that was given."""
+    """map.pgm, map.yaml and layers.npz where the run made a map; map.png also of a map that was given.
+
+    The method's further maps and its pictures lie beside them under their names.
+    """
     result = run.result
     layers = dict(result.layers)
     if run.occupancy is not None and run.occupancy.probability.size:
-        picture = io.BytesIO()
-        render_map(run.occupancy, result.trajectory).save(picture, format="PNG")
-        write_atomic(folder / "map.png", picture.getvalue())
+        write_atomic(folder / "map.png", png_bytes(render_map(run.occupancy, result.trajectory)))
     if result.occupancy is not None and result.occupancy.probability.size:
         save_map(result.occupancy, folder / "map")
         layers.setdefault("probability", GridLayer(result.occupancy.probability, result.occupancy.geometry))
+    for name, occupancy in sorted(result.maps.items()):
+        save_map(occupancy, folder / name)
+    for name, made in sorted(result.pictures.items()):
+        write_atomic(folder / f"{name}.png", png_bytes(Image.fromarray(made.rgb)))
     if run.config.output.layers and layers:
         write_layers(folder / "layers.npz", layers)
+
+
+def png_bytes(picture: Image.Image) -> bytes:
+    """A picture as a PNG file."""
+    file = io.BytesIO()
+    picture.save(file, format="PNG")
+    return file.getvalue()
