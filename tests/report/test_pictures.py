@@ -39,4 +39,4 @@ def test_further_maps_are_saved_under_their_names(finished_run: Run, tmp_path: P
     )
     write_run(run, tmp_path / "run")
     saved, further = load_map(tmp_path / "run/map.yaml"), load_map(tmp_path / "run/static.yaml")
-    assert np.array_equal(saved.probability, further.probability)
+    assert np.array_equal(saved.probability, further.probability, equal_nan=True)
