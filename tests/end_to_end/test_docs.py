@@ -1,4 +1,4 @@
-"""Every command of the README is true, every configuration shown is valid, every link leads somewhere."""
+"""Every command of the README and the pages is true, every configuration shown is valid, every link leads somewhere."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gridslam.config.yaml_file import parse_mapping
+from gridslam.methods.registry import METHODS
 from gridslam.run_config import validate_run_config
 from tests.conftest import REPOSITORY
 
@@ -40,23 +41,28 @@ def test_every_configuration_shown_is_valid(page: Path) -> None:
     for block in blocks(page, "yaml"):
         if "method:" not in block:
             continue  # the layout of a CSV folder, or part of a configuration
-        validate_run_config(parse_mapping(block, page.name), page.name)
+        config = validate_run_config(parse_mapping(block, page.name), page.name)
+        assert config.method_name in METHODS
 
 
-def test_every_command_of_the_readme_works(tmp_path: Path) -> None:
-    lines = [line for block in blocks(REPOSITORY / "README.md", "sh") for line in block.splitlines()]
-    commands = [line for line in lines if line.strip()]
-    assert len(commands) >= 8
+def commands_of(page: Path) -> list[str]:
+    """The lines of the page's `sh` blocks: what a reader can run as it stands, one after the other, beside sample_logs/."""
+    return [line for block in blocks(page, "sh") for line in block.splitlines() if line.strip()]
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if commands_of(p)], ids=lambda page: page.name)
+def test_every_command_works(page: Path, tmp_path: Path) -> None:
     (tmp_path / "sample_logs").symlink_to(REPOSITORY / "sample_logs")
+    (tmp_path / "configs").symlink_to(REPOSITORY / "configs")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     assert shutil.which("gridslam", path=path), "the program is not installed in this environment"
-    for command in commands:
+    environment = {**os.environ, "PATH": path}
+    for command in commands_of(page):
         done = subprocess.run(
-            command,
-            shell=True,
-            cwd=tmp_path,
-            env={**os.environ, "PATH": path},
-            capture_output=True,
-            text=True,
+            command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True
         )
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+
+
+def test_the_readme_shows_how_to_use_the_program() -> None:
+    assert len(commands_of(PAGES[0])) >= 8
