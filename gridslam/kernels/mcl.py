@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.beam import sum_over_beams
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.likelihood_field import sum_over_offsets, sum_over_points, sum_over_segments
-from gridslam.kernels.raycast import cast_rays, free_squares
 
 
 @compiled
@@ -63,19 +60,3 @@ def occupied_bins(
                 break
             slot = (slot + 1) & (size - 1)
     return count
-
-
-def warm_up_localization() -> None:
-    """Compile every kernel of localization for the types that it is called with."""
-    field = np.zeros((4, 4), np.uint8)
-    table = np.zeros(256, np.float32)
-    points, poses = np.zeros((2, 2), np.float32), np.ones((2, 3))
-    bearings, bins = np.zeros(2), np.zeros(2, np.int64)
-    sum_over_points(field, table, points, poses)
-    sum_over_offsets(field.ravel(), np.zeros(1, np.int32), np.zeros((1, 2), np.int32))
-    squares = free_squares(np.zeros((4, 4), np.bool_))
-    cast_rays(squares, poses, bearings, 4.0)
-    ends = np.ones((2, 2))
-    sum_over_segments(field, squares, table, np.zeros((2, 2)), ends, 0.5, 0.5, poses)
-    sum_over_beams(squares, table.reshape(16, 16), 1.0, bearings, bins, np.zeros(3), poses, 4.0)
-    occupied_bins(poses, systematic(np.ones(2), 2, 0.5), 1.0, 1.0)

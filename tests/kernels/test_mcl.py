@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gridslam.kernels.mcl import occupied_bins, systematic, warm_up_localization
+from gridslam.kernels.mcl import occupied_bins, systematic
 from tests.reference import mcl as reference
 
 
@@ -37,7 +37,3 @@ def test_bins_are_counted_once(seed, n):
     poses = rng.normal(0.0, 1.0, (n, 3))
     chosen = rng.integers(0, n, 2 * n)
     assert occupied_bins(poses, chosen, 0.3, 0.4) == reference.occupied_bins(poses, chosen, 0.3, 0.4)
-
-
-def test_warming_up_runs_every_kernel():
-    warm_up_localization()
