@@ -27,11 +27,21 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
             config="gridslam.methods.slam_sd.config:SlamSdConfig",
             mapper="gridslam.methods.slam_sd.method:SlamSd",
             needs=("scan", "odom"),
+            uses=("tags",),
+            inputs=("tags",),
+        ),
+        "ir-scan": MethodEntry(
+            config="gridslam.methods.ir_scan.config:IrScanConfig",
+            mapper="gridslam.methods.ir_scan.method:IrScanMapper",
+            localizer="gridslam.methods.ir_scan.method:IrScanLocalizer",
+            needs=("range",),
+            uses=("odom", "wheels", "imu", "fix"),
         ),
         "ispace-mcl": MethodEntry(
             config="gridslam.methods.ispace_mcl.config:IspaceMclConfig",
             localizer="gridslam.methods.ispace_mcl.method:IspaceMcl",
             needs=("scan", "odom"),
+            uses=("image", "depth", "camera_info"),
         ),
     }
 )

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from gridslam.config.base import StrictModel
+from gridslam.methods.ispace_mcl.camera_config import CamerasConfig
 
 
 class ParticleConfig(StrictModel):
@@ -195,7 +196,7 @@ class ConfidenceConfig(StrictModel):
 
 
 class IspaceMclConfig(StrictModel):
-    """Monte Carlo localization on a given map."""
+    """Monte Carlo localization on a given map, with fixed cameras where the log has any."""
 
     name: Literal["ispace-mcl"] = "ispace-mcl"
     start: tuple[float, float, float] | None = Field(
@@ -218,3 +219,4 @@ class IspaceMclConfig(StrictModel):
     update: UpdateConfig = UpdateConfig()
     search: SearchConfig = SearchConfig()
     confidence: ConfidenceConfig = ConfidenceConfig()
+    cameras: CamerasConfig = CamerasConfig()

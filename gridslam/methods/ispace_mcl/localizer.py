@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +16,12 @@ from gridslam.core.errors import ConfigError
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster
 from gridslam.filters.resampling import AdaptiveSize, resample
+from gridslam.kernels.mcl import systematic
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.assessment import Assessment, Watch
+from gridslam.methods.ispace_mcl.camera_config import SightingConfig
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.environment import DensityWeight, Frame, SightingWeight, proposals
 from gridslam.methods.ispace_mcl.relocalization import Contender, Tracked
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.methods.ispace_mcl.window import ScanWindow
@@ -87,26 +93,87 @@ class Localizer:
         )  # a start pose that does not fit at all is contested at once
         self._is_checked = False
         self._trust = config.search.start_trust if self._is_started else 0.0
+        sightings = config.cameras.weight
+        self._sightings: SightingWeight | None = None
+        self._density: DensityWeight | None = None
+        if isinstance(sightings, SightingConfig):
+            self._sightings = SightingWeight(config.cameras, sightings)
+        else:
+            self._density = DensityWeight(sightings)
         self.counters: Counter[str] = Counter()
+        self.timings_s: defaultdict[str, float] = defaultdict(float)
 
-    def update(self, step: Floats, odometry: Floats, beams: Beams, broken: bool) -> Update:
-        """One round of the filter: motion since the last one `(3,)`, T_odom_base `(3,)`, and the scan."""
+    def update(
+        self, step: Floats, odometry: Floats, beams: Beams, broken: bool, frames: Sequence[Frame] = ()
+    ) -> Update:
+        """One round of the filter: motion since the last one `(3,)`, T_odom_base `(3,)`, the scan, and what cameras saw."""
         travel = float(np.hypot(step[0], step[1]))
-        self._predict(step, broken)
+        with self._timed("propagate"):
+            self._predict(step, broken)
         self._window.add(odometry, beams.mounting[:2], beams.points)
         self._since_search += travel
         if not self._is_started:
-            self._is_started = self._compete(None)
-        self._weigh(beams)
-        belief = self._cluster()
-        assessment = self._watch.assess(belief, beams)
-        self._earn_trust(assessment, travel)
-        if self._is_search_due(assessment) and self._compete(belief):
+            with self._timed("search"):
+                self._is_started = self._compete(None, frames)
+        with self._timed("weigh"):
+            self._weigh(beams)
+        with self._timed("environment"):
+            self._weigh_by_cameras(frames)
+        with self._timed("assess"):
             belief = self._cluster()
             assessment = self._watch.assess(belief, beams)
+        self._earn_trust(assessment, travel)
+        if self._is_search_due(assessment):
+            with self._timed("search"):
+                if self._compete(belief, frames):
+                    belief = self._cluster()
+                    assessment = self._watch.assess(belief, beams)
         count = len(self.particles)
-        self._resample()
+        with self._timed("resample"):
+            self._resample()
+        if frames:
+            with self._timed("propose"):
+                self._propose(frames, beams, belief)
         return Update(belief, assessment, count)
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.timings_s[stage] += time.perf_counter() - started
+
+    def _weigh_by_cameras(self, frames: Sequence[Frame]) -> None:
+        """The environment weight: relative likelihoods, or the paper's product of densities."""
+        if not frames:
+            return
+        if self._sightings is not None:
+            self.particles = self.particles.reweighted(
+                self._sightings.log_likelihood(frames, self.particles.poses)
+            )
+        elif self._density is not None:
+            self.particles = self._density.reweighted(frames, self.particles)
+
+    def _by_cameras(self, frames: Sequence[Frame], poses: Floats) -> Floats:
+        """What the cameras say for poses `(n, 3)` that a search has found, `(n,)`."""
+        if self._sightings is None:
+            return np.zeros(len(poses))
+        return self._sightings.log_likelihood(frames, poses)
+
+    def _propose(self, frames: Sequence[Frame], beams: Beams, belief: Belief) -> None:
+        """While the robot is not found, some particles are drawn anew about what the cameras see moving."""
+        cameras = self._config.cameras
+        if not isinstance(cameras.weight, SightingConfig) or belief.mass >= cameras.weight.sure_mass:
+            return
+        count = int(cameras.weight.proposal_share * len(self.particles))
+        used = beams.thinned(self._config.scan.beams)
+        if not count or not len(used.points):
+            return
+        drawn = proposals(frames, cameras, lambda poses: self._log_weight(used, poses), count, self._rng)
+        if drawn is None:
+            return
+        kept = systematic(self.particles.weights, len(self.particles) - count, float(self._rng.random()))
+        self.particles = Particles.even(np.concatenate([self.particles.poses[kept], drawn]))
+        self.counters["proposals"] += count
 
     def _predict(self, step: Floats, broken: bool) -> None:
         poses = sample_motion(self.particles.poses, step, self._noise, self._rng)
@@ -161,7 +228,7 @@ class Localizer:
             return self._since_search >= search.retry_m
         return self._since_search >= (search.recheck_m if self._is_checked else search.check_m)
 
-    def _compete(self, belief: Belief | None) -> bool:
+    def _compete(self, belief: Belief | None, frames: Sequence[Frame]) -> bool:
         """Search the map; `belief` is the tracked pose, None when there is none yet. Whether the particles have changed."""
         if self._contender is None:
             return False
@@ -172,6 +239,7 @@ class Localizer:
             None if belief is None else Tracked(self.particles, belief, self._trust),
             self._config.particles.most,
             self._rng,
+            lambda poses: self._by_cameras(frames, poses),
         )
         if contest is None:
             return False

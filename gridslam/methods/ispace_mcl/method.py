@@ -1,17 +1,20 @@
-"""Monte Carlo localization along a log (section 4 of the paper, its onboard part)."""
+"""Monte Carlo localization along a log (sections 2.1 to 2.3 of the paper), with fixed cameras where the log has them."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
+from gridslam.filters.free_space import free_cells
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.ispace_mcl.cameras import Cameras
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.localizer import Localizer, Update
 from gridslam.methods.ispace_mcl.record import Record
@@ -30,8 +33,12 @@ class IspaceMcl:
         motion = config.motion
         self._scans = ScanPoses(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
         self._mountings: dict[str, Mounting] = {}
+        free = free_cells(occupancy, config.free_below)
+        self._cameras = Cameras(config.cameras, floor_cells(free, occupancy, config.cameras.cell_m))
+        self._occupancy = occupancy
         self._record = Record()
         self._counters: Counter[str] = Counter()
+        self._cameras_s = 0.0
         self._updated_at: Floats | None = None  # T_odom_base of the last update
         self._update: Update | None = None
         self._standing = 0
@@ -47,36 +54,57 @@ class IspaceMcl:
         return Estimate(self._stamp_ns, self._pose, self._localizer.particles.poses)
 
     def process(self, event: Event) -> None:
-        """Scans, odometry and static transforms are used."""
+        """Scans, odometry, static transforms, and images, depths and calibrations of fixed cameras are used."""
         if isinstance(event, LaserScan):
             placed = self._scans.add_scan(event)
         elif isinstance(event, Odometry):
             placed = self._scans.add_odometry(event)
         else:
-            if isinstance(event, Transform) and event.is_static:
-                self._mountings[event.child_frame_id] = mounting_of(event)
+            self._take_other(event)
             return
         for scan in placed:
             self._take(scan)
+
+    def _take_other(self, event: Event) -> None:
+        if isinstance(event, Transform):
+            if event.is_static:
+                self._mountings[event.child_frame_id] = mounting_of(event)
+                self._cameras.add_mounting(event)
+        elif self._config.cameras.enabled:
+            started = time.perf_counter()
+            if isinstance(event, Image):
+                self._cameras.add_image(event)
+            elif isinstance(event, DepthImage):
+                self._cameras.add_depth(event)
+            elif isinstance(event, CameraInfo):
+                self._cameras.add_info(event)
+            self._cameras_s += time.perf_counter() - started
 
     def result(self) -> RunResult:
         """The trajectory, the table `localization` and the series of the report."""
         for scan in self._scans.flush():
             self._take(scan)
-        counters = self._counters + self._localizer.counters + self._scans.counters
+        self._cameras.finish()
+        counters = self._counters + self._localizer.counters + self._scans.counters + self._cameras.counters
         return RunResult(
             self._record.trajectory(),
             tables={"localization": self._record.table()},
             series=self._record.series(),
             counters=dict(counters),
-            measures=self._record.measures(),
+            timings_s={**self._localizer.timings_s, "cameras": self._cameras_s},
+            measures={**self._record.measures(), **self._camera_measures()},
         )
+
+    def _camera_measures(self) -> dict[str, object]:
+        measures = self._cameras.measures()
+        return {"cameras": measures} if measures else {}
 
     def _take(self, placed: PlacedScan) -> None:
         beams = len(placed.scan.ranges_m)
         if self._beam_count not in (None, beams):
             self._counters["scan.beam_count_changes"] += 1
         self._beam_count = beams
+        self._cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.broken)
         if self._is_update_due(placed):
             self._weigh(placed)
         if self._update is None or self._updated_at is None:
@@ -106,6 +134,13 @@ class IspaceMcl:
         self._counters["beams.unreadable"] += beams.unreadable
         last = placed.odometry if self._updated_at is None else self._updated_at
         step = se2.between(last, placed.odometry)
-        self._update = self._localizer.update(step, placed.odometry, beams, placed.broken)
+        frames = self._cameras.frames_at(placed.scan.stamp_ns)
+        self._update = self._localizer.update(step, placed.odometry, beams, placed.broken, frames)
         self._updated_at = placed.odometry
         self._counters["updates"] += 1
+
+
+def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> Floats:
+    """Centres `(k, 2)` of the cells of a raster of `cell_m` in which the map has free space."""
+    centres = occupancy.geometry.centres(np.argwhere(free))
+    return np.asarray((np.unique(np.floor(centres / cell_m), axis=0) + 0.5) * cell_m)

@@ -95,22 +95,32 @@ class Contender:
         return np.asarray(np.maximum(scores, best - self._config.most_evidence))
 
     def contest(
-        self, window: ScanWindow, tracked: Tracked | None, most: int, rng: np.random.Generator
+        self,
+        window: ScanWindow,
+        tracked: Tracked | None,
+        most: int,
+        rng: np.random.Generator,
+        others_say: Callable[[Floats], Floats],
     ) -> Contest | None:
-        """The tracked particles against what the search finds; None when there is too little to search for."""
+        """The tracked particles against what the search finds; None when there is too little to search for.
+
+        `others_say` gives the log-likelihoods `(n,)` of poses `(n, 3)` by what is known besides the scans.
+        """
         config = self._config
         segments = window.recent(config.window_points)
         if len(segments) < _LEAST_POINTS:
             return None
         found = self.found(segments)
         if tracked is None:
-            return Contest(_drawn(found, most, rng), False)
+            said = Hypotheses(found.poses, found.scores + others_say(found.poses))
+            return Contest(_drawn(said, most, rng), False)
         own = self.climbed(tracked.belief.mean[None], segments)
         rivals = _others(found, own.poses[0])
         past = window.past(config.past_beams)
         traced = self.traced(np.concatenate([own.poses[:1], rivals.poses]), past)
-        own_score = float(traced[:, 0].sum()) + tracked.trust
-        rivals = Hypotheses(rivals.poses, with_break(traced[:, 1:], traced[:, 0], config.carried_odds))
+        own_score = float(traced[:, 0].sum() + others_say(own.poses[:1])[0]) + tracked.trust
+        scores = with_break(traced[:, 1:], traced[:, 0], config.carried_odds)
+        rivals = Hypotheses(rivals.poses, scores + others_say(rivals.poses))
         lead = own_score - rivals.scores.max(initial=-np.inf)
         if lead > -config.rival_lead:
             return Contest(None, lead > config.sure_lead)

@@ -1,0 +1,171 @@
+"""What the fixed cameras say about poses: the environment weight (section 2.2 of the paper, eqs. 5 - 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.filters.kernel_density import kernel_density
+from gridslam.filters.particles import Particles
+from gridslam.kernels.mcl import systematic
+from gridslam.methods.ispace_mcl.camera_config import CamerasConfig, DensityConfig, SightingConfig
+from gridslam.sensors.fixed_camera import Sighting
+
+Floats = NDArray[np.float64]
+
+_FAR = 4.0  # bandwidths: farther away nothing is near
+_SMALLEST = 1e-300
+_MOST_PLACES, _HEADINGS = 60, 60
+_SCATTER = np.array([0.15, 0.15, 0.05])  # of proposals: m, m, rad
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A camera's sighting, its coverage `(m, 2)`, and T_now_then `(3,)`: the robot at the frame's stamp seen from now."""
+
+    sighting: Sighting
+    coverage: Floats
+    back: Floats
+
+
+def moving_cells(sighting: Sighting, cell_m: float, least_area_m2: float) -> Floats:
+    """Centres `(k, 2)` of the floor cells above which enough surface moves."""
+    if not len(sighting.points):
+        return np.zeros((0, 2))
+    cells = np.floor(sighting.points / cell_m).astype(np.int64)
+    unique, member = np.unique(cells, axis=0, return_inverse=True)
+    area = np.bincount(member.ravel(), sighting.areas_m2, len(unique))
+    kept = unique[area >= least_area_m2].astype(np.float64)
+    return (kept + 0.5) * cell_m
+
+
+def places_then(frame: Frame, poses: Floats) -> Floats:
+    """Where robots that are at poses `(n, 3)` now were at the frame's stamp, `(n, 2)`."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    dx, dy = float(frame.back[0]), float(frame.back[1])
+    return np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
+
+
+class SightingWeight:
+    """Log-likelihoods of poses relative to a robot that no camera sees (see SightingConfig)."""
+
+    def __init__(self, config: CamerasConfig, weight: SightingConfig) -> None:
+        self._config = config
+        self._weight = weight
+
+    def log_likelihood(self, frames: Sequence[Frame], poses: Floats) -> Floats:
+        """Of poses `(n, 3)`: `(n,)`."""
+        total = np.zeros(len(poses))
+        for frame in frames:
+            places = places_then(frame, poses)
+            seen = self._is_seen(frame, places)
+            near = self._nearness(frame.sighting, places)
+            w = self._weight
+            blob = w.detection * near / (w.clutter_per_m2 * 2.0 * np.pi * w.bandwidth_m**2)
+            ratio = np.where(seen, 1.0 - w.detection, 1.0 - w.detection * near) + blob
+            total += w.frame_weight * np.log(ratio)
+        return total
+
+    def _is_seen(self, frame: Frame, places: Floats) -> NDArray[np.bool_]:
+        cells = frame.coverage[frame.sighting.seen]
+        return in_cells(cells, places, self._config.cell_m)
+
+    def _nearness(self, sighting: Sighting, places: Floats) -> Floats:
+        """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest thing that moves, less the robot's own radius."""
+        w, config = self._weight, self._config
+        moving = moving_cells(sighting, config.cell_m, config.least_area_m2)
+        distance = distance_to(moving, places, config.cell_m, w.radius_m + _FAR * w.bandwidth_m)
+        return np.asarray(np.exp(-0.5 * (np.maximum(distance - w.radius_m, 0.0) / w.bandwidth_m) ** 2))
+
+
+def proposals(
+    frames: Sequence[Frame],
+    config: CamerasConfig,
+    log_weight: Callable[[Floats], Floats],
+    count: int,
+    rng: np.random.Generator,
+) -> Floats | None:
+    """Poses `(count, 3)` about what moves, with headings that the onboard sensor agrees with; None where nothing moves.
+
+    `log_weight` is the onboard log-weight of poses `(n, 3)`.
+    """
+    cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
+    places = np.concatenate([*cells, np.zeros((0, 2))])
+    if not len(places):
+        return None
+    places = places[
+        (np.arange(min(len(places), _MOST_PLACES)) * len(places)) // min(len(places), _MOST_PLACES)
+    ]
+    headings = np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False)
+    poses = np.column_stack([np.repeat(places, _HEADINGS, axis=0), np.tile(headings, len(places))])
+    score = log_weight(poses)
+    share = np.exp(score - score.max())
+    members = systematic(share / share.sum(), count, float(rng.random()))
+    drawn: Floats = poses[members] + rng.standard_normal((count, 3)) * _SCATTER
+    drawn[:, 2] = se2.wrap_angle(drawn[:, 2])
+    return drawn
+
+
+class DensityWeight:
+    """The paper's own: the product of two kernel densities replaces the weights."""
+
+    def __init__(self, weight: DensityConfig) -> None:
+        self._bandwidth_m = weight.bandwidth_m
+
+    def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
+        """Particles with w = eta P_onboard(x) P_iSpace(x); unchanged where no foreground is seen."""
+        points = np.concatenate([f.sighting.points for f in frames])
+        if not len(points):
+            return particles
+        places = particles.poses[:, :2]
+        onboard = kernel_density(places, particles.weights, self._bandwidth_m).at(places)
+        seen = kernel_density(points, np.ones(len(points)), self._bandwidth_m)
+        environment = np.mean([seen.at(places_then(f, particles.poses)) for f in frames], axis=0)
+        weights = onboard * environment
+        total = weights.sum()
+        if not total > _SMALLEST:
+            return particles
+        return Particles(particles.poses, weights / total)
+
+
+def in_cells(cells: Floats, places: Floats, cell_m: float) -> NDArray[np.bool_]:
+    """Whether places `(n, 2)` lie in one of the cells with these centres `(k, 2)`."""
+    if not len(cells):
+        return np.zeros(len(places), np.bool_)
+    grid, origin = _raster(cells, cell_m, 0)
+    index, inside = _indices(places, origin, cell_m, grid.shape)
+    return np.asarray(inside & (grid[index[:, 1], index[:, 0]] == 0))
+
+
+def distance_to(cells: Floats, places: Floats, cell_m: float, reach_m: float) -> Floats:
+    """Distance `(n,)` of places to the nearest of the cells `(k, 2)`, at most `reach_m`; exact to half a cell."""
+    if not len(cells):
+        return np.full(len(places), reach_m)
+    grid, origin = _raster(cells, cell_m, int(np.ceil(reach_m / cell_m)))
+    distances = cv2.distanceTransform(grid, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
+    index, inside = _indices(places, origin, cell_m, grid.shape)
+    return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], reach_m), reach_m)
+
+
+def _raster(cells: Floats, cell_m: float, margin: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """A grid that is 0 in the cells and 1 elsewhere, and the index (x, y) of its first cell."""
+    index = np.floor(cells / cell_m).astype(np.int64)
+    origin = index.min(axis=0) - margin
+    cols, rows = (index.max(axis=0) + margin + 1 - origin).tolist()
+    grid = np.ones((rows, cols), np.uint8)
+    grid[index[:, 1] - origin[1], index[:, 0] - origin[0]] = 0
+    return grid, origin
+
+
+def _indices(
+    places: Floats, origin: NDArray[np.int64], cell_m: float, shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Columns and rows `(n, 2)` of places in a raster, 0 where they lie outside, and whether they lie inside."""
+    index = np.floor(places / cell_m).astype(np.int64) - origin
+    inside = (index >= 0).all(axis=1) & (index[:, 0] < shape[1]) & (index[:, 1] < shape[0])
+    return np.where(inside[:, None], index, 0), inside
