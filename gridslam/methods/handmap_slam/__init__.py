@@ -1,0 +1,1 @@
+"""handmap-slam: SLAM with a hand-drawn map as prior."""
