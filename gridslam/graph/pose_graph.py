@@ -69,7 +69,7 @@ def chi_squared(poses: Floats, edges: Edges) -> Floats:
     return np.asarray(np.einsum("mi,mij,mj->m", error, edges.information, error))
 
 
-def _jacobians(poses: Floats, edges: Edges) -> tuple[Floats, Floats]:
+def jacobians(poses: Floats, edges: Edges) -> tuple[Floats, Floats]:
     """Derivatives `(m, 3, 3)` of the errors by the source's and by the target's pose."""
     a, b = poses[edges.source], poses[edges.target]
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
@@ -118,7 +118,7 @@ def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
     """One Gauss-Newton step `(n, 3)` with node 0 held."""
     n = len(poses)
     error = residuals(poses, edges)
-    source, target = _jacobians(poses, edges)
+    source, target = jacobians(poses, edges)
     weighted = edges.information * weights[:, None, None]
     blocks, rows, cols = [], [], []
     gradient = np.zeros((n, 3))

@@ -38,7 +38,7 @@ def test_the_jacobians_are_the_finite_differences_of_the_errors() -> None:
     rng = np.random.default_rng(0)
     poses = rng.uniform(-2.0, 2.0, (2, 3))
     edges = edges_of(poses, [(0, 1)], rng.normal(0.0, 0.1, (1, 3)), False)
-    for node, jacobian in zip((0, 1), pose_graph._jacobians(poses, edges), strict=True):
+    for node, jacobian in zip((0, 1), pose_graph.jacobians(poses, edges), strict=True):
         for axis in range(3):
             moved = [poses.copy(), poses.copy()]
             moved[0][node, axis] -= 1e-6

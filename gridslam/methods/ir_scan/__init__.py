@@ -1,0 +1,1 @@
+"""Mapping and localization with infrared rangers on servos."""

@@ -1,0 +1,165 @@
+"""Where a stop really was: the scan against the map (paper section 2.6), as the paper does it and beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.kernels.infrared import add_spots, shifted_sums
+from gridslam.maps.occupancy import GridGeometry
+from gridslam.methods.ir_scan.config import SearchMatching, ShiftMatching
+from gridslam.methods.ir_scan.grid import GrowingGrid
+from gridslam.methods.ir_scan.lines import WallSums
+from gridslam.sensors.infrared import BeamEnds, RangeNoise
+
+Floats = NDArray[np.float64]
+Verdict = Literal["matched", "first", "too_few_points", "no_match", "ambiguous", "off"]
+
+_SPOT_M = 0.02  # deviation of a reading about its wall in the search
+_LEAST_PRIOR = (
+    np.array([0.004, 0.004, 0.004]) ** 2
+)  # what is never known better before a match, m^2, m^2, rad^2
+_ROBUST_SIGMAS = 2.5
+_MAP_M = 0.003  # deviation of the map's own lines
+_THICKEST_M = 0.05
+_STEPS = 12
+_SETTLED = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """The pose of a stop after matching, its covariance `(3, 3)`, and how it came about; `score` is the best sum per point."""
+
+    pose: Floats
+    covariance: Floats
+    verdict: Verdict
+    score: float = 0.0
+
+
+def best_shift(sums: Floats) -> tuple[int, int, float]:
+    """The shift (rows, cols) with the largest of `sums` (2r+1, 2r+1), and that sum; of equal ones the smallest shift."""
+    reach = sums.shape[0] // 2
+    along = np.arange(-reach, reach + 1)
+    length = along[:, None] ** 2 + along[None, :] ** 2
+    best = np.flatnonzero(sums.ravel() == sums.max())
+    chosen = int(best[np.argmin(length.ravel()[best])])
+    row, col = divmod(chosen, sums.shape[1])
+    return row - reach, col - reach, float(sums.ravel()[chosen])
+
+
+def match_by_shift(
+    values: Floats,
+    geometry: GridGeometry,
+    ends: BeamEnds,
+    prior: Floats,
+    covariance: Floats,
+    config: ShiftMatching,
+) -> Match:
+    """The paper's match on its grid pos (rows, cols): whole cells, no rotation, the odometry only says where the window lies."""
+    if len(ends) < config.least_points:
+        return Match(prior, covariance, "too_few_points")
+    sums = shifted_sums(values, geometry.cells(ends.in_map(prior)), config.window_cells)
+    rows, cols, best = best_shift(sums)
+    if best <= 0.0:
+        return Match(prior, covariance, "no_match", best / len(ends))
+    shift = geometry.resolution_m * np.array([cols, rows])
+    pose = prior + np.append(se2.transform_points([0.0, 0.0, geometry.yaw_rad], shift[None])[0], 0.0)
+    cell = np.array([geometry.resolution_m**2, geometry.resolution_m**2, covariance[2, 2]])
+    return Match(pose, np.diag(cell), "matched", best / len(ends))
+
+
+class WallMatcher:
+    """The map as the search sees it: spots of readings for shift and rotation, lines of walls for the rest."""
+
+    def __init__(
+        self, config: SearchMatching, noise: RangeNoise, resolution_m: float, memory_limit_mb: float
+    ) -> None:
+        self._config, self._noise = config, noise
+        self._spots = GrowingGrid(resolution_m, memory_limit_mb)
+        self._walls = WallSums(config.line_window_m / 3.0, memory_limit_mb)
+        sigma = max(_SPOT_M, resolution_m) / resolution_m
+        along = np.arange(-int(3 * sigma), int(3 * sigma) + 1)
+        self._spot = np.exp(-0.5 * (along[:, None] ** 2 + along[None, :] ** 2) / sigma**2)
+
+    def add(self, points: Floats, weights: Floats) -> None:
+        """Take in points of walls `(n, 2)` in the map, with weights `(n,)` of at most 1 (for the spots)."""
+        if not len(points):
+            return
+        self._spots.cover(points, len(self._spot) // 2)
+        add_spots(self._spots.values, self._spots.cells(points), self._spot, np.ones(len(points)))
+        self._walls.add(points, weights)
+
+    def match(self, ends: BeamEnds, prior: Floats, covariance: Floats) -> Match:
+        """Search, refuse what is ambiguous, refine."""
+        if len(ends) < self._config.least_points:
+            return Match(prior, covariance, "too_few_points")
+        if not self._spots.values.size:
+            return Match(prior, covariance, "first")
+        widened = covariance + np.diag(_LEAST_PRIOR)
+        found, spread, score = self.search(ends, prior, widened)
+        if score <= 0.0:
+            return Match(prior, covariance, "no_match")
+        if spread > self._config.ambiguous_m:
+            return Match(prior, covariance, "ambiguous", score)
+        pose, refined, on_walls = self.refine(ends, found, prior, widened)
+        if on_walls < self._config.least_points:
+            return Match(prior, covariance, "no_match", score)
+        return Match(pose, refined, "matched", score)
+
+    def search(self, ends: BeamEnds, prior: Floats, covariance: Floats) -> tuple[Floats, float, float]:
+        """The best pose of the window, the position's deviation over the window (m), and the best sum per point."""
+        config, resolution = self._config, self._spots.resolution_m
+        farthest = max(float(np.hypot(*ends.points.T).max()), resolution)
+        count = int(np.ceil(config.rotation_rad * farthest / resolution))
+        turns = np.linspace(-config.rotation_rad, config.rotation_rad, 2 * count + 1)
+        if not count:
+            turns = np.zeros(1)
+        sums = np.empty((len(turns), *[2 * config.window_cells + 1] * 2))
+        for k, turn in enumerate(turns.tolist()):
+            points = ends.in_map(prior + np.array([0.0, 0.0, turn]))
+            sums[k] = shifted_sums(self._spots.values, self._spots.cells(points), config.window_cells)
+        along = resolution * np.arange(-config.window_cells, config.window_cells + 1)
+        t, y, x = np.meshgrid(turns, along, along, indexing="ij")
+        offsets = np.stack([x.ravel(), y.ravel(), t.ravel()], axis=1)
+        far = np.einsum("ni,ij,nj->n", offsets, np.linalg.inv(covariance), offsets)
+        score = config.point_weight * sums.ravel() - 0.5 * far
+        best = int(np.argmax(score))
+        share = np.exp(score - score[best])
+        share /= share.sum()
+        mean = share @ offsets
+        spread = np.sqrt(share @ np.sum((offsets[:, :2] - mean[:2]) ** 2, axis=1))
+        return prior + offsets[best], float(spread), float(sums.ravel()[best]) / len(ends)
+
+    def refine(
+        self, ends: BeamEnds, start: Floats, prior: Floats, covariance: Floats
+    ) -> tuple[Floats, Floats, int]:
+        """Gauss-Newton: points on the lines of their walls, the odometry as prior. Pose, covariance, points on walls."""
+        information = np.linalg.inv(covariance)
+        pose, hessian, on_walls = start.copy(), information, 0
+        for _ in range(_STEPS):
+            points = ends.in_map(pose)
+            lines = self._walls.lines(points, 1)
+            walls = lines.are_walls(3.0, _THICKEST_M)
+            normals = np.where(walls[:, None], lines.normals, 0.0)
+            off = np.where(walls, lines.offsets(points), 0.0)
+            variance = ends.variances(_turned(normals, -pose[2]), self._noise) + _MAP_M**2
+            weight = walls / variance / (1.0 + off**2 / variance / _ROBUST_SIGMAS**2) ** 2
+            arm = points - pose[:2]
+            jacobian = np.column_stack([normals, normals[:, 1] * arm[:, 0] - normals[:, 0] * arm[:, 1]])
+            away = pose - prior
+            away[2] = float(se2.wrap_angle(away[2]))
+            hessian = information + jacobian.T @ (weight[:, None] * jacobian)
+            step = -np.linalg.solve(hessian, jacobian.T @ (weight * off) + information @ away)
+            pose = pose + step
+            on_walls = int(np.count_nonzero(walls & (off**2 < 9.0 * variance)))
+            if np.abs(step).max() < _SETTLED:
+                break
+        return pose, np.linalg.inv(hessian), on_walls
+
+
+def _turned(vectors: Floats, angle_rad: float) -> Floats:
+    return se2.transform_points([0.0, 0.0, angle_rad], vectors)

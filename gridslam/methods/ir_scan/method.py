@@ -1,0 +1,183 @@
+"""Mapping and localization with infrared rangers on servos: stop by stop, predict, match, correct, update the map."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.ir_scan.adjustment import adjust
+from gridslam.methods.ir_scan.config import IrScanConfig, NoMatching, ShiftMatching
+from gridslam.methods.ir_scan.given_map import GivenShiftMap, GivenWallMap
+from gridslam.methods.ir_scan.matching import Match, WallMatcher, match_by_shift
+from gridslam.methods.ir_scan.pictures import raw_and_filtered
+from gridslam.methods.ir_scan.pos_grid import PosGrid
+from gridslam.methods.ir_scan.record import measures, series, stops_table, trajectory
+from gridslam.methods.ir_scan.stops import Place
+from gridslam.methods.ir_scan.surfaces import draw_surfaces
+from gridslam.methods.ir_scan.tracker import Tracker
+from gridslam.sensors.infrared import BeamEnds, RangeNoise
+
+Floats = NDArray[np.float64]
+
+
+class Matcher(Protocol):
+    """Anything that finds a scan's pose near a predicted one."""
+
+    def match(self, ends: BeamEnds, prior: Floats, covariance: Floats) -> Match:
+        """The corrected pose, or the predicted one with the reason why."""
+
+
+class IrScanMapper:
+    """Maps a log; `result` adjusts all stops together and draws the map, where the config says so."""
+
+    def __init__(self, config: IrScanConfig, seed: int) -> None:
+        self._config = config
+        self._noise = noise_of(config)
+        self._tracker = Tracker(config, np.zeros((3, 3)))
+        self._pos = PosGrid(config.resolution_m, config.memory_limit_mb)
+        self._walls = None
+        if config.matching.kind == "search":
+            self._walls = WallMatcher(
+                config.matching, self._noise, config.resolution_m, config.memory_limit_mb
+            )
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The pose at the last stop."""
+        return estimate_of(self._tracker)
+
+    def process(self, event: Event) -> None:
+        """Readings, wheel angles or odometry, turn rates, fixes and static transforms are used."""
+        place = self._tracker.take(event)
+        if place is not None:
+            self._visit(place)
+
+    def result(self) -> RunResult:
+        """The map, the path, the raw grid pos, and the table of stops."""
+        if (place := self._tracker.finish()) is not None:
+            self._visit(place)
+        config, places = self._config, self._tracker.places
+        started = time.perf_counter()
+        poses = np.array([place.pose for place in places])
+        if config.adjustment.enabled and len(places) > 1:
+            poses = adjust(places, config.adjustment, self._noise)
+            self._redraw_pos(poses)
+        adjusted = time.perf_counter()
+        made = self._pos.occupancy()
+        if config.drawing.kind == "surfaces":
+            made = draw_surfaces(
+                places, poses, config.drawing, self._noise, config.resolution_m, config.memory_limit_mb
+            )
+        drawn = time.perf_counter()
+        result = result_of(self._tracker, poses, made, is_smooth=config.adjustment.enabled)
+        timings = {
+            "adjust": adjusted - started,
+            "draw": drawn - adjusted,
+            "picture": time.perf_counter() - drawn,
+        }
+        return replace(result, occupancy=made, layers={"pos": self._pos.layer()}, timings_s=timings)
+
+    def _visit(self, place: Place) -> None:
+        """Match the scan of a stop, correct its pose, and take the scan into the map."""
+        ends = place.ends
+        assert ends is not None
+        self._tracker.settle(place, self._match(ends, place))
+        if not len(ends):
+            return
+        self._pos.add(ends, place.pose)
+        if self._walls is not None:
+            self._walls.add(ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0])
+
+    def _match(self, ends: BeamEnds, place: Place) -> Match:
+        matching = self._config.matching
+        if isinstance(matching, NoMatching):
+            return Match(place.pose, place.covariance, "off")
+        if isinstance(matching, ShiftMatching):
+            if not self._pos.grid.values.size:
+                return Match(place.pose, place.covariance, "first")
+            grid = self._pos.grid
+            return match_by_shift(grid.values, grid.geometry, ends, place.pose, place.covariance, matching)
+        assert self._walls is not None
+        return self._walls.match(ends, place.pose, place.covariance)
+
+    def _redraw_pos(self, poses: Floats) -> None:
+        """The raw grid anew, under the adjusted poses."""
+        self._pos = PosGrid(self._config.resolution_m, self._config.memory_limit_mb)
+        for place, pose in zip(self._tracker.places, poses, strict=True):
+            if place.ends is not None and len(place.ends):
+                self._pos.add(place.ends, pose)
+
+
+class IrScanLocalizer:
+    """Finds the robot on a given map, stop by stop; the map stays as it is."""
+
+    def __init__(self, config: IrScanConfig, seed: int, occupancy: OccupancyGrid) -> None:
+        self._config = config
+        self._tracker = Tracker(config, np.diag(np.square(config.start_deviation)))
+        self._map = occupancy
+        self._matcher: Matcher | None = None
+        if config.matching.kind == "shift":
+            self._matcher = GivenShiftMap(occupancy, config.matching)
+        elif config.matching.kind == "search":
+            self._matcher = GivenWallMap(occupancy, config.matching, noise_of(config), config.memory_limit_mb)
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The pose at the last stop."""
+        return estimate_of(self._tracker)
+
+    def process(self, event: Event) -> None:
+        """As in mapping."""
+        place = self._tracker.take(event)
+        if place is not None:
+            self._visit(place)
+
+    def result(self) -> RunResult:
+        """The path and the table of stops."""
+        if (place := self._tracker.finish()) is not None:
+            self._visit(place)
+        poses = np.array([place.pose for place in self._tracker.places])
+        return result_of(self._tracker, poses, self._map, is_smooth=False)
+
+    def _visit(self, place: Place) -> None:
+        assert place.ends is not None
+        match = Match(place.pose, place.covariance, "off")
+        if self._matcher is not None:
+            match = self._matcher.match(place.ends, place.pose, place.covariance)
+        self._tracker.settle(place, match)
+
+
+def noise_of(config: IrScanConfig) -> RangeNoise:
+    """How well the rangers measure."""
+    readings = config.readings
+    return RangeNoise(readings.noise_m, readings.noise_per_m2, readings.bearing_rad)
+
+
+def estimate_of(tracker: Tracker) -> Estimate | None:
+    """The last stop's pose; None before the first one."""
+    place = tracker.places[-1]
+    return None if place.scan is None else Estimate(place.stamp_ns, place.pose)
+
+
+def result_of(tracker: Tracker, poses: Floats, shown: OccupancyGrid, is_smooth: bool) -> RunResult:
+    """What mapping and localization hand over alike."""
+    tracker.end()
+    path = trajectory(tracker.places, poses, tracker.motion.stretch(), is_smooth)
+    picture = raw_and_filtered(tracker.places, shown, path)
+    counters = Counter({name: n for name, n in tracker.all_counters().items() if n})
+    return RunResult(
+        path,
+        tables={"stops": stops_table(tracker.places, poses)},
+        series=series(tracker.places),
+        pictures={} if picture is None else {"raw_and_filtered": picture},
+        counters=dict(counters),
+        measures=measures(tracker.places),
+    )
