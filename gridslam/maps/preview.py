@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -14,6 +14,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 Colour: TypeAlias = tuple[int, int, int]
+Outline: TypeAlias = tuple[NDArray[np.float64], Colour, str]  # corners (k, 2) in the map frame, colour, name
 Shape: TypeAlias = Callable[[ImageDraw.ImageDraw, int], None]
 
 FREE: Colour = (255, 255, 255)
@@ -32,6 +33,7 @@ SHRINK_TO_PX = 2000
 LARGEST_CELL_PX = 24
 SMALLEST_SIDE_PX = 240
 MARGIN_PX = 12
+LABEL_PX = 13
 SMOOTHING = 3  # lines and dots are drawn this much larger and scaled down
 
 
@@ -62,11 +64,13 @@ def render_map(
     points: NDArray[np.float64] | None = None,
     particles: NDArray[np.float64] | None = None,
     title: str | None = None,
+    outlines: Sequence[Outline] = (),
 ) -> Image.Image:
     """An RGB picture of the known part of the map, in the grid's axes (x to the right, y up).
 
     Drawn over it: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame
-    (red dots) and `particles` `(n, 2)` or `(n, 3)` (orange dots). The longer side has about 600 to 2000 pixels.
+    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `outlines` with their names beside them. The longer
+    side has about 600 to 2000 pixels.
     The same input gives the same picture.
     """
     path = _finite_xy(trajectory.poses if trajectory is not None else None)
@@ -76,6 +80,8 @@ def render_map(
     line_px = max(2.5, min(4.0, max(picture.size) / 400))
     if len(cloud):
         _paint(picture, PARTICLES, _dots(view.pixels(cloud), 0.6 * line_px), opacity=0.6)
+    for corners, colour, name in outlines:
+        _draw_outline(picture, view.pixels(corners), colour, name, line_px)
     if len(path):
         _draw_path(picture, view.pixels(path), line_px)
     if len(dots):
@@ -159,6 +165,25 @@ def _draw_path(picture: Image.Image, pixels: NDArray[np.float64], line_px: float
     for end, colour in ((pixels[:1], START), (pixels[-1:], END)):
         _paint(picture, PAPER, _dots(end, 3.2 * line_px))
         _paint(picture, colour, _dots(end, 2.4 * line_px))
+
+
+def _draw_outline(
+    picture: Image.Image, pixels: NDArray[np.float64], colour: Colour, name: str, line_px: float
+) -> None:
+    closed = np.concatenate([pixels, pixels[:1]])
+    _paint(picture, colour, _polygon(pixels), opacity=0.5)
+    _paint(picture, colour, _line(closed, line_px))
+    middle = pixels.mean(axis=0)
+    below = float(pixels[:, 1].max()) + 8.0
+    font = ImageFont.load_default(LABEL_PX)
+    ImageDraw.Draw(picture).text((float(middle[0]), below), name, fill=colour, font=font, anchor="mt")
+
+
+def _polygon(pixels: NDArray[np.float64]) -> Shape:
+    def draw_polygon(draw: ImageDraw.ImageDraw, scale: int) -> None:
+        draw.polygon([(float(x), float(y)) for x, y in pixels * scale], fill=255)
+
+    return draw_polygon
 
 
 def _line(pixels: NDArray[np.float64], width_px: float) -> Shape:

@@ -24,6 +24,7 @@ from gridslam.simulation.route import drive_route, route_length_m
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.tag_database import tag_database_yaml
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import World
 
@@ -73,11 +74,13 @@ def record_world(
 
 
 def write_truth(folder: Path, world: World, scene: Scene, path: list[Odometry], grid: OccupancyGrid) -> None:
-    """The true trajectory, map, objects and the world itself."""
+    """The true trajectory, map, objects and the world itself; where there are tags, the database of their objects."""
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / "trajectory.tum", "".join(map(tum_line, path)).encode())
     save_map(grid, folder / "map")
     write_atomic(folder / "objects.csv", objects_csv(world, scene).encode())
+    if any(thing.tag for thing in world.things):
+        write_atomic(folder / "tags.yaml", tag_database_yaml(world).encode())
     document = world.model_dump(mode="json", exclude_defaults=True)
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
     write_atomic(folder / "world.yaml", text.encode())

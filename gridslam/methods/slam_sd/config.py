@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from gridslam.config.base import StrictModel
+from gridslam.methods.slam_sd.object_config import ObjectsConfig
 
 
 class ScanConfig(StrictModel):
@@ -185,3 +186,4 @@ class SlamSdConfig(StrictModel):
     filter: FilterConfig = FilterConfig()
     map: MapConfig = MapConfig()
     final_stage: FinalStageConfig = FinalStageConfig()
+    objects: ObjectsConfig = ObjectsConfig()

@@ -15,6 +15,7 @@ from gridslam.methods.slam_sd.config import MapConfig
 from gridslam.methods.slam_sd.scans import PreparedScan
 
 MARGIN_M = 0.5
+CLEAR_OF_OBJECTS_M = 0.1
 BYTES_PER_CELL = 12.0  # log-odds, who touched it last, and the probability made of it
 
 
@@ -24,8 +25,12 @@ def draw_map(
     resolution_m: float,
     config: MapConfig,
     memory_limit_mb: float,
+    explained: Sequence[NDArray[np.bool_]] | None = None,
 ) -> OccupancyGrid:
     """The occupancy grid of the scans seen from their poses `(n, 3)`; its corner lies on a multiple of the cell.
+
+    Returns that something else explains (`explained`, one mask a scan) leave the space before them free, and nothing
+    at their end.
 
     Raises MethodError when the grid would exceed the memory limit.
     """
@@ -47,13 +52,17 @@ def draw_map(
     values = np.zeros((rows, cols), np.float32)
     touched = np.zeros((rows, cols), np.int32)
     for number, (eye, end) in enumerate(zip(eyes, ends, strict=True), start=1):
+        is_hit = np.ones(len(end), np.bool_)
+        if explained is not None:
+            is_hit = ~explained[number - 1]
+            end = _shortened(eye, end, ~is_hit)
         log_odds.insert_scan_dense(
             values,
             touched,
             number,
             eye / resolution_m - lo,
             end / resolution_m - lo,
-            np.ones(len(end), np.bool_),
+            is_hit,
             config.hit,
             config.miss,
             config.limit,
@@ -62,3 +71,13 @@ def draw_map(
     probability[touched == 0] = np.nan
     origin = (float(lo[0] * resolution_m), float(lo[1] * resolution_m))
     return OccupancyGrid(probability, GridGeometry(resolution_m, origin))
+
+
+def _shortened(
+    eye: NDArray[np.float64], ends: NDArray[np.float64], chosen: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """The ends `(m, 2)` with the chosen ones drawn back towards the eye (2,), clear of what they hit."""
+    way = ends - eye
+    length = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)
+    share = np.where(chosen, np.maximum(1.0 - CLEAR_OF_OBJECTS_M / length, 0.0), 1.0)
+    return np.asarray(eye + way * share[:, None])

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.messages import Event, LaserScan, Odometry, TagInventory, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
+from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.final_stage import refine
 from gridslam.methods.slam_sd.front_end import FrontEnd
 from gridslam.methods.slam_sd.grid_map import draw_map
+from gridslam.methods.slam_sd.object_layer import ObjectLayer, with_objects
 from gridslam.methods.slam_sd.particles import ParticleMaps
 from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
 from gridslam.methods.slam_sd.track import spread_corrections, step_deviations
@@ -36,8 +38,12 @@ LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
 class SlamSd:
     """Maps with a Rao-Blackwellised particle filter (METHODS: slam-sd); the map's origin is the pose at the first scan."""
 
-    def __init__(self, config: SlamSdConfig, seed: int) -> None:
+    def __init__(self, config: SlamSdConfig, seed: int, tags: TagDatabase | None = None) -> None:
         self._config = config
+        database = config.objects.database if tags is None else tags
+        self._objects: ObjectLayer | None = None
+        if database is not None:
+            self._objects = ObjectLayer(database, config.objects, random_stream(seed, "slam-sd.objects"))
         limits = config.odometry
         self._placing = ScanPoses(
             limits.max_speed_mps, limits.max_turn_radps, limits.jump_tolerance_m, limits.jump_tolerance_rad
@@ -70,6 +76,11 @@ class SlamSd:
         elif isinstance(event, LaserScan):
             for placed in self._placing.add_scan(event):
                 self._take(placed)
+        elif isinstance(event, TagInventory):
+            if self._objects is None:
+                self._counters["skipped.tags.no_database"] += 1
+            else:
+                self._objects.add_round(event)
         elif isinstance(event, Transform) and event.is_static:
             self._mountings[event.child_frame_id] = mounting_of(event)
 
@@ -80,8 +91,10 @@ class SlamSd:
         config = self._config
         if not self._keys:
             return RunResult(Trajectory.empty(), counters=self._all_counters())
-        best = self._particles.best
-        key_poses = self._particles.trajectory(best)
+        key_poses = self._particles.trajectory(self._particles.best)
+        if self._objects is not None:
+            with self._timed("objects"):
+                self._objects.finish(key_poses)
         measures: dict[str, object] = {
             "particles": config.particles,
             "key_scans": len(self._keys),
@@ -91,30 +104,46 @@ class SlamSd:
         }
         resolution = config.map.resolution_m
         if config.final_stage.enabled:
-            with self._timed("final_stage"):
-                track = np.array(self._track)[self._keys]
-                refined = refine(self._key_scans, key_poses, track, config)
-            moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)
-            key_poses = refined.poses
+            key_poses, measures["final_stage"] = self._refined(key_poses)
             resolution = config.final_stage.resolution_m or resolution
-            measures["final_stage"] = {
-                "pairs_searched": refined.loops_tried,
-                "loops_found": refined.loops_found,
-                "loops_rejected": refined.loops_rejected,
-                "matches": refined.matches,
-                "largest_correction_m": round(float(moved.max()), 4),
-            }
-        with self._timed("draw_map"):
-            occupancy = draw_map(self._key_scans, key_poses, resolution, config.map, config.memory_limit_mb)
         poses = spread_corrections(np.array(self._track), np.array(self._keys), key_poses)
-        return RunResult(
-            Trajectory(np.array(self._stamps, np.int64), poses),
-            occupancy=occupancy,
+        trajectory = Trajectory(np.array(self._stamps, np.int64), poses)
+        objects = self._objects if self._objects is not None and self._objects.found else None
+        with self._timed("draw_map"):
+            explained = None if objects is None else objects.explained(self._key_scans, key_poses)
+            static = draw_map(
+                self._key_scans, key_poses, resolution, config.map, config.memory_limit_mb, explained
+            )
+            extra = None if objects is None else objects.result(static, key_poses, trajectory)
+        result = RunResult(
+            trajectory,
+            occupancy=static,
             series=self._series(),
             counters=self._all_counters(),
             timings_s=dict(self._timings),
             measures=measures,
         )
+        return result if extra is None else with_objects(result, extra)
+
+    def _refined(self, key_poses: Floats) -> tuple[Floats, dict[str, object]]:
+        """The final stage's poses `(k, 3)` of the key scans, and what it tells of itself; what was moved ties nothing."""
+        with self._timed("final_stage"):
+            track = np.array(self._track)[self._keys]
+            scans = self._key_scans
+            if self._objects is not None and self._objects.found:
+                scans = [
+                    self._objects.without_objects(key, scan, key_poses, moved_only=True)
+                    for key, scan in enumerate(scans)
+                ]
+            refined = refine(scans, key_poses, track, self._config)
+        moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)
+        return refined.poses, {
+            "pairs_searched": refined.loops_tried,
+            "loops_found": refined.loops_found,
+            "loops_rejected": refined.loops_rejected,
+            "matches": refined.matches,
+            "largest_correction_m": round(float(moved.max()), 4),
+        }
 
     def _take(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan goes through the filter as well."""
@@ -125,12 +154,18 @@ class SlamSd:
             self._stamps.append(scan.stamp_ns)
             self._track.append(self._front_end.pose.copy())
             self._last = placed
+            if self._objects is not None:
+                self._objects.place_rounds(self._stamps, self._track, self._mountings)
             is_key = self._is_key()
             if is_key:
                 self._front_end.add_key_scan(scan)
         if is_key:
             with self._timed("filter"):
                 self._filter(scan)
+        if is_key and self._objects is not None:
+            with self._timed("objects"):
+                path = self._particles.trajectory(self._particles.best)
+                self._objects.add_key_scan(scan, self._track[-1], path)
 
     def _prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
@@ -159,6 +194,11 @@ class SlamSd:
         self._keys.append(index)
         self._key_scans.append(scan)
         particles = self._particles
+        due = particles.next_inserted
+        if self._objects is not None and self._objects.found and due is not None:
+            path = particles.trajectory(particles.best)
+            stripped = self._objects.without_objects(due, self._key_scans[due], path)
+            particles.replace_scan(due, stripped)
         particles.add(scan, step, step_deviations(step, self._config.filter))
         spread = np.sqrt(np.trace(np.cov(particles.poses[:, :2].T))) if len(particles.poses) > 1 else 0.0
         self._diagnostics["effective_sample_size"].append(particles.effective_sample_size)
@@ -171,7 +211,10 @@ class SlamSd:
         return {name: Series(stamps, np.array(v), units[name]) for name, v in self._diagnostics.items()}
 
     def _all_counters(self) -> dict[str, int]:
-        return {k: int(v) for k, v in (self._counters + self._placing.counters).items()}
+        counters = self._counters + self._placing.counters
+        if self._objects is not None:
+            counters += self._objects.counters
+        return {k: int(v) for k, v in counters.items()}
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

@@ -83,6 +83,15 @@ class ParticleMaps:
             self._insert(self._inserted)
             self._inserted += 1
 
+    @property
+    def next_inserted(self) -> int | None:
+        """The key scan that enters the maps when the next one is added; None while the window fills."""
+        return self._inserted if len(self._scans) >= self._config.filter.window_key_scans else None
+
+    def replace_scan(self, key: int, scan: PreparedScan) -> None:
+        """Take another version of a key scan that has not entered the maps yet."""
+        self._scans[key] = scan
+
     def _predict(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
         key = len(self._scans)
         if key == self._paths.shape[1]:

@@ -1,0 +1,173 @@
+"""Between slam-sd and the objects: rounds get the poses of their moments, and the objects' part of the result is made."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import TagInventory
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.preview import render_map
+from gridslam.maps.tag_database import TagDatabase
+from gridslam.methods.base import Picture, RunResult, Table
+from gridslam.methods.slam_sd.composition import compose_map
+from gridslam.methods.slam_sd.evidence import SeenRound, SeenScan
+from gridslam.methods.slam_sd.explained import outlines_seen_from, points_on, without_objects
+from gridslam.methods.slam_sd.object_config import ObjectsConfig
+from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
+from gridslam.methods.slam_sd.objects import ObjectTracker
+from gridslam.methods.slam_sd.scans import PreparedScan
+from gridslam.methods.slam_sd.stays import Stay, TrackedObject
+from gridslam.methods.slam_sd.things import things_of
+from gridslam.sensors.lidar_beams import Mounting
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LONGEST_GAP_NS = 2_000_000_000  # between scans: a round in a longer one has no pose
+BOX, OPEN_DOOR, CLOSED_DOOR, MOVED = (30, 110, 200), (235, 130, 20), (120, 70, 20), (205, 45, 45)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectResult:
+    """What the objects add to a run's result."""
+
+    maps: Mapping[str, OccupancyGrid]
+    tables: Mapping[str, Table]
+    pictures: Mapping[str, Picture]
+    measures: Mapping[str, object]
+
+
+class ObjectLayer:
+    """Tagged objects for slam-sd; without tag reads nothing of a run is changed by it."""
+
+    def __init__(self, database: TagDatabase, config: ObjectsConfig, rng: np.random.Generator) -> None:
+        self._config = config
+        self._tracker = ObjectTracker(things_of(database), config, rng)
+        self._waiting: deque[TagInventory] = deque()
+        self._counters: Counter[str] = Counter()
+        self._stamps: list[int] = []
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Rounds used and skipped, reads that were not believed."""
+        return self._counters + self._tracker.all_counters
+
+    @property
+    def found(self) -> list[TrackedObject]:
+        """The objects that have been found."""
+        return [thing for thing in self._tracker.objects.values() if thing.stays]
+
+    def add_round(self, event: TagInventory) -> None:
+        """Take in one inventory round; it waits for the scan after it."""
+        self._waiting.append(event)
+
+    def place_rounds(
+        self, stamps: Sequence[int], track: Sequence[Floats], mountings: Mapping[str, Mounting]
+    ) -> None:
+        """Give the waiting rounds up to the last scan their antennas' poses, between the scans before and after."""
+        while self._waiting and self._waiting[0].stamp_ns <= stamps[-1]:
+            event = self._waiting.popleft()
+            mounting = mountings.get(event.frame_id)
+            pose = _pose_at(event.stamp_ns, stamps, track)
+            if mounting is None:
+                self._counters["skipped.tags.no_mounting"] += 1
+            elif pose is None:
+                self._counters["skipped.tags.no_scan"] += 1
+            else:
+                self._counters["used.tags"] += 1
+                antenna = se2.compose(pose, mounting.pose)
+                self._tracker.add_round(SeenRound(event.stamp_ns, antenna, event.tag_ids))
+
+    def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
+        """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
+        self._tracker.add_scan(SeenScan(len(self._stamps), scan.stamp_ns, pose, scan), path)
+        self._stamps.append(scan.stamp_ns)
+
+    def finish(self, path: Floats) -> None:
+        """The log is over."""
+        self._counters["skipped.tags.no_scan"] += len(self._waiting)
+        self._waiting.clear()
+        self._tracker.finish(path)
+
+    def without_objects(
+        self, key: int, scan: PreparedScan, path: Floats, moved_only: bool = False
+    ) -> PreparedScan:
+        """A key scan without the end points on tagged objects; `moved_only`: without those that have moved meanwhile."""
+        chosen = [thing for thing in self.found if thing.has_moved or not moved_only]
+        outlines = outlines_seen_from(key, scan.stamp_ns, path, chosen)
+        return without_objects(scan, outlines, self._config.explained_m)
+
+    def explained(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools]:
+        """Which returns of each key scan are explained by an object."""
+        return [
+            points_on(
+                scan.returns,
+                outlines_seen_from(key, scan.stamp_ns, path, self.found),
+                self._config.explained_m,
+            )
+            for key, scan in enumerate(scans)
+        ]
+
+    def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult:
+        """Maps, tables and the picture, for the final poses `(k, 3)` of the key scans."""
+        found, limit = self.found, self._config.open_from_rad
+        present = [(thing, stay) for thing in found if (stay := thing.present) is not None]
+        composed = compose_map(static, [thing.thing.placed(stay.placed(path)) for thing, stay in present])
+        outlines = list(self._drawn(present, path))
+        picture = np.asarray(render_map(static, trajectory, outlines=outlines))
+        note = "Static map; boxes blue, doors closed brown and open orange; what has moved is red."
+        return ObjectResult(
+            {"static": static, "composed": composed},
+            {
+                "objects": objects_table(found, path, limit),
+                "objects_history": history_table(found, path, limit),
+            },
+            {"objects": Picture(picture, "Objects", note)},
+            {
+                "found": len(found),
+                "moved": sum(thing.has_moved for thing in found),
+                "gone": sum(thing.present is None for thing in found),
+            },
+        )
+
+    def _drawn(
+        self, present: Sequence[tuple[TrackedObject, Stay]], path: Floats
+    ) -> Iterator[tuple[Floats, tuple[int, int, int], str]]:
+        for thing, stay in present:
+            state = state_of(stay, self._config.open_from_rad)
+            colour = {"": BOX, "open": OPEN_DOOR, "closed": CLOSED_DOOR}[state]
+            colour = MOVED if thing.has_moved else colour
+            yield thing.thing.placed(stay.placed(path)), colour, thing.thing.id
+
+
+def _pose_at(stamp_ns: int, stamps: Sequence[int], track: Sequence[Floats]) -> Floats | None:
+    """The front end's pose between two scans; None before the first, and in a long gap."""
+    after = bisect_left(stamps, stamp_ns, max(len(stamps) - 100, 0))
+    if after >= len(stamps) or (after == 0 and stamps[0] != stamp_ns):
+        return None
+    if stamps[after] == stamp_ns:
+        return track[after]
+    span = stamps[after] - stamps[after - 1]
+    if not 0 < span < LONGEST_GAP_NS or stamp_ns < stamps[after - 1]:
+        return None
+    return se2.interpolate(track[after - 1], track[after], (stamp_ns - stamps[after - 1]) / span)
+
+
+def with_objects(result: RunResult, objects: ObjectResult) -> RunResult:
+    """A run's result with its objects; the map is the composed one, what a robot would meet now."""
+    return replace(
+        result,
+        occupancy=objects.maps["composed"],
+        maps={**result.maps, **objects.maps},
+        tables={**result.tables, **objects.tables},
+        pictures={**result.pictures, **objects.pictures},
+        measures={**result.measures, "objects": objects.measures},
+    )

@@ -1,0 +1,267 @@
+"""Tagged objects over the whole log: each visit's evidence is weighed when the visit is over (METHODS 3.2).
+
+METHODS 3.1 gives every particle of the trajectory its own filters over the objects. Here a filter lives in the frame of
+the key scan from which its object was seen: over the few metres of a visit all particles have the same path (the front
+end's), so their filters would be copies; what differs is where that key scan lies in each particle's map, and the object
+goes with it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.methods.slam_sd.doors import HINGE_REACH_M, closed_yaw_of
+from gridslam.methods.slam_sd.evidence import Evidence, SeenRound, SeenScan, gather
+from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
+from gridslam.methods.slam_sd.object_config import ObjectsConfig
+from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior, antenna_model
+from gridslam.methods.slam_sd.object_prior import Known
+from gridslam.methods.slam_sd.stays import Stay, TrackedObject, turned
+from gridslam.methods.slam_sd.things import Thing
+from gridslam.methods.slam_sd.visits import Visit, VisitBook
+from gridslam.sensors.rfid import Rounds, range_profile
+
+Floats = NDArray[np.float64]
+
+TRAIL_NS = 1_000_000_000  # scans and silent rounds so long after the last read are looked at too
+NEIGHBOURS_NS = 20_000_000_000  # objects read within so long of each other may compete for beams
+SILENT_FROM_M = 3.0  # from the reader: nothing is expected of a tag farther away
+GONE_BELOW = -8.0  # log probability of the silent rounds if the object still stood there
+
+
+class ObjectTracker:
+    """Takes in key scans and inventory rounds, and holds what is known of each object."""
+
+    def __init__(self, things: Sequence[Thing], config: ObjectsConfig, rng: np.random.Generator) -> None:
+        self._config = config
+        self._rng = rng
+        self._model = antenna_model(config.antenna)
+        self._scans: list[SeenScan] = []
+        self._rounds: list[SeenRound] = []
+        self._silent_from = 0
+        self.objects = {thing.id: TrackedObject(thing) for thing in things}
+        self._book = VisitBook({tag: t.id for t in things for tag in t.tag_ids}, config.pause_s)
+        self._recent: dict[str, tuple[int, Candidate]] = {}  # last read of the last visit, and its evidence
+        self.counters: Counter[str] = Counter()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no object has been found or is being visited."""
+        return not self._book.open and not any(o.stays for o in self.objects.values())
+
+    @property
+    def all_counters(self) -> Counter[str]:
+        """Also those of the reads."""
+        return self.counters + self._book.counters
+
+    def add_round(self, seen: SeenRound) -> None:
+        """Take in one inventory round, in the front end's frame."""
+        self._rounds.append(seen)
+        self._book.add(seen)
+
+    def add_scan(self, seen: SeenScan, path: Floats) -> None:
+        """Take in one key scan; `path` `(k, 3)` is that of the best particle so far, this scan's pose included."""
+        self._scans.append(seen)
+        for name, visit in self._book.take_ended(seen.stamp_ns).items():
+            self._close(self.objects[name], visit, path)
+        self._listen_to_silence(path)
+
+    def finish(self, path: Floats) -> None:
+        """The log is over, and with it all visits."""
+        if self._scans:
+            for name, visit in self._book.take_ended(None).items():
+                self._close(self.objects[name], visit, path)
+
+    def _close(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
+        """Weigh a visit's evidence and take the outcome into the object's record."""
+        found.silence = 0.0
+        if visit.reads < self._config.least_reads:
+            self.counters["tags.stray_reads"] += visit.reads
+            return
+        evidence = self._evidence(found.thing, visit)
+        if evidence is None:
+            self.counters["objects.without_scan"] += 1
+            return
+        known = self._known(found, path)
+        neighbours = self._neighbours(found, visit)
+        standing = self._outlines_now({found.thing.id, *neighbours}, path)
+        posterior, moved = locate_beside(
+            found.thing, evidence, known, neighbours, standing, self._config, self._rng
+        )
+        if not self._is_there(found.thing, posterior, evidence):
+            self.counters["objects.not_in_scan_plane"] += 1
+            return
+        for name, other in moved.items():
+            self._locate_again(self.objects[name], other)
+        self._record(found, visit, posterior, evidence, known)
+        self._recent[found.thing.id] = (visit.last_ns, Candidate(found.thing, evidence, known, posterior))
+
+    def _locate_again(self, found: TrackedObject, posterior: Posterior) -> None:
+        """A neighbour has made an object give way: its last estimate is put right."""
+        self.counters["objects.located_again"] += 1
+        last_ns, candidate = self._recent[found.thing.id]
+        self._recent[found.thing.id] = (last_ns, replace(candidate, posterior=posterior))
+        stay = found.stays[-1]
+        frame = self._scans[stay.anchor].pose
+        corrected = replace(
+            stay,
+            pose=se2.between(frame, posterior.pose),
+            covariance=turned(posterior.covariance, -float(frame[2])),
+            gain=posterior.gain,
+        )
+        found.stays[-1] = corrected
+        found.seen[-1] = replace(corrected, first_ns=found.seen[-1].first_ns, reads=found.seen[-1].reads)
+
+    def _evidence(self, thing: Thing, visit: Visit) -> Evidence | None:
+        """The scans from somewhat before the first read to somewhat after the last one, and the rounds meanwhile."""
+        begin = visit.first_ns - round(1e9 * self._config.lead_s)
+        end = visit.last_ns + TRAIL_NS
+        scans = [seen for seen in self._scans if begin <= seen.stamp_ns <= end] or self._scans[-1:]
+        rounds = [seen for seen in self._rounds if begin <= seen.stamp_ns <= end]
+        readers = [r.antenna[:2] for r in rounds if any(tag in r.tag_ids for tag in thing.tag_ids)]
+        if not sum(len(seen.scan.returns) for seen in scans):
+            return None
+        return gather(thing, scans, rounds, np.mean(readers, axis=0), self._config)
+
+    def _known(self, found: TrackedObject, path: Floats) -> Known | None:
+        """Where it was, seen from here and now, in the front end's frame; less certain by what the map may be off."""
+        config = self._config
+        T_track_map = se2.compose(self._scans[-1].pose, se2.inverse(path[len(self._scans) - 1]))
+        if not found.stays:
+            if found.thing.closed_pose is None:
+                return None
+            pose = se2.compose(T_track_map, found.thing.closed_pose)
+            covariance = np.zeros((3, 3))
+            covariance[2, 2] = config.revisit_sigma_rad**2
+        else:
+            stay = found.stays[-1]
+            pose = se2.compose(T_track_map, stay.placed(path))
+            yaw = float(T_track_map[2] + path[stay.anchor, 2])
+            covariance = turned(stay.covariance, yaw)
+        slack = [config.revisit_sigma_m, config.revisit_sigma_m, config.revisit_sigma_rad]
+        return Known(pose, covariance + np.diag(np.square(slack)))
+
+    def _outlines_now(self, left_out: set[str], path: Floats) -> list[Floats]:
+        """The corners of all other objects where they stand now, in the front end's frame."""
+        T_track_map = se2.compose(self._scans[-1].pose, se2.inverse(path[len(self._scans) - 1]))
+        return [
+            other.thing.placed(se2.compose(T_track_map, other.present.placed(path)))
+            for name, other in self.objects.items()
+            if name not in left_out and other.present is not None
+        ]
+
+    def _neighbours(self, found: TrackedObject, visit: Visit) -> dict[str, Candidate]:
+        """Other objects visited on the same way past, whose evidence can be weighed again."""
+        since = visit.first_ns - NEIGHBOURS_NS
+        return {
+            name: candidate
+            for name, (last_ns, candidate) in self._recent.items()
+            if name != found.thing.id and last_ns > since and self.objects[name].present is not None
+        }
+
+    def _is_there(self, thing: Thing, posterior: Posterior, evidence: Evidence) -> bool:
+        """Whether the lidar has seen the object: a tag may be read whose object is above or below the plane of the scan."""
+        gain = self._config.lidar_share * posterior.gain
+        if thing.is_door and evidence.walls.distances(posterior.pose[None, :2])[0] < HINGE_REACH_M:
+            return gain > -self._config.least_gain
+        return gain > self._config.least_gain
+
+    def _record(
+        self,
+        found: TrackedObject,
+        visit: Visit,
+        posterior: Posterior,
+        evidence: Evidence,
+        known: Known | None,
+    ) -> None:
+        """Extend the present stay, or begin another where the object has moved."""
+        middle_ns = (visit.first_ns + visit.last_ns) // 2
+        anchor = min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
+        frame = self._scans[anchor].pose
+        stay = Stay(
+            anchor,
+            se2.between(frame, posterior.pose),
+            turned(posterior.covariance, -float(frame[2])),
+            visit.first_ns,
+            visit.last_ns,
+            visit.reads,
+            posterior.gain,
+        )
+        if found.thing.is_door:
+            closed = closed_yaw_of(posterior.pose, evidence.walls, self._known_closed(found, known))
+            if closed is not None:
+                stay = replace(stay, closed_yaw=float(se2.wrap_angle(closed - frame[2])))
+        if found.present is None or known is None or self._differs(found.thing, known.pose, posterior.pose):
+            found.stays.append(stay)
+        else:
+            before = found.stays[-1]
+            found.stays[-1] = replace(stay, first_ns=before.first_ns, reads=before.reads + visit.reads)
+        found.seen.append(stay)
+
+    def _known_closed(self, found: TrackedObject, known: Known | None) -> float | None:
+        """The heading of the closed leaf, in the front end's frame, as far as it is known from before."""
+        if known is None:
+            return None
+        if found.stays:
+            angle = found.stays[-1].door_angle
+            return None if angle is None else float(known.pose[2]) - angle
+        return float(known.pose[2])
+
+    def _differs(self, thing: Thing, before: Floats, after: Floats) -> bool:
+        """Whether an object was moved: a door when it has turned, anything else when it is elsewhere or turned."""
+        config = self._config
+        change = se2.between(before, after)
+        has_turned = abs(float(change[2])) > config.moved_from_rad
+        is_elsewhere = float(np.hypot(change[0], change[1])) > config.moved_from_m
+        return has_turned or (is_elsewhere and not thing.is_door)
+
+    def _listen_to_silence(self, path: Floats) -> None:
+        """Boxes that the reader should have read and did not, where the lidar sees nothing either, are gone.
+
+        A silent antenna is information as well (METHODS 3.2, step 3); but a tag may be broken, so the scans decide.
+        """
+        rounds, self._silent_from = self._rounds[self._silent_from :], len(self._rounds)
+        if not rounds:
+            return
+        seen = self._scans[-1]
+        T_track_map = se2.compose(seen.pose, se2.inverse(path[len(self._scans) - 1]))
+        for name, found in self.objects.items():
+            stay = found.present
+            if stay is None or found.thing.is_door or name in self._book.open:
+                continue
+            pose = se2.compose(T_track_map, stay.placed(path))
+            if float(np.hypot(*(pose - seen.pose)[:2])) > SILENT_FROM_M:
+                found.silence = 0.0
+                continue
+            found.silence += self._log_silence(found.thing, pose, rounds, seen)
+            if found.silence < GONE_BELOW:
+                found.silence = 0.0
+                if self._sees_nothing(found.thing, pose):
+                    found.stays[-1] = replace(stay, gone_ns=seen.stamp_ns)
+                    self.counters["objects.gone"] += 1
+
+    def _log_silence(self, thing: Thing, pose: Floats, rounds: Sequence[SeenRound], seen: SeenScan) -> float:
+        """log P(no read of any of its tags in these rounds | the object is there)."""
+        points = se2.transform_points(seen.pose, seen.scan.returns)
+        placed = Rounds(
+            np.array([r.antenna for r in rounds]),
+            np.zeros(len(rounds), np.int64),
+            seen.viewpoint[None],
+            range_profile(points, seen.viewpoint)[None],
+        )
+        silent = np.zeros(len(rounds), np.bool_)
+        tags = se2.compose(pose[None], thing.tags)
+        return self._config.tag_share * float(placed.log_likelihood(tags, silent, self._model).sum())
+
+    def _sees_nothing(self, thing: Thing, pose: Floats) -> bool:
+        """Whether the last scans speak against an object at a pose (3,) of the front end's frame."""
+        since = self._scans[-1].stamp_ns - round(1e9 * (self._config.lead_s + self._config.pause_s))
+        scans = [seen for seen in self._scans if seen.stamp_ns >= since]
+        evidence = gather(thing, scans, self._rounds[-1:], pose[:2], self._config)
+        return ObjectFilter(thing, evidence, None, self._config).judge(pose) < 0.0
