@@ -1,7 +1,7 @@
 """Hand-drawn maps: a picture of any paint program read as brightness, and found in it what is wall and what is free.
 
-The *drawing frame* has its origin at the lower-left corner of the picture, x to the right and y up, in metres at the nominal
-0.1 m a pixel (METHODS: handmap-slam, paper section 4). How many of these metres a metre of the world is, is for the localization to find.
+The *drawing frame* has its origin at the lower-left corner of the picture, x to the right and y up, in metres at the
+nominal 0.1 m a pixel (handmap-slam, paper section 4). How many of these a metre of the world is, the localization finds.
 """
 
 from __future__ import annotations
@@ -51,15 +51,16 @@ class Drawing:
 class DrawnMap:
     """What a drawing says: bool arrays `(rows, cols)`, row 0 = bottom, in the drawing frame.
 
-    `free` is where the robot can get to from its start; `walls` are the drawn surfaces about it and about all other enclosed space, and
-    lines across gaps that would let the outside in. `walls_are` tells the colour, `is_open` that no outline encloses the free space.
+    `free` is where the robot can get to from its start; `walls` are the drawn surfaces about it and about all other
+    enclosed space, and lines across gaps that would let the outside in. `walls_are` tells their colour, `is_open` that no
+    outline encloses the free space.
     """
 
     free: NDArray[np.bool_]
     walls: NDArray[np.bool_]
     walls_are: Literal["dark", "bright"]
     is_open: bool
-    geometry: GridGeometry = GridGeometry(RESOLUTION_M, (0.0, 0.0))
+    geometry: GridGeometry
 
 
 def load_drawing(path: Path) -> Drawing:
@@ -90,8 +91,10 @@ def drawn_map(
 ) -> DrawnMap:
     """Tell walls from free space.
 
-    The colour of the walls is that of thin structures, or of what touches the picture's edge where nothing is thin; free is what the start
-    `(x, y)` lies in, or without a start the largest enclosed space. Gaps in strokes up to `gap_m` (drawing metres) are closed.
+    The colour of the walls is the one that the start `(x, y)` does not lie in; without a start that of thin structures, or where
+    nothing is thin that of the picture's edge. Free is what the start lies in, or the largest enclosed space. Gaps in strokes
+    up to `gap_m` (drawing metres) are closed.
+
     Raises MapError: there is no free space, or the start is outside of the picture.
     """
     cell = _start_cell(drawing, start_xy_m)
@@ -102,7 +105,10 @@ def drawn_map(
             f"{drawing.name}: no free space was found in the drawing; "
             "set method.drawing.walls_are to dark or bright, and close the outline of the place"
         )
-    return DrawnMap(_frozen(regions.free), _frozen(regions.walls), _colour(regions), regions.is_open)
+    geometry = GridGeometry(RESOLUTION_M, (0.0, 0.0))
+    return DrawnMap(
+        _frozen(regions.free), _frozen(regions.walls), _colour(regions), regions.is_open, geometry
+    )
 
 
 def _colour(regions: Regions) -> Literal["dark", "bright"]:

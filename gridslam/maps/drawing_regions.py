@@ -94,7 +94,10 @@ def _widest(mask: Mask) -> float:
 
 
 def _outside(barrier: Mask, start: tuple[int, int] | None) -> Mask | None:
-    """What lies outside of the outline, gaps in it kept shut with the least closing that encloses a place; None: no closing does."""
+    """What lies outside of the outline; None when nothing is enclosed.
+
+    Gaps in the outline are kept shut by the least closing that encloses a place.
+    """
     rows, cols = np.nonzero(barrier)
     box = float((np.ptp(rows) + 1) * (np.ptp(cols) + 1))
     to_wall = _distance(~barrier)

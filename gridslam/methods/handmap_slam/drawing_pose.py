@@ -15,9 +15,9 @@ class DrawingPose:
     """The robot in the drawing frame: origin lower left, nominal 0.1 m a pixel.
 
     `yaw_rad` is the heading before the drawing's stretching: a point p of the robot's frame (m) lies in the drawing at
-    (x, y) + diag(scale_x, scale_y) R(yaw) p. The scales are drawing metres per world metre along the drawing's axes, equal unless they
-    are estimated separately. `spread_m` is the standard deviation of the position (drawing metres); `fit` the share of the scan's points
-    that lie near drawn walls.
+    (x, y) + diag(scale_x, scale_y) R(yaw) p. The scales are drawing metres per world metre along the drawing's axes, equal
+    unless they are estimated separately. `spread_m` is the standard deviation of the position (drawing metres), `fit` the
+    share of the scan's points that lie near drawn walls.
     """
 
     stamp_ns: int
