@@ -112,16 +112,23 @@ def proposals(
 
 
 class DensityWeight:
-    """The paper's own: the product of two kernel densities replaces the weights."""
+    """The paper's own: the product of two kernel densities replaces the weights.
+
+    The densities are of the plane and know no heading, so the particles are first resampled by their onboard weights.
+    """
 
     def __init__(self, weight: DensityConfig) -> None:
         self._bandwidth_m = weight.bandwidth_m
 
-    def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
+    def reweighted(
+        self, frames: Sequence[Frame], particles: Particles, rng: np.random.Generator
+    ) -> Particles:
         """Particles with w = eta P_onboard(x) P_iSpace(x); unchanged where no foreground is seen."""
         points = np.concatenate([f.sighting.points for f in frames])
         if not len(points):
             return particles
+        kept = systematic(particles.weights, len(particles), float(rng.random()))
+        particles = Particles.even(particles.poses[kept])
         places = particles.poses[:, :2]
         onboard = kernel_density(places, particles.weights, self._bandwidth_m).at(places)
         seen = kernel_density(points, np.ones(len(points)), self._bandwidth_m)

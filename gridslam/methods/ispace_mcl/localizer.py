@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.filters.free_space import draw_free_poses, free_cells
-from gridslam.filters.particles import Belief, Particles, main_cluster
+from gridslam.filters.particles import Belief, Particles, main_cluster, moments
 from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.kernels.mcl import systematic
 from gridslam.maps.occupancy import OccupancyGrid
@@ -34,16 +34,19 @@ from gridslam.sensors.sight import Sight
 
 Floats = NDArray[np.float64]
 
+_MEMORY = 0.8  # of the cameras' agreement
+_DOUBT = -0.3  # below this the cameras look at the belief and see nothing there
 _JUMP_SCATTER = np.array([0.5, 0.5, 0.3])
 
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """What one scan came to."""
+    """What one scan came to; `spread_m` is the standard deviation of the position over all particles (figure 10)."""
 
     belief: Belief
     assessment: Assessment
     particles: int
+    spread_m: float
 
 
 def _check_start(start: tuple[float, float, float], occupancy: OccupancyGrid) -> None:
@@ -94,6 +97,7 @@ class Localizer:
         self._is_checked = False
         self._trust = config.search.start_trust if self._is_started else 0.0
         sightings = config.cameras.weight
+        self._agreement = 0.0  # running mean of what the cameras say for the belief
         self._sightings: SightingWeight | None = None
         self._density: DensityWeight | None = None
         if isinstance(sightings, SightingConfig):
@@ -122,19 +126,20 @@ class Localizer:
         with self._timed("assess"):
             belief = self._cluster()
             assessment = self._watch.assess(belief, beams)
+        self._agree(frames, belief)
         self._earn_trust(assessment, travel)
         if self._is_search_due(assessment):
             with self._timed("search"):
                 if self._compete(belief, frames):
                     belief = self._cluster()
                     assessment = self._watch.assess(belief, beams)
-        count = len(self.particles)
+        count, spread = len(self.particles), moments(self.particles).spread_m
         with self._timed("resample"):
             self._resample()
         if frames:
             with self._timed("propose"):
                 self._propose(frames, beams, belief)
-        return Update(belief, assessment, count)
+        return Update(belief, assessment, count, spread)
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:
@@ -151,7 +156,13 @@ class Localizer:
                 self._sightings.log_likelihood(frames, self.particles.poses)
             )
         elif self._density is not None:
-            self.particles = self._density.reweighted(frames, self.particles)
+            self.particles = self._density.reweighted(frames, self.particles, self._rng)
+
+    def _agree(self, frames: Sequence[Frame], belief: Belief) -> None:
+        """Keep in mind whether the cameras see the robot where it is believed to be."""
+        if frames:
+            said = float(self._by_cameras(frames, belief.mean[None])[0])
+            self._agreement = _MEMORY * self._agreement + (1.0 - _MEMORY) * said
 
     def _by_cameras(self, frames: Sequence[Frame], poses: Floats) -> Floats:
         """What the cameras say for poses `(n, 3)` that a search has found, `(n,)`."""
@@ -162,7 +173,9 @@ class Localizer:
     def _propose(self, frames: Sequence[Frame], beams: Beams, belief: Belief) -> None:
         """While the robot is not found, some particles are drawn anew about what the cameras see moving."""
         cameras = self._config.cameras
-        if not isinstance(cameras.weight, SightingConfig) or belief.mass >= cameras.weight.sure_mass:
+        if not isinstance(cameras.weight, SightingConfig):
+            return
+        if belief.mass >= cameras.weight.sure_mass and self._agreement >= _DOUBT:
             return
         count = int(cameras.weight.proposal_share * len(self.particles))
         used = beams.thinned(self._config.scan.beams)

@@ -64,6 +64,7 @@ class Record:
             "fit": ([u.assessment.fit for u in updates], ""),
             "wall_distance": ([u.assessment.distance_m for u in updates], "m"),
             "particle_spread": ([u.belief.spread_m for u in updates], "m"),
+            "particle_spread_all": ([u.spread_m for u in updates], "m"),
             "particles": ([u.particles for u in updates], ""),
         }
         return {name: Series(stamps, np.array(v, np.float64), unit) for name, (v, unit) in values.items()}
