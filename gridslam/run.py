@@ -132,6 +132,7 @@ def _run(
     build = method_builder(command, config)
     entry = registry.METHODS[config.method_name]
     refuse_unknown_inputs(config.method_name, further)
+    refuse_missing_inputs(config.method_name, further)
     with open_log(log_path, config.log, (*entry.needs, *entry.uses)) as log:
         require_streams(log, entry.needs)
         given = () if occupancy is None else (occupancy,)
@@ -197,6 +198,13 @@ def refuse_unknown_inputs(method: str, inputs: Mapping[str, Input]) -> None:
         if name not in registry.METHODS[method].inputs:
             able = [n for n, e in registry.METHODS.items() if name in e.inputs]
             raise ConfigError(f"--{name}: {method} has no use for it; methods that have: {', '.join(able)}")
+
+
+def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
+    """Raises ConfigError: the method cannot do without something that it was not given."""
+    for name in registry.METHODS[method].needs_inputs:
+        if name not in inputs:
+            raise ConfigError(f"--{name}: {method} needs it: add --{name} FILE to the command")
 
 
 @dataclass(frozen=True, slots=True)

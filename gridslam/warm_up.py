@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
-from gridslam.simulation.scripted import scripted_log
+from gridslam.simulation.scripted import scripted_drawing, scripted_log
+
+INPUTS: Mapping[str, Callable[[], object]] = MappingProxyType({"drawing": scripted_drawing})
 
 
 def warm_up() -> None:
@@ -16,7 +21,8 @@ def warm_up() -> None:
     occupancy: OccupancyGrid | None = None
     for entry in registry.METHODS.values():
         if entry.mapper:
-            made = _result(registry.load(entry.mapper)(registry.load(entry.config)(), 0)).occupancy
+            inputs = {name: INPUTS[name]() for name in entry.needs_inputs}
+            made = _result(registry.load(entry.mapper)(registry.load(entry.config)(), 0, **inputs)).occupancy
             occupancy = made if occupancy is None else occupancy
     for entry in registry.METHODS.values():
         if entry.localizer and occupancy is not None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gridslam.core.errors import MapError
+from gridslam.core.errors import ConfigError, MapError
 from gridslam.maps.drawing_regions import Regions, classes_of, regions_of
 from gridslam.maps.occupancy import GridGeometry
 
@@ -95,7 +95,7 @@ def drawn_map(
     nothing is thin that of the picture's edge. Free is what the start lies in, or the largest enclosed space. Gaps in strokes
     up to `gap_m` (drawing metres) are closed.
 
-    Raises MapError: there is no free space, or the start is outside of the picture.
+    Raises MapError: there is no free space. ConfigError: the start is outside of the picture.
     """
     cell = _start_cell(drawing, start_xy_m)
     dark = classes_of(drawing.levels)
@@ -126,7 +126,7 @@ def _start_cell(drawing: Drawing, start_xy_m: tuple[float, float] | None) -> tup
     width, height = drawing.size_m
     x, y = start_xy_m
     if not (0.0 <= x < width and 0.0 <= y < height):
-        raise MapError(
+        raise ConfigError(
             f"{drawing.name}: the start ({x:g}, {y:g}) lies outside of the drawing, which is {width:g} x {height:g} m "
             "at 0.1 m a pixel, measured from its lower-left corner; correct method.start"
         )

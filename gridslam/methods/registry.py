@@ -19,6 +19,7 @@ class MethodEntry:
     needs: tuple[str, ...] = ()  # streams that a log must have
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
     inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
+    needs_inputs: tuple[str, ...] = ()  # those of the inputs that a run must be given
 
 
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(
@@ -42,6 +43,13 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
             localizer="gridslam.methods.ispace_mcl.method:IspaceMcl",
             needs=("scan", "odom"),
             uses=("image", "depth", "camera_info"),
+        ),
+        "handmap-slam": MethodEntry(
+            config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",
+            mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
+            needs=("scan", "odom"),
+            inputs=("drawing",),
+            needs_inputs=("drawing",),
         ),
     }
 )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, canonical_yaw, readonly
 from gridslam.core.random import random_stream
+from gridslam.maps.drawing import RESOLUTION_M, Drawing
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
@@ -54,6 +55,18 @@ def walls() -> NDArray[np.float64]:
         for side in ((x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0))
     ]
     return np.array(sides)
+
+
+def scripted_drawing() -> Drawing:
+    """The hall and its blocks drawn with a pencil one pixel wide, a margin of a metre about them."""
+    margin, step = 1.0, RESOLUTION_M
+    rows, cols = (round((extent + 2.0 * margin) / step) for extent in (HALL[3], HALL[2]))
+    levels = np.full((rows, cols), 255, np.uint8)
+    for x0, y0, x1, y1 in walls():
+        count = int(np.hypot(x1 - x0, y1 - y0) / (0.5 * step)) + 1
+        xs, ys = np.linspace(x0, x1, count), np.linspace(y0, y1, count)
+        levels[((ys + margin) / step).astype(np.int64), ((xs + margin) / step).astype(np.int64)] = 0
+    return Drawing(levels, "scripted")
 
 
 def true_path(laps: int = 2) -> NDArray[np.float64]:

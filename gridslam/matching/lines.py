@@ -1,0 +1,129 @@
+"""Straight lines: in the points of a scan by RANSAC, in a drawing by the probabilistic Hough transform (handmap-slam, 6.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.maps.occupancy import GridGeometry
+
+Floats = NDArray[np.float64]
+
+_ANGLE_STEP_RAD = np.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Line segments: `starts` and `ends` `(k, 2)` in metres."""
+
+    starts: Floats
+    ends: Floats
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def directions_rad(self) -> Floats:
+        """Directions `(k,)` modulo pi, in [0, pi)."""
+        along = self.ends - self.starts
+        return np.asarray(np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi))
+
+    @property
+    def lengths_m(self) -> Floats:
+        """Lengths `(k,)`."""
+        return np.asarray(np.hypot(*(self.ends - self.starts).T))
+
+    def distances_to(self, points: Floats) -> Floats:
+        """Distances `(n, k)` of points `(n, 2)` to the segments."""
+        along = self.ends - self.starts
+        squared = np.maximum((along**2).sum(axis=1), 1e-12)
+        off = points[:, None] - self.starts
+        share = np.clip((off * along).sum(axis=2) / squared, 0.0, 1.0)
+        return np.asarray(np.hypot(*np.moveaxis(off - share[..., None] * along, 2, 0)))
+
+    @staticmethod
+    def none() -> Segments:
+        """No segments."""
+        return Segments(np.zeros((0, 2)), np.zeros((0, 2)))
+
+
+def difference_modulo_pi(a: Floats | float, b: Floats | float) -> Floats:
+    """a - b of directions, in [-pi/2, pi/2)."""
+    return np.asarray(np.mod(np.asarray(a) - b + 0.5 * np.pi, np.pi) - 0.5 * np.pi)
+
+
+def ransac_lines(
+    points: Floats,
+    tolerance_m: float,
+    least_points: int,
+    most_lines: int,
+    hypotheses: int,
+    rng: np.random.Generator,
+) -> Segments:
+    """Lines of a scan's points `(m, 2)`, the best supported first; each is fitted to its points by least squares.
+
+    One after the other the line with most points within the tolerance is taken, and its points with it (Fischler and Bolles
+    1981). A line ends where its points do.
+    """
+    left = points
+    starts: list[Floats] = []
+    ends: list[Floats] = []
+    while len(starts) < most_lines and len(left) >= least_points:
+        inliers = _best_support(left, tolerance_m, hypotheses, rng)
+        if int(inliers.sum()) < least_points:
+            break
+        centre, direction = _fitted(left[inliers])
+        off = left - centre
+        inliers = np.abs(off[:, 0] * direction[1] - off[:, 1] * direction[0]) < tolerance_m
+        if int(inliers.sum()) < least_points:
+            break
+        along = off[inliers] @ direction
+        starts.append(centre + along.min() * direction)
+        ends.append(centre + along.max() * direction)
+        left = left[~inliers]
+    return Segments(np.array(starts), np.array(ends)) if starts else Segments.none()
+
+
+def _best_support(
+    points: Floats, tolerance_m: float, hypotheses: int, rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """The points `(m,)` near the best of so many lines through two random points."""
+    n = len(points)
+    first = rng.integers(0, n, hypotheses)
+    second = (first + rng.integers(1, n, hypotheses)) % n
+    along = points[second] - points[first]
+    length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
+    distance = np.abs(points @ normal.T - (points[first] * normal).sum(axis=1))
+    near = distance < tolerance_m
+    return np.asarray(near[:, int(near.sum(axis=0).argmax())])
+
+
+def _fitted(points: Floats) -> tuple[Floats, Floats]:
+    """Centre and unit direction of the line with least squared distances to the points."""
+    centre = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - centre, full_matrices=False)
+    return centre, axes[0]
+
+
+def hough_segments(
+    walls: NDArray[np.bool_], geometry: GridGeometry, least_length_m: float, gap_m: float, votes: int
+) -> Segments:
+    """Line segments in drawn walls `(rows, cols)` by OpenCV's probabilistic Hough transform, in the drawing's frame."""
+    step = geometry.resolution_m
+    found = cv2.HoughLinesP(
+        np.ascontiguousarray(walls, dtype=np.uint8),
+        1.0,
+        _ANGLE_STEP_RAD,
+        votes,
+        minLineLength=least_length_m / step,
+        maxLineGap=gap_m / step,
+    )
+    if found is None:
+        return Segments.none()
+    cells = np.asarray(found, dtype=np.float64).reshape(-1, 4)
+    start, end = cells[:, :2][:, ::-1].astype(np.int64), cells[:, 2:][:, ::-1].astype(np.int64)
+    return Segments(geometry.centres(start), geometry.centres(end))
