@@ -10,6 +10,7 @@ from gridslam.methods.slam_sd.walls import Walls
 
 Floats = NDArray[np.float64]
 
+FLUSH = 0.985  # cosine of 10 degrees: a leaf that is flush with its wall is closed
 HINGE_REACH_M = 0.15  # from the plane of a wall
 
 
@@ -26,5 +27,7 @@ def closed_yaw_of(leaf: Floats, walls: Walls, known: float | None) -> float | No
     if not distance[nearest] < HINGE_REACH_M:
         return known
     line = float(walls.directions[nearest])
-    near = float(leaf[2]) if known is None else known
+    near = float(leaf[2])
+    if known is not None and abs(np.cos(line - near)) < FLUSH:
+        near = known
     return line if np.cos(line - near) >= 0.0 else float(se2.wrap_angle(line + np.pi))

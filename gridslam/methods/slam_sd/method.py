@@ -136,6 +136,8 @@ class SlamSd:
                     for key, scan in enumerate(scans)
                 ]
             refined = refine(scans, key_poses, track, self._config)
+            if self._objects is not None:
+                self._objects.settle(refined.poses)
         moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)
         return refined.poses, {
             "pairs_searched": refined.loops_tried,

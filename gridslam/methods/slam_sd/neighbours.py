@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core import poses as se2
 from gridslam.methods.slam_sd.evidence import Evidence
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior
@@ -20,6 +21,7 @@ from gridslam.methods.slam_sd.things import Thing
 
 Floats = NDArray[np.float64]
 
+APART_M = 1.0  # between objects beyond which they do not dispute beams
 LEAST_DISPUTED = 3.0  # log likelihood ratio that a neighbour loses before it is located again
 
 
@@ -55,6 +57,13 @@ def locate_beside(
     placed = {name: c.thing.placed(c.posterior.pose) for name, c in neighbours.items()}
     given = [*standing, *placed.values()]
     last = ObjectFilter(thing, evidence.explained_by(given), known, config).locate(rng)
+    middle = _middle(thing, last)
+    neighbours = {
+        name: c
+        for name, c in neighbours.items()
+        if float(np.hypot(*(_middle(c.thing, c.posterior) - middle)))
+        < APART_M + thing.radius_m + c.thing.radius_m
+    }
     if not config.joint or not neighbours:
         return last, {}
     first = ObjectFilter(thing, evidence.explained_by(standing), known, config).locate(rng)
@@ -77,3 +86,7 @@ def locate_beside(
         total_after += moved[name].log_posterior
         taken.append(candidate.thing.placed(moved[name].pose))
     return (first, moved) if total_after > total_before else (last, {})
+
+
+def _middle(thing: Thing, posterior: Posterior) -> Floats:
+    return np.asarray(se2.transform_points(posterior.pose, thing.centre[None])[0])

@@ -31,6 +31,9 @@ class ObjectsConfig(StrictModel):
     )
     doors_in_walls: bool = Field(True, description="whether a door's hinge must lie in the plane of a wall")
     joint: bool = Field(True, description="whether objects that dispute beams are located jointly")
+    look_back: bool = Field(
+        True, description="whether doors that were passed unread are looked for in those scans at the end"
+    )
     antenna: AntennaConfig = AntennaConfig()
     least_reads: int = Field(3, ge=1, description="fewer reads of a tag on a visit are taken as stray")
     pause_s: float = Field(

@@ -59,7 +59,7 @@ class ObjectFilter:
         rounds = self._evidence.rounds
         readers = rounds.antennas[self._evidence.reads.any(axis=0)]
         drawn = draw(self._thing, CANDIDATES * n, readers, self._known, self._evidence.walls, config, rng)
-        weight = self.log_tags(drawn) + self._log_prior(drawn, config.first_sigma_m)
+        weight = self.log_tags(drawn) + self._log_prior(drawn, config.first_sigma_m, 0.0)
         poses = drawn[_systematic(weight, n, rng)]
         evidence = self._evidence.near(*_circle(poses, self._thing))
         sigmas = np.geomspace(config.first_sigma_m, config.sigma_m, config.narrowing_steps)
@@ -67,7 +67,8 @@ class ObjectFilter:
             poses = self._jitter(poses, sigma, rng)
             if self._thing.is_door and not config.uniform and 2 * step >= len(sigmas):
                 self._slide(poses, rng)
-            weight = self._log_posterior(poses, evidence, float(sigma))
+            trust = step / max(len(sigmas) - 1, 1)
+            weight = self._log_posterior(poses, evidence, float(sigma), trust)
             best = int(np.argmax(weight))
             chosen = _systematic(weight, n, rng)
             chosen[0] = best
@@ -89,8 +90,9 @@ class ObjectFilter:
             total += self._evidence.rounds.log_likelihood(se2.compose(poses, tag), reads, self._model)
         return self._config.tag_share * total
 
-    def _log_prior(self, poses: Floats, sigma: float) -> Floats:
-        return log_prior(self._thing, poses, self._known, self._evidence.walls, 0.3 * sigma, self._config)
+    def _log_prior(self, poses: Floats, sigma: float, trust: float) -> Floats:
+        walls = self._evidence.walls
+        return log_prior(self._thing, poses, self._known, walls, 0.3 * sigma, trust, self._config)
 
     def _gains(self, poses: Floats, evidence: Evidence, sigma: float) -> Floats:
         return np.asarray(
@@ -106,9 +108,9 @@ class ObjectFilter:
             )
         )
 
-    def _log_posterior(self, poses: Floats, evidence: Evidence, sigma: float) -> Floats:
+    def _log_posterior(self, poses: Floats, evidence: Evidence, sigma: float, trust: float = 1.0) -> Floats:
         gains = self._config.lidar_share * self._gains(poses, evidence, sigma)
-        return np.asarray(gains + self.log_tags(poses) + self._log_prior(poses, sigma))
+        return np.asarray(gains + self.log_tags(poses) + self._log_prior(poses, sigma, trust))
 
     def _jitter(self, poses: Floats, sigma: float, rng: np.random.Generator) -> Floats:
         """The diffusion that keeps resampled poses apart, as wide as the step's deviation."""

@@ -97,6 +97,10 @@ class ObjectLayer:
         self._waiting.clear()
         self._tracker.finish(path)
 
+    def settle(self, path: Floats) -> None:
+        """Decide anew what has moved, with better poses `(k, 3)` of the key scans."""
+        self._tracker.settle(path)
+
     def without_objects(
         self, key: int, scan: PreparedScan, path: Floats, moved_only: bool = False
     ) -> PreparedScan:

@@ -28,11 +28,18 @@ class Known:
 
 
 def log_prior(
-    thing: Thing, poses: Floats, known: Known | None, walls: Walls, sigma_m: float, config: ObjectsConfig
+    thing: Thing,
+    poses: Floats,
+    known: Known | None,
+    walls: Walls,
+    sigma_m: float,
+    trust: float,
+    config: ObjectsConfig,
 ) -> Floats:
     """log P(pose) `(n,)` up to a constant: rarely moved since it was known; a door's hinge is in a wall and never moves.
 
-    `sigma_m` widens the plane of the wall while the search narrows.
+    While the search narrows, `sigma_m` widens the plane of the wall, and `trust` in [0, 1] tempers the belief that the
+    object has stayed: else the few poses about its old place would leave none elsewhere for the scans to weigh.
     """
     out = np.zeros(len(poses))
     if thing.is_door and len(walls) and config.doors_in_walls:
@@ -51,7 +58,7 @@ def log_prior(
         volume = (2.0 * np.pi) ** 1.5 * np.sqrt(np.linalg.det(known.covariance))
         spike = np.exp(-0.5 * square) * SLAB_BOX / volume
     stayed = 1.0 - config.move_probability
-    return np.asarray(out + np.log(stayed * spike + config.move_probability))
+    return np.asarray(out + trust * np.log(stayed * spike + config.move_probability))
 
 
 def draw(
@@ -68,10 +75,15 @@ def draw(
     Uniform over the detection area, the tag's normal facing the antenna (METHODS 3.2, step 3). Unless `config.uniform`,
     half of the poses of a door hinge in a wall, half of those flush with it; and part of the poses are about the known one.
     """
-    poses = _about_readers(thing, n, readers, config, rng)
+    if len(readers):
+        poses = _about_readers(thing, n, readers, config, rng)
+    else:
+        assert known is not None  # nothing read and nothing known: there is no filter
+        poses = np.tile(known.pose, (n, 1))
+        poses[:, 2] += np.pi * (2.0 * rng.random(n) - 1.0)
     if config.uniform:
         return poses
-    if thing.is_door and len(walls):
+    if thing.is_door and len(walls) and len(readers):
         poses[: n // 2] = _in_walls(thing, poses[: n // 2], walls, rng)
     if known is not None:
         root = np.linalg.cholesky(known.covariance)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.methods.slam_sd.doors import HINGE_REACH_M, closed_yaw_of
 from gridslam.methods.slam_sd.evidence import Evidence, SeenRound, SeenScan, gather
+from gridslam.methods.slam_sd.hindsight import stays_of, unread_passes
 from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior, antenna_model
@@ -73,22 +74,47 @@ class ObjectTracker:
         self._listen_to_silence(path)
 
     def finish(self, path: Floats) -> None:
-        """The log is over, and with it all visits."""
-        if self._scans:
-            for name, visit in self._book.take_ended(None).items():
-                self._close(self.objects[name], visit, path)
+        """The log is over, and with it all visits; doors are looked at again where they were passed without being read."""
+        if not self._scans:
+            return
+        for name, visit in self._book.take_ended(None).items():
+            self._close(self.objects[name], visit, path)
+        for found in self.objects.values():
+            if found.thing.is_door and found.stays and self._config.look_back:
+                for visit in unread_passes(found, self._scans, path):
+                    self._look_back(found, visit, path)
+        self.settle(path)
+
+    def settle(self, path: Floats) -> None:
+        """Decide anew what has moved, with better poses `(k, 3)` of the key scans than those of the moment."""
+        for found in self.objects.values():
+            if found.seen:
+                found.seen.sort(key=lambda stay: stay.first_ns)
+                found.stays = stays_of(found.seen, path, lambda a, b, f=found: self._differs(f.thing, a, b))
+
+    def _look_back(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
+        """A leaf that stands open may turn its tag away; but its hinge is known, and the scans show how it stood."""
+        middle_ns = (visit.first_ns + visit.last_ns) // 2
+        key = min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
+        known = self._known(found, path, key)
+        evidence = self._evidence(found.thing, visit, None if known is None else known.pose[:2])
+        if known is None or evidence is None:
+            return
+        posterior = ObjectFilter(found.thing, evidence, known, self._config).locate(self._rng)
+        if self._config.lidar_share * posterior.gain > self._config.least_gain:
+            found.seen.append(self._stay(found, visit, posterior, evidence, known))
 
     def _close(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
         """Weigh a visit's evidence and take the outcome into the object's record."""
         found.silence = 0.0
-        if visit.reads < self._config.least_reads:
+        known = self._known(found, path, len(self._scans) - 1)
+        if visit.reads < self._config.least_reads and not self._is_near(found.thing, visit, known):
             self.counters["tags.stray_reads"] += visit.reads
             return
         evidence = self._evidence(found.thing, visit)
         if evidence is None:
             self.counters["objects.without_scan"] += 1
             return
-        known = self._known(found, path)
         neighbours = self._neighbours(found, visit)
         standing = self._outlines_now({found.thing.id, *neighbours}, path)
         posterior, moved = locate_beside(
@@ -99,53 +125,77 @@ class ObjectTracker:
             return
         for name, other in moved.items():
             self._locate_again(self.objects[name], other)
-        self._record(found, visit, posterior, evidence, known)
+        self._record(found, self._stay(found, visit, posterior, evidence, known), posterior, known)
         self._recent[found.thing.id] = (visit.last_ns, Candidate(found.thing, evidence, known, posterior))
+
+    def _is_near(self, thing: Thing, visit: Visit, known: Known | None) -> bool:
+        """Whether the reads came from where the tag was known to be: then they are not stray, however few."""
+        if known is None:
+            return False
+        readers = self._readers(thing, visit.first_ns, visit.last_ns)
+        place = se2.compose(known.pose, np.array([*thing.centre, 0.0]))[:2]
+        reach = self._config.antenna.range_m + thing.radius_m
+        return bool(len(readers)) and float(np.hypot(*(readers - place).T).max()) < reach
+
+    def _readers(self, thing: Thing, begin_ns: int, end_ns: int) -> Floats:
+        """Where the antennas were `(r, 2)` that read one of its tags."""
+        found = [
+            seen.antenna[:2]
+            for seen in self._rounds
+            if begin_ns <= seen.stamp_ns <= end_ns and any(tag in seen.tag_ids for tag in thing.tag_ids)
+        ]
+        return np.array(found).reshape(-1, 2)
+
+    def _evidence(self, thing: Thing, visit: Visit, centre: Floats | None = None) -> Evidence | None:
+        """The scans from somewhat before the first read to somewhat after the last one, and the rounds meanwhile.
+
+        `centre` (2,) is where about the object is; if not given, where the tag was read from.
+        """
+        begin = visit.first_ns - round(1e9 * self._config.lead_s)
+        end = visit.last_ns + TRAIL_NS
+        scans = [seen for seen in self._scans if begin <= seen.stamp_ns <= end] or self._scans[-1:]
+        rounds = [seen for seen in self._rounds if begin <= seen.stamp_ns <= end]
+        if not sum(len(seen.scan.returns) for seen in scans):
+            return None
+        if centre is None:
+            centre = self._readers(thing, visit.first_ns, visit.last_ns).mean(axis=0)
+        return gather(thing, scans, rounds, centre, self._config)
+
+    def _known(self, found: TrackedObject, path: Floats, at_key: int) -> Known | None:
+        """Where it was, in the front end's frame about a key scan; less certain by what the map may be off."""
+        config = self._config
+        T_track_map = se2.compose(self._scans[at_key].pose, se2.inverse(path[at_key]))
+        if not found.stays:
+            if found.thing.closed_pose is None:
+                return None
+            pose = se2.compose(T_track_map, found.thing.closed_pose)
+            covariance = np.zeros((3, 3))
+        else:
+            stay = found.stays[-1]
+            pose = se2.compose(T_track_map, stay.placed(path))
+            covariance = turned(stay.covariance, float(T_track_map[2] + path[stay.anchor, 2]))
+        slack = [config.revisit_sigma_m, config.revisit_sigma_m, config.revisit_sigma_rad]
+        return Known(pose, covariance + np.diag(np.square(slack)))
 
     def _locate_again(self, found: TrackedObject, posterior: Posterior) -> None:
         """A neighbour has made an object give way: its last estimate is put right."""
         self.counters["objects.located_again"] += 1
         last_ns, candidate = self._recent[found.thing.id]
         self._recent[found.thing.id] = (last_ns, replace(candidate, posterior=posterior))
-        stay = found.stays[-1]
-        frame = self._scans[stay.anchor].pose
-        corrected = replace(
-            stay,
+        stay, seen = found.stays[-1], found.seen[-1]
+        frame = self._scans[seen.anchor].pose
+        closed = None
+        if found.thing.is_door:
+            before = None if len(found.seen) == 1 else self._known_closed(found, candidate.known)
+            closed = closed_yaw_of(posterior.pose, candidate.evidence.walls, before)
+        found.seen[-1] = replace(
+            seen,
             pose=se2.between(frame, posterior.pose),
             covariance=turned(posterior.covariance, -float(frame[2])),
             gain=posterior.gain,
+            closed_yaw=None if closed is None else float(se2.wrap_angle(closed - frame[2])),
         )
-        found.stays[-1] = corrected
-        found.seen[-1] = replace(corrected, first_ns=found.seen[-1].first_ns, reads=found.seen[-1].reads)
-
-    def _evidence(self, thing: Thing, visit: Visit) -> Evidence | None:
-        """The scans from somewhat before the first read to somewhat after the last one, and the rounds meanwhile."""
-        begin = visit.first_ns - round(1e9 * self._config.lead_s)
-        end = visit.last_ns + TRAIL_NS
-        scans = [seen for seen in self._scans if begin <= seen.stamp_ns <= end] or self._scans[-1:]
-        rounds = [seen for seen in self._rounds if begin <= seen.stamp_ns <= end]
-        readers = [r.antenna[:2] for r in rounds if any(tag in r.tag_ids for tag in thing.tag_ids)]
-        if not sum(len(seen.scan.returns) for seen in scans):
-            return None
-        return gather(thing, scans, rounds, np.mean(readers, axis=0), self._config)
-
-    def _known(self, found: TrackedObject, path: Floats) -> Known | None:
-        """Where it was, seen from here and now, in the front end's frame; less certain by what the map may be off."""
-        config = self._config
-        T_track_map = se2.compose(self._scans[-1].pose, se2.inverse(path[len(self._scans) - 1]))
-        if not found.stays:
-            if found.thing.closed_pose is None:
-                return None
-            pose = se2.compose(T_track_map, found.thing.closed_pose)
-            covariance = np.zeros((3, 3))
-            covariance[2, 2] = config.revisit_sigma_rad**2
-        else:
-            stay = found.stays[-1]
-            pose = se2.compose(T_track_map, stay.placed(path))
-            yaw = float(T_track_map[2] + path[stay.anchor, 2])
-            covariance = turned(stay.covariance, yaw)
-        slack = [config.revisit_sigma_m, config.revisit_sigma_m, config.revisit_sigma_rad]
-        return Known(pose, covariance + np.diag(np.square(slack)))
+        found.stays[-1] = replace(found.seen[-1], first_ns=stay.first_ns, reads=stay.reads)
 
     def _outlines_now(self, left_out: set[str], path: Floats) -> list[Floats]:
         """The corners of all other objects where they stand now, in the front end's frame."""
@@ -172,19 +222,22 @@ class ObjectTracker:
             return gain > -self._config.least_gain
         return gain > self._config.least_gain
 
-    def _record(
+    def _stay(
         self,
         found: TrackedObject,
         visit: Visit,
         posterior: Posterior,
         evidence: Evidence,
         known: Known | None,
-    ) -> None:
-        """Extend the present stay, or begin another where the object has moved."""
+    ) -> Stay:
+        """The outcome of a visit, hung on the key scan in its middle."""
         middle_ns = (visit.first_ns + visit.last_ns) // 2
         anchor = min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
         frame = self._scans[anchor].pose
-        stay = Stay(
+        closed = None
+        if found.thing.is_door:
+            closed = closed_yaw_of(posterior.pose, evidence.walls, self._known_closed(found, known))
+        return Stay(
             anchor,
             se2.between(frame, posterior.pose),
             turned(posterior.covariance, -float(frame[2])),
@@ -192,17 +245,17 @@ class ObjectTracker:
             visit.last_ns,
             visit.reads,
             posterior.gain,
+            None if closed is None else float(se2.wrap_angle(closed - frame[2])),
         )
-        if found.thing.is_door:
-            closed = closed_yaw_of(posterior.pose, evidence.walls, self._known_closed(found, known))
-            if closed is not None:
-                stay = replace(stay, closed_yaw=float(se2.wrap_angle(closed - frame[2])))
+
+    def _record(self, found: TrackedObject, stay: Stay, posterior: Posterior, known: Known | None) -> None:
+        """Extend the present stay, or begin another where the object has moved."""
+        found.seen.append(stay)
         if found.present is None or known is None or self._differs(found.thing, known.pose, posterior.pose):
             found.stays.append(stay)
         else:
             before = found.stays[-1]
-            found.stays[-1] = replace(stay, first_ns=before.first_ns, reads=before.reads + visit.reads)
-        found.seen.append(stay)
+            found.stays[-1] = replace(stay, first_ns=before.first_ns, reads=before.reads + stay.reads)
 
     def _known_closed(self, found: TrackedObject, known: Known | None) -> float | None:
         """The heading of the closed leaf, in the front end's frame, as far as it is known from before."""
@@ -244,6 +297,7 @@ class ObjectTracker:
                 found.silence = 0.0
                 if self._sees_nothing(found.thing, pose):
                     found.stays[-1] = replace(stay, gone_ns=seen.stamp_ns)
+                    found.seen[-1] = replace(found.seen[-1], gone_ns=seen.stamp_ns)
                     self.counters["objects.gone"] += 1
 
     def _log_silence(self, thing: Thing, pose: Floats, rounds: Sequence[SeenRound], seen: SeenScan) -> float:

@@ -14,7 +14,7 @@ BAND_M = 0.06
 FINAL_BAND_M = 0.008
 MOST_POINTS = 1500
 COVER_CELL_M = 0.1
-LEAST_COVER = 0.4  # share of a wall's length that must have been seen
+LEAST_POINTS = 3  # of a piece of that length that counts as seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Walls:
 
 
 def find_walls(points: Floats, least_length_m: float, most: int = 6) -> Walls:
-    """The longest straight surfaces through points `(m, 2)`, one after the other, each at least that long.
+    """The longest straight surfaces through points `(m, 2)`, one after the other, each at least that long where it was seen.
 
     Found in a Hough accumulator, then fitted by least squares that more and more trusts the nearest points only: what stands
     2 cm before the wall (a closed door) does not bend it.
@@ -65,10 +65,11 @@ def find_walls(points: Floats, least_length_m: float, most: int = 6) -> Walls:
         along = left[near] @ np.array([-normal[1], normal[0]])
         if not near.any():
             break
-        cells = np.unique(np.floor(along / COVER_CELL_M))
-        length = float(along.max() - along.min())
-        if length >= least_length_m and len(cells) * COVER_CELL_M >= LEAST_COVER * length:
-            found.append((*map(float, normal), offset, float(along.min()), float(along.max())))
+        cells, counts = np.unique(np.floor(along / COVER_CELL_M), return_counts=True)
+        seen = cells[counts >= LEAST_POINTS]
+        if len(seen) * COVER_CELL_M >= least_length_m:
+            low, high = float(seen[0]), float(seen[-1] + 1.0)
+            found.append((*map(float, normal), offset, COVER_CELL_M * low, COVER_CELL_M * high))
         left = left[~near]
     lines = np.array(found).reshape(-1, 5)
     return Walls(lines[:, :2], lines[:, 2], lines[:, 3:])

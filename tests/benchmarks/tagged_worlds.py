@@ -1,0 +1,188 @@
+"""Runs of slam-sd in the tagged corridors, and what came of them; the simulated logs are kept under out/."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.alignment import find_alignment
+from gridslam.evaluation.association import associate
+from gridslam.evaluation.files import read_trajectory
+from gridslam.evaluation.object_errors import MapObject
+from gridslam.evaluation.object_files import read_objects
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.tag_database import TagDatabase, load_tag_database
+from gridslam.methods.base import RunResult, Table
+from gridslam.run import read_inputs, run_map
+from gridslam.run_config import load_run_config
+from gridslam.simulation.record import record_world, truth_folder
+from gridslam.simulation.world_config import load_world
+
+Floats = NDArray[np.float64]
+
+KEPT = Path(__file__).resolve().parents[2] / "out" / "tagged_worlds"
+NEAR_M = 0.15
+NEAR_DEG = 15.0
+BESIDE_M = 0.5  # an estimate so far from every object stands on nothing
+SYMMETRIC_DEG = 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One true object and what was said of it; errors are NaN where it was not found.
+
+    `taken_for` is the class of the true object nearest to where it was reported.
+    """
+
+    id: str
+    category: str
+    position_m: float
+    heading_deg: float
+    state_right: bool
+    moved: bool
+    said_moved: bool | None
+    taken_for: str
+
+    @property
+    def is_right(self) -> bool:
+        """Near enough, turned right, and its door's state right."""
+        return self.position_m <= NEAR_M and self.heading_deg <= NEAR_DEG and self.state_right
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One run against its truth."""
+
+    judged: tuple[Judged, ...]
+    ape_m: float
+    ghosts: float  # share of the cells of old footprints that are occupied in the static map; NaN without any
+    cpu_ms: float  # per scan, all of the method
+    stages_ms: dict[str, float]  # per scan, wall clock
+    counters: dict[str, int]
+
+    @property
+    def right(self) -> int:
+        """How many objects are right."""
+        return sum(thing.is_right for thing in self.judged)
+
+
+def simulated(world: str, seed: int, overrides: Sequence[str] = ()) -> Path:
+    """The log of a world, made once."""
+    name = "-".join([world, *(o.replace("/", "_") for o in overrides), str(seed)])
+    log = KEPT / f"{name}.mcap"
+    if not (truth_folder(log) / "tags.yaml").exists():
+        made, path = load_world(world, overrides, seed)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        record_world(made, path.parent, log, force=True)
+    return log
+
+
+def mapped(log: Path, config: str, seed: int, overrides: Sequence[str] = (), tags: bool = True) -> Outcome:
+    """Map a log and judge the result."""
+    truth = truth_folder(log)
+    inputs = read_inputs({"tags": truth / "tags.yaml"}) if tags else {}
+    started = time.process_time()
+    run = run_map(load_run_config(config, overrides, seed), log, lambda _: None, lambda: False, inputs)
+    cpu_s = time.process_time() - started
+    scans = max(len(run.result.trajectory), 1)
+    T_truth_map, ape = aligned(run.result.trajectory, read_trajectory(truth / "trajectory.tum"))
+    database = load_tag_database(truth / "tags.yaml")
+    return Outcome(
+        judged(run.result, truth / "objects.csv", T_truth_map),
+        ape,
+        ghosts(run.result, truth, T_truth_map, database),
+        1e3 * cpu_s / scans,
+        {stage: 1e3 * seconds / scans for stage, seconds in run.result.timings_s.items()},
+        dict(run.result.counters),
+    )
+
+
+def aligned(estimate: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
+    """T_truth_map (3,) by least squares over the trajectories, and the rmse of the positions that is left (m)."""
+    pairs = associate(estimate, truth, "interpolate")
+    alignment = find_alignment(pairs.estimate, pairs.truth, "se2")
+    assert alignment is not None
+    error = alignment.apply(pairs.estimate)[:, :2] - pairs.truth[:, :2]
+    return alignment.T_truth_estimate, float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def judged(result: RunResult, truth: Path, T_truth_map: Floats) -> tuple[Judged, ...]:
+    """All true objects with what the run says of them."""
+    true = read_objects(truth)
+    found = objects_of(result.tables.get("objects"))
+    return tuple(_judge(name, thing, found.get(name), true, T_truth_map) for name, thing in true.items())
+
+
+def objects_of(table: Table | None) -> dict[str, MapObject]:
+    """The objects of a run's table, by id."""
+    if table is None:
+        return {}
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    return {
+        str(row["id"]): MapObject(
+            (float(str(row["x"])), float(str(row["y"])), float(str(row["yaw"]))),
+            str(row["class"]),
+            row["moved"] == "true",
+            str(row["state"]) or None,
+        )
+        for row in rows
+    }
+
+
+def _judge(
+    name: str, thing: MapObject, found: MapObject | None, true: dict[str, MapObject], T_truth_map: Floats
+) -> Judged:
+    category = thing.category or ""
+    if found is None:
+        return Judged(name, category, np.nan, np.nan, False, bool(thing.moved), None, "missed")
+    here = se2.compose(T_truth_map, np.array(found.pose))
+    error = se2.between(np.array(thing.pose), here)
+    away = {other: float(np.hypot(*(np.array(o.pose) - here)[:2])) for other, o in true.items()}
+    nearest = min(away, key=away.__getitem__)
+    return Judged(
+        name,
+        category,
+        float(np.hypot(error[0], error[1])),
+        float(np.degrees(abs(error[2]))),
+        found.state == thing.state,
+        bool(thing.moved),
+        found.moved,
+        (true[nearest].category or "") if away[nearest] < BESIDE_M else "nothing",
+    )
+
+
+def ghosts(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDatabase) -> float:
+    """The share of the cells in old footprints of moved boxes that are occupied in the static map."""
+    static = result.maps.get("static", result.occupancy)
+    if static is None:
+        return float("nan")
+    now = read_objects(truth / "objects.csv")
+    world, _ = load_world(str(truth / "world.yaml"))
+    outlines = {thing.id: np.array(thing.outline) for thing in database.objects}
+    occupied = cells = 0
+    for thing in world.objects:
+        if not thing.tag or not thing.moves:
+            continue
+        before = np.array([*thing.pose[:2], np.radians(thing.pose[2])])
+        inside = _cells_of(static, T_truth_map, before, outlines[thing.id])
+        inside &= ~_cells_of(static, T_truth_map, np.array(now[thing.id].pose), outlines[thing.id])
+        cells += int(inside.sum())
+        occupied += int((inside & (np.nan_to_num(static.probability) > 0.65)).sum())
+    return occupied / cells if cells else float("nan")
+
+
+def _cells_of(grid: OccupancyGrid, T_truth_map: Floats, pose: Floats, outline: Floats) -> NDArray[np.bool_]:
+    """The cells whose centres a rectangle at a pose of the true frame covers."""
+    cells = np.argwhere(np.ones(grid.probability.shape, np.bool_))
+    centres = se2.transform_points(T_truth_map, grid.geometry.centres(cells))
+    local = se2.transform_points(se2.inverse(pose), centres)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    inside = ((local > low) & (local < high)).all(axis=1)
+    return np.asarray(inside.reshape(grid.probability.shape))
