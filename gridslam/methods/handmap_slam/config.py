@@ -70,6 +70,21 @@ class LocalizationConfig(StrictModel):
         0.01, ge=0.0, description="relative random walk of the scale along the way"
     )
     aspect_per_root_m: float = Field(0.01, ge=0.0, description="and of its two parts against each other")
+    wall_penalty: float = Field(
+        1.0,
+        ge=0.0,
+        description="log-likelihood that a robot loses at each update where the drawing has no free space",
+    )
+    recall_share: float = Field(
+        0.1,
+        ge=0.0,
+        lt=1.0,
+        description="share of particles put where the robot was when it was here before; 0: none",
+    )
+    recall_m: float = Field(
+        1.0, gt=0.0, description="as near as this to an earlier pose it is here again, metres"
+    )
+    recall_after_m: float = Field(4.0, gt=0.0, description="if it has travelled so far since")
     resample_below: float = Field(
         0.5, gt=0.0, le=1.0, description="resample when N_eff falls below this share"
     )

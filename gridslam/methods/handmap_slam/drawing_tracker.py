@@ -37,6 +37,15 @@ class Update:
     lines: tuple[ObservedLine, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Been:
+    """Where the robot was: in the front end's frame `(3,)`, along its way, and in the drawing."""
+
+    track_pose: Floats
+    travelled_m: float
+    pose: DrawingPose
+
+
 class DrawingTracker:
     """Follows the robot in the drawing; `pose` is None until a scan with points has come."""
 
@@ -55,6 +64,8 @@ class DrawingTracker:
         self._updated_at: Floats | None = None  # the front end's pose at the last update
         self._at_update: DrawingPose | None = None
         self._unobserved = 0
+        self._travelled_m = 0.0
+        self._been: list[_Been] = []
         self.pose: DrawingPose | None = None
         self.updates: list[Update] = []
         self.counters: Counter[str] = Counter()
@@ -95,6 +106,8 @@ class DrawingTracker:
             self.pose = moved(self._at_update, step, scan.stamp_ns)
             return
         self._localizer.move(step)
+        self._travelled_m += float(np.hypot(step[0], step[1]))
+        self._recall(track_pose)
         if len(scan.points) < LEAST_POINTS:
             self.counters["drawing.scan_without_points"] += 1
             self._updated_at = track_pose.copy()
@@ -114,7 +127,23 @@ class DrawingTracker:
         self._updated_at = track_pose.copy()
         self._at_update = self.pose = pose
         self.updates.append(Update(row, pose, tuple(observed)))
+        self._been.append(_Been(track_pose.copy(), self._travelled_m, pose))
         self.counters["drawing.updates"] += 1
+
+    def _recall(self, track_pose: Floats) -> None:
+        """Where the robot has been before it should be found in the drawing as before: a bent drawing stays bent."""
+        settings = self._config.localization
+        past = [b for b in self._been if self._travelled_m - b.travelled_m > settings.recall_after_m]
+        if not past or not settings.recall_share:
+            return
+        away = np.array([np.hypot(*(b.track_pose - track_pose)[:2]) for b in past])
+        near = np.flatnonzero(away < settings.recall_m)
+        if len(near):
+            best = past[int(near[np.argmax([past[i].pose.fit for i in near])])]
+            then = moved(best.pose, se2.between(best.track_pose, track_pose))
+            scales = np.log([then.scale_x, then.scale_y])
+            self._localizer.recall(np.array([then.x_m, then.y_m, then.yaw_rad, *scales]))
+            self.counters["drawing.recalls"] += 1
 
     def _corrected(self, pose: DrawingPose, observed: list[ObservedLine]) -> DrawingPose:
         """Shift the belief by a step along the unobserved axis, once it has been unobserved for some updates."""

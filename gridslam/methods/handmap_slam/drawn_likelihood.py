@@ -33,11 +33,21 @@ class DrawnLikelihood:
         near = np.exp(-0.5 * (distances / sigma_m) ** 2)
         near[-1] = 0.0
         self._log = np.log((1.0 - random_share) * near + random_share).astype(np.float32)
+        self._free = drawn.free
         self._near = (distances < NEAR_SIGMAS * sigma_m).astype(np.float32)
 
     def log_likelihood(self, points: Floats, states: Floats) -> Floats:
         """Sum of log-likelihoods `(n,)` of points `(m, 2)` of the robot's frame for states `(n, 5)`: x, y, yaw, log scales."""
         return self._sums(self._log, points, states)
+
+    def is_free(self, states: Floats) -> NDArray[np.bool_]:
+        """Whether the drawing has free space `(n,)` where the robot of each state `(n, 5)` stands."""
+        cells = self._geometry.cells(states[:, :2])
+        rows, cols = self._free.shape
+        inside = (cells >= 0).all(axis=1) & (cells < (rows, cols)).all(axis=1)
+        return np.asarray(
+            inside & self._free[np.clip(cells[:, 0], 0, rows - 1), np.clip(cells[:, 1], 0, cols - 1)]
+        )
 
     def share_near(self, points: Floats, state: Floats) -> float:
         """Share of the points that lie near drawn walls, for one state `(5,)`; 0 without points."""

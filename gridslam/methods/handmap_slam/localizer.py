@@ -18,6 +18,7 @@ from gridslam.methods.handmap_slam.global_start import search_states
 Floats = NDArray[np.float64]
 
 ANNEALING = (0.1, 0.2, 0.4, 0.7, 1.0)  # powers of the first scan's likelihood, one after the other
+RECALL_SCATTER = np.array([0.1, 0.1, 0.03, 0.03, 0.03])  # metres of the world, rad, log scales
 ANNEALING_JITTER = 0.35  # of the particles' deviations, kept from round to round
 
 
@@ -92,13 +93,29 @@ class DrawingLocalizer:
         used = evenly(points, settings.points)
         likelihood = self._likelihood.log_likelihood(used, self.states)
         prior = self._aspect_prior() if settings.separate_scales else 0.0
+        walled = settings.wall_penalty * ~self._likelihood.is_free(self.states)
         with np.errstate(divide="ignore"):
-            self._set_weights(np.log(self._weights) + settings.point_weight * likelihood + prior)
+            self._set_weights(np.log(self._weights) + settings.point_weight * likelihood + prior - walled)
         belief = self.belief(points)
         if 1.0 / np.sum(self._weights**2) < settings.resample_below * len(self.states):
             self._redraw(settings.particles)
             self.resamplings += 1
         return belief
+
+    def recall(self, state: Floats) -> None:
+        """Put a share of the particles about a state `(5,)` in which the robot was when it was here before."""
+        count = round(self._config.localization.recall_share * len(self.states))
+        if not count:
+            return
+        chosen = systematic(self._weights, len(self.states), float(self._rng.random()))
+        self.states = self.states[chosen]
+        self._weights = np.full(len(self.states), 1.0 / len(self.states))
+        scatter = self._rng.standard_normal((count, 5)) * RECALL_SCATTER
+        scatter[:, :2] *= np.exp(state[3:])
+        if not self._config.localization.separate_scales:
+            scatter[:, 4] = scatter[:, 3]
+        which = (np.arange(count) * len(self.states)) // count
+        self.states[which] = state + scatter
 
     def shift(self, offset: Floats) -> None:
         """Move the whole belief in the drawing by `(dx, dy)` drawing metres (the motion correction of section 6.1)."""
