@@ -52,10 +52,17 @@ class _Points:
     first: Ints
 
 
-def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: SlamSdConfig) -> Refined:
+def refine(
+    scans: Sequence[PreparedScan],
+    poses: Floats,
+    track: Floats,
+    config: SlamSdConfig,
+    landmarks: Edges | None = None,
+) -> Refined:
     """Refine the poses `(n, 3)` of the key scans.
 
-    `track` `(n, 3)` are the front end's poses of the same scans, good over short ways.
+    `track` `(n, 3)` are the front end's poses of the same scans, good over short ways; `landmarks` are
+    further edges between them.
     """
     stage = config.final_stage
     n = len(scans)
@@ -64,6 +71,8 @@ def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: 
     points = _gather(scans, stage.max_points)
     spans = spans_of(n, stage.submap_key_scans)
     odometry = _steps(track, config)
+    if landmarks is not None and len(landmarks):
+        odometry = Edges.concatenate([odometry, landmarks])
     estimate, found = poses, _no_edges()
     tried = rejected = 0
     for _ in range(stage.searches):
@@ -72,7 +81,7 @@ def refine(scans: Sequence[PreparedScan], poses: Floats, track: Floats, config: 
         tried += pairs
         found = Edges.concatenate([found, loops])
         estimate, weights = optimise(before, Edges.concatenate([odometry, found]), stage.robust_scale)
-        rejected = int(np.count_nonzero(weights[n - 1 :] < 0.1))
+        rejected = int(np.count_nonzero(weights[len(odometry) :] < 0.1))
         if _largest_move(before, estimate) < stage.search_again_m:
             break
     matches = found

@@ -23,6 +23,7 @@ from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.final_stage import refine
 from gridslam.methods.slam_sd.front_end import FrontEnd
 from gridslam.methods.slam_sd.grid_map import draw_map
+from gridslam.methods.slam_sd.landmarks import landmark_edges
 from gridslam.methods.slam_sd.object_layer import ObjectLayer, with_objects
 from gridslam.methods.slam_sd.particles import ParticleMaps
 from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
@@ -129,13 +130,14 @@ class SlamSd:
         """The final stage's poses `(k, 3)` of the key scans, and what it tells of itself; what was moved ties nothing."""
         with self._timed("final_stage"):
             track = np.array(self._track)[self._keys]
-            scans = self._key_scans
+            scans, landmarks = self._key_scans, None
             if self._objects is not None and self._objects.found:
+                landmarks = landmark_edges(self._objects.found, key_poses)
                 scans = [
                     self._objects.without_objects(key, scan, key_poses, moved_only=True)
                     for key, scan in enumerate(scans)
                 ]
-            refined = refine(scans, key_poses, track, self._config)
+            refined = refine(scans, key_poses, track, self._config, landmarks)
             if self._objects is not None:
                 self._objects.settle(refined.poses)
         moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)

@@ -42,8 +42,8 @@ class ObjectsConfig(StrictModel):
     lead_s: float = Field(
         3.0, ge=0.0, description="scans from so long before the first read are looked at too"
     )
-    most_scans: int = Field(14, ge=1, description="most key scans of a visit that weigh an object's poses")
-    most_rounds: int = Field(200, ge=10, description="most inventory rounds of a visit that do")
+    most_scans: int = Field(12, ge=1, description="most key scans of a visit that weigh an object's poses")
+    most_rounds: int = Field(100, ge=10, description="most inventory rounds of a visit that do")
     sigma_m: float = Field(0.02, gt=0.0, description="standard deviation of an end point about an outline")
     first_sigma_m: float = Field(0.3, gt=0.0, description="and at the first of the narrowing steps")
     narrowing_steps: int = Field(6, ge=1, description="number of those steps")

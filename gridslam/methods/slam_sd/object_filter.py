@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 RANDOM_DENSITY = 0.3  # per metre, of end points that nothing explains
 CANDIDATES = 4  # poses drawn for each that the tag reads leave
 LEAST_DEVIATIONS = np.array([0.005, 0.005, 0.005])
+COARSE = 3  # every so many of the beams while the search is wide
 SLIDE_M = 0.35
 INFLATION = 2.0  # of the covariance from which the last poses are drawn
 
@@ -63,12 +64,14 @@ class ObjectFilter:
         poses = drawn[_systematic(weight, n, rng)]
         evidence = self._evidence.near(*_circle(poses, self._thing))
         sigmas = np.geomspace(config.first_sigma_m, config.sigma_m, config.narrowing_steps)
+        coarse = evidence.thinned(COARSE)
         for step, sigma in enumerate(sigmas):
             poses = self._jitter(poses, sigma, rng)
             if self._thing.is_door and not config.uniform and 2 * step >= len(sigmas):
                 self._slide(poses, rng)
             trust = step / max(len(sigmas) - 1, 1)
-            weight = self._log_posterior(poses, evidence, float(sigma), trust)
+            seen = coarse if 2 * step < len(sigmas) else evidence
+            weight = self._log_posterior(poses, seen, float(sigma), trust)
             best = int(np.argmax(weight))
             chosen = _systematic(weight, n, rng)
             chosen[0] = best

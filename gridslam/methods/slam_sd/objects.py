@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +91,7 @@ class ObjectTracker:
         for found in self.objects.values():
             if found.seen:
                 found.seen.sort(key=lambda stay: stay.first_ns)
-                found.stays = stays_of(found.seen, path, lambda a, b, f=found: self._differs(f.thing, a, b))
+                found.stays = stays_of(found.seen, path, partial(self._differs, found.thing))
 
     def _look_back(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
         """A leaf that stands open may turn its tag away; but its hinge is known, and the scans show how it stood."""
@@ -100,8 +101,10 @@ class ObjectTracker:
         evidence = self._evidence(found.thing, visit, None if known is None else known.pose[:2])
         if known is None or evidence is None:
             return
-        posterior = ObjectFilter(found.thing, evidence, known, self._config).locate(self._rng)
-        if self._config.lidar_share * posterior.gain > self._config.least_gain:
+        poses = ObjectFilter(found.thing, evidence, known, self._config)
+        posterior = poses.locate(self._rng)
+        gained = self._config.lidar_share * (posterior.gain - min(poses.judge(known.pose), 0.0))
+        if posterior.gain > 0.0 and gained > self._config.least_gain:
             found.seen.append(self._stay(found, visit, posterior, evidence, known))
 
     def _close(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
