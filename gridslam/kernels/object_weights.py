@@ -25,12 +25,12 @@ def trace_outline(
         if abs(cross) < _PARALLEL:
             continue
         wx, wy = corners[i, 0] - ox, corners[i, 1] - oy
-        share = (wx * dy - wy * dx) / cross
-        if share < 0.0 or share > 1.0:
+        across = wx * dy - wy * dx  # times the edge's length: how far along it the ray crosses
+        if (across < 0.0 or across > cross) if cross > 0.0 else (across > 0.0 or across < cross):
             continue
         distance = (wx * ey - wy * ex) / cross
         if 0.0 <= distance < best:
-            best, cosine = distance, abs(cross) / np.hypot(ex, ey)
+            best, cosine = distance, abs(cross) / np.sqrt(ex * ex + ey * ey)
     return best, cosine
 
 
@@ -159,3 +159,31 @@ def tag_log_likelihood(
             total += np.log(chance if is_read[r] else 1.0 - chance)
         out[p] = total
     return out
+
+
+@compiled
+def mark_points_on(
+    points: NDArray[np.float64], corners: NDArray[np.float64], reach: float, marked: NDArray[np.bool_]
+) -> None:
+    """Mark the points `(m, 2)` that lie within a polygon `(k, 2)` or no farther than `reach` from its edges."""
+    k = corners.shape[0]
+    low_x, high_x = corners[:, 0].min() - reach, corners[:, 0].max() + reach
+    low_y, high_y = corners[:, 1].min() - reach, corners[:, 1].max() + reach
+    for p in range(points.shape[0]):
+        x, y = points[p, 0], points[p, 1]
+        if marked[p] or x < low_x or x > high_x or y < low_y or y > high_y:
+            continue
+        inside = False
+        for i in range(k):
+            j = i + 1 if i + 1 < k else 0
+            ax, ay = corners[i, 0], corners[i, 1]
+            ex, ey = corners[j, 0] - ax, corners[j, 1] - ay
+            square = max(ex * ex + ey * ey, 1e-18)
+            share = min(max(((x - ax) * ex + (y - ay) * ey) / square, 0.0), 1.0)
+            if np.hypot(x - ax - share * ex, y - ay - share * ey) <= reach:
+                marked[p] = True
+                break
+            if (ay > y) != (ay + ey > y) and x < ax + (y - ay) * ex / ey:
+                inside = not inside
+        if inside:
+            marked[p] = True

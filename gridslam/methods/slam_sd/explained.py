@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.kernels import object_weights
 from gridslam.methods.slam_sd.scans import PreparedScan
 from gridslam.methods.slam_sd.stays import TrackedObject
 
@@ -29,13 +30,10 @@ def outlines_seen_from(
 
 def points_on(points: Floats, outlines: Sequence[Floats], reach_m: float) -> Bools:
     """Which points `(m, 2)` lie within an outline or no farther than `reach_m` from its edges."""
-    out = np.zeros(len(points), np.bool_)
+    marked = np.zeros(len(points), np.bool_)
     for corners in outlines:
-        low, high = corners.min(axis=0) - reach_m, corners.max(axis=0) + reach_m
-        near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        if len(near):
-            out[near] |= _on_one(points[near], corners, reach_m)
-    return out
+        object_weights.mark_points_on(points, corners, reach_m, marked)
+    return marked
 
 
 def without_objects(scan: PreparedScan, outlines: Sequence[Floats], reach_m: float) -> PreparedScan:
@@ -51,16 +49,3 @@ def without_objects(scan: PreparedScan, outlines: Sequence[Floats], reach_m: flo
         surface=np.ascontiguousarray(scan.surface[surface]),
         surface_normals=np.ascontiguousarray(scan.surface_normals[surface]),
     )
-
-
-def _on_one(points: Floats, corners: Floats, reach_m: float) -> Bools:
-    start, end = corners, np.roll(corners, -1, axis=0)
-    edge = end - start
-    way = points[:, None, :] - start
-    share = np.clip((way * edge).sum(axis=2) / np.maximum((edge**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    distance = np.hypot(*np.moveaxis(way - share[..., None] * edge, 2, 0)).min(axis=1)
-    crosses = (start[:, 1] > points[:, 1, None]) != (end[:, 1] > points[:, 1, None])
-    rise = np.where(edge[:, 1] == 0.0, 1.0, edge[:, 1])
-    left = points[:, 0, None] < start[:, 0] + (points[:, 1, None] - start[:, 1]) * edge[:, 0] / rise
-    inside = (crosses & left).sum(axis=1) % 2 == 1
-    return np.asarray(inside | (distance <= reach_m))

@@ -1,4 +1,4 @@
-"""Objects that were found more than once tie the path: edges for the pose graph of the final stage.
+"""Objects that were found more than once tie the path: weights of the particles, edges for the graph of the final stage.
 
 A box that has not moved ties both poses of the robot rigidly. A door may have turned, but its hinge has not moved: it ties the
 positions only. What has moved ties nothing.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges
-from gridslam.methods.slam_sd.stays import Stay, TrackedObject
+from gridslam.methods.slam_sd.stays import Stay, TrackedObject, turned
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +30,26 @@ def landmark_edges(objects: Iterable[TrackedObject], path: Floats) -> Edges:
     if not parts:
         return Edges(*_empty())
     return Edges.concatenate(parts)
+
+
+def log_object_weights(
+    pairs: Iterable[tuple[Stay, Stay, bool]], paths: Floats, move_probability: float
+) -> Floats:
+    """log P(D | X) `(n,)` of paths `(n, k, 3)`: how well each brings the two estimates of an object to the same place.
+
+    This is the factor P(I|D) P(L|D) of eq. 6 (METHODS 3.1), the object's pose integrated out; it may have been moved after all.
+    The pairs say whether the object is a door, of which only the hinge counts.
+    """
+    out = np.zeros(len(paths))
+    for a, b, is_door in pairs:
+        here = se2.compose(paths[:, a.anchor], a.pose)
+        error = se2.between(here, se2.compose(paths[:, b.anchor], b.pose))
+        used = 2 if is_door else 3
+        spread = turned(a.covariance, -float(a.pose[2])) + turned(b.covariance, -float(b.pose[2]))
+        precision = np.linalg.inv(spread + 2.0 * np.diag(LEAST_DEVIATIONS**2))[:used, :used]
+        square = np.einsum("ni,ij,nj->n", error[:, :used], precision, error[:, :used])
+        out += np.log((1.0 - move_probability) * np.exp(-0.5 * square) + move_probability)
+    return out
 
 
 def _pairs(found: TrackedObject) -> Iterable[tuple[Stay, Stay]]:
@@ -49,9 +69,7 @@ def _edge(a: Stay, b: Stay, is_door: bool, path: Floats) -> Edges:
     arm = rotation @ b.pose[:2]
     error = arm + T_a_b[:2] - a.pose[:2]
     floor = np.diag(LEAST_DEVIATIONS**2)
-    turned = np.eye(3)
-    turned[:2, :2] = rotation
-    covariance = a.covariance + turned @ b.covariance @ turned.T + 2.0 * floor
+    covariance = a.covariance + turned(b.covariance, float(T_a_b[2])) + 2.0 * floor
     jacobian = np.eye(3)
     jacobian[:2, 2] = QUARTER @ arm
     measured = T_a_b.copy()

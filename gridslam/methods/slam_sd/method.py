@@ -170,6 +170,9 @@ class SlamSd:
             with self._timed("objects"):
                 path = self._particles.trajectory(self._particles.best)
                 self._objects.add_key_scan(scan, self._track[-1], path)
+                weights = self._objects.weigh(self._particles.trajectories)
+                if weights is not None:
+                    self._particles.weigh_paths(weights)
 
     def _prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, the motion during its sweep undone by the odometry since the scan before."""

@@ -20,6 +20,7 @@ from gridslam.methods.base import Picture, RunResult, Table
 from gridslam.methods.slam_sd.composition import compose_map
 from gridslam.methods.slam_sd.evidence import SeenRound, SeenScan
 from gridslam.methods.slam_sd.explained import outlines_seen_from, points_on, without_objects
+from gridslam.methods.slam_sd.landmarks import log_object_weights
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
 from gridslam.methods.slam_sd.objects import ObjectTracker
@@ -90,6 +91,11 @@ class ObjectLayer:
         """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
         self._tracker.add_scan(SeenScan(len(self._stamps), scan.stamp_ns, pose, scan), path)
         self._stamps.append(scan.stamp_ns)
+
+    def weigh(self, paths: Floats) -> Floats | None:
+        """log weights `(n,)` of the particles' paths `(n, k, 3)` by the objects found again since the last call, if any."""
+        pairs, self._tracker.found_again = self._tracker.found_again, []
+        return log_object_weights(pairs, paths, self._config.move_probability) if pairs else None
 
     def finish(self, path: Floats) -> None:
         """The log is over."""

@@ -50,6 +50,9 @@ class ObjectTracker:
         self.objects = {thing.id: TrackedObject(thing) for thing in things}
         self._book = VisitBook({tag: t.id for t in things for tag in t.tag_ids}, config.pause_s)
         self._recent: dict[str, tuple[int, Candidate]] = {}  # last read of the last visit, and its evidence
+        self.found_again: list[
+            tuple[Stay, Stay, bool]
+        ] = []  # an earlier estimate, the new one, whether it is a door
         self.counters: Counter[str] = Counter()
 
     @property
@@ -258,6 +261,7 @@ class ObjectTracker:
             found.stays.append(stay)
         else:
             before = found.stays[-1]
+            self.found_again.append((before, stay, found.thing.is_door))
             found.stays[-1] = replace(stay, first_ns=before.first_ns, reads=before.reads + stay.reads)
 
     def _known_closed(self, found: TrackedObject, known: Known | None) -> float | None:

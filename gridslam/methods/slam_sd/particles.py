@@ -54,6 +54,11 @@ class ParticleMaps:
         return np.asarray(self._paths[particle, : len(self._scans)].copy())
 
     @property
+    def trajectories(self) -> Floats:
+        """The poses `(n, k, 3)` of all particles at all key scans."""
+        return self._paths[:, : len(self._scans)]
+
+    @property
     def weights(self) -> Floats:
         """Normalised weights `(n,)`."""
         weights = np.exp(self.log_weights - self.log_weights.max())
@@ -214,6 +219,12 @@ class ParticleMaps:
         config = self._config.filter
         gain = config.likelihood_share * (likelihood - likelihood.max())
         self.log_weights += np.maximum(gain, -config.most_evidence)
+        self.log_weights -= self.log_weights.max()
+
+    def weigh_paths(self, log_likelihood: Floats) -> None:
+        """Add what something else than the scan says about the particles `(n,)`, as bounded as one scan."""
+        gain = log_likelihood - log_likelihood.max()
+        self.log_weights += np.maximum(gain, -self._config.filter.most_evidence)
         self.log_weights -= self.log_weights.max()
 
     def _register(
