@@ -14,7 +14,7 @@ import gridslam
 from gridslam.core.errors import GridslamError
 
 from . import console
-from .commands import config, convert, evaluate, info, localize, simulate, warmup
+from .commands import config, convert, evaluate, explore, info, localize, simulate, warmup
 from .commands import map as map_command
 from .options import common
 
@@ -33,7 +33,9 @@ app = typer.Typer(
 app.command("map")(common(map_command.run))
 app.command("localize")(common(localize.run))
 app.command("evaluate")(common(evaluate.run))
+app.command("plan")(common(plan.run))
 app.command("simulate")(common(simulate.run))
+app.command("explore")(common(explore.run))
 app.command("info")(common(info.run))
 app.command("convert")(common(convert.run))
 app.add_typer(config.app, name="config")

@@ -1,0 +1,120 @@
+"""What is in the way, said so that one can do something about it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import MethodError
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.planning.space import Space
+
+Floats = NDArray[np.float64]
+
+HALVINGS = 12
+
+
+def blocked_pose(
+    occupancy: OccupancyGrid, space: Space, name: str, pose: Floats, local: Floats
+) -> MethodError:
+    """The robot cannot stand at the start or the goal."""
+    where = f"{name} {pose[0]:g},{pose[1]:g}"
+    row, col = space.cell(local)
+    rows, cols = occupancy.probability.shape
+    if not (1 <= row <= rows and 1 <= col <= cols):
+        return MethodError(f"{where}: lies outside the map; {_extent(occupancy)}")
+    if space.blocked[row, col]:
+        unknown = bool(np.isnan(occupancy.probability[row - 1, col - 1]))
+        if unknown:
+            return MethodError(
+                f"{where}: lies in an unknown cell; choose a free place, or let unknown cells be free"
+            )
+        return MethodError(f"{where}: lies inside an obstacle; choose a free place")
+    cells = np.argwhere(space.blocked)
+    centres = (cells[:, ::-1] + 0.5) * space.resolution_m
+    gaps = np.maximum(np.abs(centres - local[:2]) - 0.5 * space.resolution_m, 0.0)
+    distances = np.hypot(*gaps.T)
+    nearest = int(np.argmin(distances))
+    x, y = space.to_map(np.array([[*centres[nearest], 0.0]]))[0, :2]
+    kind = _kind(occupancy, *(cells[nearest] - 1))
+    return MethodError(
+        f"{where}: the robot does not fit there: {kind} at {x:.2f},{y:.2f} is {distances[nearest]:.2f} m from its origin; "
+        "choose another place or a smaller robot"
+    )
+
+
+def no_way(
+    occupancy: OccupancyGrid, space: Space, occupied_from: float, start: Floats, goal: Floats
+) -> MethodError:
+    """Obstacles separate the start from the goal."""
+    (sx, sy), (gx, gy) = space.to_map(np.array([start, goal]))[:, :2].tolist()
+    pair = f"no way from {sx:g},{sy:g} to {gx:g},{gy:g}"
+    width, narrowest = _widest_way(space, start, goal)
+    if width > 0.0:
+        x, y = space.to_map(np.array([[*narrowest, 0.0]]))[0, :2]
+        return MethodError(
+            f"{pair}: the widest one is only {width:.2f} m wide at {x:.2f},{y:.2f}; a smaller robot would pass"
+        )
+    if _joined(~(np.pad(occupancy.probability, 1) > occupied_from), space.cell(start), space.cell(goal)):
+        return MethodError(
+            f"{pair}: unknown cells separate them; map the place, or let unknown cells be free"
+        )
+    return MethodError(f"{pair}: obstacles separate them")
+
+
+def no_headings(which: str, pose: Floats, radius_m: float, reverse: bool) -> MethodError:
+    """There is room for the robot, but not for its turns."""
+    hint = "allow a smaller radius, turns on the spot" + ("" if reverse else ", or driving backwards")
+    return MethodError(
+        f"{which} {pose[0]:g},{pose[1]:g}: its heading {pose[2]:.3g} rad cannot be met by arcs of {radius_m:g} m or more; {hint}"
+    )
+
+
+def too_hard(radius_m: float, states: int) -> MethodError:
+    """The search was given up."""
+    return MethodError(
+        f"no path found among {states} poses: there may be one, but it needs many turns of {radius_m:g} m in narrow places; "
+        "allow a smaller radius, turns on the spot or driving backwards"
+    )
+
+
+def _widest_way(space: Space, start: Floats, goal: Floats) -> tuple[float, Floats]:
+    """The width (m) of the widest way's narrowest place, and that place (x, y); 0 where there is no way at all."""
+    ends = [(2 * row + 1, 2 * col + 1) for row, col in (space.cell(start), space.cell(goal))]
+    low, high = 0.0, float(min(space.field[end] for end in ends))
+    if not _joined(space.field > 0.0, *ends):
+        return 0.0, np.zeros(2)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _joined(space.field > middle, *ends) else (low, middle)
+    _, labels = cv2.connectedComponents(np.asarray(space.field > high, np.uint8), connectivity=8)
+    _, wider = cv2.connectedComponents(np.asarray(space.field > low, np.uint8), connectivity=8)
+    neck = (labels == 0) & (wider == wider[ends[0]])
+    return 2.0 * low, _nearest_of(neck, space, ends)
+
+
+def _nearest_of(neck: NDArray[np.bool_], space: Space, ends: list[tuple[int, int]]) -> Floats:
+    """The place of the neck that is nearest to both ends together."""
+    places = np.argwhere(neck)
+    ways = sum(np.hypot(*(places - end).T) for end in np.array(ends))
+    return np.asarray(places[int(np.argmin(ways))][::-1] * 0.5 * space.resolution_m)
+
+
+def _joined(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int]) -> bool:
+    _, labels = cv2.connectedComponents(np.asarray(free, np.uint8), connectivity=8)
+    return bool(labels[a] == labels[b] and labels[a] > 0)
+
+
+def _kind(occupancy: OccupancyGrid, row: int, col: int) -> str:
+    rows, cols = occupancy.probability.shape
+    if not (0 <= row < rows and 0 <= col < cols):
+        return "the map's edge"
+    return "an unknown cell" if np.isnan(occupancy.probability[row, col]) else "an obstacle"
+
+
+def _extent(occupancy: OccupancyGrid) -> str:
+    rows, cols = occupancy.probability.shape
+    corners = occupancy.geometry.centres(np.array([[0, 0], [0, cols], [rows, 0], [rows, cols]]))
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    return f"it reaches from {x0:.2f},{y0:.2f} to {x1:.2f},{y1:.2f}"
