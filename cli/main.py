@@ -14,7 +14,7 @@ import gridslam
 from gridslam.core.errors import GridslamError
 
 from . import console
-from .commands import config, convert, evaluate, explore, info, localize, simulate, warmup
+from .commands import config, convert, evaluate, explore, info, localize, plan, simulate, warmup
 from .commands import map as map_command
 from .options import common
 
