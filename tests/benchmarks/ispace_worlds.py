@@ -28,7 +28,7 @@ Adding = Callable[[np.random.Generator, Things], None]
 
 def world_of(kind: str, number: int) -> World:
     """The corridor of a kind, with start, way and people drawn from the number."""
-    rng = np.random.default_rng([number, sorted(KINDS).index(kind)])
+    rng = np.random.default_rng([number, list(KINDS).index(kind)])
     base, _ = load_world("ispace-corridor-blind" if kind == "blind" else "ispace-corridor")
     document = base.model_dump(mode="json", exclude_defaults=True)
     document["seed"] = 1000 + number
@@ -102,12 +102,22 @@ def add_nobody(rng: np.random.Generator, document: Things) -> None:
     """The people that everybody meets are enough."""
 
 
+def cover(rng: np.random.Generator, document: Things) -> None:
+    """Four cameras that see all of the corridor, of fewer pixels."""
+    camera = document["fixed_cameras"][0] | {"width_px": 240, "height_px": 180, "focal_px": 180.0}
+    document["fixed_cameras"] = [
+        camera | {"name": f"ispace{k + 1}", "mounting": camera["mounting"] | {"x": 0.1 + 7.2 * k}}
+        for k in range(4)
+    ]
+
+
 KINDS: Mapping[str, Adding] = {
-    "walking": add_nobody,
-    "blind": add_nobody,
-    "standing": add_standing,
     "beside": add_companions,
+    "blind": add_nobody,
     "mirrored": add_mirrored,
+    "standing": add_standing,
+    "walking": add_nobody,
+    "covered": cover,
 }
 
 

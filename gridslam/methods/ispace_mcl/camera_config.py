@@ -14,6 +14,10 @@ class DensityConfig(StrictModel):
 
     kind: Literal["density"] = "density"
     bandwidth_m: float = Field(0.3, gt=0.0, description="standard deviation of the kernel, m")
+    onboard: Literal["particles", "kernel"] = Field(
+        "particles",
+        description="P_onboard as the weighted particles stand for it, or by a kernel density of its own",
+    )
 
 
 class SightingConfig(StrictModel):

@@ -112,26 +112,30 @@ def proposals(
 
 
 class DensityWeight:
-    """The paper's own: the product of two kernel densities replaces the weights.
+    """The paper's own: w = eta P_onboard(x) P_iSpace(x), the second a kernel density over the floor cells that move (eqs. 5 - 7).
 
-    The densities are of the plane and know no heading, so the particles are first resampled by their onboard weights.
+    `onboard: kernel` takes P_onboard(x) from a kernel density of the onboard-weighted particles, as the equation reads. But the
+    particles stand for that density already, and weights by it square it: the largest cluster soon is the only one.
+    `onboard: particles` multiplies the onboard weights by P_iSpace, so that the particles stand for the product.
     """
 
-    def __init__(self, weight: DensityConfig) -> None:
-        self._bandwidth_m = weight.bandwidth_m
+    def __init__(self, config: CamerasConfig, weight: DensityConfig) -> None:
+        self._config = config
+        self._weight = weight
 
-    def reweighted(
-        self, frames: Sequence[Frame], particles: Particles, rng: np.random.Generator
-    ) -> Particles:
-        """Particles with w = eta P_onboard(x) P_iSpace(x); unchanged where no foreground is seen."""
-        points = np.concatenate([f.sighting.points for f in frames])
+    def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
+        """Particles with the weights of both densities; unchanged where no foreground is seen, or none near a particle."""
+        config, bandwidth = self._config, self._weight.bandwidth_m
+        points = np.concatenate(
+            [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
+        )
         if not len(points):
             return particles
-        kept = systematic(particles.weights, len(particles), float(rng.random()))
-        particles = Particles.even(particles.poses[kept])
-        places = particles.poses[:, :2]
-        onboard = kernel_density(places, particles.weights, self._bandwidth_m).at(places)
-        seen = kernel_density(points, np.ones(len(points)), self._bandwidth_m)
+        onboard = particles.weights
+        if self._weight.onboard == "kernel":
+            places = particles.poses[:, :2]
+            onboard = kernel_density(places, particles.weights, bandwidth).at(places)
+        seen = kernel_density(points, np.ones(len(points)), bandwidth)
         environment = np.mean([seen.at(places_then(f, particles.poses)) for f in frames], axis=0)
         weights = onboard * environment
         total = weights.sum()

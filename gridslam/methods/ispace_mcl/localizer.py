@@ -103,7 +103,7 @@ class Localizer:
         if isinstance(sightings, SightingConfig):
             self._sightings = SightingWeight(config.cameras, sightings)
         else:
-            self._density = DensityWeight(sightings)
+            self._density = DensityWeight(config.cameras, sightings)
         self.counters: Counter[str] = Counter()
         self.timings_s: defaultdict[str, float] = defaultdict(float)
 
@@ -156,7 +156,7 @@ class Localizer:
                 self._sightings.log_likelihood(frames, self.particles.poses)
             )
         elif self._density is not None:
-            self.particles = self._density.reweighted(frames, self.particles, self._rng)
+            self.particles = self._density.reweighted(frames, self.particles)
 
     def _agree(self, frames: Sequence[Frame], belief: Belief) -> None:
         """Keep in mind whether the cameras see the robot where it is believed to be."""
