@@ -27,6 +27,7 @@ WIDEST_LEAKS_PX = (
 )  # half gaps through which the outside is kept from coming in
 ENCLOSED_SHARE = 0.25  # of the strokes' bounding box: less is no enclosed place, but a loop of a pen
 START_AROUND_PX = 3
+CLOSING_DIRECTIONS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +41,15 @@ class Regions:
 
 
 def classes_of(levels: NDArray[np.uint8]) -> Mask:
-    """Which pixels are dark: Otsu's threshold after a median that takes out specks and the halo of compression."""
-    smooth = cv2.medianBlur(np.ascontiguousarray(levels), 3)
-    threshold, _ = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    # The median would wipe out strokes one pixel wide: where it has, the pixel itself decides.
+    """Which pixels are dark, by Otsu's threshold; specks that compression leaves are taken out of either colour."""
+    threshold, _ = cv2.threshold(
+        cv2.medianBlur(np.ascontiguousarray(levels), 3), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
+    )
+    if not levels.min() <= threshold < levels.max():  # the median has wiped out strokes of one pixel
+        threshold, _ = cv2.threshold(
+            np.ascontiguousarray(levels), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
+        )
     dark = levels <= threshold
-    if dark.mean() > 0.0 and (smooth <= threshold).mean() > 0.7 * dark.mean():
-        dark = smooth <= threshold
     return _without_specks(~_without_specks(~dark))
 
 
@@ -65,7 +68,7 @@ def regions_of(
     is_open = outside is None
     inside = ~barrier if outside is None else ~barrier & ~outside
     free = _component(inside, start)
-    if free is None:
+    if not free.any():
         return None
     # Where the free space borders on the outside through a gap in the outline, a line is thought across.
     seam = _grown(inside, 1) & outside if outside is not None else np.zeros_like(free)
@@ -110,7 +113,11 @@ def _outside(barrier: Mask, start: tuple[int, int] | None) -> Mask | None:
         if reach:
             outside = _grown(outside, reach) & ~barrier
         inside = ~barrier & ~outside
-        if start is not None and inside[start]:
+        if (
+            start is not None
+            and inside[start]
+            and bool((_component(inside, start) & (to_wall > reach)).any())
+        ):
             return outside
         if start is None and float(inside.sum()) > ENCLOSED_SHARE * box:
             return outside
@@ -127,10 +134,10 @@ def _joined_to_edge(mask: Mask) -> Mask:
     return np.asarray(touching[labels])
 
 
-def _component(mask: Mask, start: tuple[int, int] | None) -> Mask | None:
-    """The part of a mask that holds the start, or the largest one."""
+def _component(mask: Mask, start: tuple[int, int] | None) -> Mask:
+    """The part of a mask that holds the start, or the largest one; empty where the mask is."""
     if not mask.any():
-        return None
+        return mask
     labels = _labels(mask)
     if start is not None and labels[start]:
         return np.asarray(labels == labels[start])
@@ -149,14 +156,32 @@ def _nearest_free(barrier: Mask, start: tuple[int, int]) -> tuple[int, int]:
 
 
 def _closed(mask: Mask, gap_px: int) -> Mask:
-    """A mask with gaps up to `gap_px` closed; nothing grows at the picture's edge."""
+    """A mask with gaps up to `gap_px` between strokes in line closed.
+
+    Closing along lines, not with a disc, leaves corners and narrow passages as they are.
+    """
     if gap_px < 1:
         return mask
-    reach = gap_px // 2 + 1
-    padded = np.pad(mask, reach)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    closed = cv2.morphologyEx(padded.astype(np.uint8), cv2.MORPH_CLOSE, kernel) > 0
-    return np.asarray(closed[reach:-reach, reach:-reach] | mask)
+    reach = gap_px + 2
+    padded = np.pad(mask, reach).astype(np.uint8)
+    closed = padded.copy()
+    for angle in np.arange(CLOSING_DIRECTIONS) * (np.pi / CLOSING_DIRECTIONS):
+        closed = np.maximum(
+            closed,
+            np.asarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _line_kernel(reach, angle)), np.uint8),
+        )
+    return np.asarray(closed[reach:-reach, reach:-reach] > 0)
+
+
+def _line_kernel(length: int, angle_rad: float) -> NDArray[np.uint8]:
+    """A line of so many pixels in a square kernel."""
+    half = length // 2
+    kernel = np.zeros((2 * half + 1, 2 * half + 1), np.uint8)
+    along = np.rint(np.arange(-half, half + 1)[:, None] * (np.cos(angle_rad), np.sin(angle_rad))).astype(
+        np.int64
+    )
+    kernel[half + along[:, 1], half + along[:, 0]] = 1
+    return kernel
 
 
 def _grown(mask: Mask, reach: int) -> Mask:
