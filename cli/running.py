@@ -126,13 +126,13 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
     return rows
 
 
-def start_override(text: str) -> str:
+def start_override(text: str, option: str = "--start") -> str:
     """`--start x,y,yaw` as the override that it stands for."""
     try:
         x, y, yaw = (float(part) for part in text.split(","))
     except ValueError:
         raise ConfigError(
-            f"--start {text}: expected x,y,yaw in metres and radians, for example --start 1.5,-2,0.3"
+            f"{option} {text}: expected x,y,yaw in metres and radians, for example {option} 1.5,-2,0.3"
         ) from None
     return f"method.start=[{x!r}, {y!r}, {yaw!r}]"
 

@@ -27,7 +27,7 @@ from gridslam.run_config import RunConfig
 from gridslam.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy"]
-Command = Literal["map", "localize"]
+Command = Literal["map", "localize", "explore"]
 
 INPUT_READERS: Mapping[str, str] = MappingProxyType(
     {

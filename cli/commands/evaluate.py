@@ -73,7 +73,7 @@ RelationsPath = Annotated[
 ]
 AlignOption = Annotated[
     AlignName | None,
-    typer.Option("--align", help="Absent: se2 for the directory of a map run, none for all else."),
+    typer.Option("--align", help="Absent: se2 for the directory of a run that mapped, none for all else."),
 ]
 Scale = Annotated[bool, typer.Option("--scale", help="Let --align se2 fit the scale as well.")]
 SyncOption = Annotated[
@@ -182,7 +182,7 @@ def _options(
     from gridslam.evaluation.run_files import run_command_of
 
     if align is None:
-        align = AlignName.se2 if run_command_of(path) == "map" else AlignName.none
+        align = AlignName.se2 if run_command_of(path) in ("map", "explore") else AlignName.none
     if scale and align is not AlignName.se2:
         raise ConfigError("--scale: only --align se2 fits a scale")
     whole = unit is not DeltaUnitName.frames or delta.is_integer()

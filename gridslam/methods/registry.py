@@ -20,6 +20,7 @@ class MethodEntry:
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
     inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
     needs_inputs: tuple[str, ...] = ()  # those of the inputs that a run must be given
+    explorer: str = ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
 
 
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(
@@ -47,6 +48,7 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
         "handmap-slam": MethodEntry(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",
             mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
+            explorer="gridslam.methods.handmap_slam.explorer:MappingExplorer",
             needs=("scan", "odom"),
             inputs=("drawing",),
             needs_inputs=("drawing",),

@@ -36,7 +36,7 @@ def errors_of(run: Run) -> Errors | None:
     """
     if run.truth is None:
         return None
-    return errors_over_time(run.result.trajectory, run.truth, "se2" if run.command == "map" else "none")
+    return errors_over_time(run.result.trajectory, run.truth, "none" if run.command == "localize" else "se2")
 
 
 def errors_over_time(estimate: Trajectory, truth: Trajectory, align: Align) -> Errors | None:

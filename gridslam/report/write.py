@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import shutil
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from PIL import Image
@@ -21,9 +23,12 @@ from gridslam.report.text_files import write_table, write_tum
 from gridslam.run import Run
 
 
-def write_run(run: Run, directory: Path, force: bool = False) -> dict[str, object]:
+def write_run(
+    run: Run, directory: Path, force: bool = False, further: Iterable[Path] = ()
+) -> dict[str, object]:
     """Write all files of a run; the directory appears when they are complete. Returns report.json's document.
 
+    `further` are files and folders that are moved into it (an exploration's log and truth).
     Raises ConfigError: something is there already, or the folder cannot be written.
     """
     started = time.perf_counter()
@@ -37,6 +42,8 @@ def write_run(run: Run, directory: Path, force: bool = False) -> dict[str, objec
             write_html(folder / "report.html", run, report_document(run, time.perf_counter() - started))
         document = report_document(run, time.perf_counter() - started)
         write_atomic(folder / REPORT_NAME, json_bytes(document))
+        for path in further:
+            shutil.move(path, folder / path.name)
     return document
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
+from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
 from gridslam.methods.slam_sd.config import (
     FinalStageConfig,
     FrontEndConfig,
@@ -165,3 +166,4 @@ class HandmapSlamConfig(StrictModel):
     surfaces: FrontEndConfig = FrontEndConfig()
     map: MapConfig = MapConfig()
     final_stage: FinalStageConfig = FinalStageConfig()
+    exploration: ExplorationConfig = ExplorationConfig()

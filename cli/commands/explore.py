@@ -1,0 +1,126 @@
+"""gridslam explore"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .. import console
+from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed
+from .simulate import WorldName
+
+if TYPE_CHECKING:
+    from gridslam.explore import Explored
+
+FAILED = 4
+DrawingFile = Annotated[
+    Path, typer.Option("--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place.")
+]
+StartInDrawing = Annotated[
+    str | None,
+    typer.Option(
+        "--start-in-drawing",
+        metavar="X,Y,YAW",
+        help="Where the robot starts in the drawing: metres at 0.1 m a pixel from its lower-left corner, radians. "
+        "Absent: method.start of the config, or found out.",
+    ),
+]
+WorldOverrides = Annotated[
+    list[str] | None,
+    typer.Option("--world", metavar="KEY=VALUE", help="Override a key of the world file. Repeatable."),
+]
+WorldSeed = Annotated[
+    int | None, typer.Option("--world-seed", min=0, help="Seed of the world's noise; wins over the file.")
+]
+Longest = Annotated[
+    float | None, typer.Option("--longest", metavar="S", min=1.0, help="End after S seconds in the world.")
+]
+
+
+def run(
+    world: WorldName,
+    drawing: DrawingFile,
+    output: Output,
+    config: ConfigName = "handmap-slam",
+    start_in_drawing: StartInDrawing = None,
+    override: Overrides = None,
+    world_override: WorldOverrides = None,
+    seed: Seed = None,
+    world_seed: WorldSeed = None,
+    longest: Longest = None,
+    jobs: Jobs = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Let a simulated robot explore a world by a drawing of it, and map it."""
+    import os
+
+    from gridslam.report.directory import check_free
+    from gridslam.report.write import write_run
+    from gridslam.run import read_inputs
+    from gridslam.run_config import load_run_config
+    from gridslam.simulation.world_config import load_world
+
+    from ..interruption import stop_on_signals
+    from ..running import start_override
+
+    check_free(output, force)
+    overrides = [*(override or ())]
+    if start_in_drawing is not None:
+        overrides.append(start_override(start_in_drawing, "--start-in-drawing"))
+    settings = load_run_config(config, overrides, seed)
+    place, path = load_world(world, world_override or (), world_seed)
+    if jobs is not None:
+        os.environ["NUMBA_NUM_THREADS"] = str(jobs)  # read when numba is imported, which is later
+    from gridslam.explore import LOG_NAME, TRUTH_NAME, explore
+    from gridslam.kernels.compiling import telling_of_compilation
+
+    def tell() -> None:
+        console.say("compiling kernels, once per installation: about a minute")
+
+    inputs = read_inputs({"drawing": drawing})
+    output.resolve().parent.mkdir(parents=True, exist_ok=True)
+    with (
+        tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.resolve().parent) as aside,
+        stop_on_signals() as stop,
+    ):
+        folder = Path(aside)
+        with console.progress_bar("explore") as show, telling_of_compilation(tell):
+            done = explore(settings, place, path, inputs, folder, show, stop, longest)
+        for problem in done.run.problems:
+            console.say(f"{world}: {problem}")
+        document = write_run(done.run, output, force, (folder / LOG_NAME, folder / TRUTH_NAME))
+    if as_json:
+        console.emit_json(document)
+    else:
+        console.emit_table(("", ""), _summary(done, document, output))
+    _exit_unless_finished(done, output)
+
+
+def _summary(done: Explored, document: dict[str, Any], output: Path) -> list[tuple[str, str]]:
+    from ..running import summary
+
+    facts = document["measures"]["exploration"]
+    unreachable = facts["unreachable"]
+    rows = [
+        ("exploration", f"{done.ended} after {done.duration_s:.0f} s and {done.way_m:.0f} m"),
+        (
+            "observation points",
+            f"{facts['points']}: {facts.get('reached', 0)} reached, "
+            f"{facts.get('seen_on_the_way', 0)} seen on the way, {len(unreachable)} unreachable",
+        ),
+        *(("unreachable", f"({p['x']:.1f}, {p['y']:.1f}): {p['reason']}") for p in unreachable),
+    ]
+    return [*rows, *summary(done.run, document, output)]
+
+
+def _exit_unless_finished(done: Explored, output: Path) -> None:
+    if done.ended == "interrupted":
+        console.complain(f"interrupted: {output} holds the run up to there")
+        raise typer.Exit(130)
+    if done.ended != "finished":
+        console.complain(f"error: {done.run.problems[0]}; {output} holds the map up to there")
+        raise typer.Exit(FAILED)

@@ -1,0 +1,289 @@
+"""The closed loop: simulator, estimator and explorer, from a drawing to a finished map with nobody steering.
+
+The estimator is shown the events in the order of their stamps, a moment late: the order in which a recorded log is read. So the
+recorded log gives the same map when it is mapped again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from pydantic import BaseModel
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.trajectory import Trajectory
+from gridslam.logs.write import open_writer
+from gridslam.methods import registry
+from gridslam.methods.base import Method, RunResult
+from gridslam.methods.registry import MethodEntry
+from gridslam.planning.dwa import Drive
+from gridslam.run import Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
+from gridslam.run_config import RunConfig
+from gridslam.run_counts import merge_counts
+from gridslam.simulation.contact import ContactWatch
+from gridslam.simulation.record import write_truth
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.truth_map import true_map
+from gridslam.simulation.world_config import World
+
+STEPS_PER_COMMAND = 10  # of 10 ms
+HOLD_NS = 250_000_000  # messages come at most so late
+MOST_TURN_RADPS = 10.0
+LOG_NAME, TRUTH_NAME = "log.mcap", "truth"
+
+Ended = Literal["finished", "contact", "time", "interrupted"]
+
+
+class WheelCommand(Protocol):
+    """Speeds of the wheels along the ground."""
+
+    @property
+    def left_mps(self) -> float: ...
+    @property
+    def right_mps(self) -> float: ...
+
+
+class Explores(Protocol):
+    """The part of a method that drives."""
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether there is nothing left to look at."""
+
+    def see(self, event: Event) -> None:
+        """Take in an event as it comes."""
+
+    def command(self) -> WheelCommand:
+        """What the wheels shall do next."""
+
+    def told(self, result: RunResult) -> RunResult:
+        """The estimator's result with what the exploration has to tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class Explored:
+    """A finished exploration: the run as `map` would make it of the recorded log, and how it ended."""
+
+    run: Run
+    ended: Ended
+    duration_s: float
+    way_m: float
+    clearance_m: float
+
+
+class InStampOrder:
+    """Events leave in the order of their stamps, a fixed time after the moment they bear."""
+
+    def __init__(self, hold_ns: int) -> None:
+        self._hold_ns = hold_ns
+        self._waiting: list[tuple[int, int, Event]] = []
+        self._count = 0
+
+    def add(self, event: Event) -> None:
+        """Take in an event."""
+        heapq.heappush(self._waiting, (event.stamp_ns, self._count, event))
+        self._count += 1
+
+    def ready(self, now_ns: int) -> Iterator[Event]:
+        """The events whose time has come."""
+        while self._waiting and self._waiting[0][0] <= now_ns - self._hold_ns:
+            yield heapq.heappop(self._waiting)[2]
+
+    def rest(self) -> Iterator[Event]:
+        """All that is left."""
+        while self._waiting:
+            yield heapq.heappop(self._waiting)[2]
+
+
+def explore(
+    config: RunConfig[BaseModel],
+    world: World,
+    world_path: Path,
+    inputs: Mapping[str, Input],
+    folder: Path,
+    show: Show,
+    stop: Stop,
+    longest_s: float | None = None,
+) -> Explored:
+    """Explore a world, writing `log.mcap` and `truth/` into a folder.
+
+    Raises ConfigError: the method does not explore, lacks its drawing, or the world has no lidar or odometry.
+    """
+    entry = _checked(config, world, inputs)
+    started = time.perf_counter()
+    simulator = Simulator(world, world_path.parent)
+    grid = true_map(simulator.scene, world.truth)
+    method = method_builder("map", config)(
+        config.method, config.seed, **{name: item.value for name, item in inputs.items()}
+    )
+    explorer: Explores = registry.load(entry.explorer)(method, config.method, drive_of(world), config.seed)
+    limit_s = min(world.max_duration_s, longest_s or np.inf)
+    log_path = folder / LOG_NAME
+    loop = _Loop(simulator, method, explorer, show, limit_s)
+    with open_writer(log_path, force=False) as writer:
+        loop.drive(writer.write, writer.write_truth, stop)
+    before_result = time.perf_counter()
+    show(Progress(loop.events, loop.events, loop.scans, is_finishing=True))
+    result = explorer.told(method.result())
+    result = replace(result, measures=_with_facts(result.measures, loop))
+    write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
+    finished = time.perf_counter()
+    hashes = {item.path.name: item.sha256 for item in inputs.values()}
+    hashes |= {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (world_path, log_path)}
+    run = Run(
+        command="explore",
+        config=config,
+        log_path=Path(LOG_NAME),
+        inputs=hashes,
+        result=result,
+        occupancy=result.occupancy,
+        truth=_trajectory(loop.path),
+        status="interrupted" if loop.ended == "interrupted" else "complete",
+        is_lossy=False,
+        problems=_problems(loop),
+        counts=merge_counts(loop.counts, result.counters),
+        read_s=before_result - started - loop.process_s,
+        process_s=loop.process_s + finished - before_result,
+    )
+    return Explored(run, loop.ended, simulator.time_s, simulator.robot.way_m, loop.watch.clearance_m)
+
+
+class _Loop:
+    """The loop itself; what came of it is in its attributes."""
+
+    def __init__(
+        self, simulator: Simulator, method: Method, explorer: Explores, show: Show, limit_s: float
+    ) -> None:
+        self._simulator, self._method, self._explorer = simulator, method, explorer
+        self._show, self._limit_s = show, limit_s
+        self._order = InStampOrder(HOLD_NS)
+        self.watch = ContactWatch(simulator)
+        self.path: list[Odometry] = []
+        self.counts: Counter[str] = Counter()
+        self.ended: Ended = "interrupted"
+        self.process_s = 0.0
+        self.events = self.scans = 0
+
+    def drive(
+        self, write: Callable[[Event], None], write_truth: Callable[[Odometry], None], stop: Stop
+    ) -> None:
+        """Until nothing is left to look at, the time is over, the robot touches something, or somebody says stop."""
+        for mount in self._simulator.mounts():
+            self._take(mount, write)
+        self._note_truth(write_truth)
+        while not self._is_over(stop):
+            clock = time.perf_counter()
+            command = self._explorer.command()
+            self.process_s += time.perf_counter() - clock
+            self._step(command, write)
+            self._note_truth(write_truth)
+        for event in self._order.rest():
+            self._method.process(event)
+
+    def _is_over(self, stop: Stop) -> bool:
+        if self.watch.is_touching:
+            self.ended = "contact"
+        elif self._explorer.is_finished:
+            self.ended = "finished"
+        elif self._simulator.time_s >= self._limit_s:
+            self.ended = "time"
+        elif not stop():
+            return False
+        return True
+
+    def _step(self, command: WheelCommand, write: Callable[[Event], None]) -> None:
+        """Drive for a tenth of a second, showing estimator and explorer what comes."""
+        radius = self._simulator.world.robot.wheels.radius_m
+        for _ in range(STEPS_PER_COMMAND):
+            for event in self._simulator.step(command.left_mps / radius, command.right_mps / radius):
+                self._take(event, write)
+            if self.watch.is_touching:
+                break
+        clock = time.perf_counter()
+        now_ns = self._simulator.world.start_ns + round(self._simulator.time_s * 1e9)
+        for event in self._order.ready(now_ns):
+            self._method.process(event)
+        self.process_s += time.perf_counter() - clock
+        self._show(Progress(self.events, max(self.events, 1), self.scans))
+
+    def _take(self, event: Event, write: Callable[[Event], None]) -> None:
+        write(event)
+        self.events += 1
+        if isinstance(event, LaserScan):
+            self.scans += 1
+            self.counts["read.scan"] += 1
+        elif isinstance(event, Odometry):
+            self.counts["read.odom"] += 1
+        self._order.add(event)
+        self._explorer.see(event)
+
+    def _note_truth(self, write_truth: Callable[[Odometry], None]) -> None:
+        pose = self._simulator.truth()
+        write_truth(pose)
+        self.path.append(pose)
+
+
+def drive_of(world: World) -> Drive:
+    """What the world's robot can do."""
+    wheels = world.robot.wheels
+    return Drive(
+        world.robot.radius_m, wheels.base_m, wheels.acceleration_mps2, wheels.max_speed_mps, MOST_TURN_RADPS
+    )
+
+
+def _checked(config: RunConfig[BaseModel], world: World, inputs: Mapping[str, Input]) -> MethodEntry:
+    name = config.method_name
+    entry = registry.METHODS[name]
+    if not entry.explorer:
+        able = [n for n, e in registry.METHODS.items() if e.explorer]
+        raise ConfigError(
+            f"method.name: {name} has no `gridslam explore`; methods that have: {', '.join(able)}"
+        )
+    refuse_unknown_inputs(name, inputs)
+    if world.sensors.lidar is None:
+        raise ConfigError("sensors.lidar: the robot of this world has no lidar to explore with; add one")
+    if world.sensors.odometry is None or not world.sensors.odometry.publish_odometry:
+        raise ConfigError("sensors.odometry: the robot of this world has no odometry to explore with; add it")
+    return entry
+
+
+def _trajectory(path: list[Odometry]) -> Trajectory:
+    stamps = np.array([pose.stamp_ns for pose in path], np.int64)
+    return Trajectory(stamps, np.array([pose.pose for pose in path]).reshape(-1, 3))
+
+
+def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object]:
+    """The measures with how the exploration ended and what it took."""
+    told = measures.get("exploration")
+    simulator = loop._simulator
+    facts: dict[str, object] = {
+        "ended": loop.ended,
+        "duration_s": round(simulator.time_s, 2),
+        "way_m": round(simulator.robot.way_m, 2),
+        "least_clearance_m": round(float(loop.watch.clearance_m), 3),
+    }
+    return {**measures, "exploration": {**facts, **(told if isinstance(told, dict) else {})}}
+
+
+def _problems(loop: _Loop) -> tuple[str, ...]:
+    """What a person must know of an exploration that did not end well."""
+    simulator = loop._simulator
+    if loop.ended == "contact":
+        x, y = simulator.robot.x, simulator.robot.y
+        return (
+            f"the robot touched something at ({x:.2f}, {y:.2f}) after {simulator.time_s:.0f} s and stopped there",
+        )
+    if loop.ended == "time":
+        return (
+            f"not finished after {simulator.time_s:.0f} s, the longest time; raise max_duration_s of the world",
+        )
+    return ()

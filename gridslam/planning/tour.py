@@ -1,0 +1,65 @@
+"""The order in which to visit places: an open travelling salesman's tour from the start (handmap-slam, paper section 3.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.kernels.fast_marching import arrival_costs
+from gridslam.kernels.shortest_tour import exact_tour, improved_tour
+
+Floats = NDArray[np.float64]
+
+MOST_EXACT = 12  # places besides the start up to which the optimum is computed
+KICKS = 300  # of the local search, each from the best tour so far with four pieces swapped
+FAR = 1e6  # between places that no way joins: such links are left out at the end
+
+
+def way_lengths(price: NDArray[np.float32], cells: NDArray[np.int64]) -> Floats:
+    """Costs `(k, k)` of the ways between cells `(k, 2)` (row, col) over prices `(rows, cols)`; infinite where none leads."""
+    flat = np.ravel_multi_index((cells[:, 0], cells[:, 1]), price.shape).astype(np.int64)
+    table = np.empty((len(flat), len(flat)))
+    for i, cell in enumerate(flat):
+        cost = np.asarray(arrival_costs(price, np.array([cell]), -1, np.inf))
+        table[i] = cost.ravel()[flat]
+    return np.asarray(0.5 * (table + table.T))
+
+
+def plan_tour(distances: Floats, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Order `(k,)` of all places over a table of distances `(k, k)`, from place 0 on; the last place is free.
+
+    Up to 12 places besides the start the optimum (Held and Karp 1962), else iterated local search (2-opt and or-opt with double
+    bridges, Lourenco et al. 2003).
+    """
+    table = np.ascontiguousarray(np.where(np.isfinite(distances), distances, FAR), dtype=np.float64)
+    if len(table) <= 2:
+        return np.arange(len(table))
+    if len(table) <= MOST_EXACT + 1:
+        return np.asarray(exact_tour(table))
+    best = np.asarray(improved_tour(table, _nearest_first(table)))
+    length = tour_length(table, best)
+    for _ in range(KICKS):
+        tried = np.asarray(improved_tour(table, _double_bridge(best, rng)))
+        if (new := tour_length(table, tried)) < length - 1e-9:
+            best, length = tried, new
+    return best
+
+
+def tour_length(distances: Floats, order: NDArray[np.int64]) -> float:
+    """Length of an open tour."""
+    return float(distances[order[:-1], order[1:]].sum())
+
+
+def _nearest_first(table: Floats) -> NDArray[np.int64]:
+    order, left = [0], set(range(1, len(table)))
+    while left:
+        nearest = min(left, key=lambda j: (table[order[-1], j], j))
+        order.append(nearest)
+        left.remove(nearest)
+    return np.array(order, np.int64)
+
+
+def _double_bridge(order: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
+    """The tour with two neighbouring pieces swapped; the first place stays."""
+    a, b, c = np.sort(rng.choice(np.arange(1, len(order)), 3, replace=False))
+    return np.concatenate([order[:a], order[b:c], order[a:b], order[c:]])
