@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +118,16 @@ class BeamEnds:
     def in_map(self, pose: Floats) -> Floats:
         """End points `(n, 2)` seen from a pose `(3,)`."""
         return se2.transform_points(pose, self.points)
+
+
+def spacing_m(ends: Sequence[BeamEnds]) -> float:
+    """How far apart the end points of neighbouring samples are in the median of several scans (m); NaN where there are none."""
+    apart = []
+    for scan in ends:
+        beside = np.diff(scan.index) == 1
+        apart.append(np.hypot(*np.diff(scan.points, axis=0)[beside].T))
+    together = np.concatenate([np.zeros(0), *apart])
+    return float(np.median(together)) if len(together) else math.nan
 
 
 def reliable_ends(scan: InfraredScan, bel: Floats) -> BeamEnds:

@@ -170,8 +170,13 @@ class SweepAssembler:
 
 
 def is_stale(first_m: float, second_m: float, last_m: float | None) -> bool:
-    """Whether the first reading of a sweep is the last one of the sweep before, delivered once more."""
-    return last_m is not None and first_m == last_m and abs(second_m - first_m) > 0.1 * abs(first_m)
+    """Whether the first reading of a sweep is the last one of the sweep before, delivered once more.
+
+    It repeats that to 1 % and is off the next reading by more than 10 %.
+    """
+    if last_m is None:
+        return False
+    return abs(first_m - last_m) <= 0.01 * abs(last_m) and abs(second_m - first_m) > 0.1 * abs(first_m)
 
 
 def wild_bearings(bearings: Floats) -> NDArray[np.bool_]:

@@ -18,7 +18,6 @@ from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, jacobians, residuals
-from gridslam.methods.ir_scan.config import AdjustmentConfig
 from gridslam.methods.ir_scan.lines import lines_of_sums, moments
 from gridslam.methods.ir_scan.stops import Place
 from gridslam.sensors.infrared import RangeNoise
@@ -30,9 +29,9 @@ _HELD = 1e-10  # variance of the first pose
 _LEAST_ODOMETRY = np.diag([1e-7, 1e-7, 1e-7])
 _MAP_M = 0.002  # what a wall differs from a straight line
 _ROBUST_SIGMAS = 2.5
-_THICKEST_M = 0.05
+_THICKNESS = 0.5  # of a straight piece of wall, as a share of its length
 _LEAST_POINTS = 4
-_SETTLED = 3e-5
+_SETTLED = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +79,15 @@ def rotated(vectors: Floats, angles: Floats) -> Floats:
     return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1)
 
 
-def adjust(places: Sequence[Place], config: AdjustmentConfig, noise: RangeNoise) -> Floats:
+def adjust(places: Sequence[Place], cell_m: float, iterations: int, noise: RangeNoise) -> Floats:
     """Adjusted poses `(p, 3)`. The first place stays where it is unless fixes say where the map lies."""
     poses = np.array([place.pose for place in places])
     readings, edges = Readings.of(places), odometry_edges(places)
-    for _ in range(config.iterations):
+    if not len(readings.place):
+        return poses
+    for _ in range(iterations):
         hessian, gradient = _odometry_terms(poses, edges)
-        for term in (_fix_terms(poses, places), *_wall_terms(poses, readings, config.cell_m, noise)):
+        for term in (_fix_terms(poses, places), *_wall_terms(poses, readings, cell_m, noise)):
             hessian, gradient = hessian + term[0], gradient + term[1]
         step = spsolve(hessian.tocsc(), -gradient).reshape(-1, 3)
         poses = poses + step
@@ -163,12 +164,11 @@ def _wall_terms(
     terms = []
     for corner in (0.0, 0.5):
         cells = np.floor(points / cell_m + corner).astype(np.int64)
-        _, wall = np.unique(cells, axis=0, return_inverse=True)
-        wall = wall.reshape(-1)
-        count = int(wall.max(initial=-1)) + 1
-        sums = [np.bincount(wall, column, count) for column in of_points.T]
-        lines = lines_of_sums(np.stack(sums, axis=1).astype(np.float64))
-        good = lines.are_walls(_LEAST_POINTS, _THICKEST_M)[wall]
+        keys = cells[:, 0] * (int(np.ptp(cells[:, 1])) + 1) + cells[:, 1]
+        found, wall = np.unique(keys, return_inverse=True)
+        count = len(found)
+        lines = lines_of_sums(_sums(wall, of_points, count))
+        good = lines.are_walls(_LEAST_POINTS, _THICKNESS * cell_m)[wall]
         wall, place, at = wall[good], readings.place[good], points[good]
         normals, centres = lines.normals[wall], lines.centres[wall]
         off = np.sum((at - centres) * normals, axis=1)
@@ -191,35 +191,38 @@ def _eliminated(
     walls: int,
     size: int,
 ) -> tuple[sparse.csr_matrix, Floats]:
-    """Normal equations of residuals off = n (p - c) - d - a * along, with each wall's d and a eliminated (Schur complement)."""
-    n = len(off)
-    row = np.arange(n)
-    J = sparse.csr_matrix(
-        (jacobian.ravel(), (np.repeat(row, 3), (3 * place[:, None] + np.arange(3)).ravel())), shape=(n, size)
-    )
-    A = sparse.csr_matrix(
-        (
-            np.concatenate([np.ones(n), along]),
-            (np.tile(row, 2), np.concatenate([2 * wall, 2 * wall + 1])),
-        ),
-        shape=(n, 2 * walls),
-    )
-    W = sparse.diags(weight)
-    inner = (
-        A.T @ W @ A + sparse.identity(2 * walls)
-    ).tocsc()  # the identity keeps walls without points regular
-    B = (A.T @ W @ J).tocsc()
-    w0, w1, w2 = inner.diagonal()[0::2], inner.diagonal(1)[0::2], inner.diagonal()[1::2]
+    """Normal equations of residuals off = n (p - c) - d - a * along, each wall's d and a eliminated (Schur complement).
+
+    jacobian `(n, 3)` is the derivative of `off` by the pose of its place. All sums are taken by wall, by place, or by both.
+    """
+    weighted = weight[:, None] * jacobian
+    by_place = _sums(place, (weighted[:, :, None] * jacobian[:, None, :]).reshape(-1, 9), size // 3)
+    hessian = sparse.block_diag(list(by_place.reshape(-1, 3, 3)), format="csr")
+    gradient = _sums(place, weighted * off[:, None], size // 3).ravel()
+    w0, w1, w2, r0, r1 = _sums(wall, weight[:, None] * _powers(along, off), walls).T
+    pairs, pair = np.unique(wall * (size // 3) + place, return_inverse=True)
+    mixed = _sums(pair, np.concatenate([weighted, weighted * along[:, None]], axis=1), len(pairs))
+    at_wall, at_place = np.divmod(pairs, size // 3)
+    rows = 2 * at_wall[:, None, None] + np.arange(2)[:, None]
+    columns = 3 * at_place[:, None, None] + np.arange(3)
+    shape = (len(pairs), 2, 3)
+    places = (np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel())
+    B = sparse.csr_matrix((mixed.ravel(), places), shape=(2 * walls, size))
+    w0, w2 = w0 + 1.0, w2 + 1.0  # walls without points stay regular
     det = w0 * w2 - w1**2
+    beside = np.column_stack([-w1 / det, np.zeros(walls)]).ravel()[: 2 * walls - 1]
     inverse = sparse.diags(
-        [
-            np.column_stack([w2 / det, w0 / det]).ravel(),
-            np.column_stack([-w1 / det, np.zeros(walls)]).ravel()[: 2 * walls - 1],
-            np.column_stack([-w1 / det, np.zeros(walls)]).ravel()[: 2 * walls - 1],
-        ],
-        [0, 1, -1],
-        format="csr",
+        [np.column_stack([w2 / det, w0 / det]).ravel(), beside, beside], [0, 1, -1], format="csr"
     )
-    hessian = J.T @ W @ J - B.T @ inverse @ B
-    gradient = J.T @ (weight * off) - B.T @ (inverse @ (A.T @ (weight * off)))
-    return hessian.tocsr(), np.asarray(gradient)
+    from_walls = B.T @ inverse
+    hessian = hessian - from_walls @ B
+    return hessian, np.asarray(gradient - from_walls @ np.column_stack([r0, r1]).ravel())
+
+
+def _powers(along: Floats, off: Floats) -> Floats:
+    return np.stack([np.ones_like(along), along, along**2, off, along * off], axis=1)
+
+
+def _sums(group: Ints, values: Floats, groups: int) -> Floats:
+    """Sums of the rows of `values` `(n, k)` by group: `(groups, k)`."""
+    return np.stack([np.bincount(group, column, groups) for column in values.T], axis=1).astype(np.float64)

@@ -92,7 +92,10 @@ class SearchMatching(StrictModel):
     ambiguous_m: Positive = Field(
         0.04, description="refused when the search leaves the position more uncertain (deviation)"
     )
-    line_window_m: Positive = Field(0.12, description="points within this window make the line of a wall")
+    line_window_m: Positive | None = Field(
+        None,
+        description="points within this window make the line of a wall; absent: by the readings' spacing",
+    )
 
 
 class NoMatching(StrictModel):
@@ -108,7 +111,10 @@ class AdjustmentConfig(StrictModel):
     """After the last scan: all stops at once are adjusted so that their readings share the lines of the walls."""
 
     enabled: bool = Field(True, description="off: stops stay where they were found on the way")
-    cell_m: Positive = Field(0.1, description="a piece of wall of this size is taken for straight")
+    cell_m: Positive | None = Field(
+        None,
+        description="a piece of wall of this size is taken for straight; absent: by the readings' spacing",
+    )
     iterations: int = Field(15, ge=1, le=200, description="most steps of Gauss-Newton")
 
 
@@ -119,9 +125,13 @@ class DrawingConfig(StrictModel):
         "surfaces",
         description="pos: the paper's grid as it is; surfaces: lines of walls, cleared by later beams",
     )
-    window_m: Positive = Field(0.1, description="readings within this window are averaged to a piece of wall")
+    window_m: Positive | None = Field(
+        None, description="readings within this window make a piece of wall; absent: by the readings' spacing"
+    )
     least_readings: int = Field(3, ge=1, description="a wall needs so many readings in the window")
-    gap_m: NotNegative = Field(0.08, description="neighbouring readings of one wall this near are joined")
+    gap_m: NotNegative | None = Field(
+        None, description="neighbouring readings of one wall this near are joined; absent: by their spacing"
+    )
     crossed_weight: NotNegative = Field(
         0.35, description="evidence of a beam through a cell, in readings in it"
     )

@@ -13,6 +13,7 @@ from gridslam.sensors.infrared import BeamEnds, RangeNoise
 Floats = NDArray[np.float64]
 
 _OCCUPIED_FROM = 0.65
+_LINE_WINDOW_M, _LINE_CELLS = 0.12, 6.0
 _FREE_POS = -0.25  # of certainly free cells; a wall has 1
 
 
@@ -37,8 +38,8 @@ class GivenWallMap:
         self, occupancy: OccupancyGrid, config: SearchMatching, noise: RangeNoise, memory_limit_mb: float
     ) -> None:
         resolution = occupancy.geometry.resolution_m
-        wide = config.model_copy(update={"line_window_m": max(config.line_window_m, 4.0 * resolution)})
-        self._walls = WallMatcher(wide, noise, resolution, memory_limit_mb)
+        window_m = config.line_window_m or max(_LINE_WINDOW_M, _LINE_CELLS * resolution)
+        self._walls = WallMatcher(config, noise, resolution, window_m, memory_limit_mb)
         walls = np.argwhere(occupancy.probability >= _OCCUPIED_FROM)
         self._walls.add(occupancy.geometry.centres(walls), np.ones(len(walls)))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.infrared import pooled_sums
 from gridslam.methods.ir_scan.grid import GrowingGrid
 
 Floats = NDArray[np.float64]
@@ -83,20 +84,4 @@ class WallSums:
 
     def lines(self, points: Floats, reach_cells: int) -> Lines:
         """The line through what lies within so many cells about the cell of each point `(n, 2)`."""
-        values = self._grid.values
-        rows, cols = values.shape[:2]
-        sums = np.zeros((len(points), _CHANNELS))
-        if not rows:
-            return lines_of_sums(sums)
-        cells = self._grid.cells(points)
-        low, high = -reach_cells, np.array([rows, cols]) + reach_cells
-        inside = ((cells >= low) & (cells < high)).all(axis=1)
-        row, col = cells[inside].T
-        pooled = np.zeros((len(row), _CHANNELS))
-        for i in range(-reach_cells, reach_cells + 1):
-            for j in range(-reach_cells, reach_cells + 1):
-                r, c = row + i, col + j
-                there = (r >= 0) & (r < rows) & (c >= 0) & (c < cols)
-                pooled += values[np.where(there, r, 0), np.where(there, c, 0)] * there[:, None]
-        sums[inside] = pooled
-        return lines_of_sums(sums)
+        return lines_of_sums(pooled_sums(self._grid.values, self._grid.cells(points), reach_cells))

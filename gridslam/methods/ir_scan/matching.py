@@ -25,9 +25,9 @@ _LEAST_PRIOR = (
 )  # what is never known better before a match, m^2, m^2, rad^2
 _ROBUST_SIGMAS = 2.5
 _MAP_M = 0.003  # deviation of the map's own lines
-_THICKEST_M = 0.05
+_THICKNESS = 0.4  # of a straight piece of wall, as a share of its window
 _STEPS = 12
-_SETTLED = 1e-5
+_SETTLED = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +76,17 @@ class WallMatcher:
     """The map as the search sees it: spots of readings for shift and rotation, lines of walls for the rest."""
 
     def __init__(
-        self, config: SearchMatching, noise: RangeNoise, resolution_m: float, memory_limit_mb: float
+        self,
+        config: SearchMatching,
+        noise: RangeNoise,
+        resolution_m: float,
+        line_window_m: float,
+        memory_limit_mb: float,
     ) -> None:
         self._config, self._noise = config, noise
+        self._thickest_m = _THICKNESS * line_window_m
         self._spots = GrowingGrid(resolution_m, memory_limit_mb)
-        self._walls = WallSums(config.line_window_m / 3.0, memory_limit_mb)
+        self._walls = WallSums(line_window_m / 3.0, memory_limit_mb)
         sigma = max(_SPOT_M, resolution_m) / resolution_m
         along = np.arange(-int(3 * sigma), int(3 * sigma) + 1)
         self._spot = np.exp(-0.5 * (along[:, None] ** 2 + along[None, :] ** 2) / sigma**2)
@@ -143,7 +149,7 @@ class WallMatcher:
         for _ in range(_STEPS):
             points = ends.in_map(pose)
             lines = self._walls.lines(points, 1)
-            walls = lines.are_walls(3.0, _THICKEST_M)
+            walls = lines.are_walls(3.0, self._thickest_m)
             normals = np.where(walls[:, None], lines.normals, 0.0)
             off = np.where(walls, lines.offsets(points), 0.0)
             variance = ends.variances(_turned(normals, -pose[2]), self._noise) + _MAP_M**2

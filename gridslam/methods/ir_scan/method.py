@@ -14,12 +14,13 @@ from gridslam.core.messages import Event
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.ir_scan.adjustment import adjust
-from gridslam.methods.ir_scan.config import IrScanConfig, NoMatching, ShiftMatching
+from gridslam.methods.ir_scan.config import IrScanConfig, NoMatching, SearchMatching, ShiftMatching
 from gridslam.methods.ir_scan.given_map import GivenShiftMap, GivenWallMap
 from gridslam.methods.ir_scan.matching import Match, WallMatcher, match_by_shift
 from gridslam.methods.ir_scan.pictures import raw_and_filtered
 from gridslam.methods.ir_scan.pos_grid import PosGrid
 from gridslam.methods.ir_scan.record import measures, series, stops_table, trajectory
+from gridslam.methods.ir_scan.scale import scans_of, window_of
 from gridslam.methods.ir_scan.stops import Place
 from gridslam.methods.ir_scan.surfaces import draw_surfaces
 from gridslam.methods.ir_scan.tracker import Tracker
@@ -43,11 +44,7 @@ class IrScanMapper:
         self._noise = noise_of(config)
         self._tracker = Tracker(config, np.zeros((3, 3)))
         self._pos = PosGrid(config.resolution_m, config.memory_limit_mb)
-        self._walls = None
-        if config.matching.kind == "search":
-            self._walls = WallMatcher(
-                config.matching, self._noise, config.resolution_m, config.memory_limit_mb
-            )
+        self._walls: WallMatcher | None = None
 
     @property
     def estimate(self) -> Estimate | None:
@@ -68,7 +65,8 @@ class IrScanMapper:
         started = time.perf_counter()
         poses = np.array([place.pose for place in places])
         if config.adjustment.enabled and len(places) > 1:
-            poses = adjust(places, config.adjustment, self._noise)
+            cell_m = config.adjustment.cell_m or window_of(scans_of(places))
+            poses = adjust(places, cell_m, config.adjustment.iterations, self._noise)
             self._redraw_pos(poses)
         adjusted = time.perf_counter()
         made = self._pos.occupancy()
@@ -93,8 +91,10 @@ class IrScanMapper:
         if not len(ends):
             return
         self._pos.add(ends, place.pose)
-        if self._walls is not None:
-            self._walls.add(ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0])
+        if self._config.matching.kind == "search":
+            self._walls_for(ends).add(
+                ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0]
+            )
 
     def _match(self, ends: BeamEnds, place: Place) -> Match:
         matching = self._config.matching
@@ -105,8 +105,20 @@ class IrScanMapper:
                 return Match(place.pose, place.covariance, "first")
             grid = self._pos.grid
             return match_by_shift(grid.values, grid.geometry, ends, place.pose, place.covariance, matching)
-        assert self._walls is not None
-        return self._walls.match(ends, place.pose, place.covariance)
+        if not len(ends):
+            return Match(place.pose, place.covariance, "too_few_points")
+        return self._walls_for(ends).match(ends, place.pose, place.covariance)
+
+    def _walls_for(self, ends: BeamEnds) -> WallMatcher:
+        """The map of the search; its scale is that of the first scan that shows anything."""
+        config, matching = self._config, self._config.matching
+        if self._walls is None:
+            assert isinstance(matching, SearchMatching)
+            window_m = matching.line_window_m or window_of([ends])
+            self._walls = WallMatcher(
+                matching, self._noise, config.resolution_m, window_m, config.memory_limit_mb
+            )
+        return self._walls
 
     def _redraw_pos(self, poses: Floats) -> None:
         """The raw grid anew, under the adjusted poses."""

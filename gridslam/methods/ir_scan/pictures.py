@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 
 _GAP_PX = 16
 _WIDEST_PX = 1600
+_PATH_POSES = 1000
 _FARTHEST = 3.0  # readings beyond so many times the valid range are not drawn
 
 
@@ -64,7 +65,9 @@ def raw_and_filtered(places: Sequence[Place], made: OccupancyGrid, path: Traject
     framed = window.probability.copy()
     for row, col in ((0, 0), (-1, -1)):  # both pictures show the whole window
         framed[row, col] = 0.0 if np.isnan(framed[row, col]) else framed[row, col]
-    right = render_map(OccupancyGrid(framed, window.geometry), path, title="filtered map")
+    every = max(len(path) // _PATH_POSES, 1)
+    thin = Trajectory(path.stamps_ns[::every], path.poses[::every])
+    right = render_map(OccupancyGrid(framed, window.geometry), thin, title="filtered map")
     sheet = Image.new(
         "RGB", (left.width + right.width + _GAP_PX, max(left.height, right.height)), (255, 255, 255)
     )

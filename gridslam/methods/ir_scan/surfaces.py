@@ -18,6 +18,7 @@ from gridslam.methods.ir_scan.adjustment import Readings
 from gridslam.methods.ir_scan.config import DrawingConfig
 from gridslam.methods.ir_scan.grid import GrowingGrid
 from gridslam.methods.ir_scan.lines import WallSums
+from gridslam.methods.ir_scan.scale import scans_of, window_of
 from gridslam.methods.ir_scan.stops import Place
 from gridslam.sensors.infrared import RangeNoise
 
@@ -25,7 +26,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _WINDOW_CELLS = 2  # to each side
-_THICKEST_M = 0.04
+_THICKNESS = 0.4  # of a straight piece of wall, as a share of the window
+_GAP = 0.8  # neighbouring readings of one wall are joined over this share of the window
 _SIGMAS = 3.0  # a reading farther from its line belongs to something else
 _CLEAR_M = 0.015  # beams clear cells up to this distance before their wall
 _CLEAR_CELLS = 1.0
@@ -42,18 +44,22 @@ def draw_surfaces(
     memory_limit_mb: float,
 ) -> OccupancyGrid:
     """The map under poses of the places `(p, 3)`: probability, NaN where no beam went."""
+    window_m = config.window_m or window_of(scans_of(places))
+    gap_m = _GAP * window_m if config.gap_m is None else config.gap_m
     readings = Readings.of(places)
     starts = _starts(places, poses)
-    points, normals, is_wall = on_surfaces(readings, poses, config, noise, memory_limit_mb)
+    points, normals, is_wall = on_surfaces(
+        readings, poses, window_m, config.least_readings, noise, memory_limit_mb
+    )
     grid = GrowingGrid(resolution_m, memory_limit_mb)
     grid.cover(np.concatenate([starts, points]))
     crossed = np.zeros_like(grid.values)
-    kept = ~np.isnan(normals[:, 0])
+    kept = ~np.isnan(normals[:, 0]) | (readings.bel == 1.0)
     ends = _cleared_to(starts, points, normals, resolution_m)[kept]
     corner = grid.corner[::-1]
     count_crossed(crossed, starts[kept] / resolution_m - corner, ends / resolution_m - corner)
     walls = np.concatenate(
-        [points[is_wall], _joined(readings, places, points, normals, is_wall, config.gap_m, resolution_m)]
+        [points[is_wall], _joined(readings, places, points, normals, is_wall, gap_m, resolution_m)]
     )
     hits = _counted(grid, points[is_wall])
     drawn = _counted(grid, walls) > 0
@@ -66,20 +72,25 @@ def draw_surfaces(
 
 
 def on_surfaces(
-    readings: Readings, poses: Floats, config: DrawingConfig, noise: RangeNoise, memory_limit_mb: float
+    readings: Readings,
+    poses: Floats,
+    window_m: float,
+    least_readings: int,
+    noise: RangeNoise,
+    memory_limit_mb: float,
 ) -> tuple[Floats, Floats, Flags]:
     """End points `(n, 2)` drawn onto their walls, the walls' normals (NaN without a wall nearby), and which points are walls."""
     points = readings.in_map(poses)
-    sums = WallSums(config.window_m / (2 * _WINDOW_CELLS + 1), memory_limit_mb)
+    sums = WallSums(window_m / (2 * _WINDOW_CELLS + 1), memory_limit_mb)
     if len(points):
         sums.add(points, readings.bel / noise.variances(readings.ranges_m)[0])
     lines = sums.lines(points, _WINDOW_CELLS)
-    is_straight = lines.are_walls(config.least_readings, _THICKEST_M)
+    is_straight = lines.are_walls(least_readings, _THICKNESS * window_m)
     off = np.where(is_straight, lines.offsets(points), 0.0)
     normals = np.where(is_straight[:, None], lines.normals, np.nan)
     deviation = np.sqrt(readings.variances(np.nan_to_num(normals), poses, noise) + lines.across_m**2)
     near = np.abs(off) < _SIGMAS * deviation
-    is_corner = ~is_straight & (lines.count >= 2 * config.least_readings)
+    is_corner = ~is_straight & (lines.count >= 2 * least_readings)
     shift = np.where((is_straight & near)[:, None], off[:, None] * lines.normals, 0.0)
     return points - shift, normals, np.asarray((is_straight & near) | is_corner)
 
@@ -100,8 +111,8 @@ def _cleared_to(starts: Floats, points: Floats, normals: Floats, resolution_m: f
     length = np.hypot(way[:, 0], way[:, 1])
     direction = way / np.maximum(length, 1e-9)[:, None]
     steep = np.maximum(np.abs(np.sum(direction * normals, axis=1)), 0.1)
-    back = (_CLEAR_M + _CLEAR_CELLS * resolution_m) / steep
-    reached = np.maximum(length - np.nan_to_num(back), 0.0)
+    back = (_CLEAR_M + _CLEAR_CELLS * resolution_m) / np.where(np.isnan(steep), 0.1, steep)
+    reached = np.maximum(length - back, 0.0)
     return np.asarray(starts + direction * reached[:, None])
 
 

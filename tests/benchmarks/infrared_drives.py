@@ -1,0 +1,155 @@
+"""Simulated drives with infrared rangers, and how far a run is from their truth."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, Odometry, Range
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.map_errors import wall_distances
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.base import RunResult
+from gridslam.methods.ir_scan.config import IrScanConfig
+from gridslam.methods.ir_scan.method import IrScanMapper
+from gridslam.simulation.mounts import planar
+from gridslam.simulation.route import drive_route
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.truth_map import true_map
+from gridslam.simulation.world_config import World, load_world
+
+Floats = NDArray[np.float64]
+
+REACH_STEP_RAD = np.radians(0.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """The events of a drive, the true path, the true map, and the same map with the walls out of the rangers' reach unknown."""
+
+    world: World
+    events: list[Event]
+    truth: Trajectory
+    walls: OccupancyGrid
+    walls_in_reach: OccupancyGrid
+
+
+def drive(world_name: str, seed: int) -> Drive:
+    """Drive a world's route under a seed."""
+    world, path = load_world(world_name, seed=seed)
+    simulator = Simulator(world, path.parent)
+    events: list[Event] = []
+    true: list[Odometry] = []
+    for event, is_truth in drive_route(simulator):
+        if is_truth and isinstance(event, Odometry):
+            true.append(event)
+        else:
+            events.append(event)
+    events.sort(key=lambda event: event.stamp_ns)
+    truth = Trajectory(np.array([p.stamp_ns for p in true]), np.array([p.pose for p in true]))
+    walls = true_map(simulator.scene, world.truth)
+    return Drive(world, events, truth, walls, in_reach(simulator.scene, world, walls, truth, events))
+
+
+def in_reach(
+    scene: Scene, world: World, walls: OccupancyGrid, truth: Trajectory, events: list[Event]
+) -> OccupancyGrid:
+    """The true map without the walls that no ranger could measure.
+
+    In reach is a wall cell that a beam without noise meets strictly inside the ranger's valid range, from the robot's true pose
+    at some stop, at any bearing between the ends of the servo's sweep (0.1 degrees apart).
+    """
+    stops = np.array(sorted({e.stamp_ns for e in events if isinstance(e, Range)}))
+    first = np.r_[True, np.diff(stops) > 500_000_000]
+    poses, _ = truth.at(stops[first] + 1_000_000_000)
+    seen = np.zeros(walls.probability.shape, bool)
+    for pose in poses:
+        for ranger in world.sensors.infrared:
+            sensor = se2.compose(pose, planar(ranger.mounting))
+            sweep = (
+                np.arange(np.radians(ranger.from_deg), np.radians(ranger.to_deg), REACH_STEP_RAD) + sensor[2]
+            )
+            rays = np.column_stack([np.tile(sensor[:2], (len(sweep), 1)), np.cos(sweep), np.sin(sweep)])
+            ranges = scene.cast(rays, ranger.range_max_m + 0.1, 0.0).ranges_m
+            valid = (ranges > ranger.range_min_m) & (ranges < ranger.range_max_m)
+            row, col = walls.geometry.cells(rays[valid, :2] + ranges[valid, None] * rays[valid, 2:]).T
+            seen[row, col] = True
+    values = walls.probability.copy()
+    values[(values > 0.5) & ~seen] = np.nan
+    return OccupancyGrid(values, walls.geometry)
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """Metres and square metres; `clearance_m` is from the robot's rim to the nearest cell of its own map's walls."""
+
+    accuracy: Floats
+    completeness: Floats
+    final_m: float
+    clearance_m: float
+    process_s: float
+    result: RunResult
+
+    @property
+    def figures(self) -> tuple[float, float, float, float]:
+        """Mean, variance and maximum of the map's error, and p95 of completeness."""
+        a = self.accuracy
+        return float(a.mean()), float(a.var()), float(a.max()), float(np.percentile(self.completeness, 95))
+
+
+def mapped(ride: Drive, config: IrScanConfig, seed: int = 0) -> Scores:
+    """Map a drive and compare with the truth. The start is known, and nothing else: no alignment."""
+    first = np.zeros(3) if config.start is None else np.array(config.start)
+    start = se2.compose(ride.truth.poses[0], se2.inverse(first))  # T_truth_map
+    method = IrScanMapper(config, seed)
+    began = time.process_time()
+    for event in ride.events:
+        method.process(event)
+    result = method.result()
+    process_s = time.process_time() - began
+    made = result.occupancy
+    assert made is not None
+    accuracy = wall_distances(made, ride.walls, start).accuracy
+    completeness = wall_distances(made, ride.walls_in_reach, start).completeness
+    return Scores(
+        accuracy,
+        completeness,
+        final_error(result.trajectory, ride.truth, start),
+        clearance(made, result.trajectory, ride.world.robot.radius_m),
+        process_s,
+        result,
+    )
+
+
+def final_error(found: Trajectory, truth: Trajectory, T_truth_map: Floats) -> float:
+    """Distance (m) of the last pose from the true one."""
+    last = se2.compose(T_truth_map, found.poses[-1])
+    true, _ = truth.at(found.stamps_ns[-1:])
+    return float(np.hypot(*(last - true[0])[:2]))
+
+
+def clearance(made: OccupancyGrid, path: Trajectory, radius_m: float) -> float:
+    """Least distance (m) between the robot's rim on its estimated path and an occupied cell's rim; negative: a collision."""
+    walls = made.geometry.centres(np.argwhere(made.probability > 0.5))
+    tree = cKDTree(walls)
+    half = 0.5 * made.geometry.resolution_m
+    least = np.inf
+    for pose, near in zip(path.poses, tree.query_ball_point(path.poses[:, :2], radius_m + 0.3), strict=True):
+        if near:
+            away = np.maximum(np.abs(walls[near] - pose[:2]) - half, 0.0)
+            least = min(least, float(np.hypot(*away.T).min()))
+    return least - radius_m if np.isfinite(least) else 0.3
+
+
+def folder_of(name: str) -> Path:
+    """A folder for pictures and figures of a benchmark."""
+    folder = Path("out") / "benchmarks" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
