@@ -1,0 +1,113 @@
+"""Drawn lines that are observed or not, and the correction that follows (paper section 6.1)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
+from gridslam.matching.lines import Segments
+from gridslam.methods.handmap_slam.config import LineConfig
+from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
+from gridslam.methods.handmap_slam.line_front_end import line_turn, moved
+from gridslam.methods.handmap_slam.line_observation import (
+    LineObserver,
+    correction_of,
+    families_observed,
+)
+
+CONFIG = LineConfig()
+LENGTH_M, WIDTH_M = 25.0, 4.0
+
+
+def corridor() -> DrawnMap:
+    """A corridor of 25 x 4 m at 0.1 m a pixel, a margin of a metre about it."""
+    levels = np.full((61, 271), 255, np.uint8)
+    levels[[10, 50], 10:261] = 0
+    levels[10:51, [10, 260]] = 0
+    return drawn_map(Drawing(levels, "corridor"))
+
+
+def scan_of(length_m: float, x_m: float, y_m: float = 2.0) -> tuple[Segments, np.ndarray]:
+    """Lines and points of a corridor of this length, seen from (x, y) in it with heading 0."""
+    corners = np.array([(0, 0), (length_m, 0), (length_m, WIDTH_M), (0, WIDTH_M)]) - (x_m, y_m)
+    lines = Segments(corners, np.roll(corners, -1, axis=0))
+    share = np.linspace(0.0, 1.0, 80)[:, None]
+    points = np.concatenate([a + share * (b - a) for a, b in zip(lines.starts, lines.ends, strict=True)])
+    return lines, points
+
+
+def pose_at(x_m: float, y_m: float = 2.0, yaw: float = 0.0) -> DrawingPose:
+    """At (x, y) of the drawn corridor, the margin added."""
+    return DrawingPose(0, x_m + 1.05, y_m + 1.05, yaw, 1.0, 1.0, 0.1, 1.0)
+
+
+@pytest.fixture(scope="module")
+def observer() -> LineObserver:
+    return LineObserver(corridor(), CONFIG)
+
+
+def test_all_lines_are_observed_where_drawing_and_place_agree(observer):
+    lines, points = scan_of(LENGTH_M, 8.0)
+    observed = observer.observe(lines, points, pose_at(8.0))
+    assert families_observed(observed, CONFIG.threshold) == {"x": True, "y": True}
+    assert min(line.probability for line in observed) > 0.9
+    assert not correction_of(observed, CONFIG.threshold, 0.1).any()
+
+
+def test_the_probability_is_that_of_equation_1(observer):
+    lines, points = scan_of(LENGTH_M, 8.0, 2.0)
+    observed = observer.observe(lines, points, pose_at(8.3))
+    for line in observed:
+        expected = math.exp(-((line.observed_m - line.drawn_m) ** 2) / (2.0 * CONFIG.sigma_m**2))
+        assert line.probability == pytest.approx(expected)
+        if line.family == "x":
+            assert abs(line.observed_m - line.drawn_m) == pytest.approx(0.3, abs=0.1)
+
+
+@pytest.mark.parametrize(("length", "towards"), [(20.0, 1), (35.0, -1)])
+def test_the_position_moves_on_in_a_drawing_too_long_and_back_in_one_too_short(observer, length, towards):
+    # The end wall is a metre and a half away from where the drawing has it, the other end out of sight.
+    x = 15.0
+    lines, points = scan_of(length, x)
+    ahead = lines.ends[:, 0] > 0.0
+    lines = Segments(lines.starts[ahead], lines.ends[ahead])
+    points = points[points[:, 0] > -3.0]
+    offset = 25.0 - length
+    observed = observer.observe(lines, points, pose_at(x + offset - 1.5 * towards))
+    step = correction_of([line for line in observed if line.side > 0 or line.family == "y"], 0.3, 0.1)
+    assert step[1] == 0.0
+    assert np.sign(step[0]) == towards
+    assert abs(step[0]) == pytest.approx(0.1)
+
+
+def test_where_no_line_is_seen_at_all_nothing_is_corrected(observer):
+    observed = observer.observe(Segments.none(), np.zeros((0, 2)), pose_at(8.0))
+    assert families_observed(observed, CONFIG.threshold) == {"x": False, "y": False}
+    assert not correction_of(observed, CONFIG.threshold, 0.1).any()
+
+
+def test_the_heading_is_put_right_by_lines(observer):
+    lines, _ = scan_of(LENGTH_M, 8.0)
+    # The robot believes in a heading that is 0.06 rad off: the turn takes it back.
+    turn = line_turn(lines, pose_at(8.0, yaw=0.06), observer, CONFIG.parallel_rad)
+    assert turn == pytest.approx(-0.06, abs=0.015)
+
+
+def test_without_lines_there_is_no_turn(observer):
+    assert line_turn(Segments.none(), pose_at(8.0), observer, CONFIG.parallel_rad) is None
+
+
+def test_points_go_into_the_drawing_and_back():
+    pose = DrawingPose(0, 3.0, 4.0, 0.7, 1.4, 0.6, 0.1, 1.0)
+    points = np.random.default_rng(0).normal(size=(20, 2))
+    np.testing.assert_allclose(pose.from_drawing(pose.to_drawing(points)), points, atol=1e-12)
+
+
+def test_a_motion_in_metres_is_one_in_the_drawing_by_its_scales():
+    pose = DrawingPose(0, 3.0, 4.0, math.pi / 2, 1.4, 0.5, 0.1, 1.0)
+    after = moved(pose, np.array([2.0, 0.0, 0.1]))
+    assert (after.x_m, after.y_m) == pytest.approx((3.0, 5.0))
+    assert after.yaw_rad == pytest.approx(math.pi / 2 + 0.1)
