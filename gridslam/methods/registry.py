@@ -16,11 +16,13 @@ class MethodEntry:
     config: str
     mapper: str = ""
     localizer: str = ""
-    needs: tuple[str, ...] = ()  # streams that a log must have
+    needs: tuple[str, ...] = ()  # streams that a log must have; "scan|depth": one of them
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
     inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
     needs_inputs: tuple[str, ...] = ()  # those of the inputs that a run must be given
-    explorer: str = ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
+    explorer: str = (
+        ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
+    )
 
 
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(
@@ -42,8 +44,8 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
         "ispace-mcl": MethodEntry(
             config="gridslam.methods.ispace_mcl.config:IspaceMclConfig",
             localizer="gridslam.methods.ispace_mcl.method:IspaceMcl",
-            needs=("scan", "odom"),
-            uses=("image", "depth", "camera_info"),
+            needs=("scan|depth", "odom"),
+            uses=("scan", "image", "depth", "camera_info"),
         ),
         "handmap-slam": MethodEntry(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",

@@ -61,14 +61,17 @@ class DepthBackground:
         with np.errstate(invalid="ignore"):
             return np.asarray(depth_m < self.depth_m - self._margin(depth_m))
 
-    def farther_share(self, depth_m: Depth) -> float:
-        """Share of the pixels at which one looks through the background: little, unless the camera was moved."""
+    def off_share(self, depth_m: Depth, foreground: Mask) -> float:
+        """Share of the pixels that are not what was learned: one looks through the background, or something stands before
+        it that has the colour of background. Little, unless the camera was moved.
+        """
         if self.depth_m is None:
             return 0.0
-        both = np.isfinite(depth_m) & np.isfinite(self.depth_m)
+        off = depth_m - self.depth_m
         with np.errstate(invalid="ignore"):
-            through = depth_m > self.depth_m + 3.0 * self._margin(self.depth_m)
-        return float((through & both).sum() / max(both.sum(), 1))
+            through = off > 3.0 * self._margin(self.depth_m)
+            before = (off < -2.0 * self._margin(self.depth_m)) & ~foreground
+        return float((through | before).sum() / max(np.isfinite(off).sum(), 1))
 
     def _margin(self, depth_m: Depth) -> Depth:
         return np.asarray(self._margin_m + self._margin_share * depth_m, np.float32)

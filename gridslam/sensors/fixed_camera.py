@@ -109,7 +109,7 @@ class FixedCamera:
     depth: DepthBackground = field(init=False)
     is_moved: bool = False
     coverage: Floats = field(init=False)  # (m, 2) cells that are seen when nothing is in the way
-    _through: int = 0
+    _off: int = 0  # frames in a row with other depths
     _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) where the coverage appears
     _depths: Floats = field(init=False)
 
@@ -122,30 +122,35 @@ class FixedCamera:
     def look(self, pixels: NDArray[np.uint8], depth_m: Depth) -> Sighting | str:
         """What a frame shows, or why it shows nothing: warm_up, light_changed, camera_moved."""
         s = self.settings
-        if self.is_moved or self._is_looking_elsewhere(depth_m):
+        if self.is_moved:
             return "camera_moved"
         foreground = self.colour.foreground(pixels)
-        if s.depth_check:
-            nearer = self.depth.nearer(depth_m)
-        self.depth.learn(depth_m)
-        if self.colour.frames <= s.warm_up:
-            return "warm_up"
-        if foreground.mean() > s.most_foreground:
+        is_learning = self.colour.frames <= s.warm_up
+        if not is_learning and foreground.mean() > s.most_foreground:
             self.colour.restart()
             return "light_changed"
+        is_off = self.depth.off_share(depth_m, foreground) > s.moved_share
+        nearer = self.depth.nearer(depth_m)
+        if not is_off:
+            self.depth.learn(depth_m)
+        if is_learning:  # its colours cannot tell people from walls yet
+            return "warm_up"
+        if self._is_moved_by(is_off):
+            return "camera_moved"
         if not len(self.coverage):
             self._find_coverage()
         if s.depth_check:
             foreground &= nearer
         return Sighting(*self._on_floor(foreground, depth_m), self._seen(depth_m))
 
-    def _is_looking_elsewhere(self, depth_m: Depth) -> bool:
-        """Whether frame after frame the camera looks through walls; then it stays out of use."""
-        through = self.colour.frames > self.settings.warm_up
-        through &= self.depth.farther_share(depth_m) > self.settings.moved_share
-        self._through = self._through + 1 if through else 0
-        self.is_moved = self._through >= self.settings.moved_frames
-        return through
+    def _is_moved_by(self, is_off: bool) -> bool:
+        """Whether a frame says nothing since its depths are not those learned, though its colours stand still.
+
+        If that lasts, the camera was moved; it stays out of use, for its calibration is wrong.
+        """
+        self._off = self._off + 1 if is_off else 0
+        self.is_moved = self._off >= self.settings.moved_frames
+        return is_off
 
     def _on_floor(self, foreground: NDArray[np.bool_], depth_m: Depth) -> tuple[Floats, Floats]:
         """Floor positions of foreground pixels within the height band, and the surface that each stands for."""

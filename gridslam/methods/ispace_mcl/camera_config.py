@@ -71,7 +71,7 @@ class CamerasConfig(StrictModel):
     high_m: float = Field(2.2, gt=0.0, description="foreground above this height is ignored")
     stride_px: int = Field(2, ge=1, description="every so many-th pixel is projected, in rows and columns")
     most_foreground: float = Field(
-        0.5, gt=0.0, le=1.0, description="a larger share of foreground is a light switched on or off"
+        0.4, gt=0.0, le=1.0, description="a larger share of foreground is a light switched on or off"
     )
     depth_check: bool = Field(
         True, description="what moves must stand before the depths learned as background, whatever its colour"
@@ -79,7 +79,7 @@ class CamerasConfig(StrictModel):
     margin_m: float = Field(0.08, gt=0.0, description="by at least this much")
     margin_share: float = Field(0.03, ge=0.0, description="and this share of the depth")
     moved_share: float = Field(
-        0.25, gt=0.0, le=1.0, description="a camera that sees this share behind its background was moved"
+        0.12, gt=0.0, le=1.0, description="a camera with other depths than learned in this share was moved"
     )
     moved_frames: int = Field(5, ge=1, description="if that lasts so many frames")
     least_area_m2: float = Field(0.01, ge=0.0, description="less surface in a floor cell is noise")

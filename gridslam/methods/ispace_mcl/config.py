@@ -43,6 +43,17 @@ class MotionConfig(StrictModel):
     jump_rad: float = Field(0.5, gt=0.0, description="turns smaller than this are let pass")
 
 
+class DepthRangesConfig(StrictModel):
+    """In a log without a lidar, ranges are made of the depth images of a camera on the robot."""
+
+    low_m: float = Field(0.1, description="lower end of the height band in which walls are looked for")
+    high_m: float = Field(1.0, gt=0.0, description="its upper end")
+    reach_m: float = Field(5.0, gt=0.0, description="depths beyond this are too coarse: no return")
+    wait_s: float = Field(
+        2.0, ge=0.0, description="a lidar that says nothing for this long at the beginning is not there"
+    )
+
+
 class ScanConfig(StrictModel):
     """Which readings of a scan are used."""
 
@@ -53,6 +64,7 @@ class ScanConfig(StrictModel):
     max_range_m: float = Field(
         30.0, gt=0.0, description="longer readings count as no return, whatever the log's range_max"
     )
+    depth: DepthRangesConfig = DepthRangesConfig()
 
 
 class LikelihoodFieldConfig(StrictModel):

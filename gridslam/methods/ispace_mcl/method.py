@@ -17,6 +17,7 @@ from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.ispace_mcl.cameras import Cameras
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.localizer import Localizer, Update
+from gridslam.methods.ispace_mcl.onboard_depth import OnboardDepth
 from gridslam.methods.ispace_mcl.record import Record
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import Mounting, beams_of, mounting_of
@@ -33,6 +34,7 @@ class IspaceMcl:
         motion = config.motion
         self._scans = ScanPoses(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
         self._mountings: dict[str, Mounting] = {}
+        self._depth = OnboardDepth(config.scan.depth, config.cameras.frame)
         free = free_cells(occupancy, config.free_below)
         self._cameras = Cameras(config.cameras, floor_cells(free, occupancy, config.cameras.cell_m))
         self._occupancy = occupancy
@@ -56,21 +58,31 @@ class IspaceMcl:
     def process(self, event: Event) -> None:
         """Scans, odometry, static transforms, and images, depths and calibrations of fixed cameras are used."""
         if isinstance(event, LaserScan):
-            placed = self._scans.add_scan(event)
+            for depth in self._depth.lidar_came():
+                self._take_picture(depth)
+            self._take_scan(event)
         elif isinstance(event, Odometry):
-            placed = self._scans.add_odometry(event)
-        else:
-            self._take_other(event)
-            return
-        for scan in placed:
-            self._take(scan)
-
-    def _take_other(self, event: Event) -> None:
-        if isinstance(event, Transform):
+            for placed in self._scans.add_odometry(event):
+                self._take(placed)
+        elif isinstance(event, Transform):
             if event.is_static:
                 self._mountings[event.child_frame_id] = mounting_of(event)
                 self._cameras.add_mounting(event)
-        elif self._config.cameras.enabled:
+                self._depth.add_mounting(event)
+        elif isinstance(event, DepthImage) and self._depth.takes(event.frame_id):
+            for scan in self._depth.add(event):
+                self._take_scan(scan)
+        else:
+            self._take_picture(event)
+
+    def _take_scan(self, scan: LaserScan) -> None:
+        for placed in self._scans.add_scan(scan):
+            self._take(placed)
+
+    def _take_picture(self, event: Event) -> None:
+        if isinstance(event, CameraInfo):
+            self._depth.add_info(event)
+        if self._config.cameras.enabled:
             started = time.perf_counter()
             if isinstance(event, Image):
                 self._cameras.add_image(event)
@@ -82,10 +94,13 @@ class IspaceMcl:
 
     def result(self) -> RunResult:
         """The trajectory, the table `localization` and the series of the report."""
-        for scan in self._scans.flush():
-            self._take(scan)
+        for scan in self._depth.flush():
+            self._take_scan(scan)
+        for placed in self._scans.flush():
+            self._take(placed)
         self._cameras.finish()
-        counters = self._counters + self._localizer.counters + self._scans.counters + self._cameras.counters
+        counters = self._counters + self._localizer.counters + self._scans.counters
+        counters += self._cameras.counters + self._depth.counters
         return RunResult(
             self._record.trajectory(),
             tables={"localization": self._record.table()},
@@ -129,7 +144,8 @@ class IspaceMcl:
 
     def _weigh(self, placed: PlacedScan) -> None:
         config = self._config.scan
-        mounting = self._mountings.get(placed.scan.frame_id, Mounting(np.zeros(3)))
+        frame = placed.scan.frame_id
+        mounting = self._depth.mountings.get(frame) or self._mountings.get(frame, Mounting(np.zeros(3)))
         beams = beams_of(placed.scan, mounting, config.min_range_m, config.max_range_m)
         self._counters["beams.unreadable"] += beams.unreadable
         last = placed.odometry if self._updated_at is None else self._updated_at

@@ -1,0 +1,86 @@
+"""Where the ranges of a robot without a lidar come from: its own depth camera."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+
+import numpy as np
+
+from gridslam.core.messages import CameraInfo, DepthImage, LaserScan, Transform
+from gridslam.methods.ispace_mcl.config import DepthRangesConfig
+from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_mounting, ranges_frame
+from gridslam.sensors.fixed_camera import Pinhole
+from gridslam.sensors.lidar_beams import Mounting
+
+
+class OnboardDepth:
+    """Makes scans of the depth images of a camera on the robot, once it is clear that there is no lidar.
+
+    Whether there is one shows in the log's first seconds: until then depth images wait, and the first scan sends them away.
+    """
+
+    def __init__(self, config: DepthRangesConfig, fixed_frame: str) -> None:
+        self._config = config
+        self._fixed_frame = fixed_frame
+        self._band = DepthBand(config.low_m, config.high_m, config.reach_m)
+        self._transforms: dict[str, Transform] = {}
+        self._infos: dict[str, CameraInfo] = {}
+        self._waiting: deque[DepthImage] = deque()
+        self._first_ns: int | None = None
+        self._camera: str | None = None
+        self._has_lidar = False
+        self.mountings: dict[str, Mounting] = {}
+        self.counters: Counter[str] = Counter()
+
+    def add_mounting(self, transform: Transform) -> None:
+        """Take in where a sensor is mounted."""
+        self._transforms[transform.child_frame_id] = transform
+
+    def add_info(self, info: CameraInfo) -> None:
+        """Take in a calibration."""
+        if np.isfinite(info.K).all() and info.K[0, 0] > 0.0 and info.K[1, 1] > 0.0:
+            self._infos.setdefault(info.frame_id, info)
+
+    def takes(self, frame: str) -> bool:
+        """Whether depth images of this frame are its business: cameras on the robot, in a log without a lidar."""
+        mounted = self._transforms.get(frame)
+        return not self._has_lidar and mounted is not None and mounted.frame_id != self._fixed_frame
+
+    def lidar_came(self) -> list[DepthImage]:
+        """A scan was read: the lidar is the source of ranges; the depth images that have waited, for whoever wants them."""
+        self._has_lidar = True
+        returned = list(self._waiting)
+        self._waiting.clear()
+        return returned
+
+    def add(self, depth: DepthImage) -> list[LaserScan]:
+        """Take in a depth image of the robot's camera; the scans that are ready."""
+        self._first_ns = depth.stamp_ns if self._first_ns is None else self._first_ns
+        self._waiting.append(depth)
+        if depth.stamp_ns - self._first_ns < self._config.wait_s * 1e9:
+            return []
+        return self.flush()
+
+    def flush(self) -> list[LaserScan]:
+        """The scans of all depth images that wait, with a count of those that cannot be used."""
+        scans = [self._scan(depth) for depth in self._waiting]
+        self._waiting.clear()
+        return [scan for scan in scans if scan is not None]
+
+    def _scan(self, depth: DepthImage) -> LaserScan | None:
+        name = depth.frame_id
+        if name not in self._infos:
+            self.counters["skipped.depth.no_calibration"] += 1
+            return None
+        if self._camera not in (None, name):
+            self.counters["skipped.depth.second_camera"] += 1
+            return None
+        self._camera = name
+        pinhole = Pinhole.of(self._infos[name], self._transforms[name])
+        self.mountings[ranges_frame(name)] = planar_mounting(pinhole)
+        scan = depth_scan(depth, pinhole, self._band)
+        if np.isnan(scan.ranges_m).all():
+            self.counters["skipped.depth.nothing_in_height_band"] += 1
+            return None
+        self.counters["used.depth"] += 1
+        return scan

@@ -1,0 +1,128 @@
+"""Global localization with the lidar alone in simulated drives through places whose maps others made: depot, warehouse, ...
+
+50 starts each, anywhere in the free space of the map with any heading; the way leads on in straight lines to random places in
+sight. The localizer is given the map as it was made, with the unknown around it, and has no start pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import scipy.ndimage
+from numpy.typing import NDArray
+
+from gridslam.maps.load import load_any_map
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.run import run_localize
+from gridslam.run_config import load_run_config
+from gridslam.simulation.record import record_world
+from gridslam.simulation.world_config import World
+from tests.benchmarks.harness import Row, say
+from tests.benchmarks.ispace_trials import Trial, interval, judged
+from tests.benchmarks.real_places import data_dir
+from tests.conftest import REPOSITORY
+
+Floats = NDArray[np.float64]
+
+STARTS = 50
+CLEAR_M = 0.35  # between the robot's centre and anything
+SIDE_M = 0.25
+FOLDER = REPOSITORY / "out" / "benchmarks" / "ispace-maps"
+# Reach of the lidar and length of the drive: turtlebot3_world is an arena of 5 m, and its robot's lidar reaches 3.5 m.
+PLACES: Mapping[str, tuple[float, float]] = {
+    "depot": (12.0, 25.0),
+    "warehouse": (12.0, 25.0),
+    "turtlebot3_world": (3.5, 15.0),
+}
+
+
+def rows() -> Iterator[Row]:
+    """Successes of 50 starts with their interval, and the median time to convergence, for every map."""
+    folder = data_dir()
+    if folder is None:
+        return
+    for name in PLACES:
+        trials = [trial(folder, name, number) for number in range(STARTS)]
+        found = sum(t.found for t in trials)
+        low, high = interval(found, STARTS)
+        failed = [number for number, t in enumerate(trials) if not t.found]
+        say(
+            f"{name}: {found} of {STARTS} ({100 * low:.0f} to {100 * high:.0f} %), failed: {failed or 'none'}"
+        )
+        yield Row(f"ispace.maps.{name}.found", found, f"of {STARTS}")
+        times = [t.converged_s for t in trials if t.found]
+        yield Row(f"ispace.maps.{name}.converged", float(np.median(times or [np.nan])), "s")
+
+
+def trial(folder: Path, name: str, number: int) -> Trial:
+    """Drive number so-and-so through a place, and its localization with the seed of the same number."""
+    map_path = folder / "maps" / f"{name}.yaml"
+    log = log_of(map_path, number)
+    run = run_localize(
+        load_run_config("ispace-mcl", [], number), log, map_path, lambda progress: None, lambda: False
+    )
+    return judged(run, log)
+
+
+def log_of(map_path: Path, number: int) -> Path:
+    """The log of a drive, made when it is not there yet; its truth lies beside it."""
+    name = map_path.stem
+    log = FOLDER / f"{name}-{number}.mcap"
+    if not (log.exists() and log.with_suffix(".truth").is_dir()):
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        world = world_of(map_path, load_any_map(map_path), *PLACES[name], number)
+        record_world(world, map_path.parent, log, force=True)
+    return log
+
+
+def world_of(map_path: Path, grid: OccupancyGrid, reach_m: float, length_m: float, number: int) -> World:
+    """The place with a start and a way drawn from the number."""
+    rng = np.random.default_rng([number, len(map_path.stem)])
+    way = way_through(grid, length_m, rng)
+    return World.model_validate(
+        {
+            "version": 1,
+            "seed": number,
+            "plan": {"file": map_path.name},
+            "robot": {
+                "start": [*way[0].tolist(), float(rng.uniform(-180.0, 180.0))],
+                "route": way[1:].tolist(),
+                "radius_m": 0.2,
+                "arrival_m": 0.15,
+                "wheels": {"error_deviation": 0.005, "slip_deviation": 0.03, "turn_slip": 0.02},
+            },
+            "sensors": {
+                "lidar": {"rate_hz": 5, "beams": 240, "range_max_m": reach_m, "mounting": {"x": 0.05}},
+                "odometry": {"rate_hz": 20},
+            },
+        }
+    )
+
+
+def way_through(grid: OccupancyGrid, length_m: float, rng: np.random.Generator) -> Floats:
+    """Way points `(n, 2)` of a random walk over the largest connected free space, each in sight of the one before."""
+    resolution = grid.geometry.resolution_m
+    free = (
+        np.nan_to_num(grid.probability, nan=1.0) < 0.15
+    )  # grey 205, 0.196, is unknown to those who save maps
+    clearance = scipy.ndimage.distance_transform_edt(free) * resolution
+    labels, _ = scipy.ndimage.label(clearance > CLEAR_M)
+    largest = int(np.argmax(np.bincount(labels.ravel())[1:])) + 1
+    cells = np.argwhere(labels == largest)
+    way, driven = [cells[rng.integers(len(cells))]], 0.0
+    while driven < length_m:
+        goal = cells[rng.integers(len(cells))]
+        leg = float(np.hypot(*(goal - way[-1]))) * resolution
+        if leg > 1.0 and is_clear(clearance, way[-1], goal):
+            way.append(goal)
+            driven += leg
+    return grid.geometry.centres(np.array(way))
+
+
+def is_clear(clearance: Floats, start: NDArray[np.int64], goal: NDArray[np.int64]) -> bool:
+    """Whether the straight line between two cells keeps its distance."""
+    shares = np.linspace(0.0, 1.0, int(np.abs(goal - start).max()) + 1)
+    rows, cols = np.rint(start + shares[:, None] * (goal - start)).astype(np.int64).T
+    return bool((clearance[rows, cols] > SIDE_M).all())
