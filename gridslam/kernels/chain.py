@@ -1,0 +1,99 @@
+"""What one measurement along a ray says about the cells of the ray, when the first obstacle hides the rest (stereo-bayes 2.1 - 2.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled, compiled_parallel
+
+
+@compiled
+def bounded_covariance(p: float, p_next: float, correlation: float) -> float:
+    """r alpha of two neighbours, alpha = sqrt(p q p' q'), such that their joint distribution exists (Frechet limits)."""
+    covariance = correlation * np.sqrt(p * (1.0 - p) * p_next * (1.0 - p_next))
+    low = max(0.0, p + p_next - 1.0) - p * p_next
+    high = min(p, p_next) - p * p_next
+    return float(min(max(covariance, low), high))
+
+
+@compiled
+def hidden_chain(
+    prior: NDArray[np.float64],
+    correlation: NDArray[np.float64],
+    first: NDArray[np.float64],
+    none: float,
+    occupied: NDArray[np.float64],
+    empty: NDArray[np.float64],
+) -> float:
+    """Exact likelihoods of a Markov chain of cells of which the first occupied one is measured (eqs. 5 - 8).
+
+    `prior` `(n,)` are P(E_k), strictly between 0 and 1; `correlation` `(n,)` that of each cell with the one before it (the first
+    is not used); `first` `(n,)` is P(o | first = k), `none` is P(o | no obstacle). Writes P(o | E_k) into `occupied` and
+    P(o | not E_k) into `empty`; returns P(o). One pass outwards and one back, O(n).
+    """
+    n = prior.shape[0]
+    hit = np.empty(n)  # P(o, first = k)
+    clear, h1, h0 = 1.0, 0.0, 0.0
+    for k in range(n):
+        p = prior[k]
+        from_occupied, from_empty = p, p
+        if k > 0:
+            before = prior[k - 1]
+            covariance = bounded_covariance(before, p, correlation[k])
+            from_occupied = p + covariance / before
+            from_empty = p - covariance / (1.0 - before)
+        hit[k] = first[k] * clear * from_empty
+        h1, h0 = (
+            h1 * from_occupied + h0 * from_empty + hit[k],
+            h1 * (1.0 - from_occupied) + h0 * (1.0 - from_empty),
+        )
+        clear *= 1.0 - from_empty
+        occupied[k], empty[k] = h1, h0
+    later = none * clear  # P(o, first hit behind k or none)
+    for k in range(n - 1, -1, -1):
+        occupied[k] /= prior[k]
+        empty[k] = (empty[k] + later) / (1.0 - prior[k])
+        later += hit[k]
+    return float(later)
+
+
+@compiled
+def front_is_empty(
+    prior: NDArray[np.float64],
+    first: NDArray[np.float64],
+    none: float,
+    occupied: NDArray[np.float64],
+    empty: NDArray[np.float64],
+) -> float:
+    """The conventional likelihoods: all cells before the one in question are taken to be empty, those behind are independent."""
+    behind = none
+    for k in range(prior.shape[0] - 1, -1, -1):
+        occupied[k], empty[k] = first[k], behind
+        behind = prior[k] * first[k] + (1.0 - prior[k]) * behind
+    return float(behind)
+
+
+@compiled_parallel
+def likelihoods_of_rays(
+    priors: NDArray[np.float64],
+    correlations: NDArray[np.float64],
+    firsts: NDArray[np.float64],
+    nones: NDArray[np.float64],
+    assume_front_empty: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """P(o | E_k) / P(o) and P(o | not E_k) / P(o) `(m, n)` for m rays of n cells; see `hidden_chain`.
+
+    The three likelihoods of the paper: front taken as empty (independent), correlations of 0 (occlusion), or others (chain).
+    """
+    m, n = priors.shape
+    occupied, empty = np.empty((m, n)), np.empty((m, n))
+    for i in prange(m):
+        if assume_front_empty:
+            total = front_is_empty(priors[i], firsts[i], nones[i], occupied[i], empty[i])
+        else:
+            total = hidden_chain(priors[i], correlations[i], firsts[i], nones[i], occupied[i], empty[i])
+        occupied[i] /= total
+        empty[i] /= total
+    return occupied, empty

@@ -1,0 +1,38 @@
+"""The chain of cells behind one another, by counting through all their states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise, product
+from math import sqrt
+
+
+def joint(p: float, p_next: float, r: float) -> float:
+    """P(both occupied) of two neighbours with correlation r, within the Frechet limits."""
+    wanted = p * p_next + r * sqrt(p * (1 - p) * p_next * (1 - p_next))
+    return min(max(wanted, max(0.0, p + p_next - 1.0)), min(p, p_next))
+
+
+def probability(states: Sequence[int], prior: Sequence[float], correlation: Sequence[float]) -> float:
+    """P of one state of all cells."""
+    found = prior[0] if states[0] else 1.0 - prior[0]
+    for k, (before, now) in enumerate(pairwise(states), start=1):
+        p, p_next = prior[k - 1], prior[k]
+        both = joint(p, p_next, correlation[k])
+        table = {(1, 1): both, (1, 0): p - both, (0, 1): p_next - both, (0, 0): 1.0 - p - p_next + both}
+        found *= table[before, now] / (p if before else 1.0 - p)
+    return found
+
+
+def posterior(
+    prior: Sequence[float], correlation: Sequence[float], first: Sequence[float], none: float
+) -> tuple[list[float], float]:
+    """P(E_k | o) of every cell, and P(o)."""
+    total, occupied = 0.0, [0.0] * len(prior)
+    for states in product((0, 1), repeat=len(prior)):
+        likelihood = first[states.index(1)] if 1 in states else none
+        mass = probability(states, prior, correlation) * likelihood
+        total += mass
+        for k, state in enumerate(states):
+            occupied[k] += state * mass
+    return [mass / total for mass in occupied], total
