@@ -14,7 +14,7 @@ import gridslam
 from gridslam.core.errors import GridslamError
 
 from . import console
-from .commands import config, convert, evaluate, explore, info, localize, plan, simulate, warmup
+from .commands import config, convert, correlation, evaluate, explore, info, localize, plan, simulate, warmup
 from .commands import map as map_command
 from .options import common
 
@@ -34,6 +34,7 @@ app.command("map")(common(map_command.run))
 app.command("localize")(common(localize.run))
 app.command("evaluate")(common(evaluate.run))
 app.command("plan")(common(plan.run))
+app.command("correlation")(common(correlation.run))
 app.command("simulate")(common(simulate.run))
 app.command("explore")(common(explore.run))
 app.command("info")(common(info.run))

@@ -35,6 +35,7 @@ DREADS = (0.0, 1.5, 6.0)  # how much dearer a metre right beside an obstacle is
 SHY_OF_M = 0.6
 BEYOND = 1.3
 LEAST_STATES = 100_000
+BACK_STATES = 1_000_000
 MOST_STATES = 3_000_000
 LONG_STEP_M, SHORT_STEP_M = 0.15, 0.05
 YAWS, MORE_YAWS = 64, 240
@@ -239,7 +240,7 @@ class _Planner:
         fromgo = self._to_go(0.0, whole=True, swapped=True)
         turned = spine[::-1] + HALF_TURN
         status, motions, states = self._search_poses(
-            back[0], back[1][None], turned, fromgo, True, LEAST_STATES
+            back[0], back[1][None], turned, fromgo, True, BACK_STATES
         )
         return status, motions[::-1] * [1.0, -1.0], states
 

@@ -1,0 +1,67 @@
+"""gridslam correlation"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import console
+from ..options import AsJson
+
+MapArgument = Annotated[
+    Path, typer.Argument(metavar="MAP", readable=False, help="A map: a map_server YAML, or wean.dat(.gz).")
+]
+PictureOutput = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="PNG", help="Draw the measured curves and the fit.")
+]
+FitSeed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the start cells and directions.")]
+Samples = Annotated[int, typer.Option("--samples", min=1, max=100_000_000, help="How many walks to take.")]
+OccupiedFrom = Annotated[
+    float,
+    typer.Option("--occupied-from", metavar="P", min=0.0, max=1.0, help="Cells above this are occupied."),
+]
+Replace = Annotated[bool, typer.Option("--force", help="Replace the picture that is there.")]
+
+
+def run(
+    map_path: MapArgument,
+    output: PictureOutput = None,
+    seed: FitSeed = 0,
+    samples: Samples = 100_000,
+    occupied_from: OccupiedFrom = 0.5,
+    force: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fit the correlation of neighbouring cells, r0 of stereo-bayes, to a known map."""
+    from gridslam.core.errors import ConfigError
+    from gridslam.core.files import write_atomic
+    from gridslam.maps.correlation import fit_correlation
+    from gridslam.maps.load import load_any_map
+
+    if output is not None and output.exists() and not force:
+        raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
+    fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
+    if output is not None:
+        from gridslam.report.correlation import correlation_picture
+
+        output.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(output, correlation_picture(fit, map_path.name))
+    document = {
+        "map": str(map_path),
+        "r0": fit.r0,
+        "standard_error": fit.standard_error,
+        "r0_at_5cm": fit.r0_at_5cm,
+        "continuation": fit.continuation,
+        "occupied_share": fit.occupied_share,
+        "resolution_m": fit.resolution_m,
+        "samples": fit.samples,
+        "censored": fit.censored,
+        "seed": seed,
+    }
+    if as_json:
+        console.emit_json(document)
+        return
+    rows = [(key, f"{value:.6g}" if isinstance(value, float) else value) for key, value in document.items()]
+    console.emit_table(("measure", "value"), rows)
