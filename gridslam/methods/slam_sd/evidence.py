@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -54,7 +54,7 @@ class Evidence:
     """Rounds with which of them read each tag `(t, r)`, and the beams of the visit's scans.
 
     `beams` `(m, 4)` are origins and unit directions with their `ranges` `(m,)`; `other_m` `(m,)` is each end point's
-    distance from a wall, infinite where there is none.
+    distance from a wall or another object, infinite where there is none; `others` are the outlines `(k, 2)` of those objects.
     """
 
     rounds: Rounds
@@ -63,6 +63,7 @@ class Evidence:
     ranges: Floats
     other_m: Floats
     walls: Walls
+    others: tuple[Floats, ...] = ()
 
     def near(self, centre: Floats, radius_m: float) -> Evidence:
         """With those beams only that pass a place (2,) within a radius."""
@@ -77,9 +78,7 @@ class Evidence:
         return self._with(np.arange(len(self.ranges)) % step == 0)
 
     def _with(self, kept: NDArray[np.bool_]) -> Evidence:
-        return Evidence(
-            self.rounds, self.reads, self.beams[kept], self.ranges[kept], self.other_m[kept], self.walls
-        )
+        return replace(self, beams=self.beams[kept], ranges=self.ranges[kept], other_m=self.other_m[kept])
 
     def explained_by(self, outlines: Sequence[Floats]) -> Evidence:
         """With end points on these outlines `(k, 2)`, those of other objects, explained by them: a beam has one cause."""
@@ -88,7 +87,7 @@ class Evidence:
             other = np.minimum(
                 other, np.abs(object_weights.distances_behind(corners, self.beams, self.ranges))
             )
-        return Evidence(self.rounds, self.reads, self.beams, self.ranges, other, self.walls)
+        return replace(self, other_m=other, others=(*self.others, *outlines))
 
 
 def gather(

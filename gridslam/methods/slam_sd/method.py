@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, TagInventory, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
@@ -41,6 +42,10 @@ class SlamSd:
 
     def __init__(self, config: SlamSdConfig, seed: int, tags: TagDatabase | None = None) -> None:
         self._config = config
+        if tags is not None and config.objects.database is not None:
+            raise ConfigError(
+                "method.objects.database: there is a tag database in --tags as well; leave one out"
+            )
         database = config.objects.database if tags is None else tags
         self._objects: ObjectLayer | None = None
         if database is not None:

@@ -7,6 +7,7 @@ find a bin in 12 m^2 and end up to a centimetre about it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 RANDOM_DENSITY = 0.3  # per metre, of end points that nothing explains
 CANDIDATES = 4  # poses drawn for each that the tag reads leave
 LEAST_DEVIATIONS = np.array([0.005, 0.005, 0.005])
+OVERLAP = -100.0  # log probability of an object that is all inside of another one
 COARSE = 3  # every so many of the beams while the search is wide
 SLIDE_M = 0.35
 INFLATION = 2.0  # of the covariance from which the last poses are drawn
@@ -113,7 +115,20 @@ class ObjectFilter:
 
     def _log_posterior(self, poses: Floats, evidence: Evidence, sigma: float, trust: float = 1.0) -> Floats:
         gains = self._config.lidar_share * self._gains(poses, evidence, sigma)
-        return np.asarray(gains + self.log_tags(poses) + self._log_prior(poses, sigma, trust))
+        out = gains + self.log_tags(poses) + self._log_prior(poses, sigma, trust)
+        return np.asarray(out + OVERLAP * self._overlap(poses, evidence.others))
+
+    def _overlap(self, poses: Floats, others: Sequence[Floats]) -> Floats:
+        """The share `(n,)` of points well inside the outline that lie in other objects: two things are not in one place."""
+        inner = self._thing.inner_points
+        cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        x = poses[:, :1] + cos * inner[:, 0] - sin * inner[:, 1]
+        y = poses[:, 1:2] + sin * inner[:, 0] + cos * inner[:, 1]
+        points = np.column_stack([x.ravel(), y.ravel()])
+        marked = np.zeros(len(points), np.bool_)
+        for corners in others:
+            object_weights.mark_points_on(points, corners, 0.0, marked)
+        return np.asarray(marked.reshape(x.shape).mean(axis=1))
 
     def _jitter(self, poses: Floats, sigma: float, rng: np.random.Generator) -> Floats:
         """The diffusion that keeps resampled poses apart, as wide as the step's deviation."""

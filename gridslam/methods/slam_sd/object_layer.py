@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -52,7 +52,7 @@ class ObjectLayer:
     def __init__(self, database: TagDatabase, config: ObjectsConfig, rng: np.random.Generator) -> None:
         self._config = config
         self._tracker = ObjectTracker(things_of(database), config, rng)
-        self._waiting: deque[TagInventory] = deque()
+        self._waiting: list[TagInventory] = []
         self._counters: Counter[str] = Counter()
         self._stamps: list[int] = []
 
@@ -74,8 +74,9 @@ class ObjectLayer:
         self, stamps: Sequence[int], track: Sequence[Floats], mountings: Mapping[str, Mounting]
     ) -> None:
         """Give the waiting rounds up to the last scan their antennas' poses, between the scans before and after."""
-        while self._waiting and self._waiting[0].stamp_ns <= stamps[-1]:
-            event = self._waiting.popleft()
+        due = [event for event in self._waiting if event.stamp_ns <= stamps[-1]]
+        self._waiting = [event for event in self._waiting if event.stamp_ns > stamps[-1]]
+        for event in due:
             mounting = mountings.get(event.frame_id)
             pose = _pose_at(event.stamp_ns, stamps, track)
             if mounting is None:

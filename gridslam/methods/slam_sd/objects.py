@@ -104,7 +104,8 @@ class ObjectTracker:
         evidence = self._evidence(found.thing, visit, None if known is None else known.pose[:2])
         if known is None or evidence is None:
             return
-        poses = ObjectFilter(found.thing, evidence, known, self._config)
+        others = self._outlines({found.thing.id}, path, key)
+        poses = ObjectFilter(found.thing, evidence.explained_by(others), known, self._config)
         posterior = poses.locate(self._rng)
         gained = self._config.lidar_share * (posterior.gain - min(poses.judge(known.pose), 0.0))
         if posterior.gain > 0.0 and gained > self._config.least_gain:
@@ -122,7 +123,7 @@ class ObjectTracker:
             self.counters["objects.without_scan"] += 1
             return
         neighbours = self._neighbours(found, visit)
-        standing = self._outlines_now({found.thing.id, *neighbours}, path)
+        standing = self._outlines({found.thing.id, *neighbours}, path, len(self._scans) - 1)
         posterior, moved = locate_beside(
             found.thing, evidence, known, neighbours, standing, self._config, self._rng
         )
@@ -203,13 +204,14 @@ class ObjectTracker:
         )
         found.stays[-1] = replace(found.seen[-1], first_ns=stay.first_ns, reads=stay.reads)
 
-    def _outlines_now(self, left_out: set[str], path: Floats) -> list[Floats]:
-        """The corners of all other objects where they stand now, in the front end's frame."""
-        T_track_map = se2.compose(self._scans[-1].pose, se2.inverse(path[len(self._scans) - 1]))
+    def _outlines(self, left_out: set[str], path: Floats, at_key: int) -> list[Floats]:
+        """The corners of all other objects where they stood at a key scan, in the front end's frame about it."""
+        seen = self._scans[at_key]
+        T_track_map = se2.compose(seen.pose, se2.inverse(path[at_key]))
         return [
-            other.thing.placed(se2.compose(T_track_map, other.present.placed(path)))
+            other.thing.placed(se2.compose(T_track_map, stays[-1].placed(path)))
             for name, other in self.objects.items()
-            if name not in left_out and other.present is not None
+            if name not in left_out and (stays := other.at(seen.stamp_ns))
         ]
 
     def _neighbours(self, found: TrackedObject, visit: Visit) -> dict[str, Candidate]:
