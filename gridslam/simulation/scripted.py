@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform, canonical_yaw, readonly
+from gridslam.core.messages import (
+    Event,
+    LaserScan,
+    Odometry,
+    Range,
+    Transform,
+    as_float32,
+    canonical_yaw,
+    readonly,
+)
 from gridslam.core.random import random_stream
 from gridslam.maps.drawing import RESOLUTION_M, Drawing
 
@@ -22,6 +31,8 @@ SPEED_M = 0.06  # per period
 TURN_RAD = 0.08
 RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
+SWEEP_EVERY = 60  # periods; an infrared ranger on a servo that looks ahead
+RANGER_LIMITS_M = 0.2, 5.0
 
 Rectangle = tuple[float, float, float, float]
 HALL: Rectangle = (0.0, 0.0, 14.0, 9.0)  # x0, y0, x1, y1
@@ -119,6 +130,21 @@ def scripted_log(
         exact = ranges_from(se2.compose(pose, [LASER_X_M, 0.0, 0.0]), bearings)
         ranges = exact + noise.range_m * rng.standard_normal(beams)
         yield _scan(stamp, bearings, ranges), None
+        if k % SWEEP_EVERY == 0:
+            yield from ((reading, None) for reading in _sweep(stamp, pose, noise, rng))
+
+
+def _sweep(
+    stamp_ns: int, pose: NDArray[np.float64], noise: Noise, rng: np.random.Generator
+) -> Iterator[Range]:
+    """A sweep of the ranger within a period, as if the robot stood."""
+    bearings = np.radians(np.arange(-60.0, 61.0, 2.0))
+    ranges = ranges_from(pose, bearings) + noise.range_m * rng.standard_normal(len(bearings))
+    limits = tuple(map(as_float32, RANGER_LIMITS_M))
+    for k, (bearing, value) in enumerate(zip(bearings.tolist(), ranges.tolist(), strict=True)):
+        yield Range(
+            stamp_ns + (k + 1) * 1_000_000, "ranger", bearing, as_float32(value), limits[0], limits[1]
+        )
 
 
 def _odometry(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> Odometry:

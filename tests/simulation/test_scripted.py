@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import LaserScan, Odometry
+from gridslam.core.messages import LaserScan, Odometry, Range
 from gridslam.simulation.scripted import LASER_X_M, Noise, ranges_from, scripted_log, true_path, walls
 
 
@@ -44,3 +44,16 @@ def test_without_noise_the_log_is_exact() -> None:
     scans = [event for event, _ in events if isinstance(event, LaserScan)]
     exact = ranges_from(se2.compose(last.pose, [LASER_X_M, 0, 0]), np.linspace(-np.pi / 2, np.pi / 2, 20))
     assert np.array_equal(scans[-1].ranges_m, exact.astype(np.float32))
+
+
+def test_an_infrared_ranger_sweeps_between_two_odometry_messages() -> None:
+    noise = Noise(range_m=0.0, translation=0.0, rotation=0.0, scale=1.0, drift_rad=0.0)
+    pose = np.zeros(3)
+    sweeps = 0
+    for event, truth in scripted_log(laps=1, beams=20, noise=noise):
+        if truth is not None:
+            pose = truth.pose
+        elif isinstance(event, Range):
+            sweeps += event.bearing_rad == np.radians(-60.0)
+            assert event.range_m == np.float32(ranges_from(pose, np.array([event.bearing_rad]))[0])
+    assert sweeps > 5

@@ -131,7 +131,7 @@ def _odometry_terms(poses: Floats, edges: Edges) -> tuple[sparse.csr_matrix, Flo
         ),
         shape=(3 * m, size),
     )
-    W = sparse.block_diag(list(edges.information), format="csr")
+    W = _block_diagonal(edges.information)
     return (J.T @ W @ J).tocsr(), np.asarray(J.T @ (W @ error))
 
 
@@ -150,7 +150,7 @@ def _fix_terms(poses: Floats, places: Sequence[Place]) -> tuple[sparse.csr_matri
     if not places[0].fixes:
         blocks[0] += np.eye(3) / _HELD
         gradient[0] += (poses[0] - places[0].pose) / _HELD
-    return sparse.block_diag(blocks, format="csr"), gradient.reshape(size)
+    return _block_diagonal(np.array(blocks)), gradient.reshape(size)
 
 
 def _wall_terms(
@@ -197,7 +197,7 @@ def _eliminated(
     """
     weighted = weight[:, None] * jacobian
     by_place = _sums(place, (weighted[:, :, None] * jacobian[:, None, :]).reshape(-1, 9), size // 3)
-    hessian = sparse.block_diag(list(by_place.reshape(-1, 3, 3)), format="csr")
+    hessian = _block_diagonal(by_place.reshape(-1, 3, 3))
     gradient = _sums(place, weighted * off[:, None], size // 3).ravel()
     w0, w1, w2, r0, r1 = _sums(wall, weight[:, None] * _powers(along, off), walls).T
     pairs, pair = np.unique(wall * (size // 3) + place, return_inverse=True)
@@ -221,6 +221,12 @@ def _eliminated(
 
 def _powers(along: Floats, off: Floats) -> Floats:
     return np.stack([np.ones_like(along), along, along**2, off, along * off], axis=1)
+
+
+def _block_diagonal(blocks: Floats) -> sparse.csr_matrix:
+    """Blocks `(n, 3, 3)` along the diagonal."""
+    n = len(blocks)
+    return sparse.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
 
 
 def _sums(group: Ints, values: Floats, groups: int) -> Floats:

@@ -18,7 +18,7 @@ from gridslam.methods.ir_scan.stops import Place
 Floats = NDArray[np.float64]
 
 _GAP_PX = 16
-_WIDEST_PX = 1600
+_WIDEST_PX = 1400
 _PATH_POSES = 1000
 _FARTHEST = 3.0  # readings beyond so many times the valid range are not drawn
 
