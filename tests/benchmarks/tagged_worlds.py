@@ -31,7 +31,6 @@ KEPT = Path(__file__).resolve().parents[2] / "out" / "tagged_worlds"
 NEAR_M = 0.15
 NEAR_DEG = 15.0
 BESIDE_M = 0.5  # an estimate so far from every object stands on nothing
-SYMMETRIC_DEG = 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +62,7 @@ class Outcome:
     judged: tuple[Judged, ...]
     ape_m: float
     ghosts: float  # share of the cells of old footprints that are occupied in the static map; NaN without any
+    shown: float  # share of the cells of present footprints that are occupied in the composed map
     cpu_ms: float  # per scan, all of the method
     stages_ms: dict[str, float]  # per scan, wall clock
     counters: dict[str, int]
@@ -73,10 +73,9 @@ class Outcome:
         return sum(thing.is_right for thing in self.judged)
 
 
-def simulated(world: str, seed: int, overrides: Sequence[str] = ()) -> Path:
-    """The log of a world, made once."""
-    name = "-".join([world, *(o.replace("/", "_") for o in overrides), str(seed)])
-    log = KEPT / f"{name}.mcap"
+def simulated(world: str, seed: int, overrides: Sequence[str] = (), name: str = "") -> Path:
+    """The log of a world, made once; one with overrides is kept under a name of its own."""
+    log = KEPT / f"{name or world}-{seed}.mcap"
     if not (truth_folder(log) / "tags.yaml").exists():
         made, path = load_world(world, overrides, seed)
         KEPT.mkdir(parents=True, exist_ok=True)
@@ -98,6 +97,7 @@ def mapped(log: Path, config: str, seed: int, overrides: Sequence[str] = (), tag
         judged(run.result, truth / "objects.csv", T_truth_map),
         ape,
         ghosts(run.result, truth, T_truth_map, database),
+        shown(run.result, truth, T_truth_map, database),
         1e3 * cpu_s / scans,
         {stage: 1e3 * seconds / scans for stage, seconds in run.result.timings_s.items()},
         dict(run.result.counters),
@@ -178,11 +178,30 @@ def ghosts(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDat
     return occupied / cells if cells else float("nan")
 
 
+def shown(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDatabase) -> float:
+    """The share of the cells in true present footprints of boxes that are occupied in the composed map."""
+    composed = result.maps.get("composed")
+    if composed is None:
+        return float("nan")
+    now = read_objects(truth / "objects.csv")
+    boxes = [thing for thing in database.objects if not thing.is_door]
+    inside = np.zeros(composed.probability.shape, np.bool_)
+    for box in boxes:
+        inside |= _cells_of(composed, T_truth_map, np.array(now[box.id].pose), np.array(box.outline))
+    return float((np.nan_to_num(composed.probability[inside]) > 0.65).mean())
+
+
 def _cells_of(grid: OccupancyGrid, T_truth_map: Floats, pose: Floats, outline: Floats) -> NDArray[np.bool_]:
     """The cells whose centres a rectangle at a pose of the true frame covers."""
-    cells = np.argwhere(np.ones(grid.probability.shape, np.bool_))
+    inside = np.zeros(grid.probability.shape, np.bool_)
+    middle = se2.transform_points(se2.inverse(T_truth_map), pose[None, :2])
+    reach = int(np.ceil(np.hypot(*outline.T).max() / grid.geometry.resolution_m)) + 2
+    row, col = (int(v) for v in grid.geometry.cells(middle)[0])
+    rows = np.arange(max(row - reach, 0), min(row + reach, inside.shape[0]))
+    cols = np.arange(max(col - reach, 0), min(col + reach, inside.shape[1]))
+    cells = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1).reshape(-1, 2)
     centres = se2.transform_points(T_truth_map, grid.geometry.centres(cells))
     local = se2.transform_points(se2.inverse(pose), centres)
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    inside = ((local > low) & (local < high)).all(axis=1)
-    return np.asarray(inside.reshape(grid.probability.shape))
+    covered = ((local > outline.min(axis=0)) & (local < outline.max(axis=0))).all(axis=1)
+    inside[cells[covered, 0], cells[covered, 1]] = True
+    return inside
