@@ -111,8 +111,10 @@ class SweepAssembler:
                 self.counters["skipped.range.bad_bearing"] += doubted is not None
                 track.doubted = reading
                 return done
+            carried = [*self._take_doubted(), doubted]
             done = self.flush()
-            self._put(doubted, mark, travelled_m, turned_rad)
+            for first in carried:
+                self._put(first, mark, travelled_m, turned_rad)
         elif track is not None and track.doubted is not None:
             self.counters["skipped.range.bad_bearing"] += 1
             track.doubted = None
@@ -137,6 +139,13 @@ class SweepAssembler:
         scan = scan_of(self._last_ns, kept, self.mountings)
         self.counters["scan.one_sample"] += len(scan) == 1
         return OpenedScan(scan, self._mark, self._first_ns)
+
+    def _take_doubted(self) -> list[Range]:
+        """What other sensors have begun of the next scan."""
+        found = [track.doubted for track in self._tracks.values() if track.doubted is not None]
+        for track in self._tracks.values():
+            track.doubted = None
+        return found
 
     def _put(self, reading: Range, mark: int, travelled_m: float, turned_rad: float) -> None:
         if not self._tracks:

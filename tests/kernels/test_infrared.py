@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gridslam.kernels import infrared as kernel
+from tests.reference import infrared as twin
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_reading_is_drawn_as_its_twin_draws_it(seed: int) -> None:
+    """Where the ideal line passes exactly between two cells either may be taken: odd slopes leave no such choice."""
+    rng = np.random.default_rng(seed)
+    for _ in range(40):
+        start = rng.integers(0, 40, 2)
+        end = start + rng.choice([-1, 1], 2) * np.array([rng.integers(0, 20), rng.integers(0, 20)])
+        rows, cols = np.abs(end - start)
+        longer, shorter = max(rows, cols), min(rows, cols)
+        if longer and (2 * shorter * np.arange(longer + 1) % (2 * longer) == longer).any():
+            continue
+        low = np.minimum(start, end)
+        pos, expected = np.zeros((60, 60)), np.zeros((60, 60))
+        a, b = start - low, end - low
+        kernel.add_readings(pos, a[None], b[None], np.array([0.5]))
+        twin.add_reading(expected, tuple(a.tolist()), tuple(b.tolist()), 0.5)
+        assert np.allclose(pos, expected, atol=1e-12)
+
+
+def test_the_sensor_model_along_a_row_is_the_papers() -> None:
+    pos = np.zeros((1, 8))
+    kernel.add_readings(pos, np.array([[0, 1]]), np.array([[0, 5]]), np.ones(1))
+    assert np.allclose(pos[0], [0, -1, -15 / 16, -12 / 16, -7 / 16, 1, 0, 0])
+
+
+def test_a_reading_in_the_sensors_own_cell_is_only_a_hit() -> None:
+    pos = np.zeros((3, 3))
+    kernel.add_readings(pos, np.array([[1, 1]]), np.array([[1, 1]]), np.ones(1))
+    assert pos[1, 1] == 1.0
+    assert np.count_nonzero(pos) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shifted_and_pooled_sums_are_those_of_their_twins(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.standard_normal((12, 17))
+    cells = rng.integers(-6, 22, (30, 2))
+    assert np.allclose(kernel.shifted_sums(values, cells, 4), twin.shifted_sums(values, cells, 4))
+    channels = rng.standard_normal((12, 17, 3))
+    assert np.allclose(kernel.pooled_sums(channels, cells, 2), twin.pooled_sums(channels, cells, 2))
+
+
+def test_lines_count_the_cells_that_they_pass() -> None:
+    rng = np.random.default_rng(0)
+    starts, ends = rng.uniform(0, 20, (30, 2)), rng.uniform(0, 20, (30, 2))
+    crossed, expected = np.zeros((20, 20)), np.zeros((20, 20))
+    kernel.count_crossed(crossed, starts, ends)
+    for a, b in zip(starts, ends, strict=True):
+        at = np.unique(np.floor(a + np.linspace(0, 1, 40_001)[:, None] * (b - a)).astype(int), axis=0)
+        expected[at[:, 1], at[:, 0]] += 1
+    assert np.count_nonzero(crossed != expected) <= 2  # corners that the samples step over
+
+
+def test_spots_keep_the_highest_level_and_end_at_the_border() -> None:
+    values = np.zeros((5, 5))
+    spot = np.array([[0.1, 0.5, 0.1], [0.5, 1.0, 0.5], [0.1, 0.5, 0.1]])
+    kernel.add_spots(values, np.array([[0, 0], [0, 1], [9, 9]]), spot, np.ones(3))
+    assert np.allclose(values[:2, :3], [[1.0, 1.0, 0.5], [0.5, 0.5, 0.1]])
+    assert values[2:].sum() == 0.0

@@ -1,0 +1,59 @@
+"""The kernels of ir-scan written for the eye."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.int64]
+
+
+def bresenham(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
+    """The cells from start to end: one step along the longer side at a time, the other side rounded to the nearest cell."""
+    (r0, c0), (r1, c1) = start, end
+    steps = max(abs(r1 - r0), abs(c1 - c0))
+    if not steps:
+        return [start]
+    line = []
+    for k in range(steps + 1):
+        share = k / steps
+        line.append((_rounded(r0, r1 - r0, share, steps, k), _rounded(c0, c1 - c0, share, steps, k)))
+    return line
+
+
+def _rounded(first: int, way: int, share: float, steps: int, k: int) -> int:
+    if abs(way) == steps:
+        return first + (k if way > 0 else -k)
+    return first + round(share * way)
+
+
+def add_reading(pos: Floats, start: tuple[int, int], end: tuple[int, int], bel: float) -> None:
+    """pos += bel IR(r), IR = -1 + (r/R)^2 before the reading's cell and 1 in it."""
+    R = np.hypot(end[0] - start[0], end[1] - start[1])
+    for cell in bresenham(start, end)[:-1]:
+        r = np.hypot(cell[0] - start[0], cell[1] - start[1])
+        pos[cell] += bel * (-1.0 + (r / R) ** 2)
+    pos[end] += bel
+
+
+def shifted_sums(values: Floats, cells: Cells, reach: int) -> Floats:
+    """For every shift the sum of the values under the shifted cells that lie inside."""
+    size = 2 * reach + 1
+    sums = np.zeros((size, size))
+    for i in range(size):
+        for j in range(size):
+            for row, col in cells:
+                r, c = row + i - reach, col + j - reach
+                if 0 <= r < values.shape[0] and 0 <= c < values.shape[1]:
+                    sums[i, j] += values[r, c]
+    return sums
+
+
+def pooled_sums(values: Floats, cells: Cells, reach: int) -> Floats:
+    """Sums over the window about each cell, cut at the borders."""
+    padded = np.pad(values, ((50, 50), (50, 50), (0, 0)))
+    sums = []
+    for row, col in cells + 50:
+        sums.append(padded[row - reach : row + reach + 1, col - reach : col + reach + 1].sum(axis=(0, 1)))
+    return np.array(sums)
