@@ -14,7 +14,19 @@ import gridslam
 from gridslam.core.errors import GridslamError
 
 from . import console
-from .commands import config, convert, correlation, evaluate, explore, info, localize, plan, simulate, warmup
+from .commands import (
+    config,
+    convert,
+    correlation,
+    evaluate,
+    explore,
+    info,
+    localize,
+    plan,
+    simulate,
+    sweep,
+    warmup,
+)
 from .commands import map as map_command
 from .options import common
 
@@ -37,6 +49,7 @@ app.command("plan")(common(plan.run))
 app.command("correlation")(common(correlation.run))
 app.command("simulate")(common(simulate.run))
 app.command("explore")(common(explore.run))
+app.command("sweep")(common(sweep.run))
 app.command("info")(common(info.run))
 app.command("convert")(common(convert.run))
 app.add_typer(config.app, name="config")

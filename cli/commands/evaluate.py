@@ -13,7 +13,7 @@ from .. import console
 from ..options import AsJson
 
 if TYPE_CHECKING:
-    from gridslam.evaluation.document import Options, Result, Truth
+    from gridslam.evaluation.document import Options
 
 
 class AlignName(str, Enum):
@@ -126,6 +126,7 @@ def run(
     """Measure how far a result is from the truth, and hold it to bounds."""
     from gridslam.core.errors import ConfigError, GateError
     from gridslam.evaluation import document as measures
+    from gridslam.evaluation.from_files import load_result, load_truth
     from gridslam.evaluation.gates import check_keys, failures, parse_gate
 
     gates = [parse_gate(text) for text in require or ()]
@@ -146,8 +147,8 @@ def run(
         max_position,
         max_heading,
     )
-    true = _truth(truth, truth_map, relations, truth_objects)
-    result = _result(path, true)
+    true = load_truth(truth, truth_map, relations, truth_objects)
+    result = load_result(path, true)
     document = measures.evaluate(result, true, options)
     if not document:
         raise ConfigError(f"{path}: has nothing that the given truth could be compared with")
@@ -200,46 +201,6 @@ def _options(
         max_position_m=max_position_m,
         max_heading_deg=max_heading_deg,
     )
-
-
-def _truth(path: Path | None, map_path: Path | None, relations: Path | None, objects: Path | None) -> Truth:
-    from gridslam.evaluation.document import Truth
-    from gridslam.evaluation.files import read_relations
-    from gridslam.evaluation.object_files import read_objects
-    from gridslam.evaluation.run_files import Paths, read_truth, truth_paths
-
-    found = truth_paths(path) if path else Paths()
-    map_path, objects = map_path or found.map_yaml, objects or found.objects
-    return Truth(
-        trajectory=read_truth(found.trajectory) if found.trajectory else None,
-        relations=read_relations(relations) if relations else None,
-        occupancy=_load_map(map_path) if map_path else None,
-        objects=read_objects(objects) if objects else None,
-    )
-
-
-def _result(path: Path, truth: Truth) -> Result:
-    """The parts of the result that there is a truth for."""
-    from gridslam.evaluation.document import Result
-    from gridslam.evaluation.files import read_trajectory
-    from gridslam.evaluation.object_files import read_objects
-    from gridslam.evaluation.run_files import read_probability, run_paths
-
-    paths = run_paths(path)
-    with_map = truth.occupancy is not None and paths.map_yaml is not None
-    wants_path = truth.trajectory is not None or truth.relations is not None
-    return Result(
-        trajectory=read_trajectory(paths.trajectory) if paths.trajectory and wants_path else None,
-        occupancy=_load_map(paths.map_yaml) if with_map and paths.map_yaml else None,
-        probability=read_probability(paths.layers) if with_map and paths.layers else None,
-        objects=read_objects(paths.objects) if paths.objects and truth.objects is not None else None,
-    )
-
-
-def _load_map(path: Path) -> Any:
-    from gridslam.maps.map_server import load_map
-
-    return load_map(path)
 
 
 _UNITS = {

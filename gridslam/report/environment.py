@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import resource
 import sys
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -45,3 +46,9 @@ def peak_memory_mb() -> float:
         pass  # not Linux, or /proc is not mounted: the portable measure below
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def restart_peak_memory() -> None:
+    """Let `peak_memory_mb` count anew, for the next run of one process; without effect where the system cannot."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")

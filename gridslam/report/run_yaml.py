@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import yaml
+from pydantic import BaseModel
 
 from gridslam.core.files import write_atomic
 from gridslam.report.environment import made_with
 from gridslam.run import Run
+from gridslam.run_config import RunConfig
 
 HEADER = """\
 # gridslam {command} {log} -c run.yaml {given}-o DIR
@@ -17,16 +20,21 @@ HEADER = """\
 
 
 def write_run_yaml(path: Path, run: Run) -> None:
-    """Write every setting of the method, also those left at their defaults, the seed and the versions.
-
-    Of the `log` section only what was set is written: there, an absent key means "find it in the log".
-    """
-    config = run.config.model_copy(update={"made_with": made_with()})
-    document = config.model_dump(mode="json")
-    document["log"] = config.log.model_dump(mode="json", exclude_unset=True)
+    """Write every setting of the method, also those left at their defaults, the seed and the versions."""
+    document = settings_of(run.config.model_copy(update={"made_with": made_with()}))
     given = "--map MAP.yaml " if run.command == "localize" else ""
     log = " ".join(run.log_path.name.split())
     header = HEADER.format(command=run.command, log=log, given=given)
     settings = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
     # A file name need not be text: what is not becomes a question mark in the comment.
     write_atomic(path, header.encode(errors="replace") + settings.encode())
+
+
+def settings_of(config: RunConfig[BaseModel]) -> dict[str, Any]:
+    """The resolved settings in YAML's own types; a config made of them is the same.
+
+    Of the `log` section only what was set is there: in it, an absent key means "find it in the log".
+    """
+    document = config.model_dump(mode="json")
+    document["log"] = config.log.model_dump(mode="json", exclude_unset=True)
+    return document

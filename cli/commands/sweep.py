@@ -1,0 +1,123 @@
+"""gridslam sweep"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .. import console
+from ..options import AsJson
+
+if TYPE_CHECKING:
+    from gridslam.sweep.summary import Group, Measure
+    from gridslam.sweep.sweep import SweepResult
+
+FAILED_GATE, FAILED_RUNS, INTERRUPTED = 1, 4, 130
+MOST_LISTED = 10
+USUAL = (
+    "ape.trans.rmse", "ape.rot.rmse", "relations.trans.mean", "relations.rot.mean", "final.trans",
+    "localization.success", "localization.time_to_convergence", "map.accuracy.mean", "map.iou",
+)  # fmt: skip
+
+SweepFile = Annotated[
+    Path, typer.Argument(metavar="SWEEP.yaml", readable=False, help="What to run and how to measure it.")
+]
+SweepOutput = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="DIR", help="Where runs and tables go; what is done there stays."),
+]
+Processes = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Processes to use; absent: one for each core.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="A running Dask scheduler, such as tcp://host:8786."),
+]
+Require = Annotated[
+    list[str] | None,
+    typer.Option("--require", metavar="GATE", help="As `require` in the file, besides it. Repeatable."),
+]
+
+
+def run(
+    path: SweepFile,
+    output: SweepOutput,
+    jobs: Processes = None,
+    scheduler: Scheduler = None,
+    require: Require = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run logs x configs x overrides x seeds, measure every run, and write one table of them."""
+    from gridslam.core.errors import ConfigError
+    from gridslam.sweep.cluster import run_on_cluster
+    from gridslam.sweep.config import load_sweep
+    from gridslam.sweep.gates import parse_sweep_gate
+    from gridslam.sweep.local import run_locally
+    from gridslam.sweep.sweep import run_sweep
+
+    from ..interruption import stop_on_signals
+
+    if jobs is not None and scheduler is not None:
+        raise ConfigError(
+            "--jobs and --scheduler: the cluster has its own number of workers; give one of them"
+        )
+    sweep = load_sweep(path)
+    gates = [parse_sweep_gate(text) for text in require or ()]
+    folder = path.resolve().parent
+    with stop_on_signals() as stop:
+        if scheduler is None:
+            work = partial(run_locally, processes=jobs or os.cpu_count() or 1, stop=stop)
+        else:
+            work = partial(run_on_cluster, address=scheduler, stop=stop)
+        result = run_sweep(sweep, folder, output, work, console.say, stop, gates)
+    if as_json:
+        console.emit_json(result.document)
+    else:
+        _show(result.groups, sweep.show)
+    _exit_unless_whole(result, output)
+
+
+def _show(groups: Sequence[Group], wanted: Sequence[str]) -> None:
+    """A line for each group: means with their intervals, rates in percent."""
+    found = list(dict.fromkeys(key for group in groups for key in group.measures))
+    keys = list(wanted) or [key for key in found if key in USUAL or key.startswith("success.")]
+    rows = [
+        [group.log, group.config, group.override, f"{group.done}/{group.runs}"]
+        + [_text(group.measures.get(key)) for key in keys]
+        for group in groups
+    ]
+    console.emit_table(("log", "config", "override", "runs", *keys), rows)
+
+
+def _text(measure: Measure | None) -> str:
+    if measure is None or not measure.n:
+        return "-"
+    values = measure.values
+    if "rate" in values:
+        return f"{values['rate']:.0%} ({values['rate_low']:.0%} to {values['rate_high']:.0%})"
+    if measure.n == 1:
+        return f"{values['mean']:.4g}"
+    return f"{values['mean']:.4g} +- {values['mean_high'] - values['mean']:.2g}"
+
+
+def _exit_unless_whole(result: SweepResult, output: Path) -> None:
+    """130 interrupted, 4 some runs failed, 1 a gate failed; each is listed on stderr."""
+    for row in result.failed[:MOST_LISTED]:
+        console.complain(f"error: {row.label}: {row.outcome.error}")
+    for line in result.failed_gates[:MOST_LISTED]:
+        console.complain(f"error: {line}")
+    for what, count in (("runs", len(result.failed)), ("gates", len(result.failed_gates))):
+        if count > MOST_LISTED:
+            console.complain(f"error: {count} {what} failed; {output / 'summary.json'} lists all")
+    if result.is_interrupted:
+        console.complain(f"interrupted: {output} holds the runs up to there; the same command goes on")
+        raise typer.Exit(INTERRUPTED)
+    if result.failed:
+        raise typer.Exit(FAILED_RUNS)
+    if result.failed_gates:
+        raise typer.Exit(FAILED_GATE)

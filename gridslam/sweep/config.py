@@ -1,0 +1,195 @@
+"""The file of a sweep."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, field_validator, model_validator
+
+from gridslam.config.base import StrictModel
+from gridslam.config.errors import config_error
+from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import ConfigError
+from gridslam.sweep.gates import SweepGate, parse_sweep_gate
+
+MOST_SEEDS = 100_000
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
+
+Name = Annotated[str, Field(max_length=80, description="also the name of a folder")]
+
+
+def _checked_name(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"{name!r} cannot name a folder: letters, digits and _ + - = . are allowed")
+    return name
+
+
+class LogEntry(StrictModel):
+    """A log, or a world of which every seed simulates one; what its runs are given; what they are compared with.
+
+    Paths are relative to the sweep's file. `{truth}` in one stands for the folder NAME.truth beside the log.
+    """
+
+    name: Name = Field("", description="in the tables; absent: the file's name without its ending")
+    log: str | None = None
+    world: str | None = Field(None, description="a world file or a built-in world")
+    world_set: tuple[str, ...] = Field((), description="overrides of the world, as --set takes them")
+    map: str | None = Field(None, description="localize: the map; of a world, absent: the true map")
+    drawing: str | None = None
+    tags: str | None = None
+    truth: str | None = Field(
+        None, description="as evaluate --truth; absent: the folder NAME.truth, if there is one"
+    )
+    truth_map: str | None = None
+    truth_objects: str | None = None
+    relations: str | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> LogEntry:
+        if (self.log is None) == (self.world is None):
+            raise ValueError("give either log or world")
+        if self.world_set and self.world is None:
+            raise ValueError("world_set: there is no world here")
+        _checked_name(self.label)
+        return self
+
+    @property
+    def label(self) -> str:
+        """The name in tables and folders."""
+        path = Path(self.log or self.world or "")
+        return self.name or path.name.removesuffix(".mcap").removesuffix(".yaml")
+
+
+class Evaluation(StrictModel):
+    """How the measures are taken; the options of `gridslam evaluate`."""
+
+    align: Literal["none", "se2", "origin"] | None = Field(
+        None, description="absent: se2 for map, none for localize"
+    )
+    sync: Literal["nearest", "interpolate"] = "nearest"
+    max_difference_s: float = Field(0.01, ge=0.0)
+    reach_m: float | None = Field(None, ge=0.0)
+    max_position_m: float = Field(0.5, ge=0.0)
+    max_heading_deg: float = Field(10.0, ge=0.0)
+
+
+class Requirement(StrictModel):
+    """A gate that concerns some of the runs only."""
+
+    that: str
+    log: str | None = None
+    config: str | None = None
+    override: str | None = None
+
+
+class SweepConfig(StrictModel):
+    """A sweep: every log with every config, every set of overrides and every seed."""
+
+    command: Literal["map", "localize"]
+    logs: tuple[LogEntry, ...] = Field(min_length=1)
+    configs: dict[str, str] = Field(min_length=1, description="name: file or built-in config")
+    overrides: dict[str, tuple[str, ...]] = Field(
+        {"default": ()}, min_length=1, description="name: items as --set takes them"
+    )
+    seeds: tuple[Annotated[int, Field(ge=0, lt=2**63)], ...] = Field((0,), min_length=1)
+    evaluate: Evaluation = Evaluation()
+    successes: dict[str, tuple[str, ...]] = Field(
+        default_factory=dict, description="name: bounds that a run must meet to be one"
+    )
+    require: tuple[str | Requirement, ...] = ()
+    show: tuple[str, ...] = Field((), description="measures of the printed table; absent: the usual ones")
+    html: bool = Field(False, description="write report.html into every run directory")
+
+    @field_validator("configs", mode="before")
+    @classmethod
+    def _named_configs(cls, value: object) -> object:
+        """A list of configs is named by their files: slam-sd, paper/slam-sd -> paper-slam-sd."""
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            return value
+        names = [_name_of_config(item) for item in value]
+        _refuse_twice("config", names)
+        return dict(zip(names, value, strict=True))
+
+    @field_validator("seeds", mode="before")
+    @classmethod
+    def _seed_range(cls, value: object) -> object:
+        """`0..19` stands for twenty seeds."""
+        match = (
+            re.fullmatch(r"\s*(\d{1,18})\s*\.\.\s*(\d{1,18})\s*", value) if isinstance(value, str) else None
+        )
+        if match is None:
+            return [value] if isinstance(value, int) else value
+        first, last = int(match[1]), int(match[2])
+        if not first <= last < first + MOST_SEEDS:
+            raise ValueError(f"{value}: expected FIRST..LAST, at most {MOST_SEEDS} seeds")
+        return list(range(first, last + 1))
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SweepConfig:
+        _refuse_twice("log", [entry.label for entry in self.logs])
+        _refuse_twice("seed", [str(seed) for seed in self.seeds])
+        for name in (*self.configs, *self.overrides, *self.successes):
+            _checked_name(name)
+        for entry in self.logs:
+            if self.command == "localize" and entry.map is None and entry.world is None:
+                raise ValueError(f"logs: {entry.label}: localize needs a map")
+            if self.command == "map" and entry.map is not None:
+                raise ValueError(f"logs: {entry.label}: map: only localize is given a map")
+        self._check_gates()
+        return self
+
+    def _check_gates(self) -> None:
+        """Bounds are read, and what they are restricted to exists."""
+        known = {
+            "log": {entry.label for entry in self.logs},
+            "config": set(self.configs),
+            "override": set(self.overrides),
+        }
+        try:
+            for gate in self.gates():
+                for part, names in known.items():
+                    wanted = getattr(gate, part)
+                    if wanted is not None and wanted not in names:
+                        raise ValueError(
+                            f"require: {part} {wanted!r}: there is only {', '.join(sorted(names))}"
+                        )
+            for bounds in self.successes.values():
+                for text in bounds:
+                    if parse_sweep_gate(text).statistic:
+                        raise ValueError(f"successes: {text}: a bound on one run is expected")
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+
+    def gates(self) -> list[SweepGate]:
+        """The requirements, read."""
+        return [
+            parse_sweep_gate(item)
+            if isinstance(item, str)
+            else parse_sweep_gate(item.that, item.log, item.config, item.override)
+            for item in self.require
+        ]
+
+
+def load_sweep(path: Path) -> SweepConfig:
+    """The checked file of a sweep. Raises ConfigError with the file, the key path and what is wrong there."""
+    document = read_yaml(path)
+    try:
+        return SweepConfig.model_validate(document)
+    except ValidationError as error:
+        raise config_error(error, SweepConfig, str(path)) from None
+
+
+def _name_of_config(text: str) -> str:
+    path = Path(text)
+    prefix = "paper-" if path.parent.name == "paper" else ""
+    return prefix + path.name.removesuffix(".yaml")
+
+
+def _refuse_twice(what: str, names: Iterable[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"the {what} {twice[0]!r} is there twice; give names that differ")

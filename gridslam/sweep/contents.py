@@ -1,0 +1,75 @@
+"""What a run was made from, as one hash: the same contents give the same run, under whatever names."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import gridslam
+from gridslam.core.errors import ConfigError
+from gridslam.maps.map_yaml import read_map_yaml
+from gridslam.report.environment import made_with
+
+_NO_PART_OF_A_RESULT = frozenset({"cli", "sweep"})
+_BLOCK_BYTES = 1 << 20
+
+
+def content_key(**parts: Any) -> str:
+    """The hash of plain values."""
+    text = json.dumps(parts, sort_keys=True, ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@functools.cache
+def program_key() -> str:
+    """The hash of the program that makes results: its sources, and the versions that decide the bytes."""
+    package = Path(gridslam.__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        name = source.relative_to(package)
+        if name.parts[0] not in _NO_PART_OF_A_RESULT:
+            digest.update(f"{name.as_posix()}\0".encode() + source.read_bytes())
+    return content_key(sources=digest.hexdigest(), versions=made_with().model_dump())
+
+
+class Hashes:
+    """Hashes of files and folders, each read once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Path, str] = {}
+
+    def of(self, path: Path) -> str:
+        """The hash of a file, or of all files of a folder with their names. Raises ConfigError: it cannot be read."""
+        if path not in self._known:
+            try:
+                self._known[path] = _hash_of_folder(path) if path.is_dir() else _hash_of_file(path)
+            except OSError as error:
+                name = error.filename or path
+                raise ConfigError(f"{name}: cannot be read ({error.strerror or error})") from None
+        return self._known[path]
+
+    def of_map(self, path: Path) -> str:
+        """The hash of a map: of a map_server YAML also that of its image."""
+        if path.suffix.lower() not in (".yaml", ".yml"):
+            return self.of(path)
+        return content_key(yaml=self.of(path), image=self.of(path.parent / read_map_yaml(path).image))
+
+
+def _hash_of_file(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def _hash_of_folder(path: Path) -> str:
+    return content_key(files=[(name.as_posix(), _hash_of_file(path / name)) for name in _files_in(path)])
+
+
+def _files_in(path: Path) -> Iterable[Path]:
+    return sorted(file.relative_to(path) for file in path.rglob("*") if file.is_file())

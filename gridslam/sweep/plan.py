@@ -1,0 +1,199 @@
+"""From a sweep's file to the pieces of work in it, each with the hash of all that it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from gridslam.config.builtin import builtin_names
+from gridslam.core.errors import ConfigError
+from gridslam.report.run_yaml import settings_of
+from gridslam.run_config import load_run_config
+from gridslam.simulation.world_config import builtin_worlds, load_world
+from gridslam.sweep.config import LogEntry, SweepConfig
+from gridslam.sweep.contents import Hashes, content_key, program_key
+
+INPUTS = ("drawing", "tags")
+
+
+@dataclass(frozen=True, slots=True)
+class SimulateJob:
+    """A world to be simulated with a seed; `directory` gets log.mcap and log.truth/."""
+
+    label: str
+    key: str
+    program: str
+    world: dict[str, Any]
+    world_folder: Path
+    directory: Path
+
+
+@dataclass(frozen=True, slots=True)
+class TruthFiles:
+    """What a result is compared with, as the options of `evaluate` name it."""
+
+    truth: Path | None = None
+    truth_map: Path | None = None
+    relations: Path | None = None
+    objects: Path | None = None
+
+    @property
+    def is_there(self) -> bool:
+        """Whether anything is known to be true."""
+        return any((self.truth, self.truth_map, self.relations, self.objects))
+
+
+@dataclass(frozen=True, slots=True)
+class RunJob:
+    """One run, and how it is measured. `key` is the hash of what the run depends on, `evaluation_key` of both."""
+
+    log: str
+    config: str
+    override: str
+    seed: int
+    command: str
+    key: str
+    evaluation_key: str
+    program: str
+    log_path: Path
+    settings: dict[str, Any]
+    directory: Path
+    map_path: Path | None = None
+    inputs: dict[str, Path] = field(default_factory=dict)
+    truth: TruthFiles = TruthFiles()
+    options: dict[str, Any] = field(default_factory=dict)
+    is_made: bool = False  # the run directory is there and whole: only measure
+
+    @property
+    def label(self) -> str:
+        """How messages name the run."""
+        return f"{self.log} {self.config} {self.override} seed {self.seed}"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """A config with one set of overrides and one seed."""
+
+    config: str
+    override: str
+    seed: int
+    document: dict[str, Any]
+
+
+def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[Settings]:
+    """Every config with every override and seed, checked. Raises ConfigError: one is wrong."""
+    html = f"output.html={'true' if sweep.html else 'false'}"
+    found = []
+    for (config, source), (override, items) in product(sweep.configs.items(), sweep.overrides.items()):
+        name = (
+            source if source in builtin_names() and not (folder / source).exists() else str(folder / source)
+        )
+        document = settings_of(load_run_config(name, (html, *items), sweep.seeds[0]))
+        found += [Settings(config, override, seed, {**document, "seed": seed}) for seed in sweep.seeds]
+    return found
+
+
+def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
+    """The logs that have to be simulated. Raises ConfigError: a world is wrong."""
+    for entry, seed in product(sweep.logs, sweep.seeds):
+        if entry.world is None:
+            continue
+        builtin = entry.world in builtin_worlds() and not (folder / entry.world).exists()
+        world, path = load_world(entry.world if builtin else str(folder / entry.world), entry.world_set, seed)
+        document = world.model_dump(mode="json")
+        plan = hashes.of(path.parent / world.plan.file) if world.plan else ""
+        yield SimulateJob(
+            label=f"{entry.label} seed {seed}",
+            key=content_key(program=program_key(), world=document, plan=plan),
+            program=program_key(),
+            world=document,
+            world_folder=path.parent.resolve(),
+            directory=simulated(output, entry.label, seed),
+        )
+
+
+def simulated(output: Path, name: str, seed: int) -> Path:
+    """Where the simulated log of a world and a seed lies."""
+    return output / "logs" / name / f"seed-{seed}"
+
+
+def run_job(
+    sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: Settings, hashes: Hashes
+) -> RunJob:
+    """One run. Raises ConfigError or MapError: a file that it needs cannot be read."""
+    if entry.world is None:
+        log = folder / (entry.log or "")
+        truth_folder = log.with_name(f"{log.name.removesuffix('.mcap')}.truth")
+    else:
+        log = simulated(output, entry.label, settings.seed) / "log.mcap"
+        truth_folder = log.with_name("log.truth")
+    places = _Places(folder, truth_folder)
+    map_text = entry.map or ("{truth}/map.yaml" if entry.world and sweep.command == "localize" else None)
+    map_path = places.path(map_text)
+    inputs = {name: path for name in INPUTS if (path := places.path(getattr(entry, name))) is not None}
+    truth = places.truth(entry)
+    options = sweep.evaluate.model_dump()
+    key = content_key(
+        program=program_key(),
+        command=sweep.command,
+        log=hashes.of(log),
+        settings=settings.document,
+        map=hashes.of_map(map_path) if map_path else "",
+        inputs={name: hashes.of(path) for name, path in inputs.items()},
+    )
+    evaluation_key = content_key(run=key, options=options, truth=_hashes_of_truth(truth, hashes))
+    where = Path(entry.label) / settings.config / settings.override / f"seed-{settings.seed}"
+    return RunJob(
+        log=entry.label,
+        config=settings.config,
+        override=settings.override,
+        seed=settings.seed,
+        command=sweep.command,
+        key=key,
+        evaluation_key=evaluation_key,
+        program=program_key(),
+        log_path=log,
+        settings=settings.document,
+        directory=output / "runs" / where,
+        map_path=map_path,
+        inputs=inputs,
+        truth=truth,
+        options=options,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Places:
+    """Where the paths of an entry lead: relative to the sweep's file, `{truth}` to the folder beside the log."""
+
+    folder: Path
+    truth_folder: Path
+
+    def path(self, text: str | None) -> Path | None:
+        if text is None:
+            return None
+        if text == "{truth}" or text.startswith("{truth}/"):
+            return self.truth_folder / text.removeprefix("{truth}").lstrip("/")
+        return self.folder / text
+
+    def truth(self, entry: LogEntry) -> TruthFiles:
+        beside = self.truth_folder if self.truth_folder.is_dir() else None
+        found = TruthFiles(
+            truth=self.path(entry.truth) or beside,
+            truth_map=self.path(entry.truth_map),
+            relations=self.path(entry.relations),
+            objects=self.path(entry.truth_objects),
+        )
+        for path in (found.truth, found.truth_map, found.relations, found.objects):
+            if path is not None and not path.exists():
+                raise ConfigError(f"{path}: no such file or folder (the truth of {entry.label})")
+        return found
+
+
+def _hashes_of_truth(truth: TruthFiles, hashes: Hashes) -> list[str]:
+    map_hash = hashes.of_map(truth.truth_map) if truth.truth_map else ""
+    paths = (truth.truth, truth.relations, truth.objects)
+    return [map_hash, *(hashes.of(path) if path else "" for path in paths)]

@@ -1,0 +1,104 @@
+"""What is done already: one small file for every piece of work, written when it has ended."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.files import write_atomic
+from gridslam.report.directory import is_run_directory
+from gridslam.report.document import json_bytes
+from gridslam.sweep.outcome import Outcome
+from gridslam.sweep.plan import RunJob, SimulateJob
+
+MARKER, FORMAT, VERSION = "sweep.json", "gridslam sweep", 1
+
+
+@contextmanager
+def sweep_directory(path: Path) -> Iterator[Path]:
+    """The directory of a sweep, new or of an earlier time, for this process alone.
+
+    Raises ConfigError: something else is there, it cannot be written, or another sweep is at work in it.
+    """
+    try:
+        if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_sweep(path))):
+            raise ConfigError(f"{path}: exists and is not a sweep's: give another output folder")
+        path.mkdir(parents=True, exist_ok=True)
+        write_atomic(path / MARKER, json_bytes({"format": FORMAT, "format_version": VERSION}))
+        lock = (path / ".lock").open("w")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written ({error.strerror})") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ConfigError(f"{path}: another sweep is at work in it; wait for its end") from None
+        _remove_unfinished(path)
+        yield path
+
+
+def _is_sweep(path: Path) -> bool:
+    try:
+        document = json.loads((path / MARKER).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(document, dict) and document.get("format") == FORMAT
+
+
+def _remove_unfinished(path: Path) -> None:
+    """Folders that a killed process was writing."""
+    for part in ("runs", "logs"):
+        for pattern in (".*.partial", ".*.old"):
+            for folder in (path / part).rglob(pattern):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+class Records:
+    """The records of one sweep directory."""
+
+    def __init__(self, output: Path) -> None:
+        self._folder = output / "records"
+
+    def outcome(self, job: RunJob | SimulateJob) -> Outcome | None:
+        """What came of this very job before; None: it has to be done. A failure is tried again."""
+        record = self._read(job)
+        key = job.evaluation_key if isinstance(job, RunJob) else job.key
+        if record.get("evaluation_key") != key or not job.directory.is_dir():
+            return None
+        return Outcome("done", measures=record["measures"], cost=record["cost"])
+
+    def is_made(self, job: RunJob) -> bool:
+        """Whether the run itself is there, and only has to be measured anew."""
+        return self._read(job).get("key") == job.key and is_run_directory(job.directory)
+
+    def write(self, job: RunJob | SimulateJob, outcome: Outcome) -> None:
+        """Keep what came of a job; what failed leaves no record."""
+        path = self._path(job)
+        if outcome.state != "done":
+            path.unlink(missing_ok=True)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        evaluation_key = job.evaluation_key if isinstance(job, RunJob) else job.key
+        document = {"key": job.key, "evaluation_key": evaluation_key, "label": job.label}
+        write_atomic(path, json_bytes({**document, "measures": outcome.measures, "cost": outcome.cost}))
+
+    def _path(self, job: RunJob | SimulateJob) -> Path:
+        return self._folder / job.directory.relative_to(self._folder.parent).with_suffix(".json")
+
+    def _read(self, job: RunJob | SimulateJob) -> dict[str, Any]:
+        """The record; empty where there is none that can be read."""
+        try:
+            document = json.loads(self._path(job).read_bytes())
+        except (OSError, ValueError, RecursionError):
+            return {}
+        is_whole = isinstance(document, dict) and all(
+            isinstance(document.get(k), kind)
+            for k, kind in (("key", str), ("evaluation_key", str), ("measures", dict), ("cost", dict))
+        )
+        return document if is_whole else {}

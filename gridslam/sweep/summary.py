@@ -1,0 +1,110 @@
+"""The runs of each log, config and override over their seeds: mean, spread, success rates, with 95 % intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gridslam.sweep.outcome import Row
+
+NUMBERS = ("mean", "mean_low", "mean_high", "sd", "min", "median", "max")
+RATES = ("rate", "rate_low", "rate_high")
+STATISTICS = (*NUMBERS, *RATES, "n", "missing")
+CONFIDENCE = 0.95
+Z = 1.959963984540054  # of the normal distribution, at CONFIDENCE
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One key over the seeds: `n` runs have a value, `missing` of the finished ones have none."""
+
+    n: int
+    missing: int
+    values: Mapping[str, float]
+
+    def statistic(self, name: str) -> float | None:
+        """One of STATISTICS; None for one that this measure has not (the rate of a length)."""
+        return {**self.values, "n": self.n, "missing": self.missing}.get(name)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """All seeds of one log, config and override."""
+
+    log: str
+    config: str
+    override: str
+    runs: int
+    done: int
+    measures: Mapping[str, Measure]
+
+
+def summarize(rows: Sequence[Row], successes: Sequence[str] = ()) -> list[Group]:
+    """The groups in the order of the rows. A failed run is no success of any kind (keys `success.*` in `successes`)."""
+    grouped: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        grouped.setdefault((row.log, row.config, row.override), []).append(row)
+    return [_group(*name, members, successes) for name, members in grouped.items()]
+
+
+def _group(log: str, config: str, override: str, rows: Sequence[Row], successes: Sequence[str]) -> Group:
+    done = [row for row in rows if row.is_done]
+    tried = [row for row in rows if row.outcome.state != "not run"]
+    measures = {"run.done": _rate([row.is_done for row in tried], 0)} if tried else {}
+    for key in successes:
+        if tried:
+            measures[key] = _rate([row.is_done and row.measures[key] is True for row in tried], 0)
+    for key in dict.fromkeys(key for row in done for key in row.measures if key not in successes):
+        measure = _measure([row.measures.get(key) for row in done])
+        if measure is not None:
+            measures[key] = measure
+    return Group(log, config, override, len(rows), len(done), measures)
+
+
+def _measure(found: Sequence[object]) -> Measure | None:
+    """Numbers or truth values; None for words. A value that is absent, null or NaN is missing."""
+    values = [
+        float(value) for value in found if isinstance(value, (bool, int, float)) and math.isfinite(value)
+    ]
+    if any(isinstance(value, str) for value in found):
+        return None
+    if any(isinstance(value, bool) for value in found):
+        return _rate([value == 1.0 for value in values], len(found) - len(values))
+    return Measure(len(values), len(found) - len(values), number_statistics(values))
+
+
+def _rate(hits: Sequence[bool], missing: int) -> Measure:
+    low, high = wilson_interval(sum(hits), len(hits))
+    rate = sum(hits) / len(hits) if hits else math.nan
+    return Measure(len(hits), missing, dict(zip(RATES, (rate, low, high), strict=True)))
+
+
+def number_statistics(values: Sequence[float]) -> dict[str, float]:
+    """Mean with Student's interval, standard deviation (of the sample), min, median, max; NaN where there are too few."""
+    if not values:
+        return dict.fromkeys(NUMBERS, math.nan)
+    array = np.array(values, dtype=np.float64)
+    n, mean = len(array), float(array.mean())
+    sd, half = math.nan, math.nan
+    if n > 1:
+        from scipy.special import stdtrit
+
+        sd = float(array.std(ddof=1))
+        half = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2)) * sd / math.sqrt(n)
+    median = float(np.median(array))
+    found = (mean, mean - half, mean + half, sd, float(array.min()), median, float(array.max()))
+    return dict(zip(NUMBERS, found, strict=True))
+
+
+def wilson_interval(hits: int, n: int) -> tuple[float, float]:
+    """The 95 % score interval of a rate (Wilson, J. Am. Stat. Assoc. 1927); NaN without a trial."""
+    if not n:
+        return math.nan, math.nan
+    rate, z2 = hits / n, Z * Z
+    middle = (rate + z2 / (2 * n)) / (1 + z2 / n)
+    half = Z / (1 + z2 / n) * math.sqrt(rate * (1 - rate) / n + z2 / (4 * n * n))
+    # At the ends the interval touches 0 and 1, which rounding would miss by an ulp.
+    return (0.0 if hits == 0 else middle - half, 1.0 if hits == n else middle + half)

@@ -1,0 +1,102 @@
+"""The tables of a sweep: the same bytes whatever the order in which the runs ended."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from gridslam.core.files import write_atomic
+from gridslam.report.document import json_bytes, plain
+from gridslam.sweep.outcome import Row
+from gridslam.sweep.summary import NUMBERS, RATES, Group
+
+PLACE = ("log", "config", "override")
+COSTS = ("wall_s", "cpu_s", "peak_mb", "read_s", "process_s")
+
+
+def write_tables(
+    folder: Path, rows: Sequence[Row], document: dict[str, Any], groups: Sequence[Group]
+) -> None:
+    """runs.csv and runs.json (a line for each run), summary.csv and summary.json, and costs.csv: seconds and memory."""
+    _write_csv(folder / "runs.csv", *run_table(rows))
+    write_atomic(folder / "runs.json", json_bytes({"runs": [_run_document(row) for row in rows]}))
+    _write_csv(folder / "summary.csv", *summary_table(groups))
+    write_atomic(folder / "summary.json", json_bytes(document))
+    costs = [[*_place(row), row.seed, *(row.outcome.cost.get(name) for name in COSTS)] for row in rows]
+    _write_csv(folder / "costs.csv", (*PLACE, "seed", *COSTS), costs)
+
+
+def run_table(rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:
+    """Columns and lines: where, seed, state, error, and every measure that any run has."""
+    keys = list(dict.fromkeys(key for row in rows for key in row.measures))
+    lines: list[list[object]] = [
+        [*_place(row), row.seed, row.outcome.state, row.outcome.error, *(row.measures.get(k) for k in keys)]
+        for row in rows
+    ]
+    return [*PLACE, "seed", "state", "error", *keys], lines
+
+
+def summary_table(groups: Iterable[Group]) -> tuple[list[str], list[list[object]]]:
+    """Columns and lines: one for each measure of each group."""
+    lines: list[list[object]] = [
+        [
+            group.log, group.config, group.override, key, measure.n, measure.missing,
+            *(measure.statistic(name) for name in (*NUMBERS, *RATES)),
+        ]
+        for group in groups
+        for key, measure in group.measures.items()
+    ]  # fmt: skip
+    return [*PLACE, "key", "n", "missing", *NUMBERS, *RATES], lines
+
+
+def summary_document(groups: Iterable[Group]) -> list[dict[str, Any]]:
+    """The groups as plain values; None where a statistic has no value."""
+    return [
+        {
+            **dict(zip(PLACE, (group.log, group.config, group.override), strict=True)),
+            "runs": group.runs,
+            "done": group.done,
+            "measures": {
+                key: {"n": measure.n, "missing": measure.missing, **plain(measure.values)}
+                for key, measure in group.measures.items()
+            },
+        }
+        for group in groups
+    ]
+
+
+def _run_document(row: Row) -> dict[str, Any]:
+    outcome = row.outcome
+    place = dict(zip(PLACE, _place(row), strict=True))
+    return {
+        **place,
+        "seed": row.seed,
+        "state": outcome.state,
+        "error": outcome.error,
+        "measures": dict(row.measures),
+    }
+
+
+def _place(row: Row) -> tuple[str, str, str]:
+    return row.log, row.config, row.override
+
+
+def _write_csv(path: Path, columns: Sequence[str], lines: Iterable[Sequence[object]]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(value) for value in line] for line in lines)
+    write_atomic(path, text.getvalue().encode(errors="backslashreplace"))
+
+
+def _cell(value: object) -> str:
+    """Floats in the shortest form that reads back the same; nothing where there is no value."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)

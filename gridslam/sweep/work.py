@@ -1,0 +1,131 @@
+"""One piece of a sweep's work, done in whatever process it is in."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+from gridslam.core.errors import GridslamError, MethodError
+from gridslam.sweep.contents import program_key
+from gridslam.sweep.outcome import Outcome
+from gridslam.sweep.plan import RunJob, SimulateJob
+
+Job: TypeAlias = RunJob | SimulateJob
+Stop: TypeAlias = Callable[[], bool]
+
+
+def do(job: Job, stop: Stop) -> Outcome:
+    """Do it, and say what came of it: whatever goes wrong in one run fails that run only.
+
+    The process is that of one run at a time. An `Outcome` is returned for everything but KeyboardInterrupt.
+    """
+    from gridslam.report.environment import peak_memory_mb, restart_peak_memory
+
+    restart_peak_memory()
+    started, cpu = time.perf_counter(), time.process_time()
+    try:
+        if job.program != program_key():
+            raise MethodError(
+                "this worker has another gridslam, or other libraries, than the sweep's process"
+            )
+        done = _simulate(job) if isinstance(job, SimulateJob) else _run(job, stop)
+    except GridslamError as error:
+        return Outcome("failed", " ".join(str(error).split()))
+    except MemoryError:
+        return Outcome("failed", "out of memory: take coarser cells, fewer particles or fewer jobs")
+    except OSError as error:
+        return Outcome("failed", f"{error.filename or 'output'}: {error.strerror or error}")
+    except Exception as error:  # the error boundary of a run, as cli.main is of a command
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+        text = " ".join(str(error).split())
+        return Outcome("failed", f"internal error, please report it: {type(error).__name__}: {text}{place}")
+    cost = {
+        "wall_s": time.perf_counter() - started,
+        "cpu_s": time.process_time() - cpu,
+        "peak_mb": peak_memory_mb(),
+    }
+    return Outcome("done", measures=done.measures, cost={**cost, **done.cost})
+
+
+def _simulate(job: SimulateJob) -> Outcome:
+    """log.mcap and log.truth/ in the job's directory, which appears when both are whole."""
+    from gridslam.simulation.record import record_world
+    from gridslam.simulation.world_config import validate_world
+
+    world = validate_world(job.world, job.label)
+    parent = job.directory.parent
+    parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{job.directory.name}.", suffix=".partial", dir=parent))
+    try:
+        record_world(world, job.world_folder, temporary / "log.mcap")
+        shutil.rmtree(job.directory, ignore_errors=True)
+        temporary.replace(job.directory)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    return Outcome("done")
+
+
+def _run(job: RunJob, stop: Stop) -> Outcome:
+    cost = {} if job.is_made else _make(job, stop)
+    return Outcome("done", measures=_measure(job), cost=cost)
+
+
+def _make(job: RunJob, stop: Stop) -> dict[str, float]:
+    """The run directory; returns the seconds of its parts. Raises KeyboardInterrupt when it was told to stop."""
+    from gridslam.report.write import write_run
+    from gridslam.run import read_inputs, run_localize, run_map
+    from gridslam.run_config import validate_run_config
+
+    config = validate_run_config(job.settings, job.label)
+    inputs = read_inputs(job.inputs)
+    if job.map_path is None:
+        run = run_map(config, job.log_path, lambda progress: None, stop, inputs)
+    else:
+        run = run_localize(config, job.log_path, job.map_path, lambda progress: None, stop, inputs)
+    if run.status == "interrupted":
+        raise KeyboardInterrupt
+    write_run(run, job.directory, force=True)
+    return {"read_s": run.read_s, "process_s": run.process_s}
+
+
+def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
+    """Facts of the report under `run.`, the method's own under `method.`, and all measures against the truth."""
+    import json
+
+    from gridslam.evaluation.document import Options, evaluate, without_nan
+    from gridslam.evaluation.from_files import load_result, load_truth
+    from gridslam.evaluation.gates import flatten
+    from gridslam.report.directory import REPORT_NAME
+
+    report = json.loads((job.directory / REPORT_NAME).read_bytes())
+    path, skipped = report["trajectory"], report["counts"]["skipped_by_reason"]
+    facts = {"status": report["status"], "poses": path["poses"], "length_m": path["length_m"]}
+    measures = flatten({"run": {**facts, "skipped": sum(skipped.values())}, "method": report["measures"]})
+    if job.truth.is_there:
+        options = job.options
+        files = job.truth
+        truth = load_truth(files.truth, files.truth_map, files.relations, files.objects)
+        measures |= flatten(
+            without_nan(
+                evaluate(
+                    load_result(job.directory, truth),
+                    truth,
+                    Options(
+                        align=options["align"] or ("se2" if job.command == "map" else "none"),
+                        sync=options["sync"],
+                        max_difference_ns=round(options["max_difference_s"] * 1e9),
+                        reach_m=options["reach_m"],
+                        max_position_m=options["max_position_m"],
+                        max_heading_deg=options["max_heading_deg"],
+                    ),
+                )
+            )
+        )
+    return measures
