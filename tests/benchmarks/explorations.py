@@ -1,0 +1,261 @@
+"""Explorations in the simulator, many seeds each: did the robot finish, touch anything, and is the map right?
+
+`python -m tests.benchmarks.explorations OUT [SET ...]` runs sets of trials one after the other and prints their tables; each run is
+a line in OUT/runs.jsonl with a picture beside it, and runs that are there already are not repeated.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from gridslam.evaluation.alignment import find_alignment
+from gridslam.evaluation.association import associate
+from gridslam.evaluation.map_errors import wall_distances
+from gridslam.explore import Explored, explore
+from gridslam.maps.map_server import load_map
+from gridslam.run import read_inputs
+from gridslam.run_config import load_run_config
+from gridslam.simulation.shapes import Box, Wall
+from gridslam.simulation.world_config import World, load_world, validate_world
+from tests.benchmarks.harness import say
+from tests.benchmarks.real_places import data_dir
+
+DRAWINGS = Path(__file__).resolve().parents[2] / "configs" / "worlds" / "drawings"
+COVERED_M = 0.15  # a true wall with a mapped one so near is covered
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A world, a drawing of it, where the robot starts in the drawing, and what is changed."""
+
+    name: str
+    world: str | World
+    drawing: Path
+    start: tuple[float, float, float]
+    seeds: tuple[int, ...]
+    settings: tuple[str, ...] = ()
+    folder: Path = Path()
+    boxes: int = 0  # put at random into the corridor, other ones for each seed
+    walls: tuple[Wall, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What is told of one run; errors in metres."""
+
+    trial: str
+    seed: int
+    ended: str
+    duration_s: float
+    way_m: float
+    clearance_m: float
+    map_error_m: float  # mean distance from a mapped wall cell to the nearest true one
+    completeness_m: float  # and from a true one to the nearest mapped one
+    coverage: float  # share of the true walls that border on reachable space and are mapped
+    unreachable: int
+    scale_x: float
+    scale_y: float
+    cpu_s: float
+    reasons: list[str] = field(default_factory=list)
+
+
+def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
+    """One run."""
+    world, world_path = _world_of(trial, seed)
+    x, y, yaw = trial.start
+    config = load_run_config("handmap-slam", [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
+    inputs = read_inputs({"drawing": trial.drawing})
+    with tempfile.TemporaryDirectory() as name:
+        folder, started = Path(name), time.process_time()
+        done = explore(config, world, world_path, inputs, folder, lambda _: None, lambda: False)
+        outcome = _outcome(trial, seed, done, folder, time.process_time() - started)
+    if pictures is not None:
+        made = done.run.result.pictures.get("exploration")
+        if made is not None:
+            Image.fromarray(made.rgb).save(pictures / f"{trial.name}-{seed}.png")
+    return outcome
+
+
+def _world_of(trial: Trial, seed: int) -> tuple[World, Path]:
+    if isinstance(trial.world, World):
+        world, path = trial.world.model_copy(update={"seed": seed}), trial.folder / "world.yaml"
+        path = path if path.exists() else DRAWINGS / "corridor.png"
+    else:
+        world, path = load_world(trial.world, (), seed)
+    boxes = tuple(_random_boxes(world, trial.boxes, seed)) if trial.boxes else ()
+    return world.model_copy(
+        update={"boxes": (*world.boxes, *boxes), "walls": (*world.walls, *trial.walls)}
+    ), path
+
+
+def _random_boxes(world: World, count: int, seed: int) -> Iterator[Box]:
+    """Boxes in a corridor along x that leave a way of a metre at least, away from the start."""
+    rng = np.random.default_rng([seed, count])
+    length, width = (world.walls[0].rectangle or (0, 0, 25, 4))[2:]
+    for k in range(count):
+        size = rng.uniform(0.3, 1.2, 2)
+        x = 4.0 + (length - 6.0) * (k + rng.uniform(0.2, 0.8)) / count
+        y = rng.uniform(0.6, width - 0.6)
+        yield Box(
+            centre=(float(x), float(y)),
+            size=(float(size[0]), float(size[1])),
+            yaw_deg=float(rng.uniform(0, 90)),
+        )
+
+
+def _outcome(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float) -> Outcome:
+    result, truth = done.run.result, done.run.truth
+    facts, drawing = result.measures["exploration"], result.measures["drawing"]
+    assert isinstance(facts, dict) and isinstance(drawing, dict)
+    error = completeness = coverage = float("nan")
+    if result.occupancy is not None and truth is not None:
+        pairs = associate(result.trajectory.sorted(), truth.sorted(), "interpolate", 200_000_000)
+        alignment = find_alignment(pairs.estimate, pairs.truth, "se2", False)
+        if alignment is not None:
+            true = load_map(folder / "truth" / "map.yaml")
+            distances = wall_distances(result.occupancy, true, alignment.T_truth_estimate)
+            error, completeness = float(distances.accuracy.mean()), float(distances.completeness.mean())
+            coverage = float((distances.completeness < COVERED_M).mean())
+    missed = [f"({m['x']:.1f}, {m['y']:.1f}) {m['reason']}" for m in facts["unreachable"]]
+    return Outcome(
+        trial.name, seed, done.ended, done.duration_s, done.way_m, float(done.clearance_m), error, completeness, coverage,
+        len(missed), float(drawing.get("scale_x", "nan")), float(drawing.get("scale_y", "nan")), cpu_s, missed,
+    )  # fmt: skip
+
+
+CORRIDOR_START = (2.7, 3.2, 0.0)
+BUILDING_START = (2.4, 10.4, 0.0)
+UNCORRECTED = ("method.correction=false",)
+
+
+def trials() -> dict[str, list[Trial]]:
+    """All sets by name; those that need the real drawings only where these are."""
+    ten, five = tuple(range(10)), tuple(range(5))
+    corridor, building = DRAWINGS / "corridor.png", DRAWINGS / "building.png"
+    distorted = DRAWINGS / "building-distorted.png"
+    sets = {
+        "corridors": [
+            Trial(f"corridor-{m}-{how}", f"hand-corridor-{m}", corridor, CORRIDOR_START, ten, settings)
+            for m in (20, 25, 30, 35)
+            for how, settings in (("corrected", ()), ("uncorrected", UNCORRECTED))
+        ],
+        "building": [
+            Trial("building", "hand-building", building, BUILDING_START, ten),
+            Trial("building-distorted", "hand-building", distorted, BUILDING_START, ten),
+        ],
+        "building-uncorrected": [
+            Trial("building-uncorrected", "hand-building", building, BUILDING_START, ten, UNCORRECTED),
+            Trial(
+                "building-distorted-uncorrected", "hand-building", distorted, BUILDING_START, ten, UNCORRECTED
+            ),
+        ],
+        "boxes": [Trial("boxes", "hand-corridor-25", corridor, CORRIDOR_START, tuple(range(50)), boxes=5)],
+        "curved": [
+            Trial("curved", "hand-curved", DRAWINGS / "curved.png", (2.44, 2.27, 0.0), five),
+            Trial("round", "hand-round", DRAWINGS / "round.png", (2.13, 7.73, 0.0), five),
+        ],
+        "changed": [
+            Trial("walled-up", "hand-building", building, BUILDING_START, five, walls=(WALLED_UP,)),
+            Trial("extra-door", _with_extra_door(), building, BUILDING_START, five),
+        ],
+    }
+    folder = data_dir()
+    if folder is not None:
+        sets["sketches"] = list(_sketch_trials(folder / "sketches"))
+    return sets
+
+
+WALLED_UP = Wall(points=((2.4, 10.4), (3.6, 10.4)))  # the door of the upper left room
+
+
+def _with_extra_door() -> World:
+    """The building with a door in the wall between the two upper rooms."""
+    world, _ = load_world("hand-building")
+    walls = [w for w in world.walls if w.points != ((7.0, 10.4), (7.0, 17.0))]
+    halves = (Wall(points=((7.0, 10.4), (7.0, 13.0))), Wall(points=((7.0, 14.2), (7.0, 17.0))))
+    return world.model_copy(update={"walls": (*walls, *halves)})
+
+
+SKETCHES = {
+    # drawing: plan, its metres a pixel, start in the world (m, deg), start in the drawing (drawing metres)
+    "kth_04": ("kth_model", 0.05, (12.5, 10.0, 0.0), (23.2, 18.3, 0.0)),
+    "kth_07": ("kth_model", 0.05, (12.5, 10.0, 0.0), (24.0, 22.0, 0.0)),
+    "kth_10": ("kth_model", 0.05, (12.5, 10.0, 0.0), (19.5, 8.8, 0.0)),
+    "kth_13": ("kth_model", 0.05, (12.5, 10.0, 0.0), (23.3, 40.8, 0.0)),
+    "easy_01": ("easy_model", 0.05, (11.0, 3.0, 0.0), (15.0, 9.5, 0.0)),
+    "easy_05": ("easy_model", 0.05, (11.0, 3.0, 0.0), (14.6, 10.0, 0.0)),
+    "easy_08": ("easy_model", 0.05, (11.0, 3.0, 0.0), (21.5, 6.4, 0.0)),
+    "corridor_1": ("corridor_model", 0.08, (44.0, 17.2, 0.0), (75.0, 40.0, 0.0)),
+}
+
+
+def _sketch_trials(folder: Path) -> Iterator[Trial]:
+    for drawing, (plan, resolution_m, start, start_drawn) in SKETCHES.items():
+        building, _ = load_world("hand-corridor-25")
+        document = {
+            "plan": {"file": str((folder / f"{plan}.png").resolve()), "resolution_m": resolution_m, "walls_are": "bright"},
+            "robot": {"start": list(start), "wheels": building.robot.wheels.model_dump()},
+            "sensors": building.sensors.model_dump(exclude_none=True),
+        }  # fmt: skip
+        world = validate_world(document, plan)
+        yield Trial(drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder)
+
+
+def table(outcomes: Iterable[Outcome]) -> str:
+    """One line for each trial: runs finished, contacts, and the means of the figures with the worst run's map error."""
+    by_name: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        by_name.setdefault(outcome.trial, []).append(outcome)
+    head = "trial                            runs fin con unre  map mean/worst (m)  compl (m)  cover  s_x    s_y    time s  way m  cpu s"
+    lines = [head]
+    for name, runs in by_name.items():
+        mean = {
+            key: float(np.nanmean([getattr(r, key) for r in runs]))
+            for key in ("map_error_m", "completeness_m", "coverage", "duration_s", "way_m", "cpu_s", "scale_x", "scale_y")
+        }  # fmt: skip
+        worst = max(r.map_error_m for r in runs)
+        finished, contacts = (sum(r.ended == how for r in runs) for how in ("finished", "contact"))
+        lines.append(
+            f"{name:32} {len(runs):4d} {finished:3d} {contacts:3d} {sum(r.unreachable for r in runs):4d}"
+            f"  {mean['map_error_m']:8.3f} / {worst:.3f}    {mean['completeness_m']:6.3f}    {mean['coverage']:.3f}"
+            f"  {mean['scale_x']:.3f}  {mean['scale_y']:.3f}  {mean['duration_s']:6.0f} {mean['way_m']:6.0f} {mean['cpu_s']:6.1f}"
+        )
+    return "\n".join(lines)
+
+
+def run_set(chosen: Iterable[Trial], folder: Path, most_seeds: int | None = None) -> list[Outcome]:
+    """All runs of some trials; each is kept in `runs.jsonl`, and one that is there is not repeated."""
+    folder.mkdir(parents=True, exist_ok=True)
+    record = folder / "runs.jsonl"
+    lines = record.read_text().splitlines() if record.exists() else []
+    known = {(o.trial, o.seed): o for o in (Outcome(**json.loads(line)) for line in lines)}
+    found = []
+    for trial in chosen:
+        for seed in trial.seeds[:most_seeds]:
+            outcome = known.get((trial.name, seed))
+            if outcome is None:
+                outcome = run_trial(trial, seed, folder)
+                with record.open("a") as stream:
+                    stream.write(
+                        json.dumps({k: getattr(outcome, k) for k in Outcome.__dataclass_fields__}) + "\n"
+                    )
+            say(f"{trial.name} {seed}: {outcome.ended}, map {outcome.map_error_m:.3f} m, {outcome.reasons}")
+            found.append(outcome)
+    return found
+
+
+if __name__ == "__main__":
+    every = trials()
+    for name in sys.argv[2:] or every:
+        wanted, _, most = name.partition(":")
+        found = run_set(every[wanted], Path(sys.argv[1]), int(most) if most else None)
+        print(f"\n{wanted}\n{table(found)}", flush=True)  # noqa: T201
