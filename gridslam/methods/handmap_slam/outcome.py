@@ -20,7 +20,7 @@ from gridslam.methods.slam_sd.scans import PreparedScan
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FITTING_SHARE = 0.6  # below this mean share of points near drawn walls the drawing shows another place
+FITTING_SHARE = 0.7  # below this mean share of points near drawn walls the drawing shows another place
 SEEN_SIGMAS = 2.0
 MAP_INK = (200, 60, 40)
 PATH_INK = (30, 110, 200)
