@@ -16,8 +16,9 @@ def follow_runs(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Steps `(n,)` to the first cell of another state, and whether it came.
 
-    The walks begin in cells `starts` `(n, 2)` and go along `steps` `(n, 2)`, both (row, col). `state` is 1 occupied, 0 free, UNKNOWN. Where the map ends, or an unknown cell comes first, the run is cut off: the number
-    is that of the steps within the same state.
+    The walks begin in cells `starts` `(n, 2)` and go along `steps` `(n, 2)`, both (row, col). `state` is 1 occupied, 0
+    free, UNKNOWN. Where the map ends, or an unknown cell comes first, the run is cut off: the number is that of the steps
+    within the same state.
     """
     n = starts.shape[0]
     rows, cols = state.shape

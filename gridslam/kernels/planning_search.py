@@ -21,6 +21,7 @@ FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2
 GREED = 1.3
 GOAL_SHOT_M = 3.0
 SHOOT_EVERY = 16  # states far from the goal
+AFTER_FIRST = 4000  # states that are still looked at once a goal is reached
 ALONG = np.array([1, 2, 4, 7, 11], np.int64)
 BENDS = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])  # in units of the sharpest
 BETWEEN, AT_GOAL = -1, -2
@@ -47,7 +48,9 @@ class Query(NamedTuple):
 
 
 class States(NamedTuple):
-    """The states found so far, `size[0]` of them, and the least costs of bins (a hash table) and of the spine's poses.
+    """The states found so far, and the least costs of bins (a hash table) and of the spine's poses.
+
+    `size` holds their number and the index of the cheapest at a goal, -1 before there is one.
 
     `parts` `(n, 3, 2)` are the motions (length, < 0: backwards; curvature) from the parent; `mark` is BETWEEN, AT_GOAL or
     the index of a pose of the spine; `sense` is +1, or -1 where the robot came backwards.
@@ -61,7 +64,7 @@ class States(NamedTuple):
     mark: NDArray[np.int64]
     sense: NDArray[np.int64]
     keys: NDArray[np.int64]
-    best: NDArray[np.float32]
+    best: NDArray[np.float64]
     spine_best: NDArray[np.float64]
 
 
@@ -80,14 +83,15 @@ def search_poses(
 ) -> tuple[int, NDArray[np.float64], int]:
     """A drivable path from the start to one of the goals, as motions `(n, 2)` of length (m, < 0: backwards) and curvature.
 
-    Returns FOUND, EXHAUSTED (there is no path) or TOO_MANY (more than `most` states), the motions, and the number of states.
+    The path is not the cheapest: once a goal is reached, the search goes on for a bounded time only. Returns FOUND, EXHAUSTED
+    (there is no path) or TOO_MANY (more than `most` states), the motions, and the number of states.
     """
     ways = 2 if np.isfinite(query.reverse_cost) else 1
     slots = 1
     while slots < 2 * most:
         slots *= 2
     states = States(
-        np.ones(1, np.int64),
+        np.array([1, -1]),
         np.empty((most, 3)),
         np.empty(most),
         np.empty(most, np.int64),
@@ -95,25 +99,30 @@ def search_poses(
         np.empty(most, np.int64),
         np.empty(most, np.int64),
         np.full(slots, -1, np.int64),
-        np.full(slots, np.inf, np.float32),
+        np.full(slots, np.inf),
         np.full(query.spine.shape[0], np.inf),
     )
     states.pose[0] = start
     states.cost[0], states.parent[0], states.mark[0], states.sense[0] = 0.0, -1, BETWEEN, 1
     states.parts[0] = 0.0
     queue = [(0.0, 0)]
+    patience = AFTER_FIRST
     while len(queue) > 0:
         _, node = heapq.heappop(queue)
         mark, cost = states.mark[node], states.cost[node]
-        if mark == AT_GOAL:
-            return FOUND, _trace(states, node), states.size[0]
+        if states.size[1] >= 0:
+            patience -= 1
+        if mark == AT_GOAL or patience == 0:
+            return FOUND, _trace(states, states.size[1]), states.size[0]
         if mark >= 0:
             if cost > states.spine_best[mark]:
                 continue
         elif node > 0 and cost > states.best[_slot(query, states, states.pose[node], states.sense[node])[0]]:
             continue
         if states.size[0] + 64 > most:
-            return TOO_MANY, states.parts[0, :0].copy(), states.size[0]
+            if states.size[1] < 0:
+                return TOO_MANY, states.parts[0, :0].copy(), states.size[0]
+            return FOUND, _trace(states, states.size[1]), states.size[0]
         if states.sense[node] > 0:
             _shoot_at_goals(world, query, states, queue, node)
             _shoot_along_spine(world, query, states, queue, node)
@@ -210,6 +219,8 @@ def _add(
     states.pose[n], states.parts[n] = pose, motion
     states.cost[n], states.parent[n], states.mark[n], states.sense[n] = cost, parent, mark, sense
     states.size[0] = n + 1
+    if mark == AT_GOAL and (states.size[1] < 0 or cost < states.cost[states.size[1]]):
+        states.size[1] = n
     heapq.heappush(queue, (guess, n))
 
 
