@@ -15,6 +15,7 @@ from gridslam.methods.slam_sd.visits import Visit
 
 Floats = NDArray[np.float64]
 
+HINGE_APART_M = 0.3
 PASS_M = 2.5  # from the lidar to the middle of the leaf
 APART_NS = 2_000_000_000  # between a visit and a pass that is not part of it
 
@@ -56,6 +57,12 @@ def stays_of(seen: Sequence[Stay], path: Floats, differs: Callable[[Floats, Floa
             gone_ns=stay.gone_ns,
         )
     return stays
+
+
+def hinged_alike(seen: Sequence[Stay], path: Floats) -> list[Stay]:
+    """Those estimates of a door whose hinge is where that of the best explained one is: hinges do not move."""
+    best = max(seen, key=lambda stay: stay.gain).placed(path)
+    return [stay for stay in seen if float(np.hypot(*(stay.placed(path) - best)[:2])) < HINGE_APART_M]
 
 
 def _overlap(visit: Visit, stay: Stay) -> bool:

@@ -35,7 +35,7 @@ class ObjectsConfig(StrictModel):
         True, description="whether doors that were passed unread are looked for in those scans at the end"
     )
     antenna: AntennaConfig = AntennaConfig()
-    least_reads: int = Field(3, ge=1, description="fewer reads of a tag on a visit are taken as stray")
+    least_reads: int = Field(2, ge=1, description="fewer reads of a tag on a visit are taken as stray")
     pause_s: float = Field(
         4.0, gt=0.0, description="without a read for so long, the visit to an object is over"
     )

@@ -15,6 +15,7 @@ from gridslam.methods.slam_sd.walls import Walls
 Floats = NDArray[np.float64]
 
 FAR_FROM_WALL = -50.0  # log prior of a hinge that stands free
+MOST_AWAY = 60.0  # squared Mahalanobis distance of a hinge: what was found before may have been wrong
 SLAB_BOX = 40.0  # m^2 rad over which a moved box may be anywhere in the reader's range
 SLAB_DOOR = np.pi  # rad over which a door's leaf may have turned
 
@@ -51,7 +52,8 @@ def log_prior(
     offset[:, 2] = se2.wrap_angle(offset[:, 2])
     if thing.is_door:
         hinge, turn = known.covariance[:2, :2], float(known.covariance[2, 2])
-        out -= 0.5 * np.einsum("ni,ij,nj->n", offset[:, :2], np.linalg.inv(hinge), offset[:, :2])
+        away = np.einsum("ni,ij,nj->n", offset[:, :2], np.linalg.inv(hinge), offset[:, :2])
+        out -= 0.5 * trust * np.minimum(away, MOST_AWAY)
         spike = np.exp(-0.5 * offset[:, 2] ** 2 / turn) * SLAB_DOOR / np.sqrt(2.0 * np.pi * turn)
     else:
         square = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(known.covariance), offset)
@@ -89,8 +91,9 @@ def draw(
         root = np.linalg.cholesky(known.covariance)
         about = known.pose + rng.standard_normal((n, 3)) @ root.T
         if thing.is_door:
-            poses[:, :2] = about[:, :2]
-            poses[n // 2 :, 2] = about[n // 2 :, 2]
+            hinged = slice(None) if not len(readers) else slice(None, None, 2)
+            poses[hinged, :2] = about[hinged, :2]
+            poses[::4, 2] = about[::4, 2]
         else:
             poses[::3] = about[::3]
     poses[:, 2] = se2.wrap_angle(poses[:, 2])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.methods.slam_sd.doors import HINGE_REACH_M, closed_yaw_of
 from gridslam.methods.slam_sd.evidence import Evidence, SeenRound, SeenScan, gather
-from gridslam.methods.slam_sd.hindsight import stays_of, unread_passes
+from gridslam.methods.slam_sd.hindsight import hinged_alike, stays_of, unread_passes
 from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior, antenna_model
@@ -50,6 +50,7 @@ class ObjectTracker:
         self.objects = {thing.id: TrackedObject(thing) for thing in things}
         self._book = VisitBook({tag: t.id for t in things for tag in t.tag_ids}, config.pause_s)
         self._recent: dict[str, tuple[int, Candidate]] = {}  # last read of the last visit, and its evidence
+        self._doubted: dict[str, list[tuple[int, int]]] = {}  # key scans at doubtful visits, and their reads
         self.found_again: list[
             tuple[Stay, Stay, bool]
         ] = []  # an earlier estimate, the new one, whether it is a door
@@ -94,6 +95,8 @@ class ObjectTracker:
         for found in self.objects.values():
             if found.seen:
                 found.seen.sort(key=lambda stay: stay.first_ns)
+                if found.thing.is_door:
+                    found.seen = hinged_alike(found.seen, path)
                 found.stays = stays_of(found.seen, path, partial(self._differs, found.thing))
 
     def _look_back(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
@@ -115,7 +118,7 @@ class ObjectTracker:
         """Weigh a visit's evidence and take the outcome into the object's record."""
         found.silence = 0.0
         known = self._known(found, path, len(self._scans) - 1)
-        if visit.reads < self._config.least_reads and not self._is_near(found.thing, visit, known):
+        if self._is_doubtful(found, visit, known, path):
             self.counters["tags.stray_reads"] += visit.reads
             return
         evidence = self._evidence(found.thing, visit)
@@ -134,6 +137,17 @@ class ObjectTracker:
             self._locate_again(self.objects[name], other)
         self._record(found, self._stay(found, visit, posterior, evidence, known), posterior, known)
         self._recent[found.thing.id] = (visit.last_ns, Candidate(found.thing, evidence, known, posterior))
+
+    def _is_doubtful(self, found: TrackedObject, visit: Visit, known: Known | None, path: Floats) -> bool:
+        """Whether the reads of a visit are taken as stray: too few, and not where the object was or was read before."""
+        if visit.reads >= self._config.least_reads or self._is_near(found.thing, visit, known):
+            return False
+        places = self._doubted.setdefault(found.thing.id, [])
+        here = len(self._scans) - 1
+        reach = 2.0 * self._config.antenna.range_m
+        before = sum(reads for key, reads in places if float(np.hypot(*(path[key] - path[here])[:2])) < reach)
+        places.append((here, visit.reads))
+        return before + visit.reads < self._config.least_reads
 
     def _is_near(self, thing: Thing, visit: Visit, known: Known | None) -> bool:
         """Whether the reads came from where the tag was known to be: then they are not stray, however few."""
