@@ -16,8 +16,10 @@ _SINK_SHARE = 0.002  # and what is nearer: furniture that stays
 class ColourBackground:
     """Gaussian mixture per pixel (Zivkovic 2004, OpenCV's MOG2), cleaned by morphology (section 2.2 of the paper)."""
 
-    def __init__(self, history: int, threshold: float, opening_px: int, closing_px: int) -> None:
-        self._history, self._threshold = history, threshold
+    def __init__(
+        self, history: int, threshold: float, opening_px: int, closing_px: int, warm_up: int = 5
+    ) -> None:
+        self._history, self._threshold, self._warm_up = history, threshold, warm_up
         self._opening, self._closing = _disc(opening_px), _disc(closing_px)
         self.restart()
 
@@ -27,9 +29,12 @@ class ColourBackground:
         self.frames = 0
 
     def foreground(self, pixels: NDArray[np.uint8]) -> Mask:
-        """Pixels `(rows, cols)` that are not background, of an image `(rows, cols)` or `(rows, cols, 3)`; learns from it."""
+        """Pixels `(rows, cols)` that are not background, of an image `(rows, cols)` or `(rows, cols, 3)`; learns from it.
+
+        The first frames count alike; then the model forgets slowly, lest who stands for a while become background.
+        """
         self.frames += 1
-        rate = 1.0 / min(self.frames, self._history)
+        rate = 1.0 / self.frames if self.frames <= self._warm_up else 1.0 / self._history
         mask = self._model.apply(np.ascontiguousarray(pixels), learningRate=rate)
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, self._opening)
         return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, self._closing)) > 0

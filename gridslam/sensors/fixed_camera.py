@@ -115,7 +115,7 @@ class FixedCamera:
 
     def __post_init__(self) -> None:
         s = self.settings
-        self.colour = ColourBackground(s.history, s.threshold, s.opening_px, s.closing_px)
+        self.colour = ColourBackground(s.history, s.threshold, s.opening_px, s.closing_px, s.warm_up)
         self.depth = DepthBackground(s.margin_m, s.margin_share)
         self.coverage = np.zeros((0, 2))
 

@@ -103,11 +103,12 @@ def add_nobody(rng: np.random.Generator, document: Things) -> None:
 
 
 def cover(rng: np.random.Generator, document: Things) -> None:
-    """Four cameras that see all of the corridor, of fewer pixels."""
-    camera = document["fixed_cameras"][0] | {"width_px": 240, "height_px": 180, "focal_px": 180.0}
+    """Eight cameras, of fewer pixels, that see all of the corridor from both sides, so that nobody hides the robot."""
+    camera = document["fixed_cameras"][0] | {"width_px": 160, "height_px": 120, "focal_px": 120.0}
+    views = [(0.1, 0), (7.5, 0), (7.5, 180), (15.0, 0), (15.0, 180), (22.5, 0), (22.5, 180), (29.9, 180)]
     document["fixed_cameras"] = [
-        camera | {"name": f"ispace{k + 1}", "mounting": camera["mounting"] | {"x": 0.1 + 7.2 * k}}
-        for k in range(4)
+        camera | {"name": f"ispace{k + 1}", "mounting": camera["mounting"] | {"x": x, "yaw_deg": yaw}}
+        for k, (x, yaw) in enumerate(views)
     ]
 
 

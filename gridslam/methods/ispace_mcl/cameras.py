@@ -36,6 +36,7 @@ class Cameras:
         self._images: dict[str, Image] = {}
         self._depths: dict[str, DepthImage] = {}
         self._waiting: dict[str, tuple[int, Sighting]] = {}
+        self._latest: dict[str, tuple[int, Sighting]] = {}  # of those handed out
         self._last_ns: dict[str, int] = {}
         self._path: deque[tuple[int, Floats]] = deque(maxlen=_KEPT_POSES)
         self.fixed: dict[str, FixedCamera] = {}
@@ -85,14 +86,28 @@ class Cameras:
             if then_ns > stamp_ns:
                 continue  # its moment has yet to come
             del self._waiting[name]
-            place = self._pose_at(then_ns)
-            if place is None or stamp_ns - then_ns > self._config.most_age_s * 1e9:
+            frame = self._frame(name, then_ns, sighting, stamp_ns)
+            if frame is None:
                 self._skip(name, "out_of_step", with_depth=True)
                 continue
             self._use(name)
-            back = se2.between(self._path[-1][1], place)
-            frames.append(Frame(sighting, self.fixed[name].coverage, back))
+            self._latest[name] = then_ns, sighting
+            frames.append(frame)
         return frames
+
+    def all_frames_at(self, stamp_ns: int) -> list[Frame]:
+        """The latest frame of every camera, used before or not; none when none of them is new."""
+        if not self.frames_at(stamp_ns):
+            return []
+        frames = (self._frame(name, *self._latest[name], stamp_ns) for name in sorted(self._latest))
+        return [frame for frame in frames if frame is not None]
+
+    def _frame(self, name: str, then_ns: int, sighting: Sighting, stamp_ns: int) -> Frame | None:
+        """A camera's sighting with the way that the robot has gone since; None when that is not known, or long ago."""
+        place = self._pose_at(then_ns)
+        if place is None or stamp_ns - then_ns > self._config.most_age_s * 1e9:
+            return None
+        return Frame(sighting, self.fixed[name].coverage, se2.between(self._path[-1][1], place))
 
     def coverage(self) -> Floats:
         """Centres `(k, 2)` of the floor cells that some camera sees."""

@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 _FAR = 4.0  # bandwidths: farther away nothing is near
 _SMALLEST = 1e-300
 _MOST_PLACES, _HEADINGS = 60, 60
+_SAME_M = 0.05  # frames between which the robot moves less are of one moment
 _SCATTER = np.array([0.15, 0.15, 0.05])  # of proposals: m, m, rad
 
 
@@ -44,10 +45,10 @@ def moving_cells(sighting: Sighting, cell_m: float, least_area_m2: float) -> Flo
     return (kept + 0.5) * cell_m
 
 
-def places_then(frame: Frame, poses: Floats) -> Floats:
-    """Where robots that are at poses `(n, 3)` now were at the frame's stamp, `(n, 2)`."""
+def places_then(back: Floats, poses: Floats) -> Floats:
+    """Where robots that are at poses `(n, 3)` now were at a frame's stamp, `(n, 2)`; `back` is T_now_then."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    dx, dy = float(frame.back[0]), float(frame.back[1])
+    dx, dy = float(back[0]), float(back[1])
     return np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
 
 
@@ -62,7 +63,7 @@ class SightingWeight:
         """Of poses `(n, 3)`: `(n,)`."""
         total = np.zeros(len(poses))
         for frame in frames:
-            places = places_then(frame, poses)
+            places = places_then(frame.back, poses)
             seen = self._is_seen(frame, places)
             near = self._nearness(frame.sighting, places)
             w = self._weight
@@ -125,23 +126,36 @@ class DensityWeight:
 
     def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
         """Particles with the weights of both densities; unchanged where no foreground is seen, or none near a particle."""
-        config, bandwidth = self._config, self._weight.bandwidth_m
-        points = np.concatenate(
-            [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
-        )
-        if not len(points):
+        bandwidth = self._weight.bandwidth_m
+        moments = [(back, cells) for back, cells in self._moments(frames) if len(cells)]
+        if not moments:
             return particles
         onboard = particles.weights
         if self._weight.onboard == "kernel":
             places = particles.poses[:, :2]
             onboard = kernel_density(places, particles.weights, bandwidth).at(places)
-        seen = kernel_density(points, np.ones(len(points)), bandwidth)
-        environment = np.mean([seen.at(places_then(f, particles.poses)) for f in frames], axis=0)
+        environment = np.zeros(len(particles))
+        for back, cells in moments:
+            seen = kernel_density(cells, np.ones(len(cells)), bandwidth)
+            environment += len(cells) * seen.at(places_then(back, particles.poses))
         weights = onboard * environment
         total = weights.sum()
         if not total > _SMALLEST:
             return particles
         return Particles(particles.poses, weights / total)
+
+    def _moments(self, frames: Sequence[Frame]) -> list[tuple[Floats, Floats]]:
+        """What moves, `(k, 2)`, in all frames of a moment together, and T_now_then of that moment."""
+        config = self._config
+        groups: dict[tuple[int, int], list[Frame]] = {}
+        for frame in frames:
+            x, y = np.rint(frame.back[:2] / _SAME_M).astype(int).tolist()
+            groups.setdefault((x, y), []).append(frame)
+        found = []
+        for group in groups.values():
+            cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in group]
+            found.append((group[0].back, np.unique(np.concatenate(cells), axis=0)))
+        return found
 
 
 def in_cells(cells: Floats, places: Floats, cell_m: float) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from gridslam.core.random import random_stream
 from gridslam.filters.free_space import free_cells
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.ispace_mcl.camera_config import DensityConfig
 from gridslam.methods.ispace_mcl.cameras import Cameras
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.localizer import Localizer, Update
@@ -150,7 +151,9 @@ class IspaceMcl:
         self._counters["beams.unreadable"] += beams.unreadable
         last = placed.odometry if self._updated_at is None else self._updated_at
         step = se2.between(last, placed.odometry)
-        frames = self._cameras.frames_at(placed.scan.stamp_ns)
+        density = isinstance(self._config.cameras.weight, DensityConfig)  # of all that is seen at a moment
+        frames_at = self._cameras.all_frames_at if density else self._cameras.frames_at
+        frames = frames_at(placed.scan.stamp_ns)
         self._update = self._localizer.update(step, placed.odometry, beams, placed.broken, frames)
         self._updated_at = placed.odometry
         self._counters["updates"] += 1

@@ -1,0 +1,65 @@
+"""Global localization among people in a corridor that looks the same everywhere, with and without fixed cameras.
+
+Each drive is another world (start, way, people, noise); seeds are those of the filter. With GRIDSLAM_ISPACE_SEEDS=5 in the
+environment all 100 trials of 20 worlds are run, as the table of docs/ispace-mcl.md has them; else each world is run once. `covered`
+has cameras that see all of the corridor, as in the paper; in the other kinds there are stretches that no camera sees.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from tests.benchmarks.harness import Row, say
+from tests.benchmarks.ispace_figure import draw_spread
+from tests.benchmarks.ispace_trials import Trial, interval, trial
+from tests.conftest import REPOSITORY
+
+SEEDS = int(os.environ.get("GRIDSLAM_ISPACE_SEEDS", "1"))
+FIGURE = REPOSITORY / "out" / "benchmarks" / "ispace-spread.png"
+# Kind of world, number of worlds, configs.
+TABLE: Sequence[tuple[str, int, Sequence[str]]] = (
+    ("covered", 20, ("onboard", "paper", "fused")),
+    ("walking", 20, ("onboard", "onboard-best", "fused")),
+    ("blind", 20, ("fused",)),
+    ("standing", 10, ("fused",)),
+    ("beside", 10, ("fused",)),
+    ("mirrored", 10, ("fused",)),
+)
+
+
+def rows() -> Iterator[Row]:
+    """Shares of successes with their intervals, median times to convergence, and the picture of the spread."""
+    curves: dict[str, Sequence[Trial]] = {}
+    for kind, worlds, configs in TABLE:
+        for config in configs:
+            trials = [trial(kind, number, config, seed) for number in range(worlds) for seed in range(SEEDS)]
+            if kind == "covered":
+                curves[config] = trials
+            yield from summary(f"ispace.{kind}.{config}", trials)
+    draw_spread(curves, FIGURE)
+    say(f"spread of the particles over time: {FIGURE}")
+
+
+def summary(name: str, trials: Sequence[Trial]) -> Iterator[Row]:
+    """Success, time to convergence, and convergences that were lost again."""
+    found = sum(t.found for t in trials)
+    low, high = interval(found, len(trials))
+    failed = [index for index, t in enumerate(trials) if not t.found]
+    share = f"{found} of {len(trials)} ({100 * low:.0f} to {100 * high:.0f} %)"
+    say(f"{name}: {share}; failed trials: {failed or 'none'}")
+    yield Row(f"{name}.found", 100.0 * found / len(trials), "%")
+    yield Row(
+        f"{name}.converged", float(np.median([t.converged_s for t in trials if t.found] or [np.nan])), "s"
+    )
+    for stage, cost in costs(trials).items():
+        say(f"  {stage}: {cost:.2f} ms an update")
+
+
+def costs(trials: Sequence[Trial]) -> Mapping[str, float]:
+    """Milliseconds of wall clock an update, by stage."""
+    updates = sum(t.updates for t in trials)
+    stages = trials[0].timings_s
+    return {stage: 1e3 * sum(t.timings_s[stage] for t in trials) / updates for stage in stages}
