@@ -71,7 +71,7 @@ def _run(
 
     inputs = read_inputs(options.inputs)
     with console.progress_bar(command) as show, telling_of_compilation(tell):
-        if map_path is None:
+        if command == "map":
             return run_map(config, options.log, show, stop, inputs)
         return run_localize(config, options.log, map_path, show, stop, inputs)
 

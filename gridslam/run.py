@@ -105,15 +105,19 @@ def run_map(
 def run_localize(
     config: RunConfig[BaseModel],
     log_path: Path,
-    map_path: Path,
+    map_path: Path | None,
     show: Show,
     stop: Stop,
     inputs: Mapping[str, Input] = NOTHING_MORE,
 ) -> Run:
     """Localize along a log on a map (map_server YAML or wean.dat); otherwise as `run_map`.
 
-    Raises MapError: the map is unreadable.
+    Raises MapError: the map is unreadable. ConfigError: there is none, and the method needs one.
     """
+    if map_path is None:
+        if not registry.METHODS[config.method_name].localizes_without_map:
+            raise ConfigError(f"--map: {config.method_name} localizes on a map: name its YAML")
+        return _run("localize", config, log_path, None, show, stop, inputs)
     run = _run("localize", config, log_path, load_any_map(map_path), show, stop, inputs)
     digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
     return replace(run, inputs={**run.inputs, map_path.name: digest})
@@ -133,7 +137,7 @@ def _run(
     entry = registry.METHODS[config.method_name]
     refuse_unknown_inputs(config.method_name, further)
     refuse_missing_inputs(config.method_name, further)
-    with open_log(log_path, config.log, (*entry.needs, *entry.uses)) as log:
+    with open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})

@@ -10,9 +10,12 @@ import typer
 from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict
 
 MapPath = Annotated[
-    Path,
+    Path | None,
     typer.Option(
-        "--map", metavar="MAP", readable=False, help="The map: a map_server YAML, or wean.dat(.gz)."
+        "--map",
+        metavar="MAP",
+        readable=False,
+        help="The map: a map_server YAML, or wean.dat(.gz). stereo-bayes needs none: its poses come from outside.",
     ),
 ]
 Start = Annotated[
@@ -24,8 +27,8 @@ Start = Annotated[
 def run(
     log: LogPath,
     config: ConfigName,
-    map_path: MapPath,
     output: Output,
+    map_path: MapPath = None,
     start: Start = None,
     override: Overrides = None,
     seed: Seed = None,
@@ -34,7 +37,7 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the robot on a given map, all along a log."""
+    """Find the robot, all along a log, on a given map."""
     from ..running import RunOptions, run_command, start_override
 
     overrides = (*(override or ()), *([start_override(start)] if start else []))

@@ -1,4 +1,4 @@
-"""What one measurement along a ray says about the cells of the ray, when the first obstacle hides the rest (stereo-bayes 2.1 - 2.3)."""
+"""What one measurement along a ray says about its cells, when the first obstacle hides the rest (stereo-bayes 2.1 - 2.3)."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ def hidden_chain(
     none: float,
     occupied: NDArray[np.float64],
     empty: NDArray[np.float64],
+    reached: NDArray[np.float64],
 ) -> float:
     """Exact likelihoods of a Markov chain of cells of which the first occupied one is measured (eqs. 5 - 8).
 
     `prior` `(n,)` are P(E_k), strictly between 0 and 1; `correlation` `(n,)` that of each cell with the one before it (the first
     is not used); `first` `(n,)` is P(o | first = k), `none` is P(o | no obstacle). Writes P(o | E_k) into `occupied` and
-    P(o | not E_k) into `empty`; returns P(o). One pass outwards and one back, O(n).
+    P(o | not E_k) into `empty`, and P(o, nothing before k is occupied) into `reached`; returns P(o). One pass outwards and one
+    back, O(n).
     """
     n = prior.shape[0]
     hit = np.empty(n)  # P(o, first = k)
@@ -56,6 +58,7 @@ def hidden_chain(
         occupied[k] /= prior[k]
         empty[k] = (empty[k] + later) / (1.0 - prior[k])
         later += hit[k]
+        reached[k] = later
     return float(later)
 
 
@@ -66,12 +69,21 @@ def front_is_empty(
     none: float,
     occupied: NDArray[np.float64],
     empty: NDArray[np.float64],
+    reached: NDArray[np.float64],
 ) -> float:
-    """The conventional likelihoods: all cells before the one in question are taken to be empty, those behind are independent."""
+    """The conventional likelihoods: all cells before the one in question are taken to be empty, those behind are independent.
+
+    Arguments as those of `hidden_chain`.
+    """
+    n = prior.shape[0]
     behind = none
-    for k in range(prior.shape[0] - 1, -1, -1):
+    for k in range(n - 1, -1, -1):
         occupied[k], empty[k] = first[k], behind
         behind = prior[k] * first[k] + (1.0 - prior[k]) * behind
+    clear = 1.0
+    for k in range(n):
+        reached[k] = clear * (prior[k] * occupied[k] + (1.0 - prior[k]) * empty[k])
+        clear *= 1.0 - prior[k]
     return float(behind)
 
 
@@ -82,18 +94,22 @@ def likelihoods_of_rays(
     firsts: NDArray[np.float64],
     nones: NDArray[np.float64],
     assume_front_empty: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """P(o | E_k) / P(o) and P(o | not E_k) / P(o) `(m, n)` for m rays of n cells; see `hidden_chain`.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """P(o | E_k) / P(o), P(o | not E_k) / P(o) and P(nothing before k is occupied | o) `(m, n)` for m rays of n cells.
 
-    The three likelihoods of the paper: front taken as empty (independent), correlations of 0 (occlusion), or others (chain).
+    See `hidden_chain`. The three likelihoods of the paper: front taken as empty (independent), correlations of 0 (occlusion),
+    or others (chain).
     """
     m, n = priors.shape
-    occupied, empty = np.empty((m, n)), np.empty((m, n))
+    occupied, empty, reached = np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
     for i in prange(m):
         if assume_front_empty:
-            total = front_is_empty(priors[i], firsts[i], nones[i], occupied[i], empty[i])
+            total = front_is_empty(priors[i], firsts[i], nones[i], occupied[i], empty[i], reached[i])
         else:
-            total = hidden_chain(priors[i], correlations[i], firsts[i], nones[i], occupied[i], empty[i])
+            total = hidden_chain(
+                priors[i], correlations[i], firsts[i], nones[i], occupied[i], empty[i], reached[i]
+            )
         occupied[i] /= total
         empty[i] /= total
-    return occupied, empty
+        reached[i] /= total
+    return occupied, empty, reached

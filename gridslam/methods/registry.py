@@ -20,9 +20,16 @@ class MethodEntry:
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
     inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
     needs_inputs: tuple[str, ...] = ()  # those of the inputs that a run must be given
+    localizes_without_map: bool = False  # its poses come from outside, so `localize` needs no map
     explorer: str = (
         ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
     )
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """All kinds of streams that the method takes, needed or not."""
+        needed = [kind for need in self.needs for kind in need.split("|")]
+        return tuple(dict.fromkeys([*needed, *self.uses]))
 
 
 METHODS: Mapping[str, MethodEntry] = MappingProxyType(
@@ -33,6 +40,14 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
             needs=("scan", "odom"),
             uses=("tags",),
             inputs=("tags",),
+        ),
+        "stereo-bayes": MethodEntry(
+            config="gridslam.methods.stereo_bayes.config:StereoBayesConfig",
+            mapper="gridslam.methods.stereo_bayes.method:StereoBayes",
+            localizer="gridslam.methods.stereo_bayes.method:StereoBayesPose",
+            needs=("stereo|disparity",),
+            uses=("odom", "fix", "camera_info"),
+            localizes_without_map=True,
         ),
         "ir-scan": MethodEntry(
             config="gridslam.methods.ir_scan.config:IrScanConfig",
@@ -45,7 +60,7 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
             config="gridslam.methods.ispace_mcl.config:IspaceMclConfig",
             localizer="gridslam.methods.ispace_mcl.method:IspaceMcl",
             needs=("scan|depth", "odom"),
-            uses=("scan", "image", "depth", "camera_info"),
+            uses=("image", "depth", "camera_info"),
         ),
         "handmap-slam": MethodEntry(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",

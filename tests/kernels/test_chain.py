@@ -30,7 +30,7 @@ def rays(draw: st.DrawFn) -> tuple[list[float], list[float], list[float], float]
 
 def posteriors(prior: Floats, correlation: Floats, first: Floats, none: float) -> Floats:
     """P(E_k | o) by the kernel."""
-    occupied, empty = likelihoods_of_rays(
+    occupied, empty, _ = likelihoods_of_rays(
         prior[None], correlation[None], first[None], np.array([none]), False
     )
     np.testing.assert_allclose(occupied[0] * prior + empty[0] * (1 - prior), 1.0, atol=1e-12)
@@ -76,7 +76,7 @@ def ratio_of_a_hidden_obstacle(r: float, front: bool) -> float:
     false, peak = 0.05 / 64, 0.8
     first = np.full(60, false)
     first[45] += peak
-    occupied, empty = likelihoods_of_rays(
+    occupied, empty, _ = likelihoods_of_rays(
         prior[None], np.full((1, 60), r), first[None], np.array([false]), front
     )
     return float(occupied[0, 20] / empty[0, 20])
@@ -91,8 +91,21 @@ def test_a_match_behind_a_sure_obstacle_says_nothing_about_it_where_the_conventi
 
 def test_cells_of_probability_near_zero_and_one_stay_finite() -> None:
     prior = np.array([1e-9, 1.0 - 1e-9, 1e-9, 0.5, 1.0 - 1e-9])
-    occupied, empty = likelihoods_of_rays(
+    occupied, empty, _ = likelihoods_of_rays(
         prior[None], np.full((1, 5), 0.999), np.full((1, 5), 1e-6), np.array([1e-6]), False
     )
     assert np.isfinite(occupied).all()
     assert np.isfinite(empty).all()
+
+
+@given(rays())
+@settings(max_examples=60, deadline=None)
+def test_a_cell_is_reached_when_nothing_stands_before_it(
+    ray: tuple[list[float], list[float], list[float], float],
+) -> None:
+    prior, correlation, first, none = ray
+    _, _, reached = likelihoods_of_rays(
+        np.array(prior)[None], np.array(correlation)[None], np.array(first)[None], np.array([none]), False
+    )
+    expected = [reference.reached(k, prior, correlation, first, none) for k in range(len(prior))]
+    np.testing.assert_allclose(reached[0], expected, atol=1e-12)

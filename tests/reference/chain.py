@@ -36,3 +36,15 @@ def posterior(
         for k, state in enumerate(states):
             occupied[k] += state * mass
     return [mass / total for mass in occupied], total
+
+
+def reached(
+    cell: int, prior: Sequence[float], correlation: Sequence[float], first: Sequence[float], none: float
+) -> float:
+    """P(no cell before this one is occupied | o)."""
+    total = clear = 0.0
+    for states in product((0, 1), repeat=len(prior)):
+        mass = probability(states, prior, correlation) * (first[states.index(1)] if 1 in states else none)
+        total += mass
+        clear += 0.0 if 1 in states[:cell] else mass
+    return clear / total

@@ -1,0 +1,70 @@
+"""A grid that grows with what is written into it, up to a limit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import MethodError
+from gridslam.maps.occupancy import GridGeometry
+
+Floats = NDArray[np.float64]
+
+_MARGIN_CELLS = 64
+
+
+class GrowingGrid:
+    """Values float64 (rows, cols, ...), zero where nothing was written; cell (0, 0) of the lattice begins at x = y = 0.
+
+    Raises MethodError when it would need more than `memory_limit_mb`, or a point is not finite: a wild pose must not eat
+    the machine.
+    """
+
+    def __init__(self, resolution_m: float, memory_limit_mb: float, channels: tuple[int, ...] = ()) -> None:
+        self.resolution_m = resolution_m
+        self._limit_mb = memory_limit_mb
+        self.values: Floats = np.zeros((0, 0, *channels))
+        self.corner = np.zeros(2, np.int64)  # lattice cell (row, col) of values[0, 0]
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Where the values lie."""
+        row, col = self.corner.tolist()
+        return GridGeometry(self.resolution_m, (col * self.resolution_m, row * self.resolution_m))
+
+    def cells(self, points: Floats) -> NDArray[np.int64]:
+        """Places (row, col) `(n, 2)` in `values` of points `(n, 2)`; they may lie outside."""
+        return self.lattice(points) - self.corner
+
+    def lattice(self, points: Floats) -> NDArray[np.int64]:
+        """Lattice cells (row, col) `(n, 2)` of points `(n, 2)`."""
+        return np.asarray(np.floor(points[:, ::-1] / self.resolution_m), dtype=np.int64)
+
+    def cover(self, points: Floats, margin_cells: int = 0) -> None:
+        """Let the grid hold all points `(n, 2)` and a margin about them."""
+        if not len(points):
+            return
+        if not np.isfinite(points).all():
+            raise MethodError("a pose or a reading is not finite: the map cannot take it in")
+        self._check(points.max(axis=0) / self.resolution_m - points.min(axis=0) / self.resolution_m)
+        cells = self.lattice(points)
+        low, high = cells.min(axis=0) - margin_cells, cells.max(axis=0) + margin_cells + 1
+        size = np.array(self.values.shape[:2])
+        if size.all():
+            if (low >= self.corner).all() and (high <= self.corner + size).all():
+                return
+            low, high = np.minimum(low, self.corner), np.maximum(high, self.corner + size)
+        low, high = low - _MARGIN_CELLS, high + _MARGIN_CELLS
+        self._check((high - low).astype(np.float64))
+        grown = np.zeros((*(high - low), *self.values.shape[2:]))
+        row, col = self.corner - low
+        grown[row : row + size[0], col : col + size[1]] = self.values
+        self.values, self.corner = grown, low
+
+    def _check(self, size: Floats) -> None:
+        wanted_mb = 8e-6 * float(np.prod(size + 1.0)) * float(np.prod(self.values.shape[2:]))
+        if not wanted_mb <= self._limit_mb:
+            raise MethodError(
+                f"the map would need {wanted_mb:.0f} MB, more than method.memory_limit_mb = {self._limit_mb:g}: "
+                "either the trajectory has gone astray, or raise the limit or coarsen method.resolution_m"
+            )

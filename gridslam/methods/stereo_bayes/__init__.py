@@ -1,0 +1,1 @@
+"""Occupancy mapping from stereo with occlusion and obstacle size in the likelihood."""

@@ -1,0 +1,116 @@
+"""From stereo messages to frames: the head's geometry, disparities, and the motion between frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import CameraInfo, Disparity, StereoPair, Transform
+from gridslam.methods.stereo_bayes.config import StereoBayesConfig
+from gridslam.motion.visual_odometry import VisualOdometry
+from gridslam.sensors.stereo_head import Matcher, StereoHead
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A disparity image with the head that saw it, and T_before_this `(3,)` by visual odometry where that was asked for."""
+
+    stamp_ns: int
+    disparity: NDArray[np.float32]
+    head: StereoHead
+    step: Floats | None
+
+
+class Frames:
+    """Collects calibrations and mountings; makes frames of pairs and disparity images.
+
+    Counters: used.stereo, used.disparity and skipped.<kind>.<reason>.
+    """
+
+    def __init__(self, config: StereoBayesConfig) -> None:
+        self._config = config
+        d = config.disparity
+        self._matcher = Matcher(d.matcher, d.disparities, d.block_px, d.uniqueness, d.speckle_px)
+        self._left: dict[str, CameraInfo] = {}  # by frame
+        self._right: dict[str, CameraInfo] = {}
+        self._mountings: dict[str, Transform] = {}
+        self._heads: dict[str, StereoHead] = {}
+        self._odometry: dict[str, VisualOdometry] = {}
+        self.counters: Counter[str] = Counter()
+
+    def add_info(self, info: CameraInfo) -> None:
+        """Take in a calibration: the right camera's is known by the baseline in its projection matrix."""
+        side = self._right if info.P[0, 3] < 0.0 else self._left
+        side.setdefault(info.frame_id, info)
+        self.counters["used.camera_info"] += 1
+
+    def add_mounting(self, mounting: Transform) -> None:
+        """Take in where a camera is mounted."""
+        self._mountings[mounting.child_frame_id] = mounting
+
+    def of_pair(self, pair: StereoPair, with_motion: bool) -> Frame | None:
+        """A frame of two images, None where it cannot be used."""
+        head = self._head(pair.frame_id, "stereo")
+        if head is None:
+            return None
+        if pair.left.shape != pair.right.shape or min(pair.left.shape) < self._config.disparity.block_px:
+            self.counters["skipped.stereo.size"] += 1
+            return None
+        if pair.left.shape[1] <= self._config.disparity.disparities:
+            self.counters["skipped.stereo.narrower_than_disparities"] += 1
+            return None
+        disparity = self._matcher.disparity(pair.left, pair.right)
+        step = None
+        if with_motion:
+            odometry = self._odometry.setdefault(pair.frame_id, VisualOdometry(head))
+            step = odometry.step(np.ascontiguousarray(pair.left), disparity)
+        self.counters["used.stereo"] += 1
+        return Frame(pair.stamp_ns, disparity, head, step)
+
+    def of_disparity(self, image: Disparity) -> Frame | None:
+        """A frame of a disparity image; without calibration its centre is taken as the principal point."""
+        if not (image.focal_px > 0.0 and image.baseline_m > 0.0):
+            self.counters["skipped.disparity.no_calibration"] += 1
+            return None
+        if image.frame_id not in self._heads:
+            rows, cols = image.disparity_px.shape
+            info = self._left.get(image.frame_id)
+            centre = (0.5 * (cols - 1), 0.5 * (rows - 1))
+            if info is not None:
+                centre = (float(info.P[0, 2]), float(info.P[1, 2]))
+            self._add_head(image.frame_id, image.focal_px, centre, image.baseline_m)
+        self.counters["used.disparity"] += 1
+        return Frame(image.stamp_ns, image.disparity_px, self._heads[image.frame_id], None)
+
+    def _head(self, frame: str, kind: str) -> StereoHead | None:
+        if frame in self._heads:
+            return self._heads[frame]
+        left = self._left.get(frame) or (next(iter(self._left.values())) if len(self._left) == 1 else None)
+        right = self._right.get(frame) or (
+            next(iter(self._right.values())) if len(self._right) == 1 else None
+        )
+        if left is None or right is None or not right.P[0, 0] > 0.0:
+            self.counters[f"skipped.{kind}.no_calibration"] += 1
+            return None
+        P = left.P
+        baseline = float((P[0, 3] - right.P[0, 3]) / right.P[0, 0])
+        self._add_head(frame, float(P[0, 0]), (float(P[0, 2]), float(P[1, 2])), baseline)
+        return self._heads[frame]
+
+    def _add_head(
+        self, frame: str, focal_px: float, centre_px: tuple[float, float], baseline_m: float
+    ) -> None:
+        mounting = self._mountings.get(frame)
+        quat = (0.5, -0.5, 0.5, -0.5) if mounting is None else mounting.quat_wxyz
+        position = (0.0, 0.0, 0.0) if mounting is None else mounting.translation_m
+        head = StereoHead.mounted(focal_px, centre_px, baseline_m, quat, position)
+        if not head.looks_along_the_ground:
+            # A frame that was mounted as x forward, y left, z up though its images are optical: facing forward is what was meant.
+            self.counters["stereo.frame_is_not_optical"] += 1
+            head = StereoHead.mounted(focal_px, centre_px, baseline_m, (0.5, -0.5, 0.5, -0.5), position)
+        self._heads[frame] = head
