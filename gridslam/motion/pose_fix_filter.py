@@ -16,8 +16,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MotionNoise:
-    """Deviations of a motion, growing with the root of its length in whatever steps it comes: m after a metre, rad after a radian,
-    rad after a metre.
+    """Deviations of a motion, growing with the root of its length in whatever steps it comes: m after a metre, rad after a
+    radian, rad after a metre.
     """
 
     translation_m: float

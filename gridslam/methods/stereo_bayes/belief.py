@@ -45,9 +45,8 @@ class BeliefMap:
 
     def __init__(self, config: StereoBayesConfig) -> None:
         self._config = config
-        self._grid = GrowingGrid(
-            config.resolution_m, config.memory_limit_mb
-        )  # log odds less those of the prior
+        # Log odds less those of the prior, and the probability that some ray has come to the cell.
+        self._grid = GrowingGrid(config.resolution_m, config.memory_limit_mb, (2,))
         self._prior = float(np.log(config.prior / (1.0 - config.prior)))
         self._limit = float(np.log((1.0 - config.least_probability) / config.least_probability))
         self._ranges = np.arange(config.min_range_m, config.max_range_m, config.resolution_m)
