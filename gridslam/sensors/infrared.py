@@ -62,9 +62,10 @@ class InfraredScan:
         return np.asarray(self._poses()[self.sensor, 2] + sense[self.sensor] * self.bearing_rad)
 
     def ends(self) -> Floats:
-        """Where the readings end, `(n, 2)` in the robot's frame."""
+        """Where the readings end, `(n, 2)` in the robot's frame; not finite where the reading is not."""
         angle = self.directions()
-        steps = self.range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        with np.errstate(invalid="ignore"):
+            steps = self.range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return np.asarray(self.origins() + steps)
 
     def _poses(self) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,14 +70,20 @@ def read_stations(folder: Path) -> Stations:
     return Stations(events, fixes[first])
 
 
-def config_of(matching: dict[str, object], adjust: bool = False) -> IrScanConfig:
-    """Settings for a ranger of 8 m, 1.8 degrees a step."""
+def config_of(matching: Literal["none", "shift", "search"], drawing: str = "surfaces") -> IrScanConfig:
+    """Settings for a ranger of 8 m, 1.8 degrees a step, whose heading is known; stations are not adjusted."""
+    kinds: dict[str, dict[str, object]] = {
+        "none": {"kind": "none"},
+        "shift": {"kind": "shift", "window_cells": MOST_CELLS},
+        "search": {"kind": "search", "window_cells": MOST_CELLS, "rotation_rad": 0.03, "ambiguous_m": 0.1},
+    }
     return IrScanConfig.model_validate(
         {
             "resolution_m": CELL_M,
             "readings": READINGS,
-            "matching": matching,
-            "adjustment": {"enabled": adjust},
+            "matching": kinds[matching],
+            "adjustment": {"enabled": False},
+            "drawing": {"kind": drawing},
         }
     )
 
