@@ -37,6 +37,16 @@ class DistanceField:
         in_cells = (points / self.geometry.resolution_m).astype(np.float32)
         return np.asarray(sum_over_points(self.steps, table, in_cells, poses_in_cells(self.geometry, poses)))
 
+    def near(self, places: Floats, radius_m: float, step: int) -> DistanceField:
+        """The field with values of at most `step` within the radius of places `(k, 2)`: there something else than a wall is known."""
+        reach = int(np.ceil(radius_m / self.geometry.resolution_m))
+        disc = np.argwhere(np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1]) <= reach) - reach
+        cells = (self.geometry.cells(places)[:, None] + disc).reshape(-1, 2)
+        rows, cols = cells[(cells >= 0).all(axis=1) & (cells < self.steps.shape).all(axis=1)].T
+        steps = self.steps.copy()
+        steps[rows, cols] = np.minimum(steps[rows, cols], step)
+        return DistanceField(steps, self.geometry, self.reach_m)
+
     def under(self, points: Floats, pose: Floats) -> Floats:
         """Distance to the nearest wall `(m,)` of each point `(m, 2)` seen from one pose; capped at the reach."""
         cells = self.geometry.cells(se2.transform_points(pose, points))

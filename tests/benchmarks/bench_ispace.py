@@ -1,8 +1,8 @@
 """Global localization among people in a corridor that looks the same everywhere, with and without fixed cameras.
 
 Each drive is another world (start, way, people, noise); seeds are those of the filter. With GRIDSLAM_ISPACE_SEEDS=5 in the
-environment all 100 trials of 20 worlds are run, as the table of docs/ispace-mcl.md has them; else each world is run once. `covered`
-has cameras that see all of the corridor, as in the paper; in the other kinds there are stretches that no camera sees.
+environment all 100 trials of 20 worlds are run, as the table of docs/ispace-mcl.md has them; else each world is run once. The
+kind `covered` has cameras that see all of the corridor, as in the paper; in the others there are stretches that no camera sees.
 """
 
 from __future__ import annotations

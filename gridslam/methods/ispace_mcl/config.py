@@ -78,6 +78,9 @@ class LikelihoodFieldConfig(StrictModel):
     beam_weight: float = Field(
         0.15, gt=0.0, le=1.0, description="power of a beam's likelihood: neighbouring beams err together"
     )
+    moving_radius_m: float = Field(
+        0.3, ge=0.0, description="a beam that ends nearer to what fixed cameras see moving is half explained"
+    )
 
 
 class BeamConfig(StrictModel):

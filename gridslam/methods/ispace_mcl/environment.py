@@ -45,6 +45,12 @@ def moving_cells(sighting: Sighting, cell_m: float, least_area_m2: float) -> Flo
     return (kept + 0.5) * cell_m
 
 
+def all_moving(frames: Sequence[Frame], config: CamerasConfig) -> Floats:
+    """Centres `(k, 2)` of the floor cells above which any of the cameras sees something move."""
+    cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
+    return np.concatenate([*cells, np.zeros((0, 2))])
+
+
 def places_then(back: Floats, poses: Floats) -> Floats:
     """Where robots that are at poses `(n, 3)` now were at a frame's stamp, `(n, 2)`; `back` is T_now_then."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
@@ -85,18 +91,17 @@ class SightingWeight:
 
 
 def proposals(
-    frames: Sequence[Frame],
-    config: CamerasConfig,
+    places: Floats,
     log_weight: Callable[[Floats], Floats],
     count: int,
     rng: np.random.Generator,
 ) -> Floats | None:
-    """Poses `(count, 3)` about what moves, with headings that the onboard sensor agrees with; None where nothing moves.
+    """Poses `(count, 3)` about the places `(k, 2)` of what moves, with headings that the onboard sensor agrees with.
+
+    None where nothing moves.
 
     `log_weight` is the onboard log-weight of poses `(n, 3)`.
     """
-    cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
-    places = np.concatenate([*cells, np.zeros((0, 2))])
     if not len(places):
         return None
     places = places[

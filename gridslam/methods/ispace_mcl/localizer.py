@@ -21,7 +21,13 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.assessment import Assessment, Watch
 from gridslam.methods.ispace_mcl.camera_config import SightingConfig
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.environment import DensityWeight, Frame, SightingWeight, proposals
+from gridslam.methods.ispace_mcl.environment import (
+    DensityWeight,
+    Frame,
+    SightingWeight,
+    all_moving,
+    proposals,
+)
 from gridslam.methods.ispace_mcl.relocalization import Contender, Tracked
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.methods.ispace_mcl.window import ScanWindow
@@ -120,7 +126,7 @@ class Localizer:
             with self._timed("search"):
                 self._is_started = self._compete(None, frames)
         with self._timed("weigh"):
-            self._weigh(beams)
+            self._weigh(beams, all_moving(frames, self._config.cameras))
         with self._timed("environment"):
             self._weigh_by_cameras(frames)
         with self._timed("assess"):
@@ -181,7 +187,8 @@ class Localizer:
         used = beams.thinned(self._config.scan.beams)
         if not count or not len(used.points):
             return
-        drawn = proposals(frames, cameras, lambda poses: self._log_weight(used, poses), count, self._rng)
+        moving = all_moving(frames, cameras)
+        drawn = proposals(moving, lambda poses: self._log_weight(used, poses, moving), count, self._rng)
         if drawn is None:
             return
         kept = systematic(self.particles.weights, len(self.particles) - count, float(self._rng.random()))
@@ -198,10 +205,11 @@ class Localizer:
             self._trust = 0.0
         self.particles = Particles(poses, self.particles.weights)
 
-    def _weigh(self, beams: Beams) -> None:
+    def _weigh(self, beams: Beams, moving: Floats) -> None:
+        """The onboard weight; `moving` `(k, 2)` is where the cameras know of people."""
         used = beams.thinned(self._config.scan.beams)
         if len(used.points):
-            self.particles = self.particles.reweighted(self._log_weight(used, self.particles.poses))
+            self.particles = self.particles.reweighted(self._log_weight(used, self.particles.poses, moving))
         else:
             self.counters["scan.without_returns"] += 1
 
