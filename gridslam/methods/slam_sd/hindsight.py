@@ -60,8 +60,8 @@ def stays_of(seen: Sequence[Stay], path: Floats, differs: Callable[[Floats, Floa
 
 
 def hinged_alike(seen: Sequence[Stay], path: Floats) -> list[Stay]:
-    """Those estimates of a door whose hinge is where that of the best explained one is: hinges do not move."""
-    best = max(seen, key=lambda stay: stay.gain).placed(path)
+    """Those estimates of a door whose hinge is where that of the most often read one is: hinges do not move."""
+    best = max(seen, key=lambda stay: stay.reads).placed(path)
     return [stay for stay in seen if float(np.hypot(*(stay.placed(path) - best)[:2])) < HINGE_APART_M]
 
 

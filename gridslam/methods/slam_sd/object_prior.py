@@ -22,10 +22,14 @@ SLAB_DOOR = np.pi  # rad over which a door's leaf may have turned
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """An estimate of earlier: the pivot's pose (3,) with its covariance `(3, 3)`, in the frame of the visit."""
+    """An estimate of earlier: the pivot's pose (3,) with its covariance `(3, 3)`, in the frame of the visit.
+
+    `is_firm`: the hinge is where it says; else the estimate may have been wrong altogether.
+    """
 
     pose: Floats
     covariance: Floats
+    is_firm: bool = False
 
 
 def log_prior(
@@ -53,7 +57,7 @@ def log_prior(
     if thing.is_door:
         hinge, turn = known.covariance[:2, :2], float(known.covariance[2, 2])
         away = np.einsum("ni,ij,nj->n", offset[:, :2], np.linalg.inv(hinge), offset[:, :2])
-        out -= 0.5 * trust * np.minimum(away, MOST_AWAY)
+        out -= 0.5 * away if known.is_firm else 0.5 * trust * np.minimum(away, MOST_AWAY)
         spike = np.exp(-0.5 * offset[:, 2] ** 2 / turn) * SLAB_DOOR / np.sqrt(2.0 * np.pi * turn)
     else:
         square = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(known.covariance), offset)
@@ -91,7 +95,7 @@ def draw(
         root = np.linalg.cholesky(known.covariance)
         about = known.pose + rng.standard_normal((n, 3)) @ root.T
         if thing.is_door:
-            hinged = slice(None) if not len(readers) else slice(None, None, 2)
+            hinged = slice(None) if known.is_firm else slice(None, None, 2)
             poses[hinged, :2] = about[hinged, :2]
             poses[::4, 2] = about[::4, 2]
         else:

@@ -101,12 +101,12 @@ class ObjectTracker:
 
     def _look_back(self, found: TrackedObject, visit: Visit, path: Floats) -> None:
         """A leaf that stands open may turn its tag away; but its hinge is known, and the scans show how it stood."""
-        middle_ns = (visit.first_ns + visit.last_ns) // 2
-        key = min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
+        key = self._key_amid(visit)
         known = self._known(found, path, key)
         evidence = self._evidence(found.thing, visit, None if known is None else known.pose[:2])
         if known is None or evidence is None:
             return
+        known = replace(known, is_firm=True)
         others = self._outlines({found.thing.id}, path, key)
         poses = ObjectFilter(found.thing, evidence.explained_by(others), known, self._config)
         posterior = poses.locate(self._rng)
@@ -143,7 +143,7 @@ class ObjectTracker:
         if visit.reads >= self._config.least_reads or self._is_near(found.thing, visit, known):
             return False
         places = self._doubted.setdefault(found.thing.id, [])
-        here = len(self._scans) - 1
+        here = self._key_amid(visit)
         reach = 2.0 * self._config.antenna.range_m
         before = sum(reads for key, reads in places if float(np.hypot(*(path[key] - path[here])[:2])) < reach)
         places.append((here, visit.reads))
@@ -157,6 +157,11 @@ class ObjectTracker:
         place = se2.compose(known.pose, np.array([*thing.centre, 0.0]))[:2]
         reach = self._config.antenna.range_m + thing.radius_m
         return bool(len(readers)) and float(np.hypot(*(readers - place).T).max()) < reach
+
+    def _key_amid(self, visit: Visit) -> int:
+        """The key scan in the middle of a visit."""
+        middle_ns = (visit.first_ns + visit.last_ns) // 2
+        return min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
 
     def _readers(self, thing: Thing, begin_ns: int, end_ns: int) -> Floats:
         """Where the antennas were `(r, 2)` that read one of its tags."""
@@ -253,8 +258,7 @@ class ObjectTracker:
         known: Known | None,
     ) -> Stay:
         """The outcome of a visit, hung on the key scan in its middle."""
-        middle_ns = (visit.first_ns + visit.last_ns) // 2
-        anchor = min(range(len(self._scans)), key=lambda i: abs(self._scans[i].stamp_ns - middle_ns))
+        anchor = self._key_amid(visit)
         frame = self._scans[anchor].pose
         closed = None
         if found.thing.is_door:
