@@ -109,7 +109,7 @@ class FixedCamera:
     depth: DepthBackground = field(init=False)
     is_moved: bool = False
     coverage: Floats = field(init=False)  # (m, 2) cells that are seen when nothing is in the way
-    _off: int = 0  # frames in a row with other depths
+    _suspicious: int = 0  # frames with other depths that are still to come before it counts as moved
     _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) where the coverage appears
     _depths: Floats = field(init=False)
 
@@ -128,14 +128,16 @@ class FixedCamera:
         is_learning = self.colour.frames <= s.warm_up
         if not is_learning and foreground.mean() > s.most_foreground:
             self.colour.restart()
+            self._suspicious = s.moved_frames
             return "light_changed"
-        is_off = self.depth.off_share(depth_m, foreground) > s.moved_share
         nearer = self.depth.nearer(depth_m)
-        if not is_off:
+        if self._suspicious and not is_learning:
+            self._compare(depth_m, foreground)
+        if not self._suspicious:
             self.depth.learn(depth_m)
         if is_learning:  # its colours cannot tell people from walls yet
             return "warm_up"
-        if self._is_moved_by(is_off):
+        if self._suspicious or self.is_moved:
             return "camera_moved"
         if not len(self.coverage):
             self._find_coverage()
@@ -143,14 +145,14 @@ class FixedCamera:
             foreground &= nearer
         return Sighting(*self._on_floor(foreground, depth_m), self._seen(depth_m))
 
-    def _is_moved_by(self, is_off: bool) -> bool:
-        """Whether a frame says nothing since its depths are not those learned, though its colours stand still.
+    def _compare(self, depth_m: Depth, foreground: NDArray[np.bool_]) -> None:
+        """After all colours have changed: was it the light, or are the depths others than those learned as well?
 
-        If that lasts, the camera was moved; it stays out of use, for its calibration is wrong.
+        If they are, frame after frame, the camera was moved; it stays out of use, for its calibration is wrong.
         """
-        self._off = self._off + 1 if is_off else 0
-        self.is_moved = self._off >= self.settings.moved_frames
-        return is_off
+        is_off = self.depth.off_share(depth_m, foreground) > self.settings.moved_share
+        self._suspicious = self._suspicious - 1 if is_off else 0
+        self.is_moved = is_off and not self._suspicious
 
     def _on_floor(self, foreground: NDArray[np.bool_], depth_m: Depth) -> tuple[Floats, Floats]:
         """Floor positions of foreground pixels within the height band, and the surface that each stands for."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
 from gridslam.methods.ispace_mcl.camera_config import CamerasConfig
-from gridslam.methods.ispace_mcl.environment import Frame
+from gridslam.methods.ispace_mcl.environment import Frame, moving_cells
 from gridslam.sensors.fixed_camera import CameraSettings, FixedCamera, Pinhole, Sighting
 
 Floats = NDArray[np.float64]
@@ -39,6 +39,7 @@ class Cameras:
         self._latest: dict[str, tuple[int, Sighting]] = {}  # of those handed out
         self._last_ns: dict[str, int] = {}
         self._path: deque[tuple[int, Floats]] = deque(maxlen=_KEPT_POSES)
+        self._moved: list[Floats] = []  # what moved in each frame used
         self.fixed: dict[str, FixedCamera] = {}
         self.counters: Counter[str] = Counter()
         self.reasons: dict[str, Counter[str]] = {}
@@ -92,6 +93,7 @@ class Cameras:
                 continue
             self._use(name)
             self._latest[name] = then_ns, sighting
+            self._moved.append(moving_cells(sighting, self._config.cell_m, self._config.least_area_m2))
             frames.append(frame)
         return frames
 
@@ -114,8 +116,16 @@ class Cameras:
         seen = [camera.coverage for camera in self.fixed.values()]
         return np.unique(np.concatenate(seen), axis=0) if seen else np.zeros((0, 2))
 
+    def moving(self) -> Floats:
+        """Centres `(m, 2)` of the floor cells in which something moved, once for every frame that showed it."""
+        return np.concatenate([*self._moved, np.zeros((0, 2))])
+
     def finish(self) -> None:
-        """Count what was left over when the log ended."""
+        """Count what was left over when the log ended, and the cameras that had fallen silent by then."""
+        end_ns = self._path[-1][0] if self._path else 0
+        for name, last_ns in self._last_ns.items():
+            if end_ns - last_ns > self._config.silent_s * 1e9:
+                self.reasons[name]["silences"] += 1
         for name in list(self._images):
             self._skip(name, "no_depth")
         self.counters["skipped.depth.no_image"] += len(self._depths)

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
+from gridslam.core.trajectory import Trajectory
 from gridslam.filters.free_space import free_cells
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.base import Estimate, Picture, RunResult
 from gridslam.methods.ispace_mcl.camera_config import DensityConfig
 from gridslam.methods.ispace_mcl.cameras import Cameras
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.localizer import Localizer, Update
 from gridslam.methods.ispace_mcl.onboard_depth import OnboardDepth
+from gridslam.methods.ispace_mcl.pictures import coverage_picture
 from gridslam.methods.ispace_mcl.record import Record
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import Mounting, beams_of, mounting_of
@@ -102,14 +104,23 @@ class IspaceMcl:
         self._cameras.finish()
         counters = self._counters + self._localizer.counters + self._scans.counters
         counters += self._cameras.counters + self._depth.counters
+        path = self._record.trajectory()
         return RunResult(
-            self._record.trajectory(),
+            path,
+            pictures=self._pictures(path),
             tables={"localization": self._record.table()},
             series=self._record.series(),
             counters=dict(counters),
             timings_s={**self._localizer.timings_s, "cameras": self._cameras_s},
             measures={**self._record.measures(), **self._camera_measures()},
         )
+
+    def _pictures(self, path: Trajectory) -> dict[str, Picture]:
+        coverage = self._cameras.coverage()
+        if not len(coverage):
+            return {}
+        moving, cell_m = self._cameras.moving(), self._config.cameras.cell_m
+        return {"cameras": coverage_picture(self._occupancy, coverage, moving, cell_m, path)}
 
     def _camera_measures(self) -> dict[str, object]:
         measures = self._cameras.measures()

@@ -1,0 +1,70 @@
+"""The map with what the fixed cameras cover and saw moving, and the path that was found."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.base import Picture
+
+Floats = NDArray[np.float64]
+Pixels = NDArray[np.uint8]
+
+_WIDEST_PX = 1400
+_LARGEST_SCALE = 8
+_UNKNOWN, _FREE, _WALL = (205, 205, 205), (255, 255, 255), (30, 30, 30)
+_COVERED = np.array([120.0, 170.0, 235.0])
+_MOVING = np.array([235.0, 120.0, 30.0])
+_PATH, _START = (20, 140, 60), (20, 90, 200)
+
+
+def coverage_picture(
+    occupancy: OccupancyGrid, coverage: Floats, moving: Floats, cell_m: float, path: Trajectory
+) -> Picture:
+    """Covered floor `(k, 2)` blue, where something moved `(m, 2)` orange, the stronger the more often, the path green."""
+    probability = occupancy.probability
+    sheet = np.full((*probability.shape, 3), _UNKNOWN, np.uint8)
+    sheet[probability < 0.5] = _FREE
+    colours = sheet.astype(np.float64)
+    _tint(colours, _share(occupancy, coverage, cell_m) > 0, 0.45, _COVERED)
+    seen = _share(occupancy, moving, cell_m)
+    _tint(colours, seen > 0, (0.35 + 0.65 * np.sqrt(seen / max(seen.max(), 1.0)))[seen > 0, None], _MOVING)
+    sheet = colours.astype(np.uint8)
+    sheet[probability >= 0.5] = _WALL
+    scale = int(np.clip(_WIDEST_PX // max(sheet.shape[:2]), 1, _LARGEST_SCALE))
+    sheet = np.ascontiguousarray(np.repeat(np.repeat(sheet, scale, 0), scale, 1))
+    _draw_path(sheet, occupancy, path, scale)
+    note = (
+        "Blue: floor that some fixed camera sees. Orange: where the cameras saw something move, the robot and people alike. "
+        "Green: the path found, from the blue dot."
+    )
+    return Picture(np.ascontiguousarray(sheet[::-1]), "What the fixed cameras saw", note)
+
+
+def _tint(colours: Floats, where: NDArray[np.bool_], share: float | Floats, colour: Floats) -> None:
+    colours[where] = (1.0 - share) * colours[where] + share * colour
+
+
+def _share(occupancy: OccupancyGrid, cells: Floats, cell_m: float) -> Floats:
+    """How often each cell of the map `(rows, cols)` lies in one of the floor cells with these centres `(k, 2)`."""
+    counts = np.zeros(occupancy.probability.shape)
+    reach = int(cell_m / occupancy.geometry.resolution_m / 2.0)
+    for d_row in range(-reach, reach + 1):
+        for d_col in range(-reach, reach + 1):
+            offset = np.array([d_row, d_col])
+            index = occupancy.geometry.cells(cells) + offset if len(cells) else np.zeros((0, 2), np.int64)
+            rows, cols = index[(index >= 0).all(axis=1) & (index < counts.shape).all(axis=1)].T
+            np.add.at(counts, (rows, cols), 1.0)
+    return counts
+
+
+def _draw_path(sheet: Pixels, occupancy: OccupancyGrid, path: Trajectory, scale: int) -> None:
+    if not len(path):
+        return
+    cells = occupancy.geometry.cells(path.poses[:, :2])
+    points = (cells[:, ::-1] * scale + scale // 2).astype(np.int32)
+    cv2.polylines(sheet, [points.reshape(-1, 1, 2)], False, _PATH, max(scale // 3, 1), cv2.LINE_AA)
+    cv2.circle(sheet, tuple(points[0].tolist()), scale + 1, _START, -1, cv2.LINE_AA)
