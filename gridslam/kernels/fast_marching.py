@@ -42,16 +42,16 @@ def arrival_costs(
             c = col + (1 if k == 2 else -1 if k == 3 else 0)
             if r < 0 or c < 0 or r >= rows or c >= cols:
                 continue
-            there = np.int64(r * cols + c)
+            there = int(r * cols + c)
             if done[there] or price[r, c] == np.inf:
                 continue
             new = np.float32(_eikonal(cost, done, rows, cols, r, c, price[r, c]))
             if new < cost[there]:
                 cost[there] = new
-                heapq.heappush(queue, (new, there))
-    for cell in range(rows * cols):
-        if not done[cell]:
-            cost[cell] = np.inf
+                heapq.heappush(queue, (new, np.int64(there)))
+    for at in range(rows * cols):
+        if not done[at]:
+            cost[at] = np.inf
     return cost.reshape((rows, cols))
 
 

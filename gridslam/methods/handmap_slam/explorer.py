@@ -21,6 +21,7 @@ from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.explorer_outcome import exploration_measures, tour_picture, tour_table
+from gridslam.methods.handmap_slam.frontier import FrontierTour
 from gridslam.methods.handmap_slam.line_front_end import moved
 from gridslam.methods.handmap_slam.method import HandmapSlam
 from gridslam.methods.handmap_slam.observation_plan import ObservationPlan, plan_observation
@@ -35,6 +36,7 @@ from gridslam.sensors.lidar_beams import Mounting, mounting_of
 Floats = NDArray[np.float64]
 
 ODOMETRY_KEPT = 200
+BEYOND = -2  # the goal when the tour is done
 RESCALE = 1.03  # the planning grid is made again when a scale has changed by more
 MOST_TWIST_S = 0.5
 GOAL_SHARE = 0.5  # of the arrival distance: the path ends well inside, so that the robot does not stop short
@@ -51,7 +53,10 @@ class Situation:
 
 
 class Explorer:
-    """Visits the observation points of a drawing one after the other; `is_finished` when all are settled."""
+    """Visits the observation points of a drawing one after the other, then what the drawing lacks.
+
+    `is_finished` when all points are settled and no border to unseen space is left.
+    """
 
     def __init__(self, config: ExplorationConfig, drawn: DrawnMap, drive: Drive, seed: int) -> None:
         self._config = config
@@ -64,6 +69,7 @@ class Explorer:
         self._waiting: list[SeenScan] = []
         self._memory = ScanMemory(config.path)
         self._pursuit = Pursuit(config, drive)
+        self.frontiers = FrontierTour(config.path, config.frontier)
         self._grid: PlanGrid | None = None
         self._planned_ns = 0
         self._settled = 0
@@ -75,7 +81,11 @@ class Explorer:
 
     @property
     def is_finished(self) -> bool:
-        """Whether every observation point is settled."""
+        """Whether there is nothing left to look at."""
+        return self._is_tour_done and self.frontiers.is_finished
+
+    @property
+    def _is_tour_done(self) -> bool:
         return self.plan is not None and not self.plan.tour
 
     @property
@@ -107,10 +117,10 @@ class Explorer:
         if self.plan is None:
             self.plan = plan_observation(self._drawn, now.pose, self._drive.radius_m, self._config, self._rng)
         self._check_arrival(now)
-        if self.is_finished:
-            return Command.stand()
         if self._is_time_to_plan(now):
             self._find_way(now)
+        if self.is_finished:
+            return Command.stand()
         return self._pursuit.command(now.stamp_ns, now.T_odom_base, self._speeds)
 
     def _situation(self, estimate: Estimate, pose: DrawingPose) -> Situation:
@@ -129,7 +139,9 @@ class Explorer:
         T_map_odom = se2.compose(estimate.pose, se2.inverse(self._odometry_at(estimate.stamp_ns)))
         for scan in self._waiting:
             T_odom_then = self._odometry_at(scan.stamp_ns)
-            self._memory.add(se2.compose(T_map_odom, T_odom_then), scan)
+            T_map_then = se2.compose(T_map_odom, T_odom_then)
+            self._memory.add(T_map_then, scan)
+            self.frontiers.seen.add(T_map_then, scan)
         if self.plan is not None:
             back = se2.between(now.T_odom_base, T_odom_then)
             self.plan.look(scan, moved(now.pose, back), now.stamp_ns)
@@ -151,12 +163,18 @@ class Explorer:
     def _is_time_to_plan(self, now: Situation) -> bool:
         assert self.plan is not None
         period_ns = self._config.path.period_s * 1e9
-        return self.plan.tour[0] != self._goal or now.stamp_ns - self._planned_ns >= period_ns
+        goal = self.plan.tour[0] if self.plan.tour else BEYOND
+        return goal != self._goal or now.stamp_ns - self._planned_ns >= period_ns
 
     def _find_way(self, now: Situation) -> None:
         """Find the path to the current point anew; give the point up when there is none, or no progress, for long."""
         plan = self.plan
-        assert plan is not None and plan.current is not None
+        assert plan is not None
+        if plan.current is None:
+            self._goal, self._planned_ns = BEYOND, now.stamp_ns
+            found = self.frontiers.way(now.stamp_ns, now.T_map_base, self._drive.radius_m)
+            self._pursuit.follow(found.way, now.T_odom_base)
+            return
         if plan.tour[0] != self._goal:
             self._goal, self._least_cost_m = plan.tour[0], np.inf
             self._nearer_ns = self._open_ns = now.stamp_ns
@@ -233,7 +251,7 @@ class MappingExplorer:
 
     @property
     def is_finished(self) -> bool:
-        """Whether every observation point is settled."""
+        """Whether there is nothing left to look at."""
         return self._explorer.is_finished
 
     def see(self, event: object) -> None:
@@ -247,7 +265,12 @@ class MappingExplorer:
     def told(self, result: RunResult) -> RunResult:
         """The mapper's result with the tour, what of it was not reached, and the picture of it all."""
         plan = self._explorer.plan
-        measures = {**exploration_measures(plan), "recoveries": self._explorer.recoveries}
+        frontiers = self._explorer.frontiers
+        measures = {
+            **exploration_measures(plan),
+            "borders": {"seen_through": frontiers.visited, "given_up": frontiers.given_up},
+            "recoveries": self._explorer.recoveries,
+        }
         tables = {**result.tables, **({"tour": tour_table(plan)} if plan else {})}
         pictures = dict(result.pictures)
         if "drawing" in pictures:

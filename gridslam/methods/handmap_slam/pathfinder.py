@@ -59,10 +59,28 @@ def find_path(
     """The way from the robot to within `arrival_m` of a goal (drawing metres) over prices; `solid` cells are never entered."""
     price = _with_room_for_robot(grid, price, solid, pose, radius_m)
     goals = goal_cells(grid, price, goal_xy, arrival_m)
+    if not len(goals):
+        return FoundPath(np.zeros((0, 2)), np.inf, is_walled=True)
+    return _way_to(grid, price, pose, goals)
+
+
+def find_path_to_cells(
+    grid: PlanGrid,
+    price: NDArray[np.float32],
+    solid: Cells,
+    pose: DrawingPose,
+    goals: NDArray[np.int64],
+    radius_m: float,
+) -> FoundPath:
+    """The way from the robot to the nearest of some cells `(k, 2)` (row, col) over prices; `solid` cells are never entered."""
+    return _way_to(grid, _with_room_for_robot(grid, price, solid, pose, radius_m), pose, goals)
+
+
+def _way_to(
+    grid: PlanGrid, price: NDArray[np.float32], pose: DrawingPose, goals: NDArray[np.int64]
+) -> FoundPath:
     here = grid.cell_of(pose)
     none = np.zeros((0, 2))
-    if not len(goals):
-        return FoundPath(none, np.inf, is_walled=True)
     if not (0 <= here[0] < price.shape[0] and 0 <= here[1] < price.shape[1]):
         return FoundPath(none, np.inf)
     cost = cost_to_go(price, goals, here)

@@ -77,6 +77,22 @@ class PatienceConfig(StrictModel):
     longest_s: float = Field(3600.0, gt=0.0, description="after which an exploration ends")
 
 
+class FrontierConfig(StrictModel):
+    """What the drawing lacks, visited when its tour is done (beyond the paper)."""
+
+    enabled: bool = Field(True, description="go on to borders between seen and unseen space")
+    least_m: float = Field(0.8, gt=0.0, description="shorter borders are left alone")
+    apart_m: float = Field(
+        0.8, gt=0.0, description="borders so near to one that was given up are left alone as well"
+    )
+    patience_s: float = Field(
+        20.0, gt=0.0, description="a border that came no nearer for so long is given up"
+    )
+    near_m: float = Field(
+        0.4, gt=0.0, description="a border that is still there at this distance is given up, too"
+    )
+
+
 class ExplorationConfig(StrictModel):
     """All of it."""
 
@@ -84,3 +100,4 @@ class ExplorationConfig(StrictModel):
     path: PathConfig = PathConfig()
     motion: MotionConfig = MotionConfig()
     patience: PatienceConfig = PatienceConfig()
+    frontier: FrontierConfig = FrontierConfig()

@@ -27,6 +27,7 @@ Cells = NDArray[np.bool_]
 HIT_SHARE = 0.15  # a cell with fewer surfaces per passing beam is free: stray readings, people who have left
 LEAST_PASSED = 2
 STAND_OFF_CELLS = 1.5
+LEAST_SILENT = 4  # neighbouring beams without return from which there is nothing indeed
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +48,15 @@ class SeenScan:
 def seen_scan(scan: LaserScan, mounting: Mounting, twist: Floats, reach_m: float) -> SeenScan:
     """The beams of a scan, cut at a reach; `twist` (vx, vy, wz) `(3,)` undoes the motion during the sweep.
 
-    A beam that met nothing within the reach passes all of it; NaN, and readings below the sensor's least, say nothing.
+    A beam that met something farther away passes all of the reach, and so does one without return if its neighbours have none
+    either: single ones are lost beams and say nothing, like NaN and readings below the sensor's least.
     """
     ranges = scan.ranges_m.astype(np.float64)
     limit = min(reach_m, scan.range_max_m) if scan.range_max_m > 0.0 else reach_m
     with np.errstate(invalid="ignore"):
         returned = ranges < limit
         usable = np.where(ranges >= limit, limit, ranges).astype(np.float32)
+        usable[_lost(~(ranges < scan.range_max_m) & ~np.isnan(ranges))] = np.nan
     sign = -1.0 if mounting.flipped else 1.0
     ends, beams = scan_to_points(
         usable,
@@ -67,6 +70,16 @@ def seen_scan(scan: LaserScan, mounting: Mounting, twist: Floats, reach_m: float
     )
     origin = np.ascontiguousarray(mounting.pose[:2])
     return SeenScan(scan.stamp_ns, origin, np.asarray(ends), np.asarray(returned[beams]))
+
+
+def _lost(silent: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The beams without return `(n,)` that do not stand in a row of at least so many."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], silent, [False]]).astype(np.int8)))
+    lost = silent.copy()
+    for first, after in zip(edges[::2], edges[1::2], strict=True):
+        if after - first >= LEAST_SILENT:
+            lost[first:after] = False
+    return lost
 
 
 class ScanMemory:
