@@ -16,6 +16,7 @@ from gridslam.sweep.work import Job, Stop, do
 POLL_S = 0.2
 CONNECT_S = 10
 
+_NOISY = ("distributed", "tornado", "asyncio")
 _one_at_a_time = threading.Lock()
 _log = logging.getLogger(__name__)
 
@@ -59,7 +60,9 @@ def _connect(address: str) -> Any:
         raise ConfigError(
             "--scheduler: Dask is not installed here; pip install 'gridslam[dask]', or leave it out and use --jobs"
         ) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in our own words
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] in _NOISY:  # what goes wrong is told in our own words
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         connect: Any = distributed.Client  # untyped
         return connect(address, timeout=CONNECT_S, set_as_default=False)

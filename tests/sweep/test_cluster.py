@@ -1,0 +1,122 @@
+"""A sweep on a Dask cluster that the test starts on this machine."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.sweep.test_local import command, eventually, sweep, tables
+
+pytest.importorskip("distributed", reason="Dask is not installed: pip install 'gridslam[dask]'")
+
+ENVIRONMENT = {
+    **os.environ,
+    "DASK_DISTRIBUTED__DASHBOARD__LINK": "",
+    "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "30s",
+    "NUMBA_NUM_THREADS": "1",
+}
+
+
+@contextmanager
+def started(log: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A `dask` command that is ended with the block; what it says goes to a file."""
+    with (
+        log.open("wb") as stream,
+        subprocess.Popen(
+            [sys.executable, "-m", "dask", *arguments],
+            stdout=stream,
+            stderr=stream,
+            env=ENVIRONMENT,
+            cwd=log.parent,
+        ) as process,
+    ):
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+class Cluster:
+    """A scheduler, and workers by name."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self.folder, self.stack = folder, stack
+        log = folder / "scheduler.log"
+        options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        self.scheduler = stack.enter_context(started(log, "scheduler", *options))
+        eventually(lambda: re.search(rb"Scheduler at:\s+(tcp://\S+)", log.read_bytes()))
+        found = re.search(rb"Scheduler at:\s+(tcp://\S+)", log.read_bytes())
+        assert found is not None
+        self.address = found[1].decode()
+
+    def add_worker(self, name: str) -> subprocess.Popen[bytes]:
+        log = self.folder / f"{name}.log"
+        options = ("--no-nanny", "--nthreads", "1", "--name", name, "--no-dashboard")
+        worker = self.stack.enter_context(started(log, "worker", self.address, *options))
+        eventually(lambda: b"Registered to" in log.read_bytes())
+        return worker
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler on loopback, without workers."""
+    with ExitStack() as stack:
+        yield Cluster(tmp_path, stack)
+
+
+def test_a_worker_killed_in_mid_run_loses_nothing(sweep_file: Path, tmp_path: Path, cluster: Cluster) -> None:
+    output = tmp_path / "out"
+    first = cluster.add_worker("first")
+    with subprocess.Popen(
+        command(sweep_file, "-o", output, "--scheduler", cluster.address),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        eventually(lambda: list(output.glob("records/**/*.json")))  # it has ended one run and is at the next
+        first.send_signal(signal.SIGKILL)
+        cluster.add_worker("second")
+        out, err = process.communicate(timeout=240)
+    assert process.returncode == 0, err
+    assert "3/3" in out
+    assert sweep(sweep_file, "-o", tmp_path / "local", "--jobs", "2").returncode == 0
+    assert tables(output) == tables(tmp_path / "local")
+
+
+def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    with ExitStack() as stack:
+        gone = Cluster(tmp_path, stack)
+        gone.add_worker("only")
+        process = stack.enter_context(
+            subprocess.Popen(
+                command(sweep_file, "-o", output, "--scheduler", gone.address),
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        )
+        eventually(lambda: list(output.glob("records/**/*.json")))
+        gone.scheduler.kill()
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 4
+    assert "lost; the same command goes on" in err
+    assert "Traceback" not in err
+
+
+def test_no_scheduler_at_the_address_is_told(sweep_file: Path, tmp_path: Path) -> None:
+    done = sweep(sweep_file, "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
+    assert done.returncode == 2
+    assert "cannot be reached" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
