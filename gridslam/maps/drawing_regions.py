@@ -25,7 +25,7 @@ WIDEST_LEAKS_PX = (
     15,
     20,
 )  # half gaps through which the outside is kept from coming in
-ENCLOSED_SHARE = 0.25  # of the strokes' bounding box: less is no enclosed place, but a loop of a pen
+ENCLOSED_SHARE = 0.35  # of the strokes' surface must border on what is enclosed: less is but a loop of a pen
 START_AROUND_PX = 3
 CLOSING_DIRECTIONS = 8
 
@@ -101,8 +101,7 @@ def _outside(barrier: Mask, start: tuple[int, int] | None) -> Mask | None:
 
     Gaps in the outline are kept shut by the least closing that encloses a place.
     """
-    rows, cols = np.nonzero(barrier)
-    box = float((np.ptp(rows) + 1) * (np.ptp(cols) + 1))
+    surface = barrier & _grown(~barrier, 1)
     to_wall = _distance(~barrier)
     widest = float(to_wall.max())
     for reach in WIDEST_LEAKS_PX:
@@ -119,7 +118,7 @@ def _outside(barrier: Mask, start: tuple[int, int] | None) -> Mask | None:
             and bool((_component(inside, start) & (to_wall > reach)).any())
         ):
             return outside
-        if start is None and float(inside.sum()) > ENCLOSED_SHARE * box:
+        if start is None and (surface & _grown(inside, 1)).sum() > ENCLOSED_SHARE * surface.sum():
             return outside
     return None
 

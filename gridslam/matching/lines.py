@@ -12,6 +12,7 @@ from gridslam.maps.occupancy import GridGeometry
 
 Floats = NDArray[np.float64]
 
+MOST_FAILURES = 3  # draws whose best line falls apart into runs that are too short
 _ANGLE_STEP_RAD = np.pi / 180.0
 
 
@@ -35,6 +36,11 @@ class Segments:
     def lengths_m(self) -> Floats:
         """Lengths `(k,)`."""
         return np.asarray(np.hypot(*(self.ends - self.starts).T))
+
+    def longer_than(self, length_m: float) -> Segments:
+        """The segments of at least this length."""
+        kept = self.lengths_m >= length_m
+        return Segments(self.starts[kept], self.ends[kept])
 
     def distances_to(self, points: Floats) -> Floats:
         """Distances `(n, k)` of points `(n, 2)` to the segments."""
@@ -62,27 +68,34 @@ def ransac_lines(
     most_lines: int,
     hypotheses: int,
     rng: np.random.Generator,
+    gap_m: float = 1.0,
 ) -> Segments:
     """Lines of a scan's points `(m, 2)`, the best supported first; each is fitted to its points by least squares.
 
     One after the other the line with most points within the tolerance is taken, and its points with it (Fischler and Bolles
-    1981). A line ends where its points do.
+    1981). A line ends where its points do, and where there is none for `gap_m`: what else lies in line with it is another wall,
+    or chance.
     """
     left = points
     starts: list[Floats] = []
     ends: list[Floats] = []
+    tries = 0
     while len(starts) < most_lines and len(left) >= least_points:
         inliers = _best_support(left, tolerance_m, hypotheses, rng)
         if int(inliers.sum()) < least_points:
             break
         centre, direction = _fitted(left[inliers])
         off = left - centre
+        along = off @ direction
         inliers = np.abs(off[:, 0] * direction[1] - off[:, 1] * direction[0]) < tolerance_m
+        inliers[inliers] = _longest_run(along[inliers], gap_m)
         if int(inliers.sum()) < least_points:
-            break
-        along = off[inliers] @ direction
-        starts.append(centre + along.min() * direction)
-        ends.append(centre + along.max() * direction)
+            tries += 1
+            if tries > MOST_FAILURES:
+                break
+            continue
+        starts.append(centre + along[inliers].min() * direction)
+        ends.append(centre + along[inliers].max() * direction)
         left = left[~inliers]
     return Segments(np.array(starts), np.array(ends)) if starts else Segments.none()
 
@@ -100,6 +113,16 @@ def _best_support(
     distance = np.abs(points @ normal.T - (points[first] * normal).sum(axis=1))
     near = distance < tolerance_m
     return np.asarray(near[:, int(near.sum(axis=0).argmax())])
+
+
+def _longest_run(along: Floats, gap_m: float) -> NDArray[np.bool_]:
+    """Of places `(m,)` on a line those of the longest run without a gap."""
+    order = np.argsort(along, kind="stable")
+    run = np.concatenate([[0], np.cumsum(np.diff(along[order]) > gap_m)]) if len(along) else order
+    kept = np.zeros(len(along), np.bool_)
+    if len(along):
+        kept[order[run == np.bincount(run).argmax()]] = True
+    return kept
 
 
 def _fitted(points: Floats) -> tuple[Floats, Floats]:

@@ -91,14 +91,14 @@ def drive(world: World, folder: Path) -> Drive:
     return Drive(tuple(events), Trajectory(np.array([t.stamp_ns for t in truth]), poses).sorted(), grid)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=10)
 def built_in_drive(name: str, seed: int) -> Drive:
     """The route of a world that ships with the program, with other noise."""
     world, path = load_world(name, seed=seed)
     return drive(world, path.parent)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=10)
 def sketched_drive(plan: Path, start_px: tuple[float, float], resolution_m: float, seed: int) -> Drive:
     """A round through the place that a picture of a plan shows (walls bright), from a start in pixels from its top left."""
     rows = load_drawing(plan).levels.shape[0]

@@ -72,7 +72,7 @@ class LocalizationConfig(StrictModel):
     )
     aspect_per_root_m: float = Field(0.01, ge=0.0, description="and of its two parts against each other")
     wall_penalty: float = Field(
-        1.0,
+        3.0,
         ge=0.0,
         description="log-likelihood that a robot loses at each update where the drawing has no free space",
     )
@@ -123,11 +123,17 @@ class SearchConfig(StrictModel):
 class LineConfig(StrictModel):
     """Lines of the scan and of the drawing, and when a drawn line counts as observed (paper section 6.1)."""
 
-    tolerance_m: float = Field(0.05, gt=0.0, description="farthest point of a line of the scan")
+    tolerance_m: float = Field(0.03, gt=0.0, description="farthest point of a line of the scan")
+    gap_m: float = Field(1.0, gt=0.0, description="a line of the scan ends where it has no point for so long")
     least_points: int = Field(12, ge=3, description="points of a line of the scan at least")
     most_lines: int = Field(8, ge=1, description="most lines of a scan")
     hypotheses: int = Field(80, ge=1, description="RANSAC draws for each line")
     least_length_m: float = Field(0.8, gt=0.0, description="shorter lines of the scan do not count")
+    turn_length_m: float = Field(
+        2.5,
+        gt=0.0,
+        description="lines of the scan turn the heading from this length on: shorter ones lie on curves",
+    )
     drawn_length_m: float = Field(1.0, gt=0.0, description="least length of a drawn line, drawing metres")
     drawn_gap_m: float = Field(0.5, ge=0.0, description="gaps in a drawn line, drawing metres")
     drawn_votes: int = Field(8, ge=1, description="least votes of the Hough transform")

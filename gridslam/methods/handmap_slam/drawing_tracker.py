@@ -85,6 +85,7 @@ class DrawingTracker:
             config.most_lines,
             config.hypotheses,
             self._line_rng,
+            config.gap_m,
         )
 
     def take(self, scan: PreparedScan, track_pose: Floats, row: int, lines: Segments | None = None) -> None:

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 FIELD_POINTS = 90
 FIELD_YAW_RAD = np.linspace(-0.1, 0.1, 41)
 FIELD_SHIFTS_M = np.linspace(-0.3, 0.3, 5)
+MOST_TURN_RAD = 0.05  # that the drawing adds to the heading at one scan: it is bent, the robot's way is not
+FIELD_GAIN = 0.2  # share of the field's turn that is taken, the former scan having its say as well
 FAR_LINE_M = 1.5  # a line of the scan corresponds to no drawn line farther away (metres of the world)
 
 
@@ -50,9 +52,8 @@ class LineFrontEnd:
         deviations = odometry_deviations(step, self._step, self._config.odometry)
         self._odometry, self._step = odometry, step
         predicted = se2.compose(self.pose, step)
-        turn = self._turn_from_drawing(scan, predicted, step)
-        if turn is not None:
-            predicted[2] = float(se2.wrap_angle(predicted[2] + turn))
+        turn, by_lines = self._turn_from_drawing(scan, predicted, step)
+        predicted[2] = float(se2.wrap_angle(predicted[2] + turn))
         surfaces = self._config.surfaces
         found = point_to_plane(
             scan.points,
@@ -62,7 +63,7 @@ class LineFrontEnd:
             surfaces.reach_m,
             surfaces.sigma_m,
             np.diag(1.0 / deviations**2),
-            solve_yaw=turn is None,
+            solve_yaw=not by_lines,
         )
         is_matched = found.matches >= surfaces.min_points
         self.pose = np.asarray(se2.compose(self._former_pose, found.pose)) if is_matched else predicted
@@ -72,11 +73,14 @@ class LineFrontEnd:
         """The scan at the present pose is the one that the next ones are registered to."""
         self._former, self._former_pose = scan, self.pose.copy()
 
-    def _turn_from_drawing(self, scan: PreparedScan, predicted: Floats, step: Floats) -> float | None:
-        """What the heading lacks by the drawing's lines, or by its distance field where the scan has no lines; None: unknown."""
+    def _turn_from_drawing(self, scan: PreparedScan, predicted: Floats, step: Floats) -> tuple[float, bool]:
+        """What the heading lacks by the drawing, and whether lines say so.
+
+        Where the scan has no lines (curved walls) the drawing's distance field gives the turn, and the former scan the rest.
+        """
         before = self.drawing_pose
         if before is None:
-            return None
+            return 0.0, False
         if self._heading_offset is None:
             self._heading_offset = before.yaw_rad - float(self.pose[2])
         ahead = moved(before, step)
@@ -90,14 +94,19 @@ class LineFrontEnd:
             ahead.spread_m,
             ahead.fit,
         )
-        turn = line_turn(self.lines, at, self._observer, self._config.lines.parallel_rad)
-        return turn if turn is not None else self._field_turn(scan, at)
+        config = self._config.lines
+        turn = line_turn(
+            self.lines.longer_than(config.turn_length_m), at, self._observer, config.parallel_rad
+        )
+        if turn is not None:
+            return float(np.clip(turn, -MOST_TURN_RAD, MOST_TURN_RAD)), True
+        return FIELD_GAIN * self._field_turn(scan, at), False
 
-    def _field_turn(self, scan: PreparedScan, at: DrawingPose) -> float | None:
+    def _field_turn(self, scan: PreparedScan, at: DrawingPose) -> float:
         """The turn with which the scan fits the drawing's distance field best, for curved walls that have no lines."""
         points = scan.subset(FIELD_POINTS)[0]
         if len(points) < self._config.surfaces.min_points:
-            return None
+            return 0.0
         turn, dx, dy = (
             g.ravel() for g in np.meshgrid(FIELD_YAW_RAD, FIELD_SHIFTS_M, FIELD_SHIFTS_M, indexing="ij")
         )
@@ -110,7 +119,7 @@ class LineFrontEnd:
                 np.full(len(turn), np.log(at.scale_y)),
             ]
         )
-        scores = self._likelihood.log_likelihood(points, states)
+        scores = self._config.localization.point_weight * self._likelihood.log_likelihood(points, states)
         weights = np.exp(scores - scores.max())
         return float(weights @ turn / weights.sum())
 
