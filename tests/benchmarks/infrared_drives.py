@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,13 @@ from scipy.spatial import cKDTree
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Odometry, Range
 from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.alignment import find_alignment
+from gridslam.evaluation.association import associate
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.methods.ir_scan.method import IrScanMapper
+from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
 from gridslam.simulation.mounts import planar
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
@@ -88,11 +89,15 @@ def in_reach(
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Metres and square metres; `clearance_m` is from the robot's rim to the nearest cell of its own map's walls."""
+    """Metres; absolute, the start being known, and `aligned`: after the rigid motion that lays the path best on the true one,
+    as `gridslam evaluate` measures a map by default. `clearance_m` is from the robot's rim to the nearest wall cell of its own map.
+    """
 
     accuracy: Floats
+    aligned_accuracy: Floats
     completeness: Floats
     final_m: float
+    aligned_final_m: float
     clearance_m: float
     process_s: float
     result: RunResult
@@ -117,15 +122,34 @@ def mapped(ride: Drive, config: IrScanConfig, seed: int = 0) -> Scores:
     made = result.occupancy
     assert made is not None
     accuracy = wall_distances(made, ride.walls, start).accuracy
+    aligned = alignment_of(result.trajectory, ride.truth)
     completeness = wall_distances(made, ride.walls_in_reach, start).completeness
     return Scores(
         accuracy,
+        wall_distances(made, ride.walls, aligned).accuracy,
         completeness,
         final_error(result.trajectory, ride.truth, start),
+        final_error(result.trajectory, ride.truth, aligned),
         clearance(made, result.trajectory, ride.world.robot.radius_m),
         process_s,
         result,
     )
+
+
+def alignment_of(found: Trajectory, truth: Trajectory) -> Floats:
+    """T_truth_map `(3,)` by least squares over the positions of the path."""
+    pairs = associate(found, truth.sorted(), "nearest", 10_000_000)
+    alignment = find_alignment(pairs.estimate, pairs.truth, "se2", False)
+    assert alignment is not None
+    return alignment.T_truth_estimate
+
+
+def localized(ride: Drive, config: IrScanConfig, seed: int = 0) -> float:
+    """Final position error (m) of a drive that is localized on the true map; the config has the start in that map."""
+    method = IrScanLocalizer(config, seed, ride.walls)
+    for event in ride.events:
+        method.process(event)
+    return final_error(method.result().trajectory, ride.truth, np.zeros(3))
 
 
 def final_error(found: Trajectory, truth: Trajectory, T_truth_map: Floats) -> float:
@@ -146,10 +170,3 @@ def clearance(made: OccupancyGrid, path: Trajectory, radius_m: float) -> float:
             away = np.maximum(np.abs(walls[near] - pose[:2]) - half, 0.0)
             least = min(least, float(np.hypot(*away.T).min()))
     return least - radius_m if np.isfinite(least) else 0.3
-
-
-def folder_of(name: str) -> Path:
-    """A folder for pictures and figures of a benchmark."""
-    folder = Path("out") / "benchmarks" / name
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
