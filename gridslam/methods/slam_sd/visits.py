@@ -32,7 +32,7 @@ class VisitBook:
         known = {self._thing_of_tag[tag] for tag in seen.tag_ids if tag in self._thing_of_tag}
         unknown = sum(tag not in self._thing_of_tag for tag in seen.tag_ids)
         if unknown:
-            self.counters["skipped.tags.unknown_id"] += unknown
+            self.counters["tags.unknown_id"] += unknown
         for name in sorted(known):
             visit = self.open.get(name)
             if visit is None:

@@ -1,0 +1,172 @@
+"""The filter over one object's pose, on scans of a wall with a niche, made by plain geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gridslam.core import poses as se2
+from gridslam.maps.tag_database import TagDatabase
+from gridslam.methods.slam_sd.evidence import Evidence, SeenRound, SeenScan, gather
+from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
+from gridslam.methods.slam_sd.object_config import ObjectsConfig
+from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior
+from gridslam.methods.slam_sd.object_prior import Known
+from gridslam.methods.slam_sd.scans import PreparedScan
+from gridslam.methods.slam_sd.things import Thing, things_of
+
+SECOND = 1_000_000_000
+CONFIG = ObjectsConfig(particles=500)
+BIN_POSE = np.array([0.0, 1.28, -np.pi / 2])  # its back to the wall at y = 1.5, its tag towards the robot
+DOOR_POSE = np.array([0.4, 1.5, 0.0])  # closed, right beside the bin
+BOX = [[-0.2, -0.25], [0.2, -0.25], [0.2, 0.25], [-0.2, 0.25]]
+LEAF = [[0, -0.02], [0.6, -0.02], [0.6, 0.02], [0, 0.02]]
+
+
+def things() -> tuple[Thing, Thing]:
+    """A bin and a small door."""
+    front = {"id": "tag-bin", "position": [0.2, 0.0], "facing_deg": 0.0}
+    leaf = {"id": "tag-door", "position": [0.3, -0.02], "facing_deg": -90.0}
+    objects = [
+        {"id": "bin", "class": "bin", "outline": BOX, "tags": [front]},
+        {"id": "door", "class": "door", "outline": LEAF, "tags": [leaf], "hinge": [0.0, 0.0]},
+    ]
+    box, door = things_of(TagDatabase.model_validate({"objects": objects}))
+    return box, door
+
+
+def segments_of(corners: np.ndarray) -> np.ndarray:
+    return np.column_stack([corners, np.roll(corners, -1, axis=0)])
+
+
+def scan_at(pose: np.ndarray, segments: np.ndarray, rng: np.random.Generator) -> PreparedScan:
+    """A scan of 181 beams towards positive y, with Laplacian noise."""
+    angles = np.linspace(0.0, np.pi, 181)
+    dx, dy = np.cos(angles + pose[2])[:, None], np.sin(angles + pose[2])[:, None]
+    ax, ay = segments[:, 0] - pose[0], segments[:, 1] - pose[1]
+    ex, ey = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = dx * ey - dy * ex
+        along, across = (ax * ey - ay * ex) / cross, (ax * dy - ay * dx) / cross
+        hit = (along > 0.0) & (across >= 0.0) & (across <= 1.0)
+    ranges = np.where(hit, along, np.inf).min(axis=1) + rng.laplace(0.0, 0.006, len(angles))
+    seen = np.isfinite(ranges)
+    points = ranges[seen, None] * np.column_stack([np.cos(angles[seen]), np.sin(angles[seen])])
+    none = np.zeros((0, 2))
+    return PreparedScan(0, np.zeros(2), points, none, none, none, none)
+
+
+def evidence_of(thing: Thing, standing: dict[str, np.ndarray], seed: int = 0) -> Evidence:
+    """A drive along the wall; each tag is read within a metre of its place."""
+    rng = np.random.default_rng(seed)
+    pieces = [np.array([[-4.0, 1.5, 0.4, 1.5], [1.0, 1.5, 4.0, 1.5], [-4.0, -1.5, 4.0, -1.5]])]
+    by_id = {t.id: t for t in things()}
+    pieces += [segments_of(by_id[name].placed(pose)) for name, pose in standing.items()]
+    segments = np.concatenate(pieces)
+    scans, rounds = [], []
+    for k, x in enumerate(np.arange(-1.5, 1.6, 0.25)):
+        pose = np.array([x, 0.0, 0.0])
+        scans.append(SeenScan(k, k * SECOND // 2, pose, scan_at(pose, segments, rng)))
+    for k, x in enumerate(np.arange(-1.5, 1.6, 0.06)):
+        antenna = np.array([x, 0.0, np.pi / 2])
+        near = [
+            tag
+            for name, pose in standing.items()
+            for tag, own in zip(by_id[name].tag_ids, by_id[name].tags, strict=True)
+            if abs(se2.compose(pose, own)[0] - x) < 0.8 and rng.random() < 0.9
+        ]
+        rounds.append(SeenRound(k * SECOND // 8, antenna, tuple(near)))
+    return gather(thing, scans, rounds, np.array([0.0, 1.0]), CONFIG)
+
+
+def error(found: Posterior, pose: np.ndarray) -> np.ndarray:
+    return se2.between(pose, found.pose)
+
+
+def test_a_box_is_found_to_a_centimetre_and_knows_how_well() -> None:
+    box, _ = things()
+    evidence = evidence_of(box, {"bin": BIN_POSE, "door": DOOR_POSE})
+    found = ObjectFilter(box, evidence, None, CONFIG).locate(np.random.default_rng(1))
+    off = error(found, BIN_POSE)
+    assert np.hypot(off[0], off[1]) < 0.02
+    assert abs(off[2]) < 0.05
+    assert np.sqrt(np.diag(found.covariance))[:2].max() < 0.02
+    assert CONFIG.lidar_share * found.gain > CONFIG.least_gain
+    assert found.poses.shape == (CONFIG.particles, 3)
+
+
+def test_a_closed_door_is_found_flush_in_its_wall() -> None:
+    _, door = things()
+    evidence = evidence_of(door, {"door": DOOR_POSE})
+    found = ObjectFilter(door, evidence, None, CONFIG).locate(np.random.default_rng(1))
+    off = error(found, DOOR_POSE)
+    assert abs(off[0]) < 0.1
+    assert abs(off[1]) < 0.03
+    assert abs(off[2]) < 0.1
+
+
+def test_an_open_door_is_found_from_its_closed_place_when_its_tag_is_silent() -> None:
+    _, door = things()
+    opened = np.array([0.4, 1.5, np.radians(70.0)])
+    evidence = evidence_of(door, {"door": opened})
+    silent = Evidence(
+        evidence.rounds,
+        np.zeros_like(evidence.reads),
+        evidence.beams,
+        evidence.ranges,
+        evidence.other_m,
+        evidence.walls,
+    )
+    known = Known(DOOR_POSE, np.diag([0.05, 0.05, 0.05]) ** 2, is_firm=True)
+    found = ObjectFilter(door, silent, known, CONFIG).locate(np.random.default_rng(2))
+    assert abs(np.degrees(error(found, opened)[2])) < 6.0
+
+
+def test_an_object_stays_where_it_was_known_to_be_unless_it_was_moved() -> None:
+    box, _ = things()
+    evidence = evidence_of(box, {"bin": BIN_POSE})
+    covariance = np.diag([0.05, 0.05, 0.03]) ** 2
+    same = ObjectFilter(box, evidence, Known(BIN_POSE, covariance), CONFIG).locate(np.random.default_rng(3))
+    elsewhere = Known(BIN_POSE + np.array([0.9, 0.0, 0.0]), covariance)
+    moved = ObjectFilter(box, evidence, elsewhere, CONFIG).locate(np.random.default_rng(3))
+    for found in (same, moved):
+        assert np.hypot(*error(found, BIN_POSE)[:2]) < 0.02
+
+
+def test_where_the_lidar_sees_nothing_of_it_the_gain_stays_low() -> None:
+    box, _ = things()
+    seen = evidence_of(box, {"bin": BIN_POSE})
+    bare = evidence_of(box, {})
+    unseen = Evidence(seen.rounds, seen.reads, bare.beams, bare.ranges, bare.other_m, bare.walls)
+    found = ObjectFilter(box, unseen, None, CONFIG).locate(np.random.default_rng(4))
+    assert CONFIG.lidar_share * found.gain < CONFIG.least_gain
+
+
+def test_a_door_beside_a_bin_is_not_reported_on_the_bin_whichever_comes_first() -> None:
+    box, door = things()
+    standing = {"bin": BIN_POSE, "door": DOOR_POSE}
+    of_box, of_door = (evidence_of(thing, standing) for thing in (box, door))
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        first = ObjectFilter(box, of_box, None, CONFIG).locate(rng)
+        beside, _ = locate_beside(
+            door, of_door, None, {"bin": Candidate(box, of_box, None, first)}, (), CONFIG, rng
+        )
+        assert abs(error(beside, DOOR_POSE)[0]) < 0.12
+        assert abs(error(beside, DOOR_POSE)[2]) < 0.15
+
+
+def test_an_object_that_was_put_on_anothers_place_gives_way() -> None:
+    box, door = things()
+    standing = {"bin": BIN_POSE, "door": DOOR_POSE}
+    of_box, of_door = (evidence_of(thing, standing) for thing in (box, door))
+    rng = np.random.default_rng(7)
+    on_the_bin = np.array([-0.3, 1.1, 0.0])  # the leaf lies along the front of the bin
+    wrong = ObjectFilter(door, of_door, None, CONFIG)
+    claimed = Posterior(
+        on_the_bin, 1e-4 * np.eye(3), on_the_bin[None], wrong.judge(on_the_bin), wrong.weigh(on_the_bin)
+    )
+    found, moved = locate_beside(
+        box, of_box, None, {"door": Candidate(door, of_door, None, claimed)}, (), CONFIG, rng
+    )
+    assert np.hypot(*error(found, BIN_POSE)[:2]) < 0.03
+    assert np.hypot(*error(moved["door"], DOOR_POSE)[:2]) < 0.15
