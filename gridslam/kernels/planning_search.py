@@ -123,29 +123,38 @@ def search_poses(
             if states.size[1] < 0:
                 return TOO_MANY, states.parts[0, :0].copy(), states.size[0]
             return FOUND, _trace(states, states.size[1]), states.size[0]
-        if states.sense[node] > 0:
-            _shoot_at_goals(world, query, states, queue, node)
-            _shoot_along_spine(world, query, states, queue, node)
+        _shoot_along_spine(world, query, states, queue, node)
         for way in range(ways):
+            _shoot_at_goals(world, query, states, queue, node, 1 - 2 * way)
             _steer(world, query, states, queue, node, 1 - 2 * way)
     return EXHAUSTED, states.parts[0, :0].copy(), states.size[0]
 
 
 @compiled
 def _shoot_at_goals(
-    world: World, query: Query, states: States, queue: list[tuple[float, int]], node: int
+    world: World, query: Query, states: States, queue: list[tuple[float, int]], node: int, sense: int
 ) -> None:
-    """Dubins paths to the goals, from states near them and now and then from others."""
+    """Dubins paths to the goals, from states near them and now and then from others.
+
+    A path driven backwards is the path forwards from the goal, with its parts the other way round.
+    """
     here = states.pose[node]
     if node % SHOOT_EVERY != 0 and _to_go(world, query, here) > GOAL_SHOT_M:
         return
     shot = np.zeros((3, 2))
-    for g in range(query.goals.shape[0]):
-        goal = query.goals[g]
+    for goal in query.goals:
         longest = 3.0 * np.hypot(goal[0] - here[0], goal[1] - here[1]) + 4.0 * np.pi * query.radius
-        if np.isfinite(connect(world, here, goal, query.radius, longest, shot)):
-            cost = states.cost[node] + _time(shot, query.limits)
-            _add(states, queue, node, goal, cost, cost, AT_GOAL, 1, shot)
+        if sense > 0:
+            found = connect(world, here, goal, query.radius, longest, shot)
+        else:
+            found = connect(world, goal, here, query.radius, longest, shot)
+            shot[:, 0] = -shot[:, 0]
+            shot = shot[::-1].copy()
+        if np.isfinite(found):
+            cost = states.cost[node] + _time(shot, query.limits) + _switch(query, states, node, sense)
+            if sense < 0:
+                cost += found / query.limits[0]
+            _add(states, queue, node, goal, cost, cost, AT_GOAL, sense, shot)
 
 
 @compiled
@@ -156,22 +165,29 @@ def _shoot_along_spine(
     here = states.pose[node]
     near = states.mark[node] if states.mark[node] >= 0 else _nearest(query.spine, here)
     shot = np.zeros((3, 2))
+    so_far = states.cost[node] + _switch(query, states, node, 1)
     for ahead in ALONG:
         k = near + ahead
         if k >= query.spine.shape[0]:
             return
         pose = query.spine[k]
         away = np.hypot(pose[0] - here[0], pose[1] - here[1])
-        if states.cost[node] + away / query.limits[0] >= states.spine_best[k]:
+        if so_far + away / query.limits[0] >= states.spine_best[k]:
             continue
         longest = 1.5 * away + 2.0 * np.pi * query.radius
         if not np.isfinite(connect(world, here, pose, query.radius, longest, shot)):
             continue
-        cost = states.cost[node] + _time(shot, query.limits)
+        cost = so_far + _time(shot, query.limits)
         if cost < states.spine_best[k]:
             states.spine_best[k] = cost
             guess = cost + GREED * _to_go(world, query, pose) / query.limits[0]
             _add(states, queue, node, pose, cost, guess, k, 1, shot)
+
+
+@compiled
+def _switch(query: Query, states: States, node: int, sense: int) -> float:
+    """The price of a change of direction, if it is one; none at the very start."""
+    return 0.0 if node == 0 or states.sense[node] == sense else query.reverse_cost
 
 
 @compiled
@@ -190,8 +206,7 @@ def _steer(
         )
         if sense < 0:
             cost += query.step / query.limits[0]
-        if sense != states.sense[node]:
-            cost += query.reverse_cost
+        cost += _switch(query, states, node, sense)
         rest = _to_go(world, query, pose)
         if not np.isfinite(rest):
             continue

@@ -9,8 +9,8 @@ from gridslam.core.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
-OVERHANG = 0.05  # of the outline's smaller extent: how far the discs may stand out
-SAMPLES = 40  # along the larger extent
+FINENESS = 0.05  # of the outline's smaller extent: the raster's pitch and how far discs stand out of it
+MOST_SAMPLES = 120  # along the larger extent
 MOST_CORNERS = 100
 
 
@@ -24,23 +24,21 @@ def disc(radius_m: float) -> Floats:
 def cover_polygon(corners: Floats) -> Floats:
     """Discs `(n, 3)` (x, y, radius; m, robot frame) that together cover a convex polygon `(m, 2)`.
 
-    They stand out by at most a twentieth of its smaller extent: what is free for them is free for the polygon.
+    They stand out by about a tenth of its smaller extent at most: what is free for them is free for the polygon.
     Each in turn is the one that covers most of what is still bare. Raises ConfigError: not a convex polygon about the origin.
     """
     corners = _counter_clockwise(corners)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    pitch = float((high - low).max()) / SAMPLES
-    overhang = OVERHANG * float((high - low).min())
+    extent = high - low
+    pitch = max(FINENESS * float(extent.min()), float(extent.max()) / MOST_SAMPLES)
     axes = [np.arange(lo + 0.5 * pitch, hi + 0.5 * pitch, pitch) for lo, hi in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     points = points[
         _inset(corners, points) > -0.71 * pitch
     ]  # every square of the raster that the polygon may touch
-    radii = np.maximum(_inset(corners, points), 0.0) + overhang
+    radii = np.maximum(_inset(corners, points), 0.0) + pitch
     apart = np.hypot(*np.moveaxis(points[:, None] - points[None], -1, 0))
     covers = apart + 0.71 * pitch <= radii[:, None]
-    covers |= np.eye(len(points), dtype=bool)
-    radii = np.maximum(radii, 0.71 * pitch)
     bare = np.ones(len(points), dtype=bool)
     chosen = []
     while bare.any():

@@ -80,7 +80,10 @@ def too_hard(radius_m: float, states: int) -> MethodError:
 
 
 def _widest_way(space: Space, start: Floats, goal: Floats) -> tuple[float, Floats]:
-    """The width (m) of the widest way's narrowest place, and that place (x, y); 0 where there is no way at all."""
+    """The width (m) of the widest way's narrowest place, and that place (x, y); 0 where there is no way at all.
+
+    Just above that width the free space falls apart: the place lies between the part with the start and another one.
+    """
     ends = [(2 * row + 1, 2 * col + 1) for row, col in (space.cell(start), space.cell(goal))]
     low, high = 0.0, float(min(space.field[end] for end in ends))
     if not _joined(space.field > 0.0, *ends):
@@ -88,17 +91,24 @@ def _widest_way(space: Space, start: Floats, goal: Floats) -> tuple[float, Float
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _joined(space.field > middle, *ends) else (low, middle)
-    _, labels = cv2.connectedComponents(np.asarray(space.field > high, np.uint8), connectivity=8)
-    _, wider = cv2.connectedComponents(np.asarray(space.field > low, np.uint8), connectivity=8)
-    neck = (labels == 0) & (wider == wider[ends[0]])
-    return 2.0 * low, _nearest_of(neck, space, ends)
+    _, parts = cv2.connectedComponents(np.asarray(space.field > high, np.uint8), connectivity=8)
+    _, whole = cv2.connectedComponents(np.asarray(space.field > low, np.uint8), connectivity=8)
+    here = parts == parts[ends[0]] if parts[ends[0]] else _only(parts.shape, ends[0])
+    beyond = ((parts > 0) & ~here & (whole == whole[ends[0]])) | _only(parts.shape, ends[1])
+    ways = np.where(whole == whole[ends[0]], _away_from(here) + _away_from(beyond), np.inf)
+    row, col = np.unravel_index(int(np.argmin(ways)), ways.shape)
+    return 2.0 * low, np.array([col, row]) * 0.5 * space.resolution_m
 
 
-def _nearest_of(neck: NDArray[np.bool_], space: Space, ends: list[tuple[int, int]]) -> Floats:
-    """The place of the neck that is nearest to both ends together."""
-    places = np.argwhere(neck)
-    ways = sum(np.hypot(*(places - end).T) for end in np.array(ends))
-    return np.asarray(places[int(np.argmin(ways))][::-1] * 0.5 * space.resolution_m)
+def _only(shape: tuple[int, ...], place: tuple[int, int]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, np.bool_)
+    mask[place] = True
+    return mask
+
+
+def _away_from(places: NDArray[np.bool_]) -> NDArray[np.float32]:
+    distance = cv2.distanceTransform(np.asarray(~places, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(distance, dtype=np.float32)
 
 
 def _joined(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int]) -> bool:

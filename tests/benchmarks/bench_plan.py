@@ -1,0 +1,145 @@
+"""Paths of lines and arcs between 200 random pairs of poses on each of the public maps.
+
+Robot: a disc of 0.2 m, arcs of 0.2 m or more, forwards only. A pair that is refused counts as failed unless random drives from
+the end that the refusal names all end at an obstacle within 1.5 m. The length is compared with a lower bound of the any-angle
+shortest way: the way over 8 neighbours, half a cell's diagonal nearer to obstacles, divided by 1.0824.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import MethodError
+from gridslam.kernels.planning_grid import cost_to_go
+from gridslam.maps.correlation import fit_correlation
+from gridslam.maps.load import load_any_map
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+from gridslam.planning.footprint import disc
+from gridslam.planning.space import make_space
+from gridslam.report.plan import SEGMENT_COLUMNS, segment_row
+from tests.benchmarks.harness import Row, say
+from tests.benchmarks.real_places import data_dir
+from tests.reference.path_checks import Squares, drive, escapes, largest_jump
+
+MAPS = ("depot", "warehouse", "tb3_sandbox", "turtlebot3_world")
+PAIRS = 200
+ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
+HALF_TURN = np.array([0.0, 0.0, np.pi])
+OCTILE = 1.0824  # the way over 8 neighbours against the straight one, at most
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Tally:
+    """What came of the pairs of one map."""
+
+    found: int = 0
+    refused: int = 0
+    failed: int = 0
+    collisions: int = 0
+    broken: int = 0
+    ratios: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+
+def rows() -> Iterator[Row]:
+    """Per map: pairs found, refused and failed, collisions, breaks, ratio of lengths, CPU time; and r0."""
+    folder = data_dir()
+    if folder is None:
+        return
+    logging.getLogger("gridslam").setLevel(logging.ERROR)
+    pairs = int(os.environ.get("GRIDSLAM_PLAN_PAIRS", PAIRS))
+    for name in MAPS:
+        grid = load_any_map(folder / "maps" / f"{name}.yaml")
+        tally = measure(grid, name, pairs, reverse=False)
+        yield Row(f"plan.{name}.found", tally.found, f"of {pairs}")
+        yield Row(f"plan.{name}.refused", tally.refused, "headings that no drive meets")
+        yield Row(f"plan.{name}.failed", tally.failed, f"of {pairs}", 0)
+        yield Row(f"plan.{name}.collisions", tally.collisions, "paths", 0)
+        yield Row(f"plan.{name}.broken", tally.broken, "paths", 0)
+        yield Row(f"plan.{name}.length_ratio", float(np.median(tally.ratios)), "of the any-angle length", 1.3)
+        yield Row(f"plan.{name}.cpu.median", float(np.median(tally.seconds)), "s")
+        yield Row(f"plan.{name}.cpu.max", float(np.max(tally.seconds)), "s")
+        backwards = measure(grid, name, pairs // 4, reverse=True)
+        yield Row(f"plan.{name}.reverse.failed", backwards.failed + backwards.refused, f"of {pairs // 4}", 0)
+        yield Row(f"plan.{name}.reverse.collisions", backwards.collisions + backwards.broken, "paths", 0)
+        yield Row(f"correlation.{name}.r0", fit_correlation(grid).r0, "per cell")
+
+
+def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> Tally:
+    """Plan between random poses of one component of the free space, and check what comes."""
+    squares = Squares(grid)
+    options = PlanOptions(discs=disc(ROBOT_M), min_radius_m=RADIUS_M, margin_m=MARGIN_M, reverse=reverse)
+    tally = Tally()
+    for i, (start, goal) in enumerate(random_pairs(grid, squares, pairs)):
+        begun = time.process_time()
+        try:
+            plan = plan_path(grid, start, goal, options)
+        except MethodError as error:
+            tally.seconds.append(time.process_time() - begun)
+            text = str(error)
+            end = start if text.startswith("start") else goal + HALF_TURN
+            if "heading" in text and not reverse and not escapes(squares, end, RADIUS_M, ROBOT_M, i):
+                tally.refused += 1
+            else:
+                tally.failed += 1
+                say(f"{name} pair {i}, {start.tolist()} to {goal.tolist()}: {text}")
+            continue
+        tally.seconds.append(time.process_time() - begun)
+        tally.found += 1
+        segments = [dict(zip(SEGMENT_COLUMNS, segment_row(s), strict=True)) for s in plan.path.segments]
+        poses = np.vstack([drive(segment) for segment in segments])
+        tally.collisions += bool(squares.distances(poses[:, :2], 0.5).min() < ROBOT_M - 1e-4)
+        tally.broken += not is_sound(segments, poses, start, goal)
+        tally.ratios.append(plan.path.length_m / shortest(grid, start, goal))
+    return tally
+
+
+def is_sound(segments: list[dict[str, float]], poses: Floats, start: Floats, goal: Floats) -> bool:
+    """Ends met, heading continuous, curvature bounded."""
+    gap, turn = largest_jump(segments)
+    ends = np.abs(poses[[0, -1], :2] - [start[:2], goal[:2]]).max()
+    yaws = np.abs(np.angle(np.exp(1j * (poses[[0, -1], 2] - [start[2], goal[2]])))).max()
+    bends = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
+    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and bends <= 1.0 / RADIUS_M + 1e-6)
+
+
+def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[tuple[Floats, Floats]]:
+    """Pairs of poses with random headings in one 4-connected component of cells where the robot fits."""
+    rng = np.random.default_rng(0)
+    space = make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
+    fits = space.field[1::2, 1::2] >= ROBOT_M + MARGIN_M
+    _, labels = cv2.connectedComponents(fits.astype(np.uint8), connectivity=4)
+    cells = np.argwhere(fits)
+    resolution_m = grid.geometry.resolution_m
+    while count:
+        pair = cells[rng.integers(len(cells), size=2)]
+        inside = rng.uniform(0.0, 1.0, (2, 2))
+        yaws = rng.uniform(-np.pi, np.pi, 2)
+        points = (pair[:, ::-1] - 1 + inside) * resolution_m + grid.geometry.origin_xy_m
+        clear = squares.distances(points, 1.0).min() >= ROBOT_M + MARGIN_M
+        if clear and labels[tuple(pair[0])] == labels[tuple(pair[1])]:
+            count -= 1
+            yield np.array([*points[0], yaws[0]]), np.array([*points[1], yaws[1]])
+
+
+def shortest(grid: OccupancyGrid, start: Floats, goal: Floats) -> float:
+    """A lower bound (m) of the length of any way that keeps the robot's radius off obstacles."""
+    space = make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
+    cells = [space.cell(pose) for pose in space.to_local(np.array([start, goal]))]
+    cols = space.blocked.shape[1]
+    flat = [row * cols + col for row, col in cells]
+    needed = ROBOT_M - 0.7072 * space.resolution_m
+    way = cost_to_go(space.field, space.resolution_m, needed, 0.0, 1.0, flat[1], flat[0], 1.0)[cells[0]]
+    straight = float(np.hypot(*(start - goal)[:2]))
+    return max(straight, float(way) / OCTILE - 2.0 * space.resolution_m, 0.05)

@@ -1,0 +1,184 @@
+"""The planner's kernels against slow and obvious computations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from gridslam.kernels.planning_circles import chain_parts, travel_time
+from gridslam.kernels.planning_clearance import World, advance, is_free, wall_distance
+from gridslam.kernels.planning_dubins import WORDS, dubins_words
+from gridslam.kernels.planning_grid import cost_to_go
+from gridslam.planning.space import distance_field
+
+Floats = NDArray[np.float64]
+RESOLUTION = 0.1
+LIMITS = np.array([1.0, 0.5, 1.5, 0.5, 0.5, 2.0])  # speed, lateral, turn rate, up, down, turn acceleration
+
+
+def world(seed: int, share: float = 0.03, radius: float = 0.2) -> World:
+    blocked = np.random.default_rng(seed).random((40, 50)) < share
+    field = distance_field(blocked, RESOLUTION)
+    return World(field, blocked, RESOLUTION, np.array([[0.0, 0.0, radius]]), 0.005)
+
+
+def to_squares(blocked: NDArray[np.bool_], points: Floats) -> Floats:
+    """Distance (m) of points `(n, 2)` to the nearest blocked square, by looking at all."""
+    centres = (np.argwhere(blocked)[:, ::-1] + 0.5) * RESOLUTION
+    gaps = np.maximum(np.abs(points[:, None] - centres[None]) - 0.5 * RESOLUTION, 0.0)
+    return np.asarray(np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=1))
+
+
+def test_the_field_is_the_distance_to_the_nearest_square() -> None:
+    here = world(0)
+    rows, cols = np.mgrid[: here.field.shape[0], : here.field.shape[1]]
+    points = np.stack([cols.ravel(), rows.ravel()], axis=1) * 0.5 * RESOLUTION
+    np.testing.assert_allclose(here.field.ravel(), to_squares(here.blocked, points), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_distance_is_never_too_long_and_decides_what_is_needed(seed: int) -> None:
+    here = world(seed)
+    points = np.random.default_rng(seed).uniform(0.0, 4.0, (2000, 2))
+    for (x, y), true in zip(points, to_squares(here.blocked, points), strict=True):
+        found = wall_distance(here, x, y, 0.2)
+        assert found <= true + 1e-6
+        if abs(true - 0.2) > 1e-6:
+            assert (found >= 0.2) == (true >= 0.2)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 2.0, -5.0])
+def test_a_drive_is_free_when_all_its_places_are(curvature: float) -> None:
+    here = world(5, share=0.01)
+    rng = np.random.default_rng(6)
+    outcomes = []
+    for pose in rng.uniform([0.3, 0.3, -np.pi], [4.7, 3.7, np.pi], (600, 3)):
+        length = float(rng.uniform(-1.5, 1.5))
+        ways = np.linspace(0.0, length, 400)
+        places = np.array([advance(*pose, way, curvature)[:2] for way in ways])
+        if places.min() < 0.3 or (places > [4.7, 3.7]).any():
+            continue  # beyond the grid nothing is free
+        least = to_squares(here.blocked, places).min()
+        free = is_free(here, *pose, length, curvature)
+        outcomes.append(free)
+        if free:
+            assert least >= 0.2 - 1e-6
+        else:
+            assert (
+                least < 0.205 + 0.005
+            )  # refused only where the margin is touched, up to the samples' spacing
+    assert 0.1 < np.mean(outcomes) < 0.95
+
+
+def test_every_dubins_word_ends_at_the_goal() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        start, goal = rng.uniform([-3, -3, -np.pi], [3, 3, np.pi], (2, 3))
+        radius = float(rng.uniform(0.2, 1.5))
+        parts, total = dubins_words(start, goal, radius)
+        for word in np.flatnonzero(np.isfinite(total)):
+            pose = tuple(start)
+            for length, side in zip(parts[word], WORDS[word], strict=True):
+                pose = advance(*pose, length, side / radius)
+            np.testing.assert_allclose(pose[:2], goal[:2], atol=1e-9)
+            assert abs(np.angle(np.exp(1j * (pose[2] - goal[2])))) < 1e-9
+
+
+def test_the_shortest_word_is_not_longer_than_any_of_many_other_chains() -> None:
+    # CSC and CCC words contain the optimum (Dubins 1957): no arc-line-arc found by trial may be shorter.
+    rng = np.random.default_rng(1)
+    start, goal = np.array([0.0, 0.0, 0.3]), np.array([2.0, 1.0, -1.0])
+    _, total = dubins_words(start, goal, 0.5)
+    shortest = np.inf
+    for signs in [(1, 1), (1, -1), (-1, 1), (-1, -1)]:
+        for turn in rng.uniform(0.0, 2.0 * np.pi, 400):
+            x, y, yaw = advance(*start, turn * 0.5, signs[0] / 0.5)
+            for way in np.linspace(0.0, 4.0, 41):
+                end = np.array([x + way * np.cos(yaw), y + way * np.sin(yaw)])
+                second = (signs[1] * (goal[2] - yaw)) % (2.0 * np.pi)
+                last = advance(*end, yaw, second * 0.5, signs[1] / 0.5)
+                if np.hypot(last[0] - goal[0], last[1] - goal[1]) < 0.05:
+                    shortest = min(shortest, 0.5 * turn + way + 0.5 * second)
+    assert total.min() <= shortest + 0.1
+
+
+def test_the_cost_to_go_is_that_of_a_graph_of_neighbours() -> None:
+    here = world(3, share=0.05)
+    needed, dread, shy = 0.1, 2.0, 0.3
+    rows, cols = here.blocked.shape
+    edges = []
+    for row in range(rows):
+        for col in range(cols):
+            for dr, dc in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]:
+                r, c = row + dr, col + dc
+                if not (0 <= r < rows and 0 <= c < cols):
+                    continue
+                spare = here.field[2 * r + 1, 2 * c + 1] - needed
+                own = here.field[2 * row + 1, 2 * col + 1] - needed
+                between = here.field[row + r + 1, col + c + 1] - needed
+                if min(spare, own, between) >= 0.0:
+                    price = RESOLUTION * np.hypot(dr, dc) * (1.0 + dread * max(0.0, 1.0 - spare / shy))
+                    edges.append((row * cols + col, r * cols + c, price))
+    start, goal, price = np.array(edges).T
+    graph = coo_matrix((price, (start.astype(int), goal.astype(int))), shape=(rows * cols, rows * cols))
+    source = int(start[0])
+    expected = dijkstra(graph.tocsr(), indices=source).reshape(rows, cols)
+    found = cost_to_go(here.field, RESOLUTION, needed, dread, shy, source, source, np.inf)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def test_circles_are_joined_by_their_tangents() -> None:
+    rng = np.random.default_rng(8)
+    joined = 0
+    for _ in range(200):
+        circles = np.column_stack(
+            [rng.uniform(-3, 3, (4, 2)), rng.uniform(0.1, 0.8, 4), rng.choice([-1.0, 1.0], 4)]
+        )
+        start, goal = rng.uniform([-3, -3, -np.pi], [3, 3, np.pi], (2, 3))
+        parts = np.empty((7, 6))
+        if not chain_parts(circles, 4, start, goal, parts):
+            continue
+        joined += 1
+        pose = tuple(start)
+        for part in parts:
+            np.testing.assert_allclose(pose[:2], part[:2], atol=1e-6)
+            assert abs(np.angle(np.exp(1j * (pose[2] - part[2])))) < 1e-6
+            pose = advance(*part[:3], part[3], part[4])
+        np.testing.assert_allclose(pose[:2], goal[:2], atol=1e-6)
+    assert joined > 20
+
+
+def test_the_travel_time_is_that_of_driving_as_fast_as_allowed_in_small_steps() -> None:
+    # Twin: the highest speed under all limits on a fine grid of places, by relaxing forwards and backwards.
+    rng = np.random.default_rng(9)
+    for _ in range(20):
+        parts = np.zeros((6, 6))
+        parts[:, 3] = rng.uniform(0.05, 2.0, 6)
+        parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
+        step = 2e-4
+        caps = np.concatenate(
+            [
+                np.full(round(length / step), min(1.0, *(np.sqrt(0.5 / k), 1.5 / k) if k else (1.0,)))
+                for length, k in zip(parts[:, 3], np.abs(parts[:, 4]), strict=True)
+            ]
+        )
+        squares = np.minimum(np.r_[caps, caps[-1]], np.r_[caps[0], caps]) ** 2
+        squares[0] = squares[-1] = 0.0
+        for i in range(1, len(squares)):
+            squares[i] = min(squares[i], squares[i - 1] + 2.0 * 0.5 * step)
+        for i in range(len(squares) - 2, -1, -1):
+            squares[i] = min(squares[i], squares[i + 1] + 2.0 * 0.5 * step)
+        speeds = np.sqrt(squares)
+        expected = (2.0 * step / (speeds[1:] + speeds[:-1])).sum()
+        assert travel_time(parts, LIMITS, np.empty(7)) == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_turn_on_the_spot_takes_the_time_of_its_trapezium_of_rates() -> None:
+    parts = np.zeros((1, 6))
+    parts[0, 5] = np.pi  # up to 1.5 rad/s within 0.75 s: pi / 1.5 + 0.75 s
+    assert travel_time(parts, LIMITS, np.empty(2)) == pytest.approx(np.pi / 1.5 + 0.75)
+    parts[0, 5] = -0.5  # half way at 2 rad/s^2: 2 sqrt(0.5 / 2)
+    assert travel_time(parts, LIMITS, np.empty(2)) == pytest.approx(1.0)
