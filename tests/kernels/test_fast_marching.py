@@ -1,0 +1,56 @@
+"""Arrival costs against sweeps until nothing changes, and the descent on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gridslam.kernels.fast_marching import arrival_costs, descend_costs
+from tests.reference.planning import eikonal_by_sweeps
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_costs_are_those_of_sweeping_until_nothing_changes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    price = rng.uniform(1.0, 4.0, (14, 17))
+    price[rng.random(price.shape) < 0.25] = np.inf
+    price[3, 4] = price[10, 12] = 1.0
+    ours = arrival_costs(price.astype(np.float32), np.array([3 * 17 + 4, 10 * 17 + 12]), -1, np.inf)
+    twin = eikonal_by_sweeps(price, [(3, 4), (10, 12)])
+    np.testing.assert_array_equal(np.isfinite(ours), np.isfinite(twin))
+    reached = np.isfinite(twin)
+    np.testing.assert_allclose(ours[reached], twin[reached], rtol=1e-5)
+
+
+def test_in_the_open_the_cost_is_the_distance_within_the_method_s_error() -> None:
+    cost = arrival_costs(np.ones((81, 81), np.float32), np.array([40 * 81 + 40]), -1, np.inf)
+    rows, cols = np.mgrid[:81, :81]
+    distance = np.hypot(rows - 40, cols - 40)
+    assert (cost >= distance - 1e-4).all()  # first order upwind schemes arrive late, never early
+    assert (cost <= distance * 1.05 + 1.0).all()
+
+
+def test_the_front_stops_behind_the_cell_that_it_was_to_reach() -> None:
+    cost = arrival_costs(np.ones((3, 100), np.float32), np.array([100]), 110, 5.0)
+    assert cost[1, 10] == pytest.approx(10.0)
+    assert np.isfinite(cost[1, 14])
+    assert np.isinf(cost[1, 20:]).all()
+
+
+def test_the_descent_goes_round_a_wall_to_the_goal_and_touches_no_closed_cell() -> None:
+    price = np.ones((30, 30), np.float32)
+    price[5:30, 15] = np.inf
+    cost = arrival_costs(price, np.array([20 * 30 + 25]), -1, np.inf)
+    way = descend_costs(cost, 5.5, 20.5, 0.5, 400)
+    cells = np.floor(way).astype(int)
+    assert np.isfinite(price[cells[:, 1], cells[:, 0]]).all()
+    assert cost[cells[-1, 1], cells[-1, 0]] == 0.0
+    assert way[:, 1].min() < 5.0  # above the wall's end
+    length = np.hypot(*np.diff(way, axis=0).T).sum()
+    shortest = np.hypot(10.0, 15.5) + np.hypot(10.0, 15.5)  # over the wall's end at (15.5, 5)
+    assert length < 1.1 * shortest
+
+
+def test_without_a_way_the_descent_stays_where_it_is() -> None:
+    cost = np.full((5, 5), np.inf, np.float32)
+    assert len(descend_costs(cost, 2.5, 2.5, 0.5, 50)) == 1

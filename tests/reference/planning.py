@@ -1,0 +1,79 @@
+"""Slow, obvious twins of what the explorer plans with."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def eikonal_by_sweeps(price: Floats, sources: list[tuple[int, int]]) -> Floats:
+    """The upwind solution of |grad cost| = price, by trying all cells again and again until none changes."""
+    rows, cols = price.shape
+    cost = np.full((rows, cols), np.inf)
+    for cell in sources:
+        cost[cell] = 0.0
+    changed = True
+    while changed:
+        changed = False
+        for r, c in itertools.product(range(rows), range(cols)):
+            if not math.isfinite(price[r, c]) or (r, c) in sources:
+                continue
+            a = min((cost[i, c] for i in (r - 1, r + 1) if 0 <= i < rows), default=math.inf)
+            b = min((cost[r, j] for j in (c - 1, c + 1) if 0 <= j < cols), default=math.inf)
+            new = min(a, b) + price[r, c]
+            if math.isfinite(a) and math.isfinite(b) and abs(a - b) < price[r, c]:
+                new = 0.5 * (a + b + math.sqrt(2.0 * price[r, c] ** 2 - (a - b) ** 2))
+            if new < cost[r, c] - 1e-9:
+                cost[r, c] = new
+                changed = True
+    return cost
+
+
+def shortest_tour_length(distances: Floats) -> float:
+    """The least length of an open tour from place 0, over all orders."""
+    others = range(1, len(distances))
+    return min(
+        sum(distances[a, b] for a, b in itertools.pairwise((0, *order)))
+        for order in itertools.permutations(others)
+    )
+
+
+def least_cover(sees: NDArray[np.bool_]) -> int:
+    """The number of rows of `sees` `(p, n)` that a least cover takes, by integer programming."""
+    from scipy.optimize import Bounds, LinearConstraint, milp
+
+    coverable = sees[:, sees.any(axis=0)].astype(float)
+    count = len(sees)
+    solved = milp(
+        np.ones(count),
+        constraints=LinearConstraint(coverable.T, lb=1.0),
+        integrality=np.ones(count),
+        bounds=Bounds(0, 1),
+    )
+    return round(solved.fun)
+
+
+def way_until_touch(
+    left: float, right: float, obstacles: Floats, base: float, radius: float, most: float
+) -> float:
+    """Drive a disc along an arc in steps of a millimetre until it comes nearer to a point that it touches."""
+    forward, turn = 0.5 * (left + right), (right - left) / base
+    step = 0.001
+    x = y = yaw = way = 0.0
+    before = np.hypot(obstacles[:, 0], obstacles[:, 1])
+    while way < most:
+        yaw_step = turn / abs(forward) * step
+        x += math.copysign(step, forward) * math.cos(yaw + 0.5 * yaw_step)
+        y += math.copysign(step, forward) * math.sin(yaw + 0.5 * yaw_step)
+        yaw += yaw_step
+        away = np.hypot(obstacles[:, 0] - x, obstacles[:, 1] - y)
+        if ((away < radius) & (away < before)).any():
+            return way
+        before = away
+        way += step
+    return most
