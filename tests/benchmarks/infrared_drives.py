@@ -90,7 +90,7 @@ def in_reach(
 @dataclass(frozen=True, slots=True)
 class Scores:
     """Metres; absolute, the start being known, and `aligned`: after the rigid motion that lays the path best on the true one,
-    as `gridslam evaluate` measures a map by default. `clearance_m` is from the robot's rim to the nearest wall cell of its own map.
+    as `gridslam evaluate` measures a map by default. `clearance_m` is from the robot's rim to the nearest wall of its own map.
     """
 
     accuracy: Floats
