@@ -72,7 +72,7 @@ class LocalizationConfig(StrictModel):
     )
     aspect_per_root_m: float = Field(0.01, ge=0.0, description="and of its two parts against each other")
     wall_penalty: float = Field(
-        3.0,
+        1.0,
         ge=0.0,
         description="log-likelihood that a robot loses at each update where the drawing has no free space",
     )
