@@ -23,6 +23,7 @@ from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
+from gridslam.methods.particle_history import ParticleHistory, Snapshot
 from gridslam.run_config import RunConfig
 from gridslam.run_counts import Counts, merge_counts
 
@@ -70,6 +71,7 @@ class Run:
     counts: Counts
     read_s: float
     process_s: float
+    particles: tuple[Snapshot, ...] = ()  # as time went by, where a viewer is to see them
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +144,8 @@ def _run(
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
         opened = time.perf_counter()
-        fed = feed(log, method, show, stop)
+        history = ParticleHistory(method) if config.output.viewer else None
+        fed = feed(log, history or method, show, stop)
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = time.perf_counter()
         result = method.result()
@@ -164,6 +167,7 @@ def _run(
             counts=merge_counts(log.counters, result.counters),
             read_s=opened - started + fed.read_s + time.perf_counter() - finished,
             process_s=fed.process_s + finished - before_result,
+            particles=history.snapshots if history else (),
         )
 
 

@@ -28,6 +28,10 @@ class OutputConfig(StrictModel):
     layers: bool = Field(
         True, description="write layers.npz (probabilities and whatever else the method maps)"
     )
+    viewer: bool = Field(
+        False,
+        description="write result.mcap, for Foxglove and its like: map, path, scans, particles, objects",
+    )
 
 
 class MadeWith(StrictModel):

@@ -58,11 +58,22 @@ class McapWriter:
     def write(self, event: Event, topic: str | None = None) -> None:
         """Append one event, on `topic` or the usual one of its kind."""
         for message in ros_encode.encode(event, topic):
-            self._append(message)
+            self.append(message)
 
     def write_truth(self, pose: Odometry) -> None:
         """Append the true pose, on the topic that no method is shown."""
         self.write(pose, TRUTH_TOPIC)
+
+    def append(self, message: ros_encode.Encoded) -> None:
+        """Append a message of any type of ROS 2 that is encoded already."""
+        channel = self._channels.get((message.topic, message.type))
+        if channel is None:
+            channel = self._writer.register_channel(message.topic, "cdr", self._schema(message.type))
+            self._channels[message.topic, message.type] = channel
+        sequence = self._counts.get(channel, 0)
+        self._counts[channel] = sequence + 1
+        stamp = message.stamp_ns
+        self._writer.add_message(channel, stamp, message.data, stamp, sequence & 0xFFFFFFFF)
 
     def close(self) -> None:
         """Complete the file and give it its name."""
@@ -84,16 +95,6 @@ class McapWriter:
         """Leave no file behind."""
         self._stream.close()
         self._temporary.unlink(missing_ok=True)
-
-    def _append(self, message: ros_encode.Encoded) -> None:
-        channel = self._channels.get((message.topic, message.type))
-        if channel is None:
-            channel = self._writer.register_channel(message.topic, "cdr", self._schema(message.type))
-            self._channels[message.topic, message.type] = channel
-        sequence = self._counts.get(channel, 0)
-        self._counts[channel] = sequence + 1
-        stamp = message.stamp_ns
-        self._writer.add_message(channel, stamp, message.data, stamp, sequence & 0xFFFFFFFF)
 
     def _schema(self, name: str) -> int:
         if name not in self._schemas:

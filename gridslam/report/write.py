@@ -20,6 +20,7 @@ from gridslam.report.html import write_html
 from gridslam.report.layers import write_layers
 from gridslam.report.run_yaml import write_run_yaml
 from gridslam.report.text_files import write_table, write_tum
+from gridslam.report.viewer_log import write_viewer_log
 from gridslam.run import Run
 
 
@@ -32,12 +33,16 @@ def write_run(
     Raises ConfigError: something is there already, or the folder cannot be written.
     """
     started = time.perf_counter()
+    further = tuple(further)
+    log_path = next((path for path in further if path.name == run.log_path.name), run.log_path)
     with new_run_directory(directory, force) as folder:
         write_map_files(run, folder)
         write_tum(folder / "trajectory.tum", run.result.trajectory)
         for name, table in sorted(run.result.tables.items()):
             write_table(folder / f"{name}.csv", table)
         write_run_yaml(folder / "run.yaml", run)
+        if run.config.output.viewer:
+            write_viewer_log(folder / "result.mcap", run, log_path)
         if run.config.output.html:
             write_html(folder / "report.html", run, report_document(run, time.perf_counter() - started))
         document = report_document(run, time.perf_counter() - started)

@@ -1,0 +1,71 @@
+"""A method's particles as time goes by, few enough to keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event
+from gridslam.methods.base import Estimate, Method, RunResult
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Particles `(n, 3)` at one moment: x, y, yaw in the map frame as the method knew it then."""
+
+    stamp_ns: int
+    particles: NDArray[np.float32]
+
+
+class ParticleHistory:
+    """A method that is looked at as it goes: once a second of the log's time, `most_particles` of its particles.
+
+    A log of more than `most_snapshots` seconds is looked at more seldom, so that memory is bounded. What is kept
+    depends on the log alone, not on how fast it is read.
+    """
+
+    def __init__(self, method: Method, most_snapshots: int = 2000, most_particles: int = 500) -> None:
+        self._method = method
+        self._most_snapshots = most_snapshots
+        self._most_particles = most_particles
+        self._interval_ns = NS_PER_S
+        self._last_ns: int | None = None
+        self._kept: list[Snapshot] = []
+
+    @property
+    def snapshots(self) -> tuple[Snapshot, ...]:
+        """What was kept, in the order of the log; nothing for a method without particles."""
+        return tuple(self._kept)
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The method's own."""
+        return self._method.estimate
+
+    def process(self, event: Event) -> None:
+        """Let the method process the event, then look at it if it is time."""
+        self._method.process(event)
+        if self._last_ns is None or event.stamp_ns >= self._last_ns + self._interval_ns:
+            self._look()
+
+    def result(self) -> RunResult:
+        """The method's own."""
+        return self._method.result()
+
+    def _look(self) -> None:
+        estimate = self._method.estimate
+        if estimate is None or estimate.particles is None or not len(estimate.particles):
+            return
+        if self._last_ns is not None and estimate.stamp_ns < self._last_ns + self._interval_ns:
+            return  # the event told nothing new
+        self._last_ns = estimate.stamp_ns
+        step = -(-len(estimate.particles) // self._most_particles)
+        particles = np.asarray(estimate.particles[::step], dtype=np.float32)
+        self._kept.append(Snapshot(estimate.stamp_ns, particles))
+        if len(self._kept) > self._most_snapshots:
+            self._kept = self._kept[::2]
+            self._interval_ns *= 2

@@ -1,0 +1,145 @@
+"""result.mcap: a run to look at in Foxglove, Lichtblick or any other viewer of ROS 2 logs."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gridslam.core.messages import LaserScan, Range, Transform, readonly
+from gridslam.core.poses import quaternion_of_yaw
+from gridslam.core.trajectory import Trajectory
+from gridslam.logs.cdr import CdrWriter
+from gridslam.logs.log import Log
+from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.open import open_log
+from gridslam.logs.ros_encode import Encoded, encode
+from gridslam.methods import registry
+from gridslam.methods.base import Table
+from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
+from gridslam.run import Run
+
+MOST_PATH_POSES = 10_000
+OBJECT_SIZE_M, TEXT_SIZE_M = 0.4, 0.25
+STANDS, MOVED = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
+
+
+def write_viewer_log(file: Path, run: Run, log_path: Path) -> None:
+    """Write map, path and objects at the beginning; then as time goes by map -> base, the scans and the particles.
+
+    The scans are read from the log at `log_path` once more, one at a time. Those outside the trajectory's time have no
+    place in the map and are left out. Same run, same bytes.
+    """
+    entry = registry.METHODS[run.config.method_name]
+    with (
+        open_log(log_path, run.config.log, (*entry.needs, *entry.uses)) as log,
+        McapWriter(file) as writer,
+    ):
+        for message in _messages(run, log):
+            writer.append(message)
+
+
+def _messages(run: Run, log: Log) -> Iterator[Encoded]:
+    trajectory = run.result.trajectory
+    start = int(trajectory.stamps_ns.min()) if len(trajectory) else 0
+    yield from _standing(run, log, start)
+    # In recorded order a stream may step back in time; a viewer sorts by stamp.
+    yield from heapq.merge(
+        _transforms(trajectory, log.base_frame),
+        _scans(log, trajectory),
+        (pose_array("/particles", s.stamp_ns, s.particles) for s in run.particles),
+        key=lambda message: message.stamp_ns,
+    )
+
+
+def _standing(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
+    """What holds all along, with the first stamp."""
+    for mounting in log.mountings:
+        if mounting.frame_id != mounting.child_frame_id:
+            yield from encode(_at(mounting, start_ns))
+    if run.occupancy is not None and run.occupancy.probability.size:
+        yield occupancy_grid("/map", start_ns, run.occupancy)
+    for name, further in sorted(run.result.maps.items()):
+        if further.probability.size:
+            yield occupancy_grid(f"/{name}", start_ns, further)
+    if len(run.result.trajectory):
+        yield _path(run.result.trajectory, start_ns)
+    objects = run.result.tables.get("objects")
+    if objects is not None and len(objects.rows) and {"x", "y"} <= set(objects.columns):
+        yield object_markers(objects, start_ns)
+
+
+def _at(mounting: Transform, stamp_ns: int) -> Transform:
+    return Transform(
+        stamp_ns, mounting.frame_id, mounting.child_frame_id, mounting.translation_m, mounting.quat_wxyz, True
+    )
+
+
+def _path(trajectory: Trajectory, start_ns: int) -> Encoded:
+    """The whole path; of a very long one every n-th pose and the last (map -> base has them all)."""
+    count = len(trajectory)
+    kept = np.unique(np.r_[np.arange(0, count, -(-count // MOST_PATH_POSES)), count - 1])
+    return path("/path", start_ns, trajectory.stamps_ns[kept], trajectory.poses[kept])
+
+
+def _transforms(trajectory: Trajectory, base_frame: str) -> Iterator[Encoded]:
+    """T_map_base, pose by pose."""
+    for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses.tolist(), strict=True):
+        w, qx, qy, qz = quaternion_of_yaw(yaw).tolist()
+        yield from encode(Transform(stamp, MAP_FRAME, base_frame, (x, y, 0.0), (w, qx, qy, qz)))
+
+
+def _scans(log: Log, trajectory: Trajectory) -> Iterator[Encoded]:
+    """The scans in the frames of their sensors; a reading of a ranger on a servo as a scan of one beam."""
+    if not len(trajectory):
+        return
+    first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
+    for topic, event in log.events_by_topic():
+        if not first <= event.stamp_ns <= last:
+            continue
+        named = topic if topic.startswith("/") else None
+        if isinstance(event, LaserScan):
+            yield from encode(event, named or "/scan")
+        elif isinstance(event, Range):
+            yield from encode(_one_beam(event), named or "/range")
+
+
+def _one_beam(reading: Range) -> LaserScan:
+    ranges = readonly([reading.range_m], np.float32)
+    limits = (reading.range_min_m, reading.range_max_m)
+    return LaserScan(reading.stamp_ns, reading.frame_id, ranges, reading.bearing_rad, 0.0, *limits)
+
+
+def object_markers(table: Table, stamp_ns: int) -> Encoded:
+    """visualization_msgs/MarkerArray: a cube where each object is, orange where it was moved, and its name above it."""
+    columns = {name: place for place, name in enumerate(table.columns)}
+    rows = [row for row in table.rows if _number(row, columns, "x") is not None]
+    rows = [row for row in rows if _number(row, columns, "y") is not None]
+    body = CdrWriter().uint32(2 * len(rows))
+    for number, row in enumerate(rows):
+        x, y, yaw = (_number(row, columns, name) or 0.0 for name in ("x", "y", "yaw"))
+        moved = "moved" in columns and str(row[columns["moved"]]).lower() == "true"
+        words = [str(row[columns[name]]) for name in ("id", "state") if name in columns]
+        cube, half = (OBJECT_SIZE_M,) * 3, OBJECT_SIZE_M / 2
+        place = (x, y, half, yaw)
+        marker(body, stamp_ns, "objects", number, CUBE, place, cube, MOVED if moved else STANDS)
+        above = (x, y, 2 * OBJECT_SIZE_M, 0.0)
+        letters = (0.0, 0.0, TEXT_SIZE_M)
+        text = " ".join(word for word in words if word)
+        marker(body, stamp_ns, "names", number, TEXT, above, letters, (0.0, 0.0, 0.0, 1.0), text)
+    return Encoded("/objects", "visualization_msgs/msg/MarkerArray", stamp_ns, body.data())
+
+
+def _number(row: Sequence[object], columns: dict[str, int], name: str) -> float | None:
+    """A finite number of the row; tables hold numbers or their text."""
+    if name not in columns:
+        return None
+    value = row[columns[name]]
+    try:
+        found = float(str(value))
+    except ValueError:
+        return None
+    return found if math.isfinite(found) else None
