@@ -24,7 +24,7 @@ Status = Literal["open", "reached", "seen", "unreachable"]
 DRAWN_LEAST_CELLS = 0.9
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Target:
     """An observation point: `xy` `(2,)` in drawing metres, the walls it is to see `(n,)`, and what became of it.
 
@@ -40,7 +40,7 @@ class Target:
     stamp_ns: int = 0
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class ObservationPlan:
     """All observation points and the order in which those still open are visited."""
 
@@ -158,7 +158,9 @@ def plan_observation(
         standable = reached & (distance >= 0.5 * float(distance[reached].max()))
     gallery = gallery_of(grid.walls, grid.free)
     reach = config.observation.range_m / grid.cell_m
-    points = choose_observation_points(gallery, standable, reach, config.observation.candidates, rng)
+    # the robot stops short of a point by the arrival distance and must see from there what the point was chosen for
+    near = max(reach - config.observation.arrival_m / grid.cell_m, 1.0)
+    points = choose_observation_points(gallery, standable, near, config.observation.candidates, rng)
     cells = points.points[:, ::-1].astype(np.int64)
     plan = ObservationPlan(
         grid,

@@ -1,0 +1,130 @@
+"""`gridslam explore`: the closed loop as a command, and its log mapped again."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from cli.main import main
+from gridslam.core.messages import Odometry
+from gridslam.explore import InStampOrder
+
+DRAWING = Path(__file__).resolve().parents[1] / "configs" / "worlds" / "drawings" / "corridor.png"
+START = "2.7,3.2,0"
+
+
+@pytest.fixture(scope="module")
+def explored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run directory of the shortest corridor."""
+    output = tmp_path_factory.mktemp("explored") / "run"
+    arguments = [
+        "explore",
+        "hand-corridor-20",
+        "--drawing",
+        str(DRAWING),
+        "-c",
+        "handmap-slam",
+        "-o",
+        str(output),
+    ]
+    assert main([*arguments, "--start-in-drawing", START, "--quiet"]) == 0
+    return output
+
+
+def test_the_run_directory_holds_map_log_truth_tour_and_picture(explored: Path) -> None:
+    names = {path.name for path in explored.iterdir()}
+    expected = {"map.pgm", "map.yaml", "map.png", "trajectory.tum", "report.json", "run.yaml", "tour.csv"}
+    assert names >= expected | {"log.mcap", "truth", "exploration.png", "drawing.png"}
+    assert {p.name for p in (explored / "truth").iterdir()} >= {
+        "trajectory.tum",
+        "map.pgm",
+        "map.yaml",
+        "world.yaml",
+    }
+    report = json.loads((explored / "report.json").read_text())
+    facts = report["measures"]["exploration"]
+    assert report["command"] == "explore"
+    assert facts["ended"] == "finished"
+    assert facts["unreachable"] == []
+    assert facts["least_clearance_m"] > 0.0
+    assert report["errors"]["ape"]["trans"]["rmse"] < 0.1
+    with (explored / "tour.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == facts["points"]
+    assert {row["status"] for row in rows} <= {"reached", "seen"}
+
+
+def test_it_is_evaluated_like_any_run(explored: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = ["--truth", str(explored / "truth")]
+    gates = ["--require", "map.accuracy.mean<=0.05", "--require", "ape.trans.rmse<=0.1"]
+    assert main(["evaluate", str(explored), *truth, *gates, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["map"]["completeness"]["mean"] < 0.1
+
+
+def test_its_log_mapped_again_gives_the_same_bytes(explored: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again"
+    arguments = [
+        "map",
+        str(explored / "log.mcap"),
+        "-c",
+        str(explored / "run.yaml"),
+        "--drawing",
+        str(DRAWING),
+    ]
+    assert main([*arguments, "-o", str(again), "--quiet"]) == 0
+    for name in ("map.pgm", "map.yaml", "trajectory.tum", "lines.csv"):
+        assert (again / name).read_bytes() == (explored / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (["hand-corridor-20", "--drawing", "missing.png"], 2, "missing.png"),
+        (["hand-corridor-20", "--drawing", str(DRAWING), "-c", "slam-sd"], 2, "handmap-slam"),
+        (["ir-room", "--drawing", str(DRAWING)], 2, "sensors.lidar"),
+        (
+            ["hand-corridor-20", "--drawing", str(DRAWING), "--start-in-drawing", "here"],
+            2,
+            "--start-in-drawing",
+        ),
+        (["hand-corridor-20", "--drawing", str(DRAWING), "--start-in-drawing", "99,0,0"], 2, "outside"),
+    ],
+)
+def test_what_cannot_be_explored_is_told_in_a_line(
+    arguments: list[str], code: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explore", *arguments, "-o", str(tmp_path / "run")]) == code
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.err.count("\n") <= 2
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(tmp_path: Path) -> None:
+    output = tmp_path / "run"
+    arguments = [
+        "explore",
+        "hand-corridor-20",
+        "--drawing",
+        str(DRAWING),
+        "-o",
+        str(output),
+        "--longest",
+        "8",
+    ]
+    assert main([*arguments, "--start-in-drawing", START, "--quiet"]) == 4
+    facts = json.loads((output / "report.json").read_text())["measures"]["exploration"]
+    assert facts["ended"] == "time"
+    assert (output / "log.mcap").exists()
+
+
+def test_events_leave_in_the_order_of_their_stamps_once_they_are_old_enough() -> None:
+    order = InStampOrder(hold_ns=100)
+    for stamp in (50, 30, 60, 30):
+        order.add(Odometry(stamp, "odom", float(stamp), 0.0, 0.0))
+    assert [e.stamp_ns for e in order.ready(130)] == [30, 30]
+    assert [e.stamp_ns for e in order.ready(155)] == [50]
+    assert [e.stamp_ns for e in order.rest()] == [60]
