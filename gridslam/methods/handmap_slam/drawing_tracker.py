@@ -21,6 +21,7 @@ from gridslam.methods.handmap_slam.line_observation import (
     families_observed,
 )
 from gridslam.methods.handmap_slam.localizer import DrawingLocalizer, DrawnBelief
+from gridslam.methods.handmap_slam.places import Been, Places
 from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
@@ -35,15 +36,6 @@ class Update:
     row: int
     pose: DrawingPose
     lines: tuple[ObservedLine, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Been:
-    """Where the robot was: in the front end's frame `(3,)`, along its way, and in the drawing."""
-
-    track_pose: Floats
-    travelled_m: float
-    pose: DrawingPose
 
 
 class DrawingTracker:
@@ -65,7 +57,7 @@ class DrawingTracker:
         self._at_update: DrawingPose | None = None
         self._unobserved = 0
         self._travelled_m = 0.0
-        self._been: list[_Been] = []
+        self._been = Places(config.localization.recall_m)
         self.pose: DrawingPose | None = None
         self.updates: list[Update] = []
         self.counters: Counter[str] = Counter()
@@ -128,19 +120,20 @@ class DrawingTracker:
         self._updated_at = track_pose.copy()
         self._at_update = self.pose = pose
         self.updates.append(Update(row, pose, tuple(observed)))
-        self._been.append(_Been(track_pose.copy(), self._travelled_m, pose))
+        self._been.add(Been(track_pose.copy(), self._travelled_m, pose))
         self.counters["drawing.updates"] += 1
 
     def _recall(self, track_pose: Floats) -> None:
         """Where the robot has been before it should be found in the drawing as before: a bent drawing stays bent."""
         settings = self._config.localization
-        past = [b for b in self._been if self._travelled_m - b.travelled_m > settings.recall_after_m]
-        if not past or not settings.recall_share:
+        if not settings.recall_share:
             return
-        away = np.array([np.hypot(*(b.track_pose - track_pose)[:2]) for b in past])
-        near = np.flatnonzero(away < settings.recall_m)
-        if len(near):
-            best = past[int(near[np.argmax([past[i].pose.fit for i in near])])]
+        before_m = self._travelled_m - settings.recall_after_m
+        near = [
+            been for been in self._been.near(track_pose, settings.recall_m) if been.travelled_m < before_m
+        ]
+        if near:
+            best = max(near, key=lambda been: been.pose.fit)
             then = moved(best.pose, se2.between(best.track_pose, track_pose))
             scales = np.log([then.scale_x, then.scale_y])
             self._localizer.recall(np.array([then.x_m, then.y_m, then.yaw_rad, *scales]))
