@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, MethodError
+from gridslam.core.poses import wrap_angle
 from gridslam.kernels.planning_circles import parts_are_free
 from gridslam.kernels.planning_clearance import pose_clearance
 from gridslam.kernels.planning_grid import cost_to_go, descend, pull_taut
@@ -40,6 +41,7 @@ MOST_STATES = 3_000_000
 LONG_STEP_M, SHORT_STEP_M = 0.15, 0.05
 YAWS, MORE_YAWS = 64, 240
 SAME_WAY = 1e-3
+SAME_PLACE_M = 1e-6
 FREE_YAWS = 8
 LEAST_RADIUS_M = 1e-3
 HALF_TURN = np.array([0.0, 0.0, np.pi])
@@ -111,6 +113,9 @@ def plan_path(
     for name, local, pose in (("start", start_local, start), ("goal", goal_local, goal)):
         if not _stands_free(space, local):
             raise blocked_pose(occupancy, space, name, np.asarray(pose, float), local)
+    apart = np.nan_to_num(goal_local - start_local)
+    if np.hypot(*apart[:2]) < SAME_PLACE_M and abs(wrap_angle(apart[2])) < SAME_PLACE_M:
+        raise MethodError("start and goal are the same pose: there is nothing to plan")
     return _Planner(occupancy, space, options, start_local, goal_local).plan()
 
 
@@ -137,6 +142,11 @@ class _Planner:
     def plan(self) -> Plan:
         """The best of all candidates."""
         found: list[tuple[Candidate, Floats]] = []
+        apart = self.goal - self.start
+        if self.options.turn_on_spot and np.hypot(*apart[:2]) < SAME_PLACE_M:
+            self._keep(
+                found, "turning on the spot", np.array([[*self.start, 0.0, 0.0, wrap_angle(apart[2])]])
+            )
         spines: list[Floats] = []
         for dread in DREADS:
             togo = self._to_go(dread)
@@ -146,16 +156,26 @@ class _Planner:
             spines.append(spine)
             name = "shortest way" if dread == 0.0 else f"shy of walls ({dread:g})"
             for turning in (False, True) if self.options.turn_on_spot else (False,):
-                parts = self._path(togo, spine, turning, is_first=not found)
-                if parts is not None:
-                    length_m = float(np.abs(parts[:, 3]).sum())
-                    label = f"{name}, turning on the spot" if turning else name
-                    time_s = time_of(parts, self.options.limits)
-                    found.append((Candidate(label, length_m, time_s), parts))
+                label = f"{name}, turning on the spot" if turning else name
+                self._keep(found, label, self._path(togo, spine, turning, is_first=not found))
+            if self.options.min_radius_m == 0.0:
+                self._keep(found, f"{name}, turning at corners", self._along_corners(spine))
+        if not found:
+            raise too_hard(self.radius_m, LEAST_STATES)
         best, parts = min(found, key=lambda pair: pair[0].time_s)
         in_map = parts.copy()
         in_map[:, :3] = self.space.to_map(parts[:, :3])
         return Plan(timed_path(in_map, self.options.limits), tuple(c for c, _ in found), best.name)
+
+    def _keep(self, found: list[tuple[Candidate, Floats]], name: str, parts: Floats | None) -> None:
+        """Add a candidate, if it is one."""
+        if parts is not None and parts_are_free(self.space.world, parts, 0, len(parts)):
+            length_m = float(np.abs(parts[:, 3]).sum())
+            found.append((Candidate(name, length_m, time_of(parts, self.options.limits)), parts))
+
+    def _along_corners(self, spine: Floats) -> Floats | None:
+        """The taut string itself, with turns on the spot and what arcs save."""
+        return self.refiner.polyline(spine[:, :2], self.start, self.goal) if len(spine) > 1 else None
 
     def _to_go(self, dread: float, whole: bool = False, swapped: bool = False) -> NDArray[np.float32]:
         """The cost (m) from the cells that matter, or from the `whole` map, to the goal; `swapped`: to the start.
@@ -200,8 +220,7 @@ class _Planner:
         motions = self._search(start, goals, spine, togo, is_first and not self.options.turn_on_spot)
         if motions is None or not len(motions):
             return None
-        parts = self.refiner.refine(motions, start, self.start, self.goal)
-        return parts if parts_are_free(self.space.world, parts, 0, len(parts)) else None
+        return self.refiner.refine(motions, start, self.start, self.goal)
 
     def _search(
         self, start: Floats, goals: Floats, spine: Floats, togo: NDArray[np.float32], must: bool

@@ -50,6 +50,21 @@ class Refiner:
             begin = end
         return np.vstack(done)
 
+    def polyline(self, points: Floats, start: Floats, goal: Floats) -> Floats:
+        """Parts `(m, 6)` along lines between `points` `(n, 2)`, with turns on the spot that become arcs where that saves time."""
+        circles = np.column_stack([points, np.zeros(len(points)), np.ones(len(points))])
+        limits = self.limits.for_kernels
+        return self._descend(circles, start, goal, limits)[0]
+
+    def _descend(self, circles: Floats, start: Floats, goal: Floats, limits: Floats) -> tuple[Floats, float]:
+        """The parts after the descent from a chain of circles, and their time (s): infinite if the chain is no free path."""
+        circles, time = least_time(
+            self.space.world, circles, start, goal, self.radius_m, limits, FIRST_STEP_M, LAST_STEP_M
+        )
+        parts = np.empty((2 * len(circles) - 1, 6))
+        chain_parts(circles, len(circles), start, goal, parts)
+        return parts, float(time)
+
     def _one_direction(self, run: Floats, begin: Floats, start: Floats, goal: Floats) -> Floats:
         """A run backwards is the run forwards from its end, driven the other way round."""
         if run[0, 0] >= 0.0:
@@ -70,13 +85,10 @@ class Refiner:
                 circles = np.vstack([[*start[:2], 0.0, 1.0], circles])
             if not _agree(_end(begin, motions), goal):
                 circles = np.vstack([circles, [*goal[:2], 0.0, 1.0]])
-            circles, time = least_time(
-                world, circles, start, goal, self.radius_m, limits, FIRST_STEP_M, LAST_STEP_M
-            )
+            parts, time = self._descend(circles, start, goal, limits)
             if not time < least:
                 break
-            best, least = np.empty((2 * len(circles) - 1, 6)), float(time)
-            chain_parts(circles, len(circles), start, goal, best)
+            best, least = parts, time
             driven = best[best[:, 3] > NOTHING]
             begin, motions = driven[0, :3].copy(), driven[:, 3:5].copy()
         return best

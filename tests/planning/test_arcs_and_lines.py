@@ -167,6 +167,23 @@ def test_unknown_cells_block_unless_told_otherwise() -> None:
         plan_path(grid, np.array([2.5, 3.5, 0.0]), GOAL)
 
 
+def test_turns_at_corners_are_a_way_of_their_own_for_a_robot_that_can() -> None:
+    grid = room(gap_cells=9)  # 45 cm for a robot of 40
+    plan = plan_path(grid, START, GOAL, PlanOptions(min_radius_m=0.0, turn_on_spot=True))
+    assert_sound(plan, grid, START, GOAL)
+    assert any("corners" in c.name for c in plan.candidates)
+
+
+def test_start_and_goal_at_one_place_differ_in_heading_only() -> None:
+    grid = room()
+    goal = np.array([1.0, 1.0, np.pi])
+    assert_sound(plan_path(grid, START, goal), grid, START, goal)
+    turn = plan_path(grid, START, goal, PlanOptions(turn_on_spot=True))
+    assert [s.kind for s in turn.path.segments] == ["turn"]
+    with pytest.raises(MethodError, match="the same pose"):
+        plan_path(grid, START, START)
+
+
 @pytest.mark.parametrize(
     "options",
     [
