@@ -93,7 +93,7 @@ class Cameras:
                 continue
             self._use(name)
             self._latest[name] = then_ns, sighting
-            self._moved.append(moving_cells(sighting, self._config.cell_m, self._config.least_area_m2))
+            self._moved.append(frame.moving)
             frames.append(frame)
         return frames
 
@@ -109,7 +109,9 @@ class Cameras:
         place = self._pose_at(then_ns)
         if place is None or stamp_ns - then_ns > self._config.most_age_s * 1e9:
             return None
-        return Frame(sighting, self.fixed[name].coverage, se2.between(self._path[-1][1], place))
+        moving = moving_cells(sighting, self._config.cell_m, self._config.least_area_m2)
+        in_view = self.fixed[name].coverage[sighting.seen]
+        return Frame(moving, in_view, se2.between(self._path[-1][1], place))
 
     def coverage(self) -> Floats:
         """Centres `(k, 2)` of the floor cells that some camera sees."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -27,35 +27,39 @@ _SCATTER = np.array([0.15, 0.15, 0.05])  # of proposals: m, m, rad
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A camera's sighting, its coverage `(m, 2)`, and T_now_then `(3,)`: the robot at the frame's stamp seen from now."""
+    """What a camera says at a moment: centres of floor cells above which something moves `(k, 2)`, and of those in view `(m, 2)`.
 
-    sighting: Sighting
-    coverage: Floats
+    `back` is T_now_then `(3,)`: the robot at the frame's stamp seen from where it is now.
+    """
+
+    moving: Floats
+    in_view: Floats
     back: Floats
 
 
 def moving_cells(sighting: Sighting, cell_m: float, least_area_m2: float) -> Floats:
-    """Centres `(k, 2)` of the floor cells above which enough surface moves."""
+    """Centres `(k, 2)` of the floor cells above which enough surface moves, in the order of x, then y."""
     if not len(sighting.points):
         return np.zeros((0, 2))
     cells = np.floor(sighting.points / cell_m).astype(np.int64)
-    unique, member = np.unique(cells, axis=0, return_inverse=True)
-    area = np.bincount(member.ravel(), sighting.areas_m2, len(unique))
-    kept = unique[area >= least_area_m2].astype(np.float64)
-    return (kept + 0.5) * cell_m
+    first = cells.min(axis=0)
+    width, height = (cells.max(axis=0) - first + 1).tolist()
+    member = (cells[:, 0] - first[0]) * height + cells[:, 1] - first[1]
+    area = np.bincount(member, sighting.areas_m2, width * height).reshape(width, height)
+    return np.asarray((np.argwhere(area >= max(least_area_m2, _SMALLEST)) + first + 0.5) * cell_m)
 
 
-def all_moving(frames: Sequence[Frame], config: CamerasConfig) -> Floats:
+def all_moving(frames: Sequence[Frame]) -> Floats:
     """Centres `(k, 2)` of the floor cells above which any of the cameras sees something move."""
-    cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in frames]
-    return np.concatenate([*cells, np.zeros((0, 2))])
+    return np.concatenate([*(f.moving for f in frames), np.zeros((0, 2))])
 
 
-def places_then(back: Floats, poses: Floats) -> Floats:
-    """Where robots that are at poses `(n, 3)` now were at a frame's stamp, `(n, 2)`; `back` is T_now_then."""
+def places_then(backs: Sequence[Floats], poses: Floats) -> Iterator[Floats]:
+    """Where robots that are at poses `(n, 3)` now were at each of some moments, `(n, 2)`; `backs` are T_now_then."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    dx, dy = float(back[0]), float(back[1])
-    return np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
+    for back in backs:
+        dx, dy = float(back[0]), float(back[1])
+        yield np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
 
 
 class SightingWeight:
@@ -67,26 +71,20 @@ class SightingWeight:
 
     def log_likelihood(self, frames: Sequence[Frame], poses: Floats) -> Floats:
         """Of poses `(n, 3)`: `(n,)`."""
-        total = np.zeros(len(poses))
-        for frame in frames:
-            places = places_then(frame.back, poses)
-            seen = self._is_seen(frame, places)
-            near = self._nearness(frame.sighting, places)
-            w = self._weight
-            blob = w.detection * near / (w.clutter_per_m2 * 2.0 * np.pi * w.bandwidth_m**2)
-            ratio = np.where(seen, 1.0 - w.detection, 1.0 - w.detection * near) + blob
-            total += w.frame_weight * np.log(ratio)
-        return total
+        total, w = np.zeros(len(poses)), self._weight
+        density = 1.0 / (w.clutter_per_m2 * 2.0 * np.pi * w.bandwidth_m**2)
+        backs = [frame.back for frame in frames]
+        for frame, places in zip(frames, places_then(backs, poses), strict=True):
+            in_view = in_cells(frame.in_view, places, self._config.cell_m)
+            near = self._nearness(frame.moving, places)
+            ratio = np.where(in_view, 1.0 - w.detection, 1.0 - w.detection * near)
+            total += np.log(ratio + w.detection * density * near)
+        return w.frame_weight * total
 
-    def _is_seen(self, frame: Frame, places: Floats) -> NDArray[np.bool_]:
-        cells = frame.coverage[frame.sighting.seen]
-        return in_cells(cells, places, self._config.cell_m)
-
-    def _nearness(self, sighting: Sighting, places: Floats) -> Floats:
+    def _nearness(self, moving: Floats, places: Floats) -> Floats:
         """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest thing that moves, less the robot's own radius."""
-        w, config = self._weight, self._config
-        moving = moving_cells(sighting, config.cell_m, config.least_area_m2)
-        distance = distance_to(moving, places, config.cell_m, w.radius_m + _FAR * w.bandwidth_m)
+        w = self._weight
+        distance = distance_to(moving, places, self._config.cell_m, w.radius_m + _FAR * w.bandwidth_m)
         return np.asarray(np.exp(-0.5 * (np.maximum(distance - w.radius_m, 0.0) / w.bandwidth_m) ** 2))
 
 
@@ -125,42 +123,40 @@ class DensityWeight:
     `onboard: particles` multiplies the onboard weights by P_iSpace, so that the particles stand for the product.
     """
 
-    def __init__(self, config: CamerasConfig, weight: DensityConfig) -> None:
-        self._config = config
+    def __init__(self, weight: DensityConfig) -> None:
         self._weight = weight
 
     def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
         """Particles with the weights of both densities; unchanged where no foreground is seen, or none near a particle."""
         bandwidth = self._weight.bandwidth_m
-        moments = [(back, cells) for back, cells in self._moments(frames) if len(cells)]
+        moments = [(back, cells) for back, cells in by_moment(frames) if len(cells)]
         if not moments:
             return particles
         onboard = particles.weights
         if self._weight.onboard == "kernel":
-            places = particles.poses[:, :2]
-            onboard = kernel_density(places, particles.weights, bandwidth).at(places)
+            here = particles.poses[:, :2]
+            onboard = kernel_density(here, particles.weights, bandwidth).at(here)
         environment = np.zeros(len(particles))
-        for back, cells in moments:
-            seen = kernel_density(cells, np.ones(len(cells)), bandwidth)
-            environment += len(cells) * seen.at(places_then(back, particles.poses))
+        backs = [back for back, _ in moments]
+        for (_, cells), places in zip(moments, places_then(backs, particles.poses), strict=True):
+            environment += len(cells) * kernel_density(cells, np.ones(len(cells)), bandwidth).at(places)
         weights = onboard * environment
         total = weights.sum()
         if not total > _SMALLEST:
             return particles
         return Particles(particles.poses, weights / total)
 
-    def _moments(self, frames: Sequence[Frame]) -> list[tuple[Floats, Floats]]:
-        """What moves, `(k, 2)`, in all frames of a moment together, and T_now_then of that moment."""
-        config = self._config
-        groups: dict[tuple[int, int], list[Frame]] = {}
-        for frame in frames:
-            x, y = np.rint(frame.back[:2] / _SAME_M).astype(int).tolist()
-            groups.setdefault((x, y), []).append(frame)
-        found = []
-        for group in groups.values():
-            cells = [moving_cells(f.sighting, config.cell_m, config.least_area_m2) for f in group]
-            found.append((group[0].back, np.unique(np.concatenate(cells), axis=0)))
-        return found
+
+def by_moment(frames: Sequence[Frame]) -> list[tuple[Floats, Floats]]:
+    """T_now_then of each moment, and what moves in all of its frames together, `(k, 2)`."""
+    groups: dict[tuple[int, int], list[Frame]] = {}
+    for frame in frames:
+        x, y = np.rint(frame.back[:2] / _SAME_M).astype(int).tolist()
+        groups.setdefault((x, y), []).append(frame)
+    return [
+        (group[0].back, np.unique(np.concatenate([f.moving for f in group]), axis=0))
+        for group in groups.values()
+    ]
 
 
 def in_cells(cells: Floats, places: Floats, cell_m: float) -> NDArray[np.bool_]:

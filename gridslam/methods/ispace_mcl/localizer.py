@@ -109,7 +109,7 @@ class Localizer:
         if isinstance(sightings, SightingConfig):
             self._sightings = SightingWeight(config.cameras, sightings)
         else:
-            self._density = DensityWeight(config.cameras, sightings)
+            self._density = DensityWeight(sightings)
         self.counters: Counter[str] = Counter()
         self.timings_s: defaultdict[str, float] = defaultdict(float)
 
@@ -126,7 +126,7 @@ class Localizer:
             with self._timed("search"):
                 self._is_started = self._compete(None, frames)
         with self._timed("weigh"):
-            self._weigh(beams, all_moving(frames, self._config.cameras))
+            self._weigh(beams, all_moving(frames))
         with self._timed("environment"):
             self._weigh_by_cameras(frames)
         with self._timed("assess"):
@@ -187,7 +187,7 @@ class Localizer:
         used = beams.thinned(self._config.scan.beams)
         if not count or not len(used.points):
             return
-        moving = all_moving(frames, cameras)
+        moving = all_moving(frames)
         drawn = proposals(moving, lambda poses: self._log_weight(used, poses, moving), count, self._rng)
         if drawn is None:
             return

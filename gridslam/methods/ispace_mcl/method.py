@@ -99,6 +99,7 @@ class IspaceMcl:
         """The trajectory, the table `localization` and the series of the report."""
         for scan in self._depth.flush():
             self._take_scan(scan)
+        self._depth.check()
         for placed in self._scans.flush():
             self._take(placed)
         self._cameras.finish()

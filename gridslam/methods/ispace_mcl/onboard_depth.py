@@ -6,6 +6,7 @@ from collections import Counter, deque
 
 import numpy as np
 
+from gridslam.core.errors import MethodError
 from gridslam.core.messages import CameraInfo, DepthImage, LaserScan, Transform
 from gridslam.methods.ispace_mcl.config import DepthRangesConfig
 from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_mounting, ranges_frame
@@ -66,6 +67,16 @@ class OnboardDepth:
         scans = [self._scan(depth) for depth in self._waiting]
         self._waiting.clear()
         return [scan for scan in scans if scan is not None]
+
+    def check(self) -> None:
+        """MethodError when all depth images were in vain and there was no lidar either."""
+        if self._has_lidar or self.counters["used.depth"] or not self.counters:
+            return
+        reasons = ", ".join(f"{n} x {name.rpartition('.')[2]}" for name, n in sorted(self.counters.items()))
+        raise MethodError(
+            f"the log has neither a scan nor a usable depth image of a camera on the robot ({reasons}): there are no ranges to "
+            "localize by; give the camera a calibration and a mounting on the robot's frame (log.mounting)"
+        )
 
     def _scan(self, depth: DepthImage) -> LaserScan | None:
         name = depth.frame_id
