@@ -14,6 +14,7 @@ from gridslam.core.messages import LaserScan, Odometry
 
 Floats = NDArray[np.float64]
 
+LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
 _GAP_S = 1.0  # longer silences of the odometry are counted
 
 
@@ -24,6 +25,16 @@ class PlacedScan:
     scan: LaserScan
     odometry: Floats
     broken: bool
+
+
+def twist_between(last: PlacedScan | None, placed: PlacedScan) -> Floats:
+    """Velocity (vx, vy, wz) `(3,)` by the odometry since the scan before; zero without one, or after a gap."""
+    if last is None:
+        return np.zeros(3)
+    elapsed_s = (placed.scan.stamp_ns - last.scan.stamp_ns) * 1e-9
+    if not 0.0 < elapsed_s < LONGEST_SWEEP_GAP_S:
+        return np.zeros(3)
+    return np.asarray(se2.between(last.odometry, placed.odometry) / elapsed_s)
 
 
 class ScanPoses:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core.messages import LaserScan, Odometry, readonly
-from gridslam.motion.scan_poses import ScanPoses
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
 
 NS = 10**9
 
@@ -91,3 +91,16 @@ def test_stamps_that_step_back_keep_the_recorded_order():
     scans, placed = _join(_odometry(1.0, 0.0), _odometry(2.0, 0.1), _odometry(1.5, 0.2), _scan(1.5))
     assert placed[0].odometry[0] == 0.2
     assert scans.counters["odometry.jumps"] == 0
+
+
+def test_the_twist_is_the_motion_by_the_time_and_nothing_after_a_gap():
+    def placed(seconds, x, yaw=0.0):
+        return PlacedScan(_scan(seconds), np.array([x, 0.0, yaw]), False)
+
+    np.testing.assert_allclose(twist_between(placed(1.0, 0.0), placed(1.2, 0.1, 0.05)), [0.5, 0.0, 0.25])
+    for last, now in (
+        (None, placed(1.0, 1.0)),
+        (placed(1.0, 0.0), placed(9.0, 4.0)),
+        (placed(2.0, 0.0), placed(1.0, 1.0)),
+    ):
+        assert not twist_between(last, now).any()

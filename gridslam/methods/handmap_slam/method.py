@@ -10,7 +10,6 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
@@ -33,12 +32,11 @@ from gridslam.methods.handmap_slam.outcome import (
     series_of,
 )
 from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
-from gridslam.motion.scan_poses import PlacedScan, ScanPoses
+from gridslam.methods.slam_sd.track import is_far
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
 from gridslam.sensors.lidar_beams import Mounting, mounting_of
 
 Floats = NDArray[np.float64]
-
-LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
 
 
 class HandmapSlam:
@@ -156,12 +154,7 @@ class HandmapSlam:
 
     def _prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
-        scan, twist = placed.scan, np.zeros(3)
-        if self._last is not None:
-            step = se2.between(self._last.odometry, placed.odometry)
-            elapsed_s = (scan.stamp_ns - self._last.scan.stamp_ns) * 1e-9
-            if 0.0 < elapsed_s < LONGEST_SWEEP_GAP_S:
-                twist = step / elapsed_s
+        scan, twist = placed.scan, twist_between(self._last, placed)
         mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
         prepared = prepare_scan(scan, mounting, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
@@ -170,9 +163,10 @@ class HandmapSlam:
     def _is_key(self) -> bool:
         if not self._keys:
             return True
-        moved = se2.between(self._track[self._keys[-1]], self._track[-1])
-        far = float(np.hypot(moved[0], moved[1])) > self._config.key_distance_m
-        return far or abs(float(moved[2])) > self._config.key_turn_rad
+        config = self._config
+        return is_far(
+            self._track[self._keys[-1]], self._track[-1], config.key_distance_m, config.key_turn_rad
+        )
 
     def _own_measures(self, finished: Finished) -> dict[str, object]:
         refined = finished.refined

@@ -28,13 +28,11 @@ from gridslam.methods.slam_sd.landmarks import landmark_edges
 from gridslam.methods.slam_sd.object_layer import ObjectLayer, with_objects
 from gridslam.methods.slam_sd.particles import ParticleMaps
 from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
-from gridslam.methods.slam_sd.track import spread_corrections, step_deviations
-from gridslam.motion.scan_poses import PlacedScan, ScanPoses
+from gridslam.methods.slam_sd.track import is_far, spread_corrections, step_deviations
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
 from gridslam.sensors.lidar_beams import Mounting, mounting_of
 
 Floats = NDArray[np.float64]
-
-LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
 
 
 class SlamSd:
@@ -181,12 +179,7 @@ class SlamSd:
 
     def _prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
-        scan, twist = placed.scan, np.zeros(3)
-        if self._last is not None:
-            step = se2.between(self._last.odometry, placed.odometry)
-            elapsed_s = (scan.stamp_ns - self._last.scan.stamp_ns) * 1e-9
-            if 0.0 < elapsed_s < LONGEST_SWEEP_GAP_S:
-                twist = step / elapsed_s
+        scan, twist = placed.scan, twist_between(self._last, placed)
         mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
         prepared = prepare_scan(scan, mounting, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
@@ -195,9 +188,10 @@ class SlamSd:
     def _is_key(self) -> bool:
         if not self._keys:
             return True
-        moved = se2.between(self._track[self._keys[-1]], self._track[-1])
-        far = float(np.hypot(moved[0], moved[1])) > self._config.key_distance_m
-        return far or abs(float(moved[2])) > self._config.key_turn_rad
+        config = self._config
+        return is_far(
+            self._track[self._keys[-1]], self._track[-1], config.key_distance_m, config.key_turn_rad
+        )
 
     def _filter(self, scan: PreparedScan) -> None:
         """Predict, match, weigh, resample, update the maps: one step of the filter."""

@@ -19,6 +19,12 @@ def step_deviations(step: Floats, config: FilterConfig) -> Floats:
     return np.stack([translation, translation, rotation], axis=-1)
 
 
+def is_far(since: Floats, now: Floats, distance_m: float, turn_rad: float) -> bool:
+    """Whether a robot has come this far, or turned this much, from one pose `(3,)` to another: a new key scan is due."""
+    moved = se2.between(since, now)
+    return float(np.hypot(moved[0], moved[1])) > distance_m or abs(float(moved[2])) > turn_rad
+
+
 def spread_corrections(track: Floats, keys: NDArray[np.int64], key_poses: Floats) -> Floats:
     """Poses `(n, 3)` of all scans, given the front end's `track` `(n, 3)` and the final poses of its key scans.
 

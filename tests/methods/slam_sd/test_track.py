@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.track import spread_corrections
+from gridslam.methods.slam_sd.track import is_far, spread_corrections
 
 
 def test_key_scans_get_their_poses_and_the_others_move_in_between() -> None:
@@ -27,3 +27,10 @@ def test_a_track_that_needs_no_correction_is_only_moved_as_a_whole() -> None:
     poses = spread_corrections(track, keys, se2.compose(T_map_track, track[keys]))
     expected = se2.compose(T_map_track, track)
     np.testing.assert_allclose(se2.between(expected, poses), 0.0, atol=1e-9)
+
+
+def test_far_is_a_distance_or_a_turn() -> None:
+    here = np.array([1.0, 2.0, 3.1])
+    assert not is_far(here, here, 0.25, 0.25)
+    assert is_far(here, se2.compose(here, np.array([0.2, 0.2, 0.0])), 0.25, 0.25)
+    assert is_far(here, se2.compose(here, np.array([0.0, 0.0, -0.3])), 0.25, 0.25)
