@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from gridslam.evaluation.document import Options
 
 
+TRUTH_BESIDE = "truth"  # the folder that `gridslam explore` leaves in its run directory
+
+
 class AlignName(str, Enum):
     """How the estimate's frame is carried into the truth's."""
 
@@ -49,7 +52,7 @@ TruthPath = Annotated[
         metavar="PATH",
         readable=False,
         help="True poses: a trajectory (t x y z qx qy qz qw, or t x y yaw), a log that holds them, or a folder "
-        "NAME.truth, whose map and objects are then used as well.",
+        "NAME.truth, whose map and objects are then used as well. Absent: the folder DIR/truth of an exploration.",
     ),
 ]
 TruthMap = Annotated[
@@ -130,6 +133,8 @@ def run(
     from gridslam.evaluation.gates import check_keys, failures, parse_gate
 
     gates = [parse_gate(text) for text in require or ()]
+    if truth is None and (path / TRUTH_BESIDE).is_dir():
+        truth = path / TRUTH_BESIDE
     if not any((truth, truth_map, relations, truth_objects)):
         raise ConfigError(
             "nothing to compare with: give --truth, --relations, --truth-map or --truth-objects"

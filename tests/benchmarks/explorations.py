@@ -56,6 +56,7 @@ class Trial:
     folder: Path = Path()
     boxes: int = 0  # put at random into the corridor, other ones for each seed
     walls: tuple[Wall, ...] = ()
+    config: str = "handmap-slam"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +83,7 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
     """One run."""
     world, world_path = _world_of(trial, seed)
     x, y, yaw = trial.start
-    config = load_run_config("handmap-slam", [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
+    config = load_run_config(trial.config, [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
     inputs = read_inputs({"drawing": trial.drawing})
     with tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.process_time()
@@ -164,6 +165,7 @@ def coverage_of(
 
 CORRIDOR_START = (2.7, 3.2, 0.0)
 BUILDING_START = (2.4, 10.4, 0.0)
+PAPER = "paper/handmap-slam"
 UNCORRECTED = ("method.correction=false",)
 
 
@@ -175,6 +177,19 @@ def trials() -> dict[str, list[Trial]]:
     sets = {
         "corridors": [
             Trial(f"corridor-{m}-{how}", f"hand-corridor-{m}", corridor, CORRIDOR_START, ten, settings)
+            for m in (20, 25, 30, 35)
+            for how, settings in (("corrected", ()), ("uncorrected", UNCORRECTED))
+        ],
+        "corridors-paper": [
+            Trial(
+                f"corridor-{m}-paper-{how}",
+                f"hand-corridor-{m}",
+                corridor,
+                CORRIDOR_START,
+                ten,
+                settings,
+                config=PAPER,
+            )
             for m in (20, 25, 30, 35)
             for how, settings in (("corrected", ()), ("uncorrected", UNCORRECTED))
         ],

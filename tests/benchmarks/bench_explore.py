@@ -1,0 +1,134 @@
+"""Exploring: points and tour against the optimum, the time of a cycle, and closed loops of a few seeds.
+
+The tables of many seeds are made by `python -m tests.benchmarks.explorations OUT`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.kernels.shortest_tour import exact_tour, improved_tour
+from gridslam.maps.drawing import drawn_map, load_drawing
+from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
+from gridslam.methods.handmap_slam.pathfinder import find_path, passable_prices
+from gridslam.methods.handmap_slam.plan_grid import plan_grid
+from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, PathConfig
+from gridslam.methods.handmap_slam.pursuit import Pursuit
+from gridslam.methods.handmap_slam.seen_scans import ScanMemory, SeenScan
+from gridslam.planning.art_gallery import gallery_of, greedy_cover, scatter
+from gridslam.planning.dwa import Drive
+from gridslam.planning.tour import tour_length
+from tests.benchmarks.explorations import BUILDING_START, DRAWINGS, run_set, trials
+from tests.benchmarks.harness import Row
+from tests.reference.planning import least_cover
+
+Floats = NDArray[np.float64]
+
+DRIVE = Drive(0.25, 0.4, 0.8, 1.5, 10.0)
+SEEDS = range(10)
+
+
+def rows() -> Iterator[Row]:
+    """All figures."""
+    yield from cover_rows()
+    yield from tour_rows()
+    yield from cycle_rows()
+    yield from loop_rows()
+
+
+def cover_rows() -> Iterator[Row]:
+    """Greedy cover over the least one on the drawings that ship with the program, 80 candidates, seeds 0 to 9."""
+    for name in ("corridor", "building"):
+        drawn = drawn_map(load_drawing(DRAWINGS / f"{name}.png"))
+        gallery = gallery_of(drawn.walls, drawn.free)
+        ratios, bounds = [], []
+        for seed in SEEDS:
+            sees = gallery.seen_from(scatter(drawn.free, 80, np.random.default_rng(seed)), 60.0)
+            ratios.append(len(greedy_cover(sees)) / least_cover(sees))
+            bounds.append(np.log(int(sees.any(axis=0).sum())))
+        yield Row(f"explore.cover.{name}.over_optimum", float(np.mean(ratios)), "x")
+        yield Row(f"explore.cover.{name}.worst", max(ratios), "x", bound=float(min(bounds)))
+
+
+def tour_rows() -> Iterator[Row]:
+    """Local search over the optimum, 13 places, seeds 0 to 9; up to that many the program takes the optimum itself."""
+    ratios = []
+    for seed in SEEDS:
+        points = np.random.default_rng(seed).uniform(0.0, 10.0, (13, 2))
+        table = np.asarray(np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)))
+        best = tour_length(table, np.asarray(exact_tour(table)))
+        ratios.append(tour_length(table, np.asarray(improved_tour(table, np.arange(13)))) / best)
+    yield Row("explore.tour.local_search.over_optimum", float(np.mean(ratios)), "x")
+    yield Row("explore.tour.local_search.worst", max(ratios), "x", bound=1.25)
+
+
+def cycle_rows() -> Iterator[Row]:
+    """CPU time of a command (DWA over 121 pairs of speeds, three scans of 360 beams) and of a new path in the building."""
+    scan = _scan_about()
+    pursuit = Pursuit(ExplorationConfig(), DRIVE)
+    for _ in range(3):
+        pursuit.see(np.zeros(3), scan)
+    pursuit.follow(np.column_stack([np.linspace(0.0, 3.0, 60), np.zeros(60)]), np.zeros(3))
+    stamps = iter(range(10**9, 10**12, 10**8))
+    yield Row(
+        "explore.command",
+        cpu_ms(lambda: pursuit.command(next(stamps), np.zeros(3), (0.3, 0.3)), 100),
+        "ms",
+        bound=5.0,
+    )
+    drawn = drawn_map(load_drawing(DRAWINGS / "building.png"))
+    path, memory = PathConfig(), ScanMemory(PathConfig())
+    for k in range(60):
+        memory.add(np.array([0.4 * k - 12.0, 0.0, 0.0]), scan)
+    pose = DrawingPose(0, *BUILDING_START, 1.0, 1.0, 0.1, 1.0)
+
+    def plan() -> None:
+        grid = plan_grid(drawn, 1.0, 1.0, path.cell_m)
+        blocked, cleared = memory.over(grid, np.zeros(3), pose)
+        price = passable_prices(grid, blocked, cleared, 0.25, path)
+        find_path(grid, price, blocked, pose, np.array([24.0, 24.0]), 0.25, 0.2)
+
+    yield Row("explore.path", cpu_ms(plan, 10), "ms")
+
+
+def loop_rows() -> Iterator[Row]:
+    """Whole explorations, seeds 0 and 1: all finished, nothing touched, the map right."""
+    every = trials()
+    for name, set_name in (
+        ("corridor-35-corrected", "corridors"),
+        ("building-distorted", "building"),
+        ("curved", "curved"),
+    ):
+        trial = next(t for t in every[set_name] if t.name == name)
+        with tempfile.TemporaryDirectory() as folder:
+            found = run_set([trial], Path(folder), most_seeds=2)
+        finished = float(np.mean([run.ended == "finished" for run in found]))
+        yield Row(f"explore.{name}.finished", finished, "share", bound=1.0, at_least=True)
+        yield Row(f"explore.{name}.map_error", max(run.map_error_m for run in found), "m", bound=0.05)
+        yield Row(
+            f"explore.{name}.clearance", min(run.clearance_m for run in found), "m", bound=0.0, at_least=True
+        )
+        yield Row(f"explore.{name}.cpu", max(run.cpu_s for run in found), "s", bound=60.0)
+
+
+def cpu_ms(call: Callable[[], object], times: int) -> float:
+    """Mean CPU time of a call after a first one."""
+    call()
+    started = time.process_time()
+    for _ in range(times):
+        call()
+    return 1e3 * (time.process_time() - started) / times
+
+
+def _scan_about() -> SeenScan:
+    """360 beams in a corridor 2.4 m wide."""
+    bearings = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+    ranges = np.minimum(1.2 / np.maximum(np.abs(np.sin(bearings)), 1e-3), 8.0)
+    ends: Floats = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+    return SeenScan(0, np.zeros(2), ends, ranges < 8.0)
