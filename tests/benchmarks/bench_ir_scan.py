@@ -85,13 +85,15 @@ def lap_rows() -> Iterator[Row]:
             found[kind].append(mapped(ride, config))
         for kind, errors in given.items():
             errors.append(on_the_true_map(ride, kinds[kind]))
+        finals = {kind: round(100 * scores[-1].final_m, 2) for kind, scores in found.items()}
+        say(f"ir-laps, seed {seed}: final error (cm) {finals}")
     for kind, scores in found.items():
-        finals = [100 * score.final_m for score in scores]
-        say(f"ir-laps {kind}: final error (cm) of seeds 0 to 19: {np.round(finals, 2).tolist()}")
-        yield Row(f"ir_scan.laps.{kind}.final.mean", float(np.mean(finals)), "cm")
-        yield Row(f"ir_scan.laps.{kind}.final.max", float(np.max(finals)), "cm")
-        aligned = [100 * score.aligned_final_m for score in scores]
-        yield Row(f"ir_scan.laps.{kind}.aligned.final.mean", float(np.mean(aligned)), "cm")
+        yield Row(
+            f"ir_scan.laps.{kind}.final.mean", 100 * float(np.mean([score.final_m for score in scores])), "cm"
+        )
+        yield Row(f"ir_scan.laps.{kind}.final.max", 100 * max(score.final_m for score in scores), "cm")
+        aligned = float(np.mean([score.aligned_final_m for score in scores]))
+        yield Row(f"ir_scan.laps.{kind}.aligned.final.mean", 100 * aligned, "cm")
         if kind in given:
             yield clearance_row(f"ir_scan.laps.{kind}", scores)
             yield Row(f"ir_scan.laps.{kind}.localize.final.mean", 100 * float(np.mean(given[kind])), "cm")
