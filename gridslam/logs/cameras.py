@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import io
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_PIXELS = 1 << 26  # of one camera image; 8192 x 8192
+_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 _LEAVES = frozenset(
     {
         "image",
@@ -62,18 +70,29 @@ def depth_of(
     raise ValueError(f"encoding {encoding!r}")
 
 
-def unpack_picture(data: bytes, most_pixels: int = 1 << 28) -> NDArray[np.uint8]:
+def unpack_picture(data: bytes, most_pixels: int = MOST_PIXELS) -> NDArray[np.uint8]:
     """Pixels of a PNG or JPEG. Raises ValueError where it is none, or is absurdly large."""
+    with opened_picture(data, ("PNG", "JPEG"), most_pixels) as picture:
+        mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
+        return np.asarray(picture.convert(mode))
+
+
+@contextmanager
+def opened_picture(data: bytes, formats: tuple[str, ...], most_pixels: int = MOST_PIXELS) -> Iterator[Any]:
+    """A Pillow image, whose size is known to be no bomb's before a pixel of it is unpacked.
+
+    Raises ValueError: it is damaged, of another format or too large, whether that shows here or inside the block.
+    """
     from PIL import Image as Pillow
-    from PIL import UnidentifiedImageError
 
     try:
-        with Pillow.open(io.BytesIO(data), formats=("PNG", "JPEG")) as picture:
-            if picture.width * picture.height > most_pixels:
-                raise ValueError("picture is too large")
-            mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
-            return np.asarray(picture.convert(mode))
-    except (UnidentifiedImageError, OSError, SyntaxError, Pillow.DecompressionBombError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)  # our own limit is lower
+            with Pillow.open(io.BytesIO(data), formats=formats) as picture:
+                if picture.width * picture.height > most_pixels:
+                    raise ValueError(f"{picture.width} x {picture.height} pixels are too many")
+                yield picture
+    except (*_DAMAGE, Pillow.DecompressionBombError) as error:
         raise ValueError(f"not a picture: {error}") from error
 
 

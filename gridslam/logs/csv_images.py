@@ -9,38 +9,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
-from gridslam.logs.cameras import unpack_picture
+from gridslam.logs.cameras import opened_picture, unpack_picture
 
-_MOST_BYTES = 1 << 30
+_MOST_BYTES = 1 << 28
 
 
 def read_pixels(path: Path) -> NDArray[np.uint8]:
     """Grey or RGB pixels. ValueError("unreadable_image") where it is no picture."""
     try:
-        return unpack_picture(path.read_bytes())
+        return unpack_picture(_bytes_of(path))
     except (OSError, ValueError) as error:
         raise ValueError("unreadable_image") from error
 
 
 def read_floats(path: Path) -> NDArray[np.float32]:
     """Depths in metres, or disparities in pixels. ValueError("unreadable_image") where it holds none."""
-    from PIL import Image as Pillow
-
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise ValueError("too large")
-        data = path.read_bytes()
+        data = _bytes_of(path)
         if data.startswith(b"\x93NUMPY"):
             values = np.load(io.BytesIO(data), allow_pickle=False)
         else:
-            with Pillow.open(io.BytesIO(data), formats=("PNG",)) as picture:
+            with opened_picture(data, ("PNG",)) as picture:
                 raw = np.asarray(picture)
             values = np.where(raw == 0, np.nan, raw / 1000.0)
         if values.ndim != 2 or values.dtype.kind not in "fiu":
             raise ValueError("not a table of numbers")
-        return np.asarray(values, dtype=np.float32)
-    except (OSError, ValueError, SyntaxError, EOFError, MemoryError, Pillow.DecompressionBombError) as error:
+        with np.errstate(over="ignore"):  # a double that is too large for a float32 is infinite
+            return np.asarray(values, dtype=np.float32)
+    except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:
         raise ValueError("unreadable_image") from error
+
+
+def _bytes_of(path: Path) -> bytes:
+    """A plain file of sensible size: a pipe would be waited for without end."""
+    if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+        raise ValueError("no file, or too large")
+    return path.read_bytes()
 
 
 def write_pixels(path: Path, pixels: NDArray[np.uint8]) -> None:

@@ -28,7 +28,7 @@ LEAST_SIDE_PX = 16
 LEAST_CONTRAST = 32  # of 255, between the darker and the brighter class
 
 FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
-_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
+DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
 
 WallColour = Literal["auto", "dark", "bright"]
 
@@ -73,7 +73,7 @@ def load_drawing(path: Path) -> Drawing:
                 levels = _brightness(image)
     except Image.DecompressionBombError:
         raise MapError(f"{path}: the drawing has more than {MOST_PIXELS} pixels; draw it smaller") from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise MapError(f"{path}: not a readable picture ({error}); save the drawing as PNG or JPEG") from None
     darkest, brightest = np.percentile(levels, [0.02, 99.98])
     if brightest - darkest < LEAST_CONTRAST:

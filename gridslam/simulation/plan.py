@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
+from gridslam.maps.drawing import DAMAGE, FORMATS
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.simulation.outlines import NO_SEGMENTS, Array, polyline
@@ -16,6 +18,7 @@ from gridslam.simulation.world_config import Plan
 
 FINER = 4  # pixels per cell when outlines are traced, so that they run along the borders of cells
 OCCUPIED_FROM = 0.65
+MOST_PIXELS = 25_000_000  # each is traced as FINER x FINER
 
 
 def plan_segments(plan: Plan, folder: Path) -> Array:
@@ -68,9 +71,16 @@ def _from_picture(plan: Plan, path: Path) -> tuple[NDArray[np.bool_], GridGeomet
     if plan.resolution_m is None:
         raise ConfigError(f"plan.resolution_m: the size of a pixel of {plan.file} in metres is missing")
     try:
-        with Image.open(path) as picture:
-            grey = np.asarray(_on_ground(picture, plan.walls_are == "dark"))
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit is lower
+            with Image.open(path, formats=FORMATS) as picture:
+                if picture.width * picture.height > MOST_PIXELS:
+                    raise ConfigError(
+                        f"plan.file: {path}: {picture.width} x {picture.height} pixels, at most {MOST_PIXELS} are read; "
+                        "scale the picture down and raise plan.resolution_m"
+                    )
+                grey = np.asarray(_on_ground(picture, plan.walls_are == "dark"))
+    except (*DAMAGE, Image.DecompressionBombError) as error:
         raise ConfigError(f"plan.file: {path}: not a readable picture ({error})") from None
     is_wall = grey < 128 if plan.walls_are == "dark" else grey >= 128
     return np.ascontiguousarray(is_wall[::-1]), GridGeometry(plan.resolution_m, plan.origin)
