@@ -114,7 +114,7 @@ def count_crossed(
 
 @compiled
 def pooled_sums(values: NDArray[np.float64], cells: NDArray[np.int64], reach: int) -> NDArray[np.float64]:
-    """Sums `(n, k)` of `values` (rows, cols, k) over the windows of `reach` cells about `cells` `(n, 2)`; these may lie outside."""
+    """Sums `(n, k)` of `values` (rows, cols, k) over windows of `reach` cells about `cells` `(n, 2)`; these may lie outside."""
     rows, cols, channels = values.shape
     sums = np.zeros((cells.shape[0], channels))
     for n in range(cells.shape[0]):

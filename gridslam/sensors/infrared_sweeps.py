@@ -45,20 +45,25 @@ class _Track:
     highest: float = 0.0
     doubted: Range | None = None  # turned back, perhaps by mistake: the next sample tells
 
-    def turns_anew(self, bearing_rad: float, back_rad: float) -> bool:
-        """Whether a bearing cannot belong to this sweep any more."""
-        turned = self.turned + math.remainder(bearing_rad - self.readings[-1].bearing_rad, math.tau)
+    def turned_to(self, bearing_rad: float) -> float:
+        """How far the servo has turned since the first sample when it is at a bearing."""
+        return self.turned + math.remainder(bearing_rad - self.readings[-1].bearing_rad, math.tau)
+
+    def turns_anew(self, turned: float, back_rad: float) -> bool:
+        """Whether a sample so far from the first one cannot belong to this sweep any more."""
         if max(self.highest, turned) - min(self.lowest, turned) > math.tau - 1e-3:
             return True
         if self.highest > -self.lowest:
             return self.highest - turned > back_rad
         return self.highest < -self.lowest and turned - self.lowest > back_rad
 
-    def add(self, reading: Range) -> None:
+    def add(self, reading: Range, turned: float) -> None:
         """Take in a sample that belongs to the sweep."""
-        if self.readings:
-            self.turned += math.remainder(reading.bearing_rad - self.readings[-1].bearing_rad, math.tau)
-            self.lowest, self.highest = min(self.lowest, self.turned), max(self.highest, self.turned)
+        self.turned = turned
+        if turned < self.lowest:
+            self.lowest = turned
+        elif turned > self.highest:
+            self.highest = turned
         self.readings.append(reading)
 
 
@@ -101,24 +106,24 @@ class SweepAssembler:
         done = None
         if self._tracks and (self._is_silent(reading.stamp_ns) or self._has_moved(travelled_m, turned_rad)):
             done = self.flush()
-        track = self._tracks.get(reading.frame_id)
-        if track is not None and track.readings and track.readings[-1] == reading:
-            self.counters["skipped.range.duplicate"] += 1
-            return done
-        if track is not None and track.turns_anew(reading.bearing_rad, self._limits.back_rad):
-            doubted, track.doubted = track.doubted, None
-            if doubted is None or not self._is_near(reading, doubted):
-                self.counters["skipped.range.bad_bearing"] += doubted is not None
-                track.doubted = reading
+        track, turned = self._tracks.get(reading.frame_id), 0.0
+        if track is not None:
+            last = track.readings[-1]
+            if last.stamp_ns == reading.stamp_ns and last == reading:
+                self.counters["skipped.range.duplicate"] += 1
                 return done
-            carried = [*self._take_doubted(), doubted]
-            done = self.flush()
-            for first in carried:
-                self._put(first, mark, travelled_m, turned_rad)
-        elif track is not None and track.doubted is not None:
-            self.counters["skipped.range.bad_bearing"] += 1
-            track.doubted = None
-        self._put(reading, mark, travelled_m, turned_rad)
+            turned = track.turned_to(reading.bearing_rad)
+            if track.turns_anew(turned, self._limits.back_rad):
+                return self._doubt(track, reading, mark, travelled_m, turned_rad) or done
+            if track.doubted is not None:
+                self.counters["skipped.range.bad_bearing"] += 1
+                track.doubted = None
+        else:
+            if not self._tracks:
+                self._first_ns = reading.stamp_ns
+            track = self._tracks[reading.frame_id] = _Track()
+        track.add(reading, turned)
+        self._last_ns, self._mark, self._where = reading.stamp_ns, mark, (travelled_m, turned_rad)
         return done
 
     def moved(self, travelled_m: float, turned_rad: float) -> OpenedScan | None:
@@ -140,22 +145,27 @@ class SweepAssembler:
         self.counters["scan.one_sample"] += len(scan) == 1
         return OpenedScan(scan, self._mark, self._first_ns)
 
+    def _doubt(
+        self, track: _Track, reading: Range, mark: int, travelled_m: float, turned_rad: float
+    ) -> OpenedScan | None:
+        """A sample that turned back: kept apart until a second one says the same, which begins the next scan."""
+        doubted, track.doubted = track.doubted, None
+        if doubted is None or not self._is_near(reading, doubted):
+            self.counters["skipped.range.bad_bearing"] += doubted is not None
+            track.doubted = reading
+            return None
+        carried = self._take_doubted()
+        done = self.flush()
+        for first in (*carried, doubted, reading):
+            self.add(first, mark, travelled_m, turned_rad)
+        return done
+
     def _take_doubted(self) -> list[Range]:
         """What other sensors have begun of the next scan."""
         found = [track.doubted for track in self._tracks.values() if track.doubted is not None]
         for track in self._tracks.values():
             track.doubted = None
         return found
-
-    def _put(self, reading: Range, mark: int, travelled_m: float, turned_rad: float) -> None:
-        if not self._tracks:
-            self._first_ns = reading.stamp_ns
-        track = self._tracks.get(reading.frame_id)
-        if track is None:
-            track = self._tracks[reading.frame_id] = _Track()
-        track.add(reading)
-        self._last_ns, self._mark = reading.stamp_ns, mark
-        self._where = travelled_m, turned_rad
 
     def _is_near(self, reading: Range, other: Range) -> bool:
         return abs(math.remainder(reading.bearing_rad - other.bearing_rad, math.tau)) <= self._limits.back_rad
