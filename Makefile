@@ -7,8 +7,9 @@ READY  := $(VENV)/.ready
 DEV    := $(VENV)/.ready-dev
 SAMPLE := sample_logs/slam-sd.mcap
 OUT    ?= out/sample
+FUZZ_SECONDS ?= 60
 
-.PHONY: help map test lint bench samples clean
+.PHONY: help map test lint bench fuzz samples clean
 .DEFAULT_GOAL := help
 
 help:
@@ -16,6 +17,7 @@ help:
 	@echo "make test     lint, then all tests"
 	@echo "make lint     ruff, mypy, import-linter"
 	@echo "make bench    measure speed, memory and accuracy against their bounds"
+	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
 	@echo "make samples  regenerate the sample logs"
 	@echo "make clean    remove everything that make has made"
 	@echo "PYTHON=python3.12 chooses the interpreter of $(VENV)"
@@ -37,6 +39,10 @@ lint: $(DEV)
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks.harness
+
+fuzz: $(DEV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]'
+	$(BIN)/python -m tests.fuzz.run $(FUZZ_SECONDS)
 
 samples: $(DEV)
 	$(BIN)/python -m gridslam.simulation.samples sample_logs

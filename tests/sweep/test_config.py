@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core.errors import ConfigError
@@ -78,6 +78,7 @@ anything = st.recursive(
 )
 
 
+@settings(deadline=None)
 @given(key=st.sampled_from([*SweepConfig.model_fields]), value=anything)
 def test_no_value_of_any_key_is_a_bug(
     tmp_path_factory: pytest.TempPathFactory, key: str, value: object
