@@ -87,12 +87,21 @@ class PoseFixFilter:
             self._settled + Counter(self._verdicts.values()) + Counter({"skipped.fix.no_odometry": waiting})
         )
 
+    def set_noise(self, noise: MotionNoise) -> None:
+        """Go by another motion from here on."""
+        self._noise = noise
+
     def begin(self, start: PoseBelief) -> None:
         """Start here, as long as no fix has told anything else."""
         if not self._is_trimmed and self._entries and self._entries[-1].belief is None:
             self._start = start
             for k in range(len(self._entries)):
                 self._advance(k)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether any fix has been used: else the map drifts with the robot, and errors of the pose are not its own."""
+        return self.counters["used.fix"] > 0
 
     @property
     def last_stamp_ns(self) -> int | None:

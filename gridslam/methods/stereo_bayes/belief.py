@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.chain import likelihoods_of_rays
+from gridslam.kernels.polar_window import window_of_rays
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
@@ -21,6 +22,8 @@ Floats = NDArray[np.float64]
 _TURNS = 5  # of the pose's distribution over the heading
 _LEAST_BLUR = 0.3  # cells: less than this does nothing
 _MARGIN = 2
+_REACH_IN_GAPS = 0.75  # of neighbouring rays: cells farther from every ray are between bins that told nothing
+_LONE_RAY_RAD = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +79,9 @@ class BeliefMap:
         (rows, cols), (ratio, seen) = self._as_window(eye, pose, covariance, rays.bearings, polar)
         limit = self._limit
         values = self._grid.values[rows, cols]
-        values[..., 0] = np.clip(values[..., 0] + ratio, -limit - self._prior, limit - self._prior)
+        values[..., 0] = np.clip(
+            values[..., 0] + self._config.frame_weight * ratio, -limit - self._prior, limit - self._prior
+        )
         values[..., 1] = np.maximum(values[..., 1], seen)
         if self._config.correlation.mode == "adaptive":
             self.correlation.learn(self.probability(), self._config.resolution_m)
@@ -166,49 +171,36 @@ class BeliefMap:
         centre = self._grid.cells(eye[None])[0]
         half = int(np.ceil(self.edges_m[-1] / resolution)) + _MARGIN - 1
         rows, cols = (slice(int(c) - half, int(c) + half + 1) for c in centre)
-        corner = (self._grid.corner + centre - half)[::-1] * resolution
-        place = (np.arange(2 * half + 1) + 0.5) * resolution
-        x, y = corner[0] + place[None] - eye[0], corner[1] + place[:, None] - eye[1]
-        range_m, angle = np.hypot(x, y), np.arctan2(y, x)
-        in_range = (range_m >= self._ranges[0]) & (range_m < self.edges_m[-1])
-        k = np.clip(((range_m - self._ranges[0]) / resolution).astype(np.int64), 0, len(self._ranges) - 1)
+        offset = (self._grid.corner + centre + 0.5)[::-1] * resolution - eye
+        turns, weights = self._turns(covariance)
+        gap = float(np.median(np.diff(bearings))) if len(bearings) > 1 else _LONE_RAY_RAD
         # Untouched cells have likelihoods of 1 either way: whatever is measured is as likely with them as without.
-        parts = np.ones((3, *range_m.shape))
-        parts[2] = 0.0
-        rest = np.array([1.0, 1.0, 0.0])[:, None]
-        turns = self._turns(covariance)
-        for turn, weight in turns:
-            off = se2.wrap_angle(angle - float(pose[2]) - turn)
-            i = _nearest_ray(bearings, off)
-            hit = in_range & (i >= 0)
-            parts[:, hit] += weight * (polar[:, i[hit], k[hit]] - rest)
+        parts = window_of_rays(
+            polar,
+            np.array([1.0, 1.0, 0.0]),
+            bearings + float(pose[2]),
+            _REACH_IN_GAPS * gap,
+            turns,
+            weights,
+            offset,
+            resolution,
+            self._config.min_range_m,
+            half,
+        )
         if self._config.pose.blur:
             parts = np.stack([_blurred(part, covariance[:2, :2], resolution) for part in parts])
         return (rows, cols), (np.log(parts[0]) - np.log(parts[1]), parts[2])
 
-    def _turns(self, covariance: Floats) -> list[tuple[float, float]]:
+    def _turns(self, covariance: Floats) -> tuple[Floats, Floats]:
         """Headings off the mean, and their weights: the distribution of the heading in a few points (Gauss-Hermite)."""
         deviation = float(np.sqrt(max(covariance[2, 2], 0.0)))
         if (
             not self._config.pose.blur
             or deviation * self.edges_m[-1] < _LEAST_BLUR * self._config.resolution_m
         ):
-            return [(0.0, 1.0)]
+            return np.zeros(1), np.ones(1)
         points, weights = np.polynomial.hermite_e.hermegauss(_TURNS)
-        return [
-            (float(p * deviation), float(w / weights.sum())) for p, w in zip(points, weights, strict=True)
-        ]
-
-
-def _nearest_ray(bearings: Floats, angles: Floats) -> NDArray[np.int64]:
-    """Index of the ray nearest to each angle, -1 where none is within half a gap; `bearings` ascend."""
-    if len(bearings) == 1:
-        return np.where(np.abs(angles - bearings[0]) < 0.005, 0, -1)
-    gap = float(np.median(np.diff(bearings)))
-    after = np.clip(np.searchsorted(bearings, angles), 1, len(bearings) - 1)
-    before = after - 1
-    nearest = np.where(angles - bearings[before] < bearings[after] - angles, before, after)
-    return np.where(np.abs(angles - bearings[nearest]) <= 0.75 * gap, nearest, -1)
+        return np.asarray(points * deviation), np.asarray(weights / weights.sum())
 
 
 def _blurred(values: Floats, covariance: Floats, resolution_m: float) -> Floats:

@@ -76,6 +76,9 @@ class PoseConfig(StrictModel):
     )
     rotation_rad: float = Field(0.06, ge=0.0, description="deviation of a turn after a radian, rad")
     rotation_per_m_rad: float = Field(0.04, ge=0.0, description="deviation of the heading after a metre, rad")
+    visual_translation_m: float = Field(0.02, ge=0.0, description="the same of visual odometry")
+    visual_rotation_rad: float = Field(0.01, ge=0.0, description="the same of visual odometry")
+    visual_rotation_per_m_rad: float = Field(0.003, ge=0.0, description="the same of visual odometry")
     gate: float = Field(
         11.345, gt=0.0, description="largest squared Mahalanobis distance of a fix (chi-square 0.99, 3 dof)"
     )
@@ -105,6 +108,12 @@ class StereoBayesConfig(StrictModel):
     prior: float = Field(0.3, gt=0.0, lt=1.0, description="probability of a cell that nothing is known about")
     least_probability: float = Field(
         1e-3, gt=0.0, lt=0.5, description="no cell becomes surer than this, so that it can change its mind"
+    )
+    frame_weight: float = Field(
+        1.0,
+        gt=0.0,
+        le=1.0,
+        description="power of a frame's likelihoods: errors of successive frames are alike",
     )
     seen_from: float = Field(
         0.3,

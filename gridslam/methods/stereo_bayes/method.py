@@ -192,7 +192,8 @@ class StereoBayes(PoseTrack):
         with self._timed("observe"):
             rays = self._rays(frame)
         with self._timed("map"):
-            self._map.update(belief.pose, belief.covariance, rays, self._map.noise(self._columns.most_px))
+            covariance = belief.covariance if self._pose.is_fixed else np.zeros((3, 3))
+            self._map.update(belief.pose, covariance, rays, self._map.noise(self._columns.most_px))
         self._r0.append(self._map.correlation.r0)
         self._keep(frame.stamp_ns, belief)
 

@@ -58,6 +58,11 @@ class RobotPose:
 
     def add_step(self, stamp_ns: int, step: Floats | None) -> None:
         """Take in a motion by visual odometry; where it failed the robot is taken to move on as before."""
+        if self._raw is None:
+            c = self._config
+            self._filter.set_noise(
+                MotionNoise(c.visual_translation_m, c.visual_rotation_rad, c.visual_rotation_per_m_rad)
+            )
         if step is None:
             self._other["visual_odometry.failures"] += int(self._raw is not None)
             step = np.zeros(3) if self._raw is None else self._raw[1]
@@ -77,6 +82,11 @@ class RobotPose:
     def at(self, stamp_ns: int) -> PoseBelief | None:
         """T_map_base and its covariance at a moment."""
         return self._filter.at(stamp_ns)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the map is tied to poses from outside."""
+        return self._filter.is_fixed
 
     def begin(self) -> None:
         """Without any fix: the map begins at the first pose."""
