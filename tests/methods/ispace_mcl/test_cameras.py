@@ -66,7 +66,7 @@ def test_a_frame_says_what_moves_where_and_how_the_robot_has_gone_on_since() -> 
     assert frame.back == pytest.approx([-0.5, 0.0, 0.0])  # half a metre behind, by interpolation
     # The box of 12 x 8 pixels at 2 m: 0.48 m x 0.32 m about the axis.
     assert np.abs(frame.moving).max(axis=0) == pytest.approx([0.22, 0.14], abs=0.07)
-    assert len(frame.moving) * 0.1**2 == pytest.approx(0.48 * 0.32, rel=0.3)
+    assert 4.8 * 3.2 <= len(frame.moving) <= 5.8 * 4.2  # cells of 0.1 m, all that are touched
     assert eye.frames_at(7 * S) == []
     assert eye.counters["used.image"] == eye.counters["used.depth"] == 1
     assert eye.counters["skipped.image.warm_up"] == eye.counters["skipped.depth.warm_up"] == 5
