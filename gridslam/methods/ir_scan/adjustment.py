@@ -31,7 +31,7 @@ _MAP_M = 0.002  # what a wall differs from a straight line
 _ROBUST_SIGMAS = 2.5
 _THICKNESS = 0.5  # of a straight piece of wall, as a share of its length
 _LEAST_POINTS = 4
-_SETTLED = 5e-4
+_SETTLED = 8e-4
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ _ROBUST_SIGMAS = 2.5
 _MAP_M = 0.003  # deviation of the map's own lines
 _THICKNESS = 0.4  # of a straight piece of wall, as a share of its window
 _STEPS = 12
-_SETTLED = 5e-5
+_SETTLED = 2e-4
 
 
 @dataclass(frozen=True, slots=True)

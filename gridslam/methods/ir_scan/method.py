@@ -183,7 +183,7 @@ def result_of(tracker: Tracker, poses: Floats, shown: OccupancyGrid, is_smooth: 
     """What mapping and localization hand over alike."""
     tracker.end()
     path = trajectory(tracker.places, poses, tracker.motion.stretch(), is_smooth)
-    picture = raw_and_filtered(tracker.places, shown, path)
+    picture = raw_and_filtered(tracker.places, shown)
     counters = Counter({name: n for name, n in tracker.all_counters().items() if n})
     return RunResult(
         path,

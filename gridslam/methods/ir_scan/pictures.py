@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core import poses as se2
-from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.maps.preview import render_map
 from gridslam.methods.base import Picture
@@ -19,7 +18,6 @@ Floats = NDArray[np.float64]
 
 _GAP_PX = 16
 _WIDEST_PX = 1400
-_PATH_POSES = 1000
 _FARTHEST = 3.0  # readings beyond so many times the valid range are not drawn
 
 
@@ -49,7 +47,7 @@ def raw_points(places: Sequence[Place], poses: Floats) -> Floats:
     return np.concatenate(parts)
 
 
-def raw_and_filtered(places: Sequence[Place], made: OccupancyGrid, path: Trajectory) -> Picture | None:
+def raw_and_filtered(places: Sequence[Place], made: OccupancyGrid) -> Picture | None:
     """Both side by side in one scale; None where there is nothing to see."""
     points = raw_points(places, raw_poses(places))
     rows, cols = made.probability.shape
@@ -61,13 +59,11 @@ def raw_and_filtered(places: Sequence[Place], made: OccupancyGrid, path: Traject
     cells = window.geometry.cells(points)
     inside = ((cells >= 0) & (cells < raw.shape)).all(axis=1)
     raw[cells[inside, 0], cells[inside, 1]] = 1.0
-    left = render_map(OccupancyGrid(raw, window.geometry), title="raw readings by odometry")
+    left = render_map(OccupancyGrid(raw, window.geometry), title="raw readings")
     framed = window.probability.copy()
     for row, col in ((0, 0), (-1, -1)):  # both pictures show the whole window
         framed[row, col] = 0.0 if np.isnan(framed[row, col]) else framed[row, col]
-    every = max(len(path) // _PATH_POSES, 1)
-    thin = Trajectory(path.stamps_ns[::every], path.poses[::every])
-    right = render_map(OccupancyGrid(framed, window.geometry), thin, title="filtered map")
+    right = render_map(OccupancyGrid(framed, window.geometry), title="filtered map")
     sheet = Image.new(
         "RGB", (left.width + right.width + _GAP_PX, max(left.height, right.height)), (255, 255, 255)
     )
