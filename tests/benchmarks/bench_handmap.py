@@ -88,6 +88,8 @@ def corridor_rows() -> Iterator[Row]:
             label = f"handmap.corridor-{length}.{kind}"
             yield from summary(label, runs, 0.05 if kind == "best" else None)
             yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in off), "drawing m")
+            yield Row(f"{label}.fit", min(fact(r, "fit") for r in runs), "share")
+            yield Row(f"{label}.x_observed", min(x_observed(r) for r in runs), "share of updates")
             if kind == "best":
                 yield Row(f"{label}.scale_x", worst_scale(runs, "scale_x", 25.0 / length), "relative", 0.05)
                 yield Row(f"{label}.cpu", 1e3 * max(r.cpu_per_scan_s for r in runs), "ms a scan", 10.0)
@@ -179,6 +181,12 @@ def fact(run: Judged, key: str) -> float:
     facts = run.result.measures["drawing"]
     assert isinstance(facts, dict)
     return float(facts[key])
+
+
+def x_observed(run: Judged) -> float:
+    """Share of the updates with drawn lines across x in view at which one of them was observed."""
+    seen, unseen = (run.result.counters.get(f"lines.x.{k}", 0) for k in ("observed", "unobserved"))
+    return seen / max(seen + unseen, 1)
 
 
 def worst_scale(runs: list[Judged], key: str, wanted: float) -> float:
