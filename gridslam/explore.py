@@ -163,7 +163,7 @@ class _Loop:
     def __init__(
         self, simulator: Simulator, method: Method, explorer: Explores, show: Show, limit_s: float
     ) -> None:
-        self._simulator, self._method, self._explorer = simulator, method, explorer
+        self.simulator, self._method, self._explorer = simulator, method, explorer
         self._show, self._limit_s = show, limit_s
         self._order = InStampOrder(HOLD_NS)
         self.watch = ContactWatch(simulator)
@@ -177,7 +177,7 @@ class _Loop:
         self, write: Callable[[Event], None], write_truth: Callable[[Odometry], None], stop: Stop
     ) -> None:
         """Until nothing is left to look at, the time is over, the robot touches something, or somebody says stop."""
-        for mount in self._simulator.mounts():
+        for mount in self.simulator.mounts():
             self._take(mount, write)
         self._note_truth(write_truth)
         while not self._is_over(stop):
@@ -194,7 +194,7 @@ class _Loop:
             self.ended = "contact"
         elif self._explorer.is_finished:
             self.ended = "finished"
-        elif self._simulator.time_s >= self._limit_s:
+        elif self.simulator.time_s >= self._limit_s:
             self.ended = "time"
         elif not stop():
             return False
@@ -202,14 +202,14 @@ class _Loop:
 
     def _step(self, command: WheelCommand, write: Callable[[Event], None]) -> None:
         """Drive for a tenth of a second, showing estimator and explorer what comes."""
-        radius = self._simulator.world.robot.wheels.radius_m
+        radius = self.simulator.world.robot.wheels.radius_m
         for _ in range(STEPS_PER_COMMAND):
-            for event in self._simulator.step(command.left_mps / radius, command.right_mps / radius):
+            for event in self.simulator.step(command.left_mps / radius, command.right_mps / radius):
                 self._take(event, write)
             if self.watch.is_touching:
                 break
         clock = time.perf_counter()
-        now_ns = self._simulator.world.start_ns + round(self._simulator.time_s * 1e9)
+        now_ns = self.simulator.world.start_ns + round(self.simulator.time_s * 1e9)
         for event in self._order.ready(now_ns):
             self._method.process(event)
         self.process_s += time.perf_counter() - clock
@@ -227,7 +227,7 @@ class _Loop:
         self._explorer.see(event)
 
     def _note_truth(self, write_truth: Callable[[Odometry], None]) -> None:
-        pose = self._simulator.truth()
+        pose = self.simulator.truth()
         write_truth(pose)
         self.path.append(pose)
 
@@ -264,7 +264,7 @@ def _trajectory(path: list[Odometry]) -> Trajectory:
 def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object]:
     """The measures with how the exploration ended and what it took."""
     told = measures.get("exploration")
-    simulator = loop._simulator
+    simulator = loop.simulator
     facts: dict[str, object] = {
         "ended": loop.ended,
         "duration_s": round(simulator.time_s, 2),
@@ -276,7 +276,7 @@ def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object
 
 def _problems(loop: _Loop) -> tuple[str, ...]:
     """What a person must know of an exploration that did not end well."""
-    simulator = loop._simulator
+    simulator = loop.simulator
     if loop.ended == "contact":
         x, y = simulator.robot.x, simulator.robot.y
         return (

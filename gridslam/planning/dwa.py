@@ -100,10 +100,7 @@ def reachable(now: tuple[float, float], drive: Drive, window: Window) -> Floats:
 
 
 def heading_scores(speeds: Floats, target: Floats, drive: Drive, window: Window) -> Floats:
-    """1 where the robot would look straight at the target after `look_s` of these speeds `(n, 2)`, 0 where straight away from it.
-
-    A turn is followed only until the robot can stop it at the target's bearing.
-    """
+    """1 where the robot would look at the target after `look_s` of these speeds `(n, 2)`, 0 where straight away from it."""
     forward, turn = speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / drive.base_m
     yaw = turn * window.look_s
     half = 0.5 * yaw
