@@ -15,7 +15,7 @@ from gridslam.methods.slam_sd.walls import Walls
 Floats = NDArray[np.float64]
 
 FAR_FROM_WALL = -50.0  # log prior of a hinge that stands free
-MOST_AWAY = 60.0  # squared Mahalanobis distance of a hinge: what was found before may have been wrong
+MOST_AWAY = 16.0  # squared Mahalanobis distance of a hinge: what was found before may have been wrong
 SLAB_BOX = 40.0  # m^2 rad over which a moved box may be anywhere in the reader's range
 SLAB_DOOR = np.pi  # rad over which a door's leaf may have turned
 

@@ -24,10 +24,10 @@ from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior, antenna_model
 from gridslam.methods.slam_sd.object_prior import Known
+from gridslam.methods.slam_sd.silence import log_silence, sees_nothing
 from gridslam.methods.slam_sd.stays import Stay, TrackedObject, turned
 from gridslam.methods.slam_sd.things import Thing
 from gridslam.methods.slam_sd.visits import Visit, VisitBook
-from gridslam.sensors.rfid import Rounds, range_profile
 
 Floats = NDArray[np.float64]
 
@@ -51,15 +51,9 @@ class ObjectTracker:
         self._book = VisitBook({tag: t.id for t in things for tag in t.tag_ids}, config.pause_s)
         self._recent: dict[str, tuple[int, Candidate]] = {}  # last read of the last visit, and its evidence
         self._doubted: dict[str, list[tuple[int, int]]] = {}  # key scans at doubtful visits, and their reads
-        self.found_again: list[
-            tuple[Stay, Stay, bool]
-        ] = []  # an earlier estimate, the new one, whether it is a door
+        # an earlier estimate, the new one, whether it is a door
+        self.found_again: list[tuple[Stay, Stay, bool]] = []
         self.counters: Counter[str] = Counter()
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether no object has been found or is being visited."""
-        return not self._book.open and not any(o.stays for o in self.objects.values())
 
     @property
     def all_counters(self) -> Counter[str]:
@@ -84,6 +78,7 @@ class ObjectTracker:
             return
         for name, visit in self._book.take_ended(None).items():
             self._close(self.objects[name], visit, path)
+        self.settle(path)  # what is dropped here leaves a pass to be looked at again
         for found in self.objects.values():
             if found.thing.is_door and found.stays and self._config.look_back:
                 for visit in unread_passes(found, self._scans, path):
@@ -319,30 +314,12 @@ class ObjectTracker:
             if float(np.hypot(*(pose - seen.pose)[:2])) > SILENT_FROM_M:
                 found.silence = 0.0
                 continue
-            found.silence += self._log_silence(found.thing, pose, rounds, seen)
+            found.silence += self._config.tag_share * log_silence(
+                found.thing, pose, rounds, seen, self._model
+            )
             if found.silence < GONE_BELOW:
                 found.silence = 0.0
-                if self._sees_nothing(found.thing, pose):
+                if sees_nothing(found.thing, pose, self._scans, self._rounds, self._config):
                     found.stays[-1] = replace(stay, gone_ns=seen.stamp_ns)
                     found.seen[-1] = replace(found.seen[-1], gone_ns=seen.stamp_ns)
                     self.counters["objects.gone"] += 1
-
-    def _log_silence(self, thing: Thing, pose: Floats, rounds: Sequence[SeenRound], seen: SeenScan) -> float:
-        """log P(no read of any of its tags in these rounds | the object is there)."""
-        points = se2.transform_points(seen.pose, seen.scan.returns)
-        placed = Rounds(
-            np.array([r.antenna for r in rounds]),
-            np.zeros(len(rounds), np.int64),
-            seen.viewpoint[None],
-            range_profile(points, seen.viewpoint)[None],
-        )
-        silent = np.zeros(len(rounds), np.bool_)
-        tags = se2.compose(pose[None], thing.tags)
-        return self._config.tag_share * float(placed.log_likelihood(tags, silent, self._model).sum())
-
-    def _sees_nothing(self, thing: Thing, pose: Floats) -> bool:
-        """Whether the last scans speak against an object at a pose (3,) of the front end's frame."""
-        since = self._scans[-1].stamp_ns - round(1e9 * (self._config.lead_s + self._config.pause_s))
-        scans = [seen for seen in self._scans if seen.stamp_ns >= since]
-        evidence = gather(thing, scans, self._rounds[-1:], pose[:2], self._config)
-        return ObjectFilter(thing, evidence, None, self._config).judge(pose) < 0.0

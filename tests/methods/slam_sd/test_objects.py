@@ -174,6 +174,27 @@ def test_no_read_puts_a_wrong_object_into_the_map(events: list[Event], database:
     assert result.counters["objects.not_in_scan_plane"] >= 1
 
 
+def test_a_box_that_is_neither_read_nor_seen_where_it_stood_is_gone(
+    events: list[Event], database: TagDatabase
+) -> None:
+    begin = events[0].stamp_ns
+
+    def unread(event: Event) -> Event:
+        if not isinstance(event, TagInventory) or event.stamp_ns < begin + 15 * 10**9:
+            return event
+        kept = tuple(tag for tag in event.tag_ids if tag != "tag-bin-1")
+        return replace(event, tag_ids=kept, rssi_dbm=(-50.0,) * len(kept))
+
+    result = run(map(unread, events), database)
+    row = next(row for row in table_rows(result) if row["id"] == "bin-1")
+    assert (row["present"], row["moved"]) == ("false", "true")
+    assert result.counters["objects.gone"] == 1
+    place = se2.transform_points(se2.inverse(START), np.array([[2.2, 0.22]]))
+    composed = result.maps["composed"]
+    at_row, at_col = composed.geometry.cells(place)[0]
+    assert composed.probability[at_row, at_col] < 0.5
+
+
 def test_rounds_without_mounting_or_pose_are_counted(events: list[Event], database: TagDatabase) -> None:
     few = [e for e in events[:400] if not isinstance(e, TagInventory)]
     rounds = [e for e in events[:400] if isinstance(e, TagInventory)]
