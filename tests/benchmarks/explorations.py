@@ -280,6 +280,30 @@ def table(outcomes: Iterable[Outcome]) -> str:
     return "\n".join(lines)
 
 
+def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
+    """Map error of the four corridors with and without motion correction as bars, with the range over the seeds."""
+    from matplotlib.figure import Figure
+
+    runs = list(outcomes)
+    figure = Figure(figsize=(6.0, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    lengths = (20, 25, 30, 35)
+    for shift, how, ink in ((-0.2, "corrected", "#1e6ec8"), (0.2, "uncorrected", "#c8c8c8")):
+        errors = [[r.map_error_m for r in runs if r.trial == f"corridor-{m}-{how}"] for m in lengths]
+        means = [float(np.mean(e)) for e in errors]
+        spans = [
+            [m - min(e) for m, e in zip(means, errors, strict=True)],
+            [max(e) - m for m, e in zip(means, errors, strict=True)],
+        ]
+        axes.bar(np.arange(4) + shift, means, 0.38, yerr=spans, label=how, color=ink, capsize=3)
+    axes.set_xticks(range(4), [f"{m / 25:g}" for m in lengths])
+    axes.set_xlabel("length of the corridor over the length drawn")
+    axes.set_ylabel("mean map error (m)")
+    axes.axhline(0.05, color="#cd2d2d", linewidth=1.0, linestyle="--")
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=110)
+
+
 def run_set(chosen: Iterable[Trial], folder: Path, most_seeds: int | None = None) -> list[Outcome]:
     """All runs of some trials; each is kept in `runs.jsonl`, and one that is there is not repeated."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -307,3 +331,5 @@ if __name__ == "__main__":
         wanted, _, most = name.partition(":")
         found = run_set(every[wanted], Path(sys.argv[1]), int(most) if most else None)
         print(f"\n{wanted}\n{table(found)}", flush=True)  # noqa: T201
+        if wanted == "corridors":
+            draw_bars(found, Path(sys.argv[1]) / "corridors.png")
