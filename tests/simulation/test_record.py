@@ -98,7 +98,7 @@ def test_the_same_world_and_seed_give_the_same_bytes_on_any_number_of_threads(
         "log.mcap",
         *(
             f"log.truth/{name}"
-            for name in ("map.pgm", "map.yaml", "objects.csv", "trajectory.tum", "world.yaml")
+            for name in ("map.pgm", "map.yaml", "objects.csv", "tags.yaml", "trajectory.tum", "world.yaml")
         ),
     }
 
