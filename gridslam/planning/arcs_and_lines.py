@@ -236,11 +236,11 @@ class _Planner:
         poses_m = self.space.to_map(np.vstack([self.start, self.goal]))
         radius_m, reverse = self.radius_m, self.options.reverse
         togo = self._to_go(0.0, whole=True)
-        if status == EXHAUSTED:
-            status, motions, _ = self._search_poses(start, goals, spine, togo, True, MOST_STATES)
+        if status == EXHAUSTED:  # within the cells that the first search was given
+            status, motions, _ = self._search_poses(start, goals, spine, togo, True, LEAST_STATES)
             if status == EXHAUSTED:
                 raise no_headings("start", poses_m[0], radius_m, reverse)
-        elif len(goals) == 1:
+        if status != FOUND and len(goals) == 1:
             status, motions, _ = self._search_back(start, goals[0], spine)
             if status == EXHAUSTED:
                 raise no_headings("goal", poses_m[1], radius_m, reverse)

@@ -33,6 +33,7 @@ from tests.reference.path_checks import Squares, drive, escapes, largest_jump
 MAPS = ("depot", "warehouse", "tb3_sandbox", "turtlebot3_world")
 PAIRS = 200
 ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
+KEPT_M = ROBOT_M + MARGIN_M
 HALF_TURN = np.array([0.0, 0.0, np.pi])
 OCTILE = 1.0824  # the way over 8 neighbours against the straight one, at most
 
@@ -89,7 +90,7 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> Tally:
             tally.seconds.append(time.process_time() - begun)
             text = str(error)
             end = start if text.startswith("start") else goal + HALF_TURN
-            if "heading" in text and not reverse and not escapes(squares, end, RADIUS_M, ROBOT_M, i):
+            if "heading" in text and not reverse and not escapes(squares, end, RADIUS_M, KEPT_M, i):
                 tally.refused += 1
             else:
                 tally.failed += 1
@@ -99,7 +100,7 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> Tally:
         tally.found += 1
         segments = [dict(zip(SEGMENT_COLUMNS, segment_row(s), strict=True)) for s in plan.path.segments]
         poses = np.vstack([drive(segment) for segment in segments])
-        tally.collisions += bool(squares.distances(poses[:, :2], 0.5).min() < ROBOT_M - 1e-4)
+        tally.collisions += bool(squares.distances(poses[:, :2], 0.25).min() < ROBOT_M - 1e-4)
         tally.broken += not is_sound(segments, poses, start, goal)
         tally.ratios.append(plan.path.length_m / shortest(grid, start, goal))
     return tally
@@ -127,7 +128,7 @@ def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[
         inside = rng.uniform(0.0, 1.0, (2, 2))
         yaws = rng.uniform(-np.pi, np.pi, 2)
         points = (pair[:, ::-1] - 1 + inside) * resolution_m + grid.geometry.origin_xy_m
-        clear = squares.distances(points, 1.0).min() >= ROBOT_M + MARGIN_M
+        clear = squares.distances(points, 0.25).min() >= KEPT_M
         if clear and labels[tuple(pair[0])] == labels[tuple(pair[1])]:
             count -= 1
             yield np.array([*points[0], yaws[0]]), np.array([*points[1], yaws[1]])
