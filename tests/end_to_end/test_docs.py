@@ -45,9 +45,13 @@ def test_every_configuration_shown_is_valid(page: Path) -> None:
         assert config.method_name in METHODS
 
 
+COMMAND = r"^.*<<'END'\n(?:.*\n)*?END$|^.+$"  # a line, or a file written down to END
+
+
 def commands_of(page: Path) -> list[str]:
-    """The lines of the page's `sh` blocks: what a reader can run as it stands, one after the other, beside sample_logs/."""
-    return [line for block in blocks(page, "sh") for line in block.splitlines() if line.strip()]
+    """The commands of the page's `sh` blocks: what a reader can run as it stands, one after the other, beside sample_logs/."""
+    found = [command for block in blocks(page, "sh") for command in re.findall(COMMAND, block, re.MULTILINE)]
+    return [command for command in found if command.strip()]
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if commands_of(p)], ids=lambda page: page.name)

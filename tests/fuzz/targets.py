@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
@@ -41,8 +40,10 @@ PGM = b"P5\n4 3\n255\n" + bytes(range(12))
 
 @cache
 def scratch() -> Path:
-    """A folder of this process."""
-    return Path(tempfile.mkdtemp(prefix="gridslam-fuzz-"))
+    """Where the inputs lie; targets are run one after the other."""
+    folder = Path("out/fuzz/scratch")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def file_of(data: bytes, name: str) -> Path:
