@@ -9,6 +9,7 @@ from gridslam.motion.wheel_gyro import Stretch
 
 PATH = np.array([[0.1 * k, 0.0, 0.0] for k in range(1, 5)])
 STRETCH = Stretch(PATH[-1], np.eye(3), np.arange(10, 50, 10), PATH)
+SHIFT = np.array([0.04, 0.0, 0.0])
 NOTHING = Stretch(np.zeros(3), np.eye(3), np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
@@ -20,7 +21,7 @@ def places() -> list[Place]:
 
 def test_a_correction_is_spread_over_the_way_to_its_stop() -> None:
     both = places()
-    poses = np.array([both[0].pose, both[1].pose + [0.04, 0.0, 0.0]])
+    poses = np.array([both[0].pose, both[1].pose + SHIFT])
     path = trajectory(both, poses, NOTHING, is_smooth=True)
     assert path.stamps_ns.tolist() == [10, 20, 30, 40, 45]
     assert np.allclose(path.poses[:4, 0], 1.0 + np.array([0.01, 0.02, 0.03, 0.04]))
@@ -30,7 +31,7 @@ def test_a_correction_is_spread_over_the_way_to_its_stop() -> None:
 
 def test_on_the_way_the_path_is_what_was_known_then() -> None:
     both = places()
-    poses = np.array([both[0].pose, both[1].pose + [0.04, 0.0, 0.0]])
+    poses = np.array([both[0].pose, both[1].pose + SHIFT])
     path = trajectory(both, poses, STRETCH, is_smooth=False)
     assert np.allclose(path.poses[:4, 0], 1.0)
     assert np.allclose(path.poses[4], poses[1])
