@@ -71,3 +71,15 @@ def test_a_path_gone_astray_or_not_finite_does_not_spoil_the_picture() -> None:
 def test_an_unknown_map_gives_a_picture_too() -> None:
     grid = OccupancyGrid(np.full((5, 5), np.nan, np.float32), GridGeometry(0.05, (0.0, 0.0)))
     assert render_map(grid, particles=np.zeros((3, 3)), points=np.ones((2, 2))).size[0] >= 200
+
+
+def test_outlines_are_drawn_in_their_colour_where_they_are() -> None:
+    square = np.array([[0.0, 0.0], [0.6, 0.0], [0.6, 0.6], [0.0, 0.6]])
+    colour = (30, 110, 200)
+    pixels = np.asarray(render_map(room(), outlines=[(square, colour, "")])).astype(int)
+    changed = np.abs(pixels - np.asarray(render_map(room())).astype(int)).sum(axis=-1) > 0
+    rows, cols = np.nonzero(changed)
+    plain = np.asarray(render_map(room(), points=np.array([[0.3, 0.3]]))).astype(int)
+    dots = np.abs(plain - np.asarray(render_map(room())).astype(int)).sum(axis=-1) > 0
+    np.testing.assert_allclose([rows.mean(), cols.mean()], [n.mean() for n in np.nonzero(dots)], atol=3.0)
+    assert (pixels == colour).all(axis=-1).any()
