@@ -124,7 +124,7 @@ class LineConfig(StrictModel):
     """Lines of the scan and of the drawing, and when a drawn line counts as observed (paper section 6.1)."""
 
     tolerance_m: float = Field(0.03, gt=0.0, description="farthest point of a line of the scan")
-    gap_m: float = Field(1.0, gt=0.0, description="a line of the scan ends where it has no point for so long")
+    gap_m: float = Field(3.0, gt=0.0, description="a line of the scan ends where it has no point for so long")
     least_points: int = Field(12, ge=3, description="points of a line of the scan at least")
     most_lines: int = Field(8, ge=1, description="most lines of a scan")
     hypotheses: int = Field(80, ge=1, description="RANSAC draws for each line")
