@@ -22,6 +22,7 @@ from gridslam.methods.base import Table
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
 from gridslam.run import Run
 
+SHOWN = frozenset({"scan", "range", "odom"})  # odom names the base frame; pictures need not be unpacked again
 MOST_PATH_POSES = 10_000
 OBJECT_SIZE_M, TEXT_SIZE_M = 0.4, 0.25
 STANDS, MOVED = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
@@ -33,9 +34,9 @@ def write_viewer_log(file: Path, run: Run, log_path: Path) -> None:
     The scans are read from the log at `log_path` once more, one at a time. Those outside the trajectory's time have no
     place in the map and are left out. Same run, same bytes.
     """
-    entry = registry.METHODS[run.config.method_name]
+    kinds = [kind for kind in registry.METHODS[run.config.method_name].reads if kind in SHOWN]
     with (
-        open_log(log_path, run.config.log, (*entry.needs, *entry.uses)) as log,
+        open_log(log_path, run.config.log, kinds) as log,
         McapWriter(file) as writer,
     ):
         for message in _messages(run, log):

@@ -135,8 +135,6 @@ class SweepConfig(StrictModel):
         for name in (*self.configs, *self.overrides, *self.successes):
             _checked_name(name)
         for entry in self.logs:
-            if self.command == "localize" and entry.map is None and entry.world is None:
-                raise ValueError(f"logs: {entry.label}: localize needs a map")
             if self.command == "map" and entry.map is not None:
                 raise ValueError(f"logs: {entry.label}: map: only localize is given a map")
         self._check_gates()

@@ -10,6 +10,7 @@ from typing import Any
 
 from gridslam.config.builtin import builtin_names
 from gridslam.core.errors import ConfigError
+from gridslam.methods import registry
 from gridslam.report.run_yaml import settings_of
 from gridslam.run_config import load_run_config
 from gridslam.simulation.world_config import builtin_worlds, load_world
@@ -81,6 +82,7 @@ class Settings:
     override: str
     seed: int
     document: dict[str, Any]
+    needs_map: bool = False  # its method localizes on a map only
 
 
 def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[Settings]:
@@ -91,9 +93,23 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[Settings]:
         name = (
             source if source in builtin_names() and not (folder / source).exists() else str(folder / source)
         )
-        document = settings_of(load_run_config(name, (html, *items), sweep.seeds[0]))
-        found += [Settings(config, override, seed, {**document, "seed": seed}) for seed in sweep.seeds]
+        run_config = load_run_config(name, (html, *items), sweep.seeds[0])
+        needs_map = _check_method(sweep, run_config.method_name)
+        document = settings_of(run_config)
+        found += [Settings(config, override, s, {**document, "seed": s}, needs_map) for s in sweep.seeds]
     return found
+
+
+def _check_method(sweep: SweepConfig, name: str) -> bool:
+    """Whether the method must be given a map. Raises ConfigError: it cannot do what the sweep asks for, or lacks a map."""
+    entry = registry.METHODS[name]
+    if not (entry.mapper if sweep.command == "map" else entry.localizer):
+        raise ConfigError(f"command: {name} has no `gridslam {sweep.command}`")
+    needs_map = sweep.command == "localize" and not entry.localizes_without_map
+    for log in sweep.logs:
+        if needs_map and log.map is None and log.world is None:
+            raise ConfigError(f"logs: {log.label}: map: this key is missing; {name} localizes on a map")
+    return needs_map
 
 
 def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
@@ -131,7 +147,7 @@ def run_job(
         log = simulated(output, entry.label, settings.seed) / "log.mcap"
         truth_folder = log.with_name("log.truth")
     places = _Places(folder, truth_folder)
-    map_text = entry.map or ("{truth}/map.yaml" if entry.world and sweep.command == "localize" else None)
+    map_text = entry.map or ("{truth}/map.yaml" if entry.world and settings.needs_map else None)
     map_path = places.path(map_text)
     inputs = {name: path for name in INPUTS if (path := places.path(getattr(entry, name))) is not None}
     truth = places.truth(entry)

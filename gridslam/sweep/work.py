@@ -85,7 +85,7 @@ def _make(job: RunJob, stop: Stop) -> dict[str, float]:
 
     config = validate_run_config(job.settings, job.label)
     inputs = read_inputs(job.inputs)
-    if job.map_path is None:
+    if job.command == "map":
         run = run_map(config, job.log_path, lambda progress: None, stop, inputs)
     else:
         run = run_localize(config, job.log_path, job.map_path, lambda progress: None, stop, inputs)

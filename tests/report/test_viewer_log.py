@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -52,6 +53,8 @@ class WithParticles(dead_reckoning.DeadReckoning):
 def run(small_log: Path) -> Run:
     """The small log, mapped with the viewer in mind."""
     with pytest.MonkeyPatch.context() as patch:
+        entry = replace(dead_reckoning.ENTRY, needs=("scan|depth", "odom"), uses=("image",))
+        patch.setattr(dead_reckoning, "ENTRY", entry)
         patch.setattr(registry, "METHODS", register())
         patch.setattr(dead_reckoning, "DeadReckoning", WithParticles)
         config = validate_run_config(
@@ -63,6 +66,8 @@ def run(small_log: Path) -> Run:
 @pytest.fixture
 def written(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Its directory."""
+    entry = replace(dead_reckoning.ENTRY, needs=("scan|depth", "odom"), uses=("image",))
+    monkeypatch.setattr(dead_reckoning, "ENTRY", entry)
     monkeypatch.setattr(registry, "METHODS", register())
     write_run(run, tmp_path / "out")
     return tmp_path / "out"

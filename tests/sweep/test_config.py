@@ -59,7 +59,6 @@ def test_configs_are_named_by_their_files(tmp_path: Path) -> None:
         ({"logs": [{"log": "a", "name": ".."}]}, "cannot name a folder"),
         ({"overrides": {"a/b": []}}, "cannot name a folder"),
         ({"configs": {".hidden": "slam-sd"}}, "cannot name a folder"),
-        ({"command": "localize"}, "localize needs a map"),
         ({"logs": [{"log": "a", "map": "m.yaml"}]}, "only localize is given a map"),
         ({"require": ["ape"]}, "expected KEY<=NUMBER"),
         ({"require": [{"that": "ape<1", "config": "x"}]}, "there is only slam-sd"),

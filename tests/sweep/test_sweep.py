@@ -176,6 +176,8 @@ def test_a_world_that_cannot_be_simulated_fails_its_runs_only(bench: Bench) -> N
         ({"logs": [{"log": "plain.yaml", "truth": "nowhere"}]}, "nowhere: no such file"),
         ({"configs": ["nothing.yaml"]}, "neither a config file nor a built-in name"),
         ({"overrides": {"a": ["method.partciles=3"]}}, "did you mean 'particles'"),
+        ({"command": "localize"}, "room: map: this key is missing; dead-reckoning localizes on a map"),
+        ({"command": "localize", "configs": ["slam-sd"]}, "slam-sd has no `gridslam localize`"),
         ({"logs": [{"world": "no-such-world"}]}, "neither a world file nor a built-in world"),
     ],
 )
