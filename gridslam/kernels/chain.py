@@ -71,20 +71,21 @@ def front_is_empty(
     empty: NDArray[np.float64],
     reached: NDArray[np.float64],
 ) -> float:
-    """The conventional likelihoods: all cells before the one in question are taken to be empty, those behind are independent.
+    """The conventional likelihoods: all cells before the one that explains the measurement are taken to be empty.
 
-    Arguments as those of `hidden_chain`.
+    So cell k explains it with a weight of P(E_k) alone, and none does with that of all being empty: P(o | E_k) is
+    P(o | first = k), P(o | not E_k) the weighted mean over the cells behind k. Arguments as those of `hidden_chain`; returns P(o).
     """
-    n = prior.shape[0]
-    behind = none
-    for k in range(n - 1, -1, -1):
-        occupied[k], empty[k] = first[k], behind
-        behind = prior[k] * first[k] + (1.0 - prior[k]) * behind
-    clear = 1.0
-    for k in range(n):
-        reached[k] = clear * (prior[k] * occupied[k] + (1.0 - prior[k]) * empty[k])
+    clear, weight, mass = 1.0, 0.0, 0.0  # of the cells behind: all empty, sum of P(E), sum of P(E) P(o | first)
+    for k in range(prior.shape[0] - 1, -1, -1):
+        occupied[k], empty[k] = first[k], (mass + clear * none) / (weight + clear)
         clear *= 1.0 - prior[k]
-    return float(behind)
+        weight += prior[k]
+        mass += prior[k] * first[k]
+        reached[k] = mass + clear * none
+    for k in range(prior.shape[0]):
+        reached[k] /= weight + clear
+    return float((mass + clear * none) / (weight + clear))
 
 
 @compiled_parallel

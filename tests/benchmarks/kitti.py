@@ -12,6 +12,18 @@ from gridslam.core.trajectory import Trajectory
 
 CAMERA_HEIGHT_M = 1.65
 FRAMES_HZ = 10
+# A street is wider than a room: longer rays, coarser cells, fewer obstacles, and a road that is not quite flat.
+STREET = (
+    "method.max_range_m=30",
+    "method.min_range_m=2",
+    "method.resolution_m=0.1",
+    "method.prior=0.1",
+    "method.disparity.disparities=96",
+    "method.observation.low_m=0.3",
+    "method.observation.high_m=2",
+    "method.observation.least_height_m=0.4",
+    "method.correlation.r0=0.978",
+)
 QUAT = "[0.5, -0.5, 0.5, -0.5]"
 
 

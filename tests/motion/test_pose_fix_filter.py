@@ -1,0 +1,139 @@
+"""The Kalman filter of the pose: fixes in any order, gates, and starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.motion.pose_fix_filter import MotionNoise, PoseBelief, PoseFixFilter
+
+Floats = NDArray[np.float64]
+
+NOISE = MotionNoise(0.05, 0.05, 0.02)
+FIX = np.diag([0.03**2, 0.03**2, 0.02**2])
+SECOND = 10**9
+
+
+def filter_of(start: PoseBelief | None = None) -> PoseFixFilter:
+    return PoseFixFilter(NOISE, gate=11.345, window_s=10.0, reset_after=5, start=start)
+
+
+def drive(n: int) -> Floats:
+    """Poses `(n, 3)` along an arc, ten a second."""
+    t = np.arange(n) * 0.1
+    return np.column_stack([2.0 * np.sin(0.25 * t), 2.0 * (1.0 - np.cos(0.25 * t)), 0.25 * t])
+
+
+def stamp(k: int) -> int:
+    return k * SECOND // 10
+
+
+def test_the_order_in_which_fixes_come_does_not_matter() -> None:
+    rng = np.random.default_rng(0)
+    path = drive(60)
+    fixes = [(k, path[k] + rng.normal(0.0, [0.03, 0.03, 0.02])) for k in range(0, 60, 5)]
+    in_order, late = filter_of(), filter_of()
+    waiting = []
+    for k in range(60):
+        for tracker in (in_order, late):
+            tracker.add_odometry(stamp(k), path[k])
+        for when, pose in fixes:
+            if when == k:
+                in_order.add_fix(stamp(k), pose, FIX)
+                waiting.append((k, pose))
+        if k % 20 == 19:
+            for when, pose in reversed(waiting):
+                late.add_fix(stamp(when), pose, FIX)
+            waiting.clear()
+    for k in (30, 59):
+        a, b = in_order.at(stamp(k)), late.at(stamp(k))
+        assert a is not None
+        assert b is not None
+        np.testing.assert_allclose(a.pose, b.pose, atol=1e-9)
+        np.testing.assert_allclose(a.covariance, b.covariance, atol=1e-9)
+    assert in_order.counters == late.counters
+
+
+def test_the_first_fix_is_taken_as_it_is_and_the_next_is_weighed_by_the_covariances() -> None:
+    tracker = filter_of()
+    tracker.add_odometry(0, np.zeros(3))
+    assert tracker.at(0) is None
+    tracker.add_fix(0, np.array([1.0, 2.0, 0.5]), FIX)
+    first = tracker.at(0)
+    assert first is not None
+    np.testing.assert_allclose(first.pose, [1.0, 2.0, 0.5])
+    tracker.add_odometry(SECOND, np.zeros(3))
+    tracker.add_fix(SECOND, np.array([1.02, 2.0, 0.5]), FIX)
+    second = tracker.at(SECOND)
+    assert second is not None
+    np.testing.assert_allclose(second.pose, [1.01, 2.0, 0.5], atol=1e-12)  # equal covariances: the mean
+    np.testing.assert_allclose(second.covariance, 0.5 * FIX, atol=1e-12)
+
+
+def test_a_fix_beyond_the_gate_is_refused_and_counted() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+    tracker.add_odometry(0, np.zeros(3))
+    tracker.add_odometry(SECOND, np.zeros(3))
+    tracker.add_fix(SECOND, np.array([1.0, 0.0, 0.0]), FIX)
+    belief = tracker.at(SECOND)
+    assert belief is not None
+    np.testing.assert_allclose(belief.pose, 0.0)
+    assert tracker.counters == {"skipped.fix.rejected": 1}
+
+
+def test_fixes_that_all_disagree_win_in_the_end() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+    for k in range(6):
+        tracker.add_odometry(stamp(k), np.zeros(3))
+        tracker.add_fix(stamp(k), np.array([5.0, 0.0, 0.0]), FIX)
+    belief = tracker.at(stamp(5))
+    assert belief is not None
+    assert belief.pose[0] == pytest.approx(5.0, abs=0.05)
+    assert tracker.counters == {"skipped.fix.rejected": 4, "used.fix": 2}
+
+
+def test_fixes_older_than_the_window_are_refused() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+    for k in range(300):
+        tracker.add_odometry(stamp(k), np.zeros(3))
+    tracker.add_fix(stamp(10), np.zeros(3), FIX)
+    assert tracker.counters == {"skipped.fix.too_late": 1}
+
+
+@pytest.mark.parametrize("bad", [np.array([np.nan, 0.0, 0.0]), np.array([np.inf, 0.0, 0.0])])
+def test_a_fix_that_is_no_number_is_counted(bad: Floats) -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+    tracker.add_odometry(0, np.zeros(3))
+    tracker.add_fix(0, bad, FIX)
+    tracker.add_fix(0, np.zeros(3), np.zeros((3, 3)))
+    assert tracker.counters == {"skipped.fix.not_finite": 2}
+
+
+def test_without_odometry_fixes_are_counted_as_not_used() -> None:
+    tracker = filter_of()
+    tracker.add_fix(0, np.zeros(3), FIX)
+    assert tracker.counters == {"skipped.fix.no_odometry": 1}
+
+
+def test_the_noise_of_a_way_does_not_depend_on_its_steps() -> None:
+    one, many = (filter_of(PoseBelief(np.zeros(3), 1e-12 * np.eye(3))) for _ in range(2))
+    for tracker, steps in ((one, 2), (many, 201)):
+        for k in range(steps):
+            tracker.add_odometry(k * 1000, np.array([2.0 * k / (steps - 1), 0.0, 0.0]))
+    a, b = one.at(1000), many.at(200_000)
+    assert a is not None
+    assert b is not None
+    assert b.covariance[2, 2] == pytest.approx(a.covariance[2, 2], rel=1e-6)
+    assert a.covariance[0, 0] == pytest.approx(2.0 * 0.05**2, rel=1e-6)
+
+
+def test_between_two_odometries_the_belief_lies_between_theirs() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+    path = drive(2)
+    for k in range(2):
+        tracker.add_odometry(stamp(k), path[k])
+    belief = tracker.at(stamp(1) // 2)
+    assert belief is not None
+    np.testing.assert_allclose(belief.pose, se2.interpolate(path[0], path[1], 0.5), atol=1e-12)
