@@ -74,9 +74,13 @@ def front_is_empty(
     """The conventional likelihoods: all cells before the one that explains the measurement are taken to be empty.
 
     So cell k explains it with a weight of P(E_k) alone, and none does with that of all being empty: P(o | E_k) is
-    P(o | first = k), P(o | not E_k) the weighted mean over the cells behind k. Arguments as those of `hidden_chain`; returns P(o).
+    P(o | first = k), P(o | not E_k) the weighted mean over the cells behind k. Arguments and result as of `hidden_chain`.
     """
-    clear, weight, mass = 1.0, 0.0, 0.0  # of the cells behind: all empty, sum of P(E), sum of P(E) P(o | first)
+    clear, weight, mass = (
+        1.0,
+        0.0,
+        0.0,
+    )  # of the cells behind: all empty, sum of P(E), sum of P(E) P(o | first)
     for k in range(prior.shape[0] - 1, -1, -1):
         occupied[k], empty[k] = first[k], (mass + clear * none) / (weight + clear)
         clear *= 1.0 - prior[k]

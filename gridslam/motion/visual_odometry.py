@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.sensors.stereo_head import Disparities, StereoHead
+from gridslam.core.cameras import StereoHead
 
 Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
+Disparities = NDArray[np.float32]
 
 _WINDOW, _LEVELS = (21, 21), 4
 

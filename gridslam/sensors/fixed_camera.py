@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import CameraInfo, Transform
 from gridslam.sensors.background import ColourBackground, Depth, DepthBackground
 
@@ -50,18 +50,6 @@ class Pinhole:
             cols = seen[:, 0] / seen[:, 2] * self.focal_px[0] + self.centre_px[0]
             rows = seen[:, 1] / seen[:, 2] * self.focal_px[1] + self.centre_px[1]
         return np.stack([rows, cols], axis=1), seen[:, 2]
-
-
-def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
-    """The rotation `(3, 3)` of a unit quaternion."""
-    w, x, y, z = quat_wxyz
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 @dataclass(frozen=True, slots=True)

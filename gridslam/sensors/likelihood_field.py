@@ -38,7 +38,7 @@ class DistanceField:
         return np.asarray(sum_over_points(self.steps, table, in_cells, poses_in_cells(self.geometry, poses)))
 
     def near(self, places: Floats, radius_m: float, step: int) -> DistanceField:
-        """The field with values of at most `step` within the radius of places `(k, 2)`: there something else than a wall is known."""
+        """The field with values of at most `step` within the radius of places `(k, 2)`, where something else than walls is."""
         reach = int(np.ceil(radius_m / self.geometry.resolution_m))
         disc = np.argwhere(np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1]) <= reach) - reach
         cells = (self.geometry.cells(places)[:, None] + disc).reshape(-1, 2)

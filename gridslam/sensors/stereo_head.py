@@ -1,4 +1,4 @@
-"""A rectified stereo head on the robot: its geometry, its disparities, and one measurement for each bin of columns."""
+"""What a rectified stereo head measures: disparities, and of them one for each bin of columns."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import StereoHead
 from gridslam.kernels.stereo_columns import MATCHED, NONE, STEPS_PER_PX, UNKNOWN, measure_columns
-from gridslam.sensors.fixed_camera import rotation_matrix
 
 Floats = NDArray[np.float64]
 Disparities = NDArray[np.float32]
 
-__all__ = [
+
     "MATCHED",
     "NONE",
     "UNKNOWN",
@@ -24,59 +24,6 @@ __all__ = [
     "StereoHead",
     "measured_columns",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class StereoHead:
-    """The left camera: focal length and centre in pixels, baseline, and T_base_optical as rotation `(3, 3)` and position `(3,)`.
-
-    The optical frame has x to the right, y down and z along the view; d = f B / z (1.2).
-    """
-
-    focal_px: float
-    centre_px: tuple[float, float]
-    baseline_m: float
-    rotation: Floats
-    position: Floats
-
-    @staticmethod
-    def mounted(
-        focal_px: float,
-        centre_px: tuple[float, float],
-        baseline_m: float,
-        quat_wxyz: tuple[float, float, float, float],
-        position: tuple[float, float, float],
-    ) -> StereoHead:
-        """With the rotation as a quaternion."""
-        rotation = rotation_matrix(quat_wxyz)
-        return StereoHead(focal_px, centre_px, baseline_m, rotation, np.array(position))
-
-    @property
-    def looks_along_the_ground(self) -> bool:
-        """Whether the optical axis is closer to the ground than to the vertical, with the image upright."""
-        return bool(abs(self.rotation[2, 2]) < 0.7 and self.rotation[2, 1] < -0.7)
-
-    def slope(self, rows: int, cols: int) -> NDArray[np.float32]:
-        """How much higher `(rows, cols)` than the camera the point of each pixel is, per metre of depth."""
-        x = (np.arange(cols) - self.centre_px[0]) / self.focal_px
-        y = (np.arange(rows) - self.centre_px[1]) / self.focal_px
-        up = self.rotation[2]
-        return np.asarray(up[0] * x[None] + up[1] * y[:, None] + up[2], np.float32)
-
-    def bearings(self, columns: Floats) -> Floats:
-        """Directions `(m,)` over the ground, in the robot's frame, of the horizontal rays through columns."""
-        x = (columns - self.centre_px[0]) / self.focal_px
-        up = self.rotation[2]
-        y = -(up[0] * x + up[2]) / up[1]
-        rays = np.stack([x, y, np.ones_like(x)], axis=1) @ self.rotation.T
-        return np.asarray(np.arctan2(rays[:, 1], rays[:, 0]))
-
-    def depths(self, bearings: Floats, ranges_m: Floats, height_m: float) -> Floats:
-        """Depth along the optical axis `(m, n)` of points at ground ranges `(n,)` from the camera and a height."""
-        ahead = self.rotation[:2, 2]
-        along = np.cos(bearings) * ahead[0] + np.sin(bearings) * ahead[1]
-        above = (height_m - self.position[2]) * self.rotation[2, 2]
-        return np.asarray(along[:, None] * ranges_m[None] + above)
 
 
 @dataclass(frozen=True, slots=True)

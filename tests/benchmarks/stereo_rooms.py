@@ -14,7 +14,7 @@ from shapely import STRtree
 from shapely.geometry import Polygon, box
 
 from gridslam.core import poses as se2
-from gridslam.sensors.stereo_head import StereoHead
+from gridslam.core.cameras import StereoHead
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.world_config import World
 from tests.conftest import REPOSITORY

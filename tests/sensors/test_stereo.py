@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from gridslam.core.cameras import StereoHead
 from gridslam.sensors.stereo_head import (
     MATCHED,
     NONE,
     UNKNOWN,
     ColumnSettings,
     Matcher,
-    StereoHead,
     measured_columns,
 )
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import StereoHead
 from gridslam.core.messages import CameraInfo, Disparity, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.motion.visual_odometry import VisualOdometry
-from gridslam.sensors.stereo_head import Matcher, StereoHead
+from gridslam.sensors.stereo_head import Matcher
 
 Floats = NDArray[np.float64]
 

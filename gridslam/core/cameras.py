@@ -1,0 +1,76 @@
+"""The geometry of cameras: rotations of their frames, and the stereo head."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
+    """The rotation `(3, 3)` of a unit quaternion."""
+    w, x, y, z = quat_wxyz
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class StereoHead:
+    """The left camera: focal length and centre in pixels, baseline, and T_base_optical as rotation `(3, 3)` and position `(3,)`.
+
+    The optical frame has x to the right, y down and z along the view; d = f B / z (1.2).
+    """
+
+    focal_px: float
+    centre_px: tuple[float, float]
+    baseline_m: float
+    rotation: Floats
+    position: Floats
+
+    @staticmethod
+    def mounted(
+        focal_px: float,
+        centre_px: tuple[float, float],
+        baseline_m: float,
+        quat_wxyz: tuple[float, float, float, float],
+        position: tuple[float, float, float],
+    ) -> StereoHead:
+        """With the rotation as a quaternion."""
+        rotation = rotation_matrix(quat_wxyz)
+        return StereoHead(focal_px, centre_px, baseline_m, rotation, np.array(position))
+
+    @property
+    def looks_along_the_ground(self) -> bool:
+        """Whether the optical axis is closer to the ground than to the vertical, with the image upright."""
+        return bool(abs(self.rotation[2, 2]) < 0.7 and self.rotation[2, 1] < -0.7)
+
+    def slope(self, rows: int, cols: int) -> NDArray[np.float32]:
+        """How much higher `(rows, cols)` than the camera the point of each pixel is, per metre of depth."""
+        x = (np.arange(cols) - self.centre_px[0]) / self.focal_px
+        y = (np.arange(rows) - self.centre_px[1]) / self.focal_px
+        up = self.rotation[2]
+        return np.asarray(up[0] * x[None] + up[1] * y[:, None] + up[2], np.float32)
+
+    def bearings(self, columns: Floats) -> Floats:
+        """Directions `(m,)` over the ground, in the robot's frame, of the horizontal rays through columns."""
+        x = (columns - self.centre_px[0]) / self.focal_px
+        up = self.rotation[2]
+        y = -(up[0] * x + up[2]) / up[1]
+        rays = np.stack([x, y, np.ones_like(x)], axis=1) @ self.rotation.T
+        return np.asarray(np.arctan2(rays[:, 1], rays[:, 0]))
+
+    def depths(self, bearings: Floats, ranges_m: Floats, height_m: float) -> Floats:
+        """Depth along the optical axis `(m, n)` of points at ground ranges `(n,)` from the camera and a height."""
+        ahead = self.rotation[:2, 2]
+        along = np.cos(bearings) * ahead[0] + np.sin(bearings) * ahead[1]
+        above = (height_m - self.position[2]) * self.rotation[2, 2]
+        return np.asarray(along[:, None] * ranges_m[None] + above)
