@@ -15,15 +15,7 @@ Floats = NDArray[np.float64]
 Disparities = NDArray[np.float32]
 
 
-    "MATCHED",
-    "NONE",
-    "UNKNOWN",
-    "ColumnSettings",
-    "Columns",
-    "Matcher",
-    "StereoHead",
-    "measured_columns",
-]
+__all__ = ["MATCHED", "NONE", "UNKNOWN", "ColumnSettings", "Columns", "Matcher", "measured_columns"]
 
 
 @dataclass(frozen=True, slots=True)
