@@ -38,12 +38,12 @@ class SeenGrid:
         self._passed = np.zeros((0, 0), np.uint16)
         self._hit = np.zeros((0, 0), np.uint16)
         self._last: Floats | None = None
+        self.takes_all = False
         self._given_up = np.zeros((0, 2))
 
     def add(self, T_map_base: Floats, scan: SeenScan) -> None:
-        """Put a scan in, if it was taken far enough from the last one."""
-        step = self._path.memory_step_m
-        if self._last is not None and float(np.hypot(*(T_map_base - self._last)[:2])) < step:
+        """Put a scan in, if it was taken far enough from the last one or `takes_all` is set."""
+        if self._last is not None and not self.takes_all and not self._is_apart(T_map_base, self._last):
             return
         if self._last is None:
             self._origin = T_map_base[:2].copy()
@@ -64,6 +64,9 @@ class SeenGrid:
             STAND_OFF_CELLS,
             self._path.joined_m / cell_m,
         )
+
+    def _is_apart(self, one: Floats, other: Floats) -> bool:
+        return float(np.hypot(*(one - other)[:2])) >= self._path.memory_step_m
 
     def give_up(self, T_map_base: Floats, found: FoundPath) -> None:
         """The border at the end of a way cannot be reached or seen through."""
@@ -122,14 +125,20 @@ class FrontierTour:
         self.visited = self.given_up = 0
         self._least_m = np.inf
         self._nearer_ns = 0
+        self._none_since_ns: int | None = None
 
     def way(self, stamp_ns: int, T_map_base: Floats, radius_m: float) -> FoundPath:
         """The way to the nearest border; `is_finished` afterwards if there is none."""
         found = self.seen.path(T_map_base, radius_m)
         if found is None:
-            self.is_finished = True
-            self.visited += bool(np.isfinite(self._least_m))
+            # stray readings may close a narrow way for a moment: stand, and let every scan count
+            self.seen.takes_all = True
+            self._none_since_ns = stamp_ns if self._none_since_ns is None else self._none_since_ns
+            if (stamp_ns - self._none_since_ns) * 1e-9 >= self._config.settle_s:
+                self.is_finished = True
+                self.visited += bool(np.isfinite(self._least_m))
             return FoundPath(np.zeros((0, 2)), np.inf)
+        self.seen.takes_all, self._none_since_ns = False, None
         if found.cost_m > self._least_m + NEXT_M:  # that border is seen through: this is another one
             self.visited += 1
             self._least_m = np.inf

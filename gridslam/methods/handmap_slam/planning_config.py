@@ -88,6 +88,9 @@ class FrontierConfig(StrictModel):
     patience_s: float = Field(
         20.0, gt=0.0, description="a border that came no nearer for so long is given up"
     )
+    settle_s: float = Field(
+        3.0, ge=0.0, description="with no border left the robot looks on for so long, then ends"
+    )
     near_m: float = Field(
         0.4, gt=0.0, description="a border that is still there at this distance is given up, too"
     )

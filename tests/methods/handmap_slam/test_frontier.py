@@ -58,6 +58,8 @@ def test_the_way_leads_to_the_open_side_and_a_closed_room_is_done() -> None:
     closed = FrontierTour(PathConfig(), FrontierConfig())
     closed.seen.add(np.zeros(3), scan(0.0, 0.0))
     assert not len(closed.way(0, np.zeros(3), 0.25).way)
+    assert not closed.is_finished  # it looks again for a while
+    closed.way(3 * 10**9, np.zeros(3), 0.25)
     assert closed.is_finished
 
 
