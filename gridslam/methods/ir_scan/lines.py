@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.infrared import pooled_sums
-from gridslam.methods.ir_scan.grid import GrowingGrid
+from gridslam.maps.growing_grid import GrowingGrid
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.infrared import add_spots, shifted_sums
+from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.ir_scan.config import SearchMatching, ShiftMatching
-from gridslam.methods.ir_scan.grid import GrowingGrid
 from gridslam.methods.ir_scan.lines import WallSums
 from gridslam.sensors.infrared import BeamEnds, RangeNoise
 

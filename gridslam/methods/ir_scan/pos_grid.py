@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.infrared import add_readings
+from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
-from gridslam.methods.ir_scan.grid import GrowingGrid
 from gridslam.sensors.infrared import BeamEnds
 
 Floats = NDArray[np.float64]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.infrared import count_crossed
+from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ir_scan.adjustment import Readings
 from gridslam.methods.ir_scan.config import DrawingConfig
-from gridslam.methods.ir_scan.grid import GrowingGrid
 from gridslam.methods.ir_scan.lines import WallSums
 from gridslam.methods.ir_scan.scale import scans_of, window_of
 from gridslam.methods.ir_scan.stops import Place

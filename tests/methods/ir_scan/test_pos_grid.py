@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import MethodError
-from gridslam.methods.ir_scan.grid import GrowingGrid
+from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.methods.ir_scan.pos_grid import PosGrid, probability_of
 from gridslam.sensors.infrared import BeamEnds, reliability, reliable_ends
 from tests.methods.ir_scan.room import scan_from
