@@ -85,7 +85,9 @@ def test_a_worker_killed_in_mid_run_loses_nothing(sweep_file: Path, tmp_path: Pa
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        eventually(lambda: list(output.glob("records/**/*.json")))  # it has ended one run and is at the next
+        eventually(
+            lambda: list(output.glob("records/**/*.json")) or process.poll() is not None
+        )  # it has ended one run and is at the next
         first.send_signal(signal.SIGKILL)
         cluster.add_worker("second")
         out, err = process.communicate(timeout=240)
@@ -107,7 +109,7 @@ def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) ->
                 text=True,
             )
         )
-        eventually(lambda: list(output.glob("records/**/*.json")))
+        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
         gone.scheduler.kill()
         _, err = process.communicate(timeout=120)
     assert process.returncode == 4

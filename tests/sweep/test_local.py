@@ -89,7 +89,7 @@ def test_a_signal_ends_the_sweep_and_keeps_what_is_done(
         text=True,
         start_new_session=True,
     ) as process:
-        eventually(lambda: list(output.glob("records/**/*.json")))
+        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
         team = children(process.pid)
         os.killpg(process.pid, number)  # as a terminal does
         _, err = process.communicate(timeout=60)
