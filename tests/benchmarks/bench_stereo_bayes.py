@@ -6,22 +6,25 @@ frame could see.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from gridslam.methods.stereo_bayes.belief import BeliefMap, Rays
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
+from gridslam.run_config import load_run_config
 from gridslam.sensors.stereo_head import UNKNOWN, ColumnSettings, measured_columns
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.stereo_rooms import CELL_M, Room, Truth, disparity_of, head, room_of, truth_of
 
 Floats = NDArray[np.float64]
 
-SEEDS = range(20)
+SEEDS = range(int(os.environ.get("GRIDSLAM_BENCH_SEEDS", "20")))
 FALSE_SHARES = (0.0, 0.05, 0.1, 0.2)
 LIKELIHOODS = ("independent", "occlusion", "chain")
 LOG_ODDS = (0.85, -0.4)  # of a plain inverse sensor model
@@ -73,7 +76,7 @@ def blur_rows() -> Iterator[Row]:
     losses: dict[bool, list[float]] = {True: [], False: []}
     for seed in SEEDS:
         for blur in losses:
-            config = StereoBayesConfig.model_validate({"pose": {"blur": blur}})
+            config = config_of(f"method.pose.blur={str(blur).lower()}")
             losses[blur].append(score_of(seed, 0.05, config, noisy=True).log_loss)
     worse = np.subtract(losses[False], losses[True])
     low, high = mean_interval(worse)
@@ -81,22 +84,30 @@ def blur_rows() -> Iterator[Row]:
     yield Row("stereo_bayes.blur.with.log_loss", float(np.mean(losses[True])), "nat")
     yield Row("stereo_bayes.blur.without.log_loss", float(np.mean(losses[False])), "nat")
     yield Row("stereo_bayes.blur.gain", low, "nat", 0.0, at_least=True)
-    for name, setting in {"adaptive": {"mode": "adaptive"}, "across_rays": {"across_rays": 0.5}}.items():
-        config = StereoBayesConfig.model_validate({"correlation": setting})
+    alone = "method.correlation.across_rays=0"
+    for name, setting in {
+        "adaptive": "method.correlation.mode=adaptive",
+        "across_rays": "method.correlation.across_rays=1",
+    }.items():
+        config = config_of(alone, setting)
         gains = [
-            score_of(s, 0.1, StereoBayesConfig()).log_loss - score_of(s, 0.1, config).log_loss for s in SEEDS
+            score_of(s, 0.1, config_of(alone)).log_loss - score_of(s, 0.1, config).log_loss for s in SEEDS
         ]
         low, high = mean_interval(np.array(gains))
         say(f"stereo_bayes.{name}: gain over the plain chain {np.mean(gains):+.4f} [{low:+.4f}, {high:+.4f}]")
         yield Row(f"stereo_bayes.{name}.gain", float(np.mean(gains)), "nat")
 
 
+def config_of(*overrides: str) -> StereoBayesConfig:
+    """The best settings with some of them changed."""
+    config = load_run_config("stereo-bayes", overrides).method
+    assert isinstance(config, StereoBayesConfig)
+    return config
+
+
 def scores_of(seed: int, share: float) -> dict[str, Score]:
     """All likelihoods on the same images, and the plain model."""
-    found = {
-        name: score_of(seed, share, StereoBayesConfig.model_validate({"likelihood": name}))
-        for name in LIKELIHOODS
-    }
+    found = {name: score_of(seed, share, config_of(f"method.likelihood={name}")) for name in LIKELIHOODS}
     found["log-odds"] = score_of(seed, share, None)
     return found
 
@@ -111,7 +122,7 @@ def score_of(seed: int, share: float, config: StereoBayesConfig | None, noisy: b
         _TRUTHS[seed] = room, truth_of(room)
     room, truth = _TRUTHS[seed]
     rng = np.random.default_rng([seed, round(1000 * share)])
-    mapper = Mapper(config or StereoBayesConfig(), is_plain=config is None)
+    mapper = Mapper(config or config_of(), is_plain=config is None)
     covariance = np.diag(np.square(POSE_NOISE)) if noisy else np.diag([1e-6] * 3)
     surface = truth.occupied & truth.seen
     sure, lost = np.zeros(surface.shape, bool), 0
@@ -187,6 +198,6 @@ class Mapper:
 
 
 def mean_interval(values: Floats) -> tuple[float, float]:
-    """95 % interval of the mean of independent values (t with 19 degrees of freedom)."""
-    half = 2.093 * float(np.std(values, ddof=1)) / sqrt(len(values))
+    """95 % interval of the mean of independent values, by Student's t."""
+    half = float(student.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / sqrt(len(values))
     return float(np.mean(values)) - half, float(np.mean(values)) + half
