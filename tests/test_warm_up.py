@@ -16,4 +16,6 @@ def test_after_a_warm_up_a_run_compiles_nothing(small_log: Path) -> None:
         run_map(load_run_config("slam-sd"), small_log, lambda progress: None, lambda: False)
         infrared = REPOSITORY / "sample_logs" / "ir-scan.mcap"
         run_map(load_run_config("ir-scan"), infrared, lambda progress: None, lambda: False)
+        stereo = REPOSITORY / "sample_logs" / "stereo-bayes.mcap"
+        run_map(load_run_config("stereo-bayes"), stereo, lambda progress: None, lambda: False)
     assert told == []

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import (
+    Disparity,
     Event,
     LaserScan,
     Odometry,
@@ -33,6 +34,9 @@ RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
 SWEEP_EVERY = 60  # periods; an infrared ranger on a servo that looks ahead
 RANGER_LIMITS_M = 0.2, 5.0
+STEREO_PX = 40, 80  # rows, columns of a small disparity image
+STEREO_FOCAL_PX, STEREO_BASELINE_M = 70.0, 0.12
+OPTICAL = (0.5, -0.5, 0.5, -0.5)  # of a camera that looks ahead
 
 Rectangle = tuple[float, float, float, float]
 HALL: Rectangle = (0.0, 0.0, 14.0, 9.0)  # x0, y0, x1, y1
@@ -117,6 +121,7 @@ def scripted_log(
     rng = random_stream(seed, "scripted log")
     bearings = np.linspace(-np.pi / 2, np.pi / 2, beams)
     yield Transform(START_NS, "base_link", "laser", (LASER_X_M, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), True), None
+    yield Transform(START_NS, "base_link", "stereo_optical", (0.0, 0.0, 0.5), OPTICAL, True), None
     believed, before = np.zeros(3), None
     for k, pose in enumerate(true_path(laps)):
         stamp = START_NS + k * PERIOD_NS
@@ -132,6 +137,7 @@ def scripted_log(
         yield _scan(stamp, bearings, ranges), None
         if k % SWEEP_EVERY == 0:
             yield from ((reading, None) for reading in _sweep(stamp, pose, noise, rng))
+            yield _disparity(stamp, pose), None
 
 
 def _sweep(
@@ -145,6 +151,22 @@ def _sweep(
         yield Range(
             stamp_ns + (k + 1) * 1_000_000, "ranger", bearing, as_float32(value), limits[0], limits[1]
         )
+
+
+def _disparity(stamp_ns: int, pose: NDArray[np.float64]) -> Disparity:
+    """Walls before a stereo head that looks ahead, without a floor."""
+    rows, cols = STEREO_PX
+    x = (np.arange(cols) - 0.5 * (cols - 1)) / STEREO_FOCAL_PX
+    depths = ranges_from(pose, -np.arctan(x)) * np.cos(np.arctan(x))
+    disparity = np.tile(STEREO_FOCAL_PX * STEREO_BASELINE_M / depths, (rows, 1))
+    return Disparity(
+        stamp_ns,
+        "stereo_optical",
+        readonly(disparity, np.float32),
+        STEREO_FOCAL_PX,
+        STEREO_BASELINE_M,
+        "stereo",
+    )
 
 
 def _odometry(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> Odometry:
