@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -55,6 +55,11 @@ class PoseTrack:
         if not self._beliefs:
             return None
         return Estimate(self._stamps[-1], self._beliefs[-1].pose)
+
+    @property
+    def timings_s(self) -> Mapping[str, float]:
+        """Seconds spent in each stage so far."""
+        return self._seconds
 
     def process(self, event: Event) -> None:
         """Odometry, fixes, stereo pairs or disparities, and the geometry of the head are used."""
