@@ -51,14 +51,17 @@ def window_of_rays(
     size = 2 * half + 1
     window = np.empty((channels, size, size))
     middle = 0.5 * (bearings[0] + bearings[-1])
+    spread = 0.5 * (bearings[-1] - bearings[0]) + reach_rad + np.abs(turns).max()
+    ahead_x, ahead_y, least = np.cos(middle), np.sin(middle), np.cos(min(spread, np.pi))
     for row in prange(size):
         for col in range(size):
             for c in range(channels):
                 window[c, row, col] = rest[c]
             x = offset_m[0] + (col - half) * resolution_m
             y = offset_m[1] + (row - half) * resolution_m
-            k = int(np.floor((np.hypot(x, y) - first_m) / resolution_m))
-            if k < 0 or k >= n:
+            range_m = np.sqrt(x * x + y * y)
+            k = int(np.floor((range_m - first_m) / resolution_m))
+            if k < 0 or k >= n or x * ahead_x + y * ahead_y < least * range_m:
                 continue
             angle = np.arctan2(y, x)
             angle += 2.0 * np.pi * np.round((middle - angle) / (2.0 * np.pi))
