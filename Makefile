@@ -9,7 +9,7 @@ SAMPLE := sample_logs/slam-sd.mcap
 OUT    ?= out/sample
 FUZZ_SECONDS ?= 60
 
-.PHONY: help map test lint bench fuzz samples clean
+.PHONY: help map test lint bench papers fuzz samples clean
 .DEFAULT_GOAL := help
 
 help:
@@ -17,6 +17,7 @@ help:
 	@echo "make test     lint, then all tests"
 	@echo "make lint     ruff, mypy, import-linter"
 	@echo "make bench    measure speed, memory and accuracy against their bounds"
+	@echo "make papers   measure what the papers measured, into docs/papers.md"
 	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
 	@echo "make samples  regenerate the sample logs"
 	@echo "make clean    remove everything that make has made"
@@ -39,6 +40,9 @@ lint: $(DEV)
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks.harness
+
+papers: $(DEV)
+	$(BIN)/python -m tests.papers.make
 
 fuzz: $(DEV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]'

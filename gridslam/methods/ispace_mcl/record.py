@@ -22,6 +22,7 @@ COLUMNS = (
     "confidence",
     "fit",
     "spread",
+    "spread_all",
     "n_particles",
     "status",
 )
@@ -94,6 +95,7 @@ def _row(stamp_ns: int, pose: np.ndarray, update: Update) -> tuple[object, ...]:
         assessment.confidence,
         assessment.fit,
         update.belief.spread_m,
+        update.spread_m,
         update.particles,
         assessment.status,
     )

@@ -115,7 +115,7 @@ def test_every_scan_has_a_pose_at_its_stamp_and_a_row_in_the_table():
     assert len(table.rows) == len(stamps)
     assert tuple(table.columns) == (
         "stamp", "x", "y", "yaw", "var_x", "var_y", "var_yaw",
-        "confidence", "fit", "spread", "n_particles", "status",
+        "confidence", "fit", "spread", "spread_all", "n_particles", "status",
     )  # fmt: skip
     assert table.rows[3][0] == "1000000000.300000000"
     assert {row[-1] for row in table.rows} <= {"localized", "uncertain", "lost"}

@@ -1,0 +1,60 @@
+"""`make papers`: measures what the five papers measured, and writes it beside their figures into docs/papers.md.
+
+`python -m tests.papers.make [NAME ...] [--seeds N] [--jobs N]` makes single sections, with the first N seeds only. What is done
+for the program as it is lies under out/papers and is not done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+from tests.benchmarks.harness import say
+from tests.conftest import REPOSITORY
+from tests.papers.page import write_section
+from tests.papers.work import Work
+
+PAGE = REPOSITORY / "docs" / "papers.md"
+FOLDER = REPOSITORY / "out" / "papers"
+NAMES = ("stereo-bayes", "ir-scan", "slam-sd", "ispace-mcl", "handmap-slam")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the named sections, or all."""
+    parser = argparse.ArgumentParser(prog="python -m tests.papers.make")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    parser.add_argument(
+        "--seeds", type=int, help="the first N of each experiment only; no figures for the page"
+    )
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--page", type=Path, default=PAGE)
+    given = parser.parse_args(arguments)
+    names = given.names or NAMES
+    unknown = [name for name in names if name not in NAMES]
+    if unknown:
+        parser.error(f"no paper {unknown[0]!r}; there are: {', '.join(NAMES)}")
+    modules = {name: module_of(name) for name in names}
+    for name, module in modules.items():
+        say(f"{name}: {module.CPU_MINUTES:.0f} minutes of processor time, less what is done already")
+    say(
+        f"in all {sum(module.CPU_MINUTES for module in modules.values()) / given.jobs:.0f} minutes on {given.jobs} cores"
+    )
+    for name, module in modules.items():
+        started = time.perf_counter()
+        section = module.section(Work(FOLDER / name, given.jobs, given.seeds))
+        write_section(given.page, section, NAMES)
+        say(f"{name}: {time.perf_counter() - started:.0f} s")
+
+
+def module_of(name: str) -> ModuleType:
+    """The module that makes a section: `CPU_MINUTES`, and `section(work)`."""
+    return importlib.import_module(f"tests.papers.{name.replace('-', '_')}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""docs/papers.md: one section a paper, each between its own marks, so that one can be made anew without the others."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.files import write_atomic
+
+COLUMNS = ("", "the paper", "gridslam, the paper's form", "gridslam", "seeds")
+HEAD = """# The papers' tables and figures, and ours
+
+What the five papers measured, beside what gridslam measures in the paper's own form (`configs/paper/`) and with its best
+settings (`configs/`). The papers' rooms and logs are not public: ours are simulated after their description. So a figure
+says that the same experiment comes out as well or better, not that it was the same room. A dash: not measured.
+
+`make papers` makes this page: it runs what is not done yet and keeps the rest under `out/papers`.
+`python -m tests.papers.make NAME --seeds 2` makes one section with few seeds, for a look.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """`rgb` is uint8 `(h, w, 3)`; it becomes images/papers-STEM.png."""
+
+    stem: str
+    rgb: NDArray[np.uint8]
+    caption: str
+
+    def markdown(self) -> str:
+        """The picture with its caption below."""
+        return f"![{self.caption}](images/papers-{self.stem}.png)\n\n*{self.caption}*"
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One table or figure of a paper: what it is, the rows under COLUMNS, pictures, and where ours falls short and why."""
+
+    title: str
+    what: str
+    rows: Sequence[Sequence[object]]
+    pictures: Sequence[Picture] = ()
+    short: str = ""
+
+    def markdown(self) -> str:
+        """Heading, sentence, table, pictures, what falls short."""
+        for row in self.rows:
+            if len(row) != len(COLUMNS):
+                raise ValueError(f"{self.title}: {len(row)} values under {len(COLUMNS)} columns: {row}")
+        lines = [COLUMNS, ["---"] * len(COLUMNS), *([cell(value) for value in row] for row in self.rows)]
+        table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        parts = [f"### {self.title}", self.what, table, *(p.markdown() for p in self.pictures), self.short]
+        return "\n\n".join(part for part in parts if part)
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One paper."""
+
+    name: str
+    title: str
+    text: str
+    experiments: Sequence[Experiment]
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """All pictures of its experiments."""
+        return [picture for experiment in self.experiments for picture in experiment.pictures]
+
+    def markdown(self) -> str:
+        """The section below its mark."""
+        return "\n\n".join([f"## {self.title}", self.text, *(e.markdown() for e in self.experiments)])
+
+
+def cell(value: object) -> str:
+    """A value as a table shows it; numbers to three significant digits, nothing as a dash."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return str(value).replace("|", "\\|")
+
+
+def begin(name: str) -> str:
+    """The mark before a section."""
+    return f"<!-- begin {name} -->"
+
+
+def end(name: str) -> str:
+    """The mark behind a section."""
+    return f"<!-- end {name} -->"
+
+
+def empty_page(names: Sequence[str]) -> str:
+    """The page with places for sections."""
+    return HEAD + "".join(f"\n{begin(name)}\n{end(name)}\n" for name in names)
+
+
+def with_section(page: str, section: Section) -> str:
+    """The page with a section put in place of its older state; ValueError: the page has no marks for it."""
+    pattern = re.compile(re.escape(begin(section.name)) + ".*?" + re.escape(end(section.name)), re.DOTALL)
+    marked = f"{begin(section.name)}\n{section.markdown()}\n{end(section.name)}"
+    page, count = pattern.subn(lambda _: marked, page)
+    if count != 1:
+        raise ValueError(f"the page has {count} places for {section.name}, expected one")
+    return page
+
+
+def write_section(page: Path, section: Section, names: Sequence[str]) -> None:
+    """Put a section into the page, made with places for `names` where there is none, and its pictures beside it."""
+    old = page.read_text(encoding="utf-8") if page.exists() else empty_page(names)
+    text = with_section(HEAD + old[old.index(f"\n{begin(names[0])}") :], section)
+    (page.parent / "images").mkdir(exist_ok=True)
+    for picture in section.pictures:
+        coded, png = cv2.imencode(".png", picture.rgb[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+        if not coded:
+            raise ValueError(f"{picture.stem}: the picture cannot be written as PNG")
+        write_atomic(page.parent / "images" / f"papers-{picture.stem}.png", png.tobytes())
+    write_atomic(page, text.encode())
