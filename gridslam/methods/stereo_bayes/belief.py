@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.chain import likelihoods_of_rays
-from gridslam.kernels.polar_window import window_of_rays
+from gridslam.kernels.polar_window import priors_of_rays
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.correlation import CorrelationEstimate
+from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, reach_in_cells, window
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods
 
 Floats = NDArray[np.float64]
 
-_TURNS = 5  # of the pose's distribution over the heading
-_LEAST_BLUR = 0.3  # cells: less than this does nothing
 _MARGIN = 2
-_REACH_IN_GAPS = 0.75  # of neighbouring rays: cells farther from every ray are between bins that told nothing
-_LONE_RAY_RAD = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +49,7 @@ class BeliefMap:
         self._prior = float(np.log(config.prior / (1.0 - config.prior)))
         self._limit = float(np.log((1.0 - config.least_probability) / config.least_probability))
         self._ranges = np.arange(config.min_range_m, config.max_range_m, config.resolution_m)
+        self._eyes: list[Floats] = []  # where the rays came from, m
         self.correlation = CorrelationEstimate(config.correlation)
 
     @property
@@ -69,22 +66,27 @@ class BeliefMap:
         """Take in a frame's rays at T_map_base `(3,)` with covariance `(3, 3)`."""
         if not len(rays.bearings):
             return
+        config, count = self._config, len(self._ranges)
+        spread = covariance if config.pose.blur else np.zeros((3, 3))
         eye = se2.transform_points(pose, rays.origin[None])[0]
-        reach = self._ranges[-1] + self._config.resolution_m
+        reach = config.resolution_m * reach_in_cells(self._lattice(eye), count, spread)
         self._grid.cover(np.array([eye - reach, eye + reach]), _MARGIN)
         occupied, empty, reached = self._likelihoods(eye, float(pose[2]), rays, noise)
-        if self._config.correlation.across_rays > 0.0:
+        if config.correlation.across_rays > 0.0:
             occupied, empty = self._told_across(occupied, empty, rays.bearings)
-        polar = np.stack([occupied, empty, reached])
-        (rows, cols), (ratio, seen) = self._as_window(eye, pose, covariance, rays.bearings, polar)
-        limit = self._limit
-        values = self._grid.values[rows, cols]
-        values[..., 0] = np.clip(
-            values[..., 0] + self._config.frame_weight * ratio, -limit - self._prior, limit - self._prior
+        # Cells that no ray meets have likelihoods of 1 either way: whatever is measured is as likely with them as without.
+        polar = PolarValues(
+            np.stack([occupied, empty, reached]), np.array([1.0, 1.0, 0.0]), rays.bearings + float(pose[2])
         )
+        (rows, cols), (if_occupied, if_empty, seen) = window(polar, self._lattice(eye), spread)
+        values = self._grid.values[rows, cols]
+        low, high = -self._limit - self._prior, self._limit - self._prior
+        told = config.frame_weight * np.log(if_occupied / if_empty)
+        values[..., 0] = np.clip(values[..., 0] + told, low, high)
         values[..., 1] = np.maximum(values[..., 1], seen)
-        if self._config.correlation.mode == "adaptive":
-            self.correlation.learn(self.probability(), self._config.resolution_m)
+        self._eyes.append(eye)
+        if config.correlation.mode == "adaptive":
+            self.correlation.learn(self.probability(), config.resolution_m)
 
     def probability(self) -> Floats:
         """P(occupied) `(rows, cols)` of all cells, the prior where nothing is known."""
@@ -118,18 +120,16 @@ class BeliefMap:
     ) -> tuple[Floats, Floats, Floats]:
         """P(o | E) / P(o), P(o | not E) / P(o), and P(a ray comes there | o) `(m, n)` of the cells of every ray."""
         config = self._config
-        angle = rays.bearings + yaw
-        middle = self._ranges + 0.5 * config.resolution_m
-        points = eye + middle[None, :, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, None, :]
-        cells = self._grid.cells(points.reshape(-1, 2)).reshape(*points.shape)
-        log_odds = self._grid.values[cells[..., 0], cells[..., 1], 0] + self._prior
-        prior = 1.0 / (1.0 + np.exp(-log_odds))
-        if config.likelihood == "chain":
-            step = np.zeros(prior.shape)
-            step[:, 1:] = np.hypot(*np.moveaxis(np.diff(cells, axis=1), 2, 0))
-            correlation = self.correlation.per_cell(config.resolution_m) ** step
-        else:
-            correlation = np.zeros(prior.shape)
+        lattice = self._lattice(eye)
+        prior, correlation = priors_of_rays(
+            self._grid.values[..., 0],
+            lattice.eye,
+            rays.bearings + yaw,
+            lattice.first + 0.5,
+            len(self._ranges),
+            self._prior,
+            self.correlation.per_cell(config.resolution_m) if config.likelihood == "chain" else 0.0,
+        )
         first, none = first_likelihoods(rays.disparities_px, rays.focal_baseline, rays.edges_m, noise)
         occupied, empty, reached = likelihoods_of_rays(
             prior, correlation, first, none, config.likelihood == "independent"
@@ -155,63 +155,9 @@ class BeliefMap:
             told_empty[to] *= if_empty**share
         return told_occupied, told_empty
 
-    def _as_window(
-        self,
-        eye: Floats,
-        pose: Floats,
-        covariance: Floats,
-        bearings: Floats,
-        polar: Floats,
-    ) -> tuple[tuple[slice, slice], tuple[Floats, Floats]]:
-        """The part of the map around the robot; the log likelihood ratio of its cells, and whether a ray came there.
-
-        `polar` `(3, m, n)` are the likelihoods of rays and cells, and where the rays came. All are averaged over the pose.
-        """
+    def _lattice(self, eye: Floats) -> Lattice:
+        """The grid's cells as rays from `eye` (m) meet them."""
         resolution = self._config.resolution_m
-        centre = self._grid.cells(eye[None])[0]
-        half = int(np.ceil(self.edges_m[-1] / resolution)) + _MARGIN - 1
-        rows, cols = (slice(int(c) - half, int(c) + half + 1) for c in centre)
-        offset = (self._grid.corner + centre + 0.5)[::-1] * resolution - eye
-        turns, weights = self._turns(covariance)
-        gap = float(np.median(np.diff(bearings))) if len(bearings) > 1 else _LONE_RAY_RAD
-        # Untouched cells have likelihoods of 1 either way: whatever is measured is as likely with them as without.
-        parts = window_of_rays(
-            polar,
-            np.array([1.0, 1.0, 0.0]),
-            bearings + float(pose[2]),
-            _REACH_IN_GAPS * gap,
-            turns,
-            weights,
-            offset,
-            resolution,
-            self._config.min_range_m,
-            half,
+        return Lattice(
+            eye / resolution - self._grid.corner[::-1], self._config.min_range_m / resolution, resolution
         )
-        if self._config.pose.blur:
-            parts = np.stack([_blurred(part, covariance[:2, :2], resolution) for part in parts])
-        return (rows, cols), (np.log(parts[0]) - np.log(parts[1]), parts[2])
-
-    def _turns(self, covariance: Floats) -> tuple[Floats, Floats]:
-        """Headings off the mean, and their weights: the distribution of the heading in a few points (Gauss-Hermite)."""
-        deviation = float(np.sqrt(max(covariance[2, 2], 0.0)))
-        if (
-            not self._config.pose.blur
-            or deviation * self.edges_m[-1] < _LEAST_BLUR * self._config.resolution_m
-        ):
-            return np.zeros(1), np.ones(1)
-        points, weights = np.polynomial.hermite_e.hermegauss(_TURNS)
-        return np.asarray(points * deviation), np.asarray(weights / weights.sum())
-
-
-def _blurred(values: Floats, covariance: Floats, resolution_m: float) -> Floats:
-    """The grid averaged over a displacement with this covariance `(2, 2)`, m^2."""
-    in_cells = covariance / resolution_m**2
-    widest = float(np.sqrt(max(np.linalg.eigvalsh(in_cells)[-1], 0.0)))
-    if widest < _LEAST_BLUR:
-        return values
-    reach = int(np.ceil(3.0 * widest))
-    offsets = np.arange(-reach, reach + 1)
-    x, y = np.meshgrid(offsets, offsets)
-    inverse = np.linalg.inv(in_cells + 1e-3 * np.eye(2))
-    kernel = np.exp(-0.5 * (inverse[0, 0] * x * x + 2.0 * inverse[0, 1] * x * y + inverse[1, 1] * y * y))
-    return np.asarray(cv2.filter2D(values, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE))

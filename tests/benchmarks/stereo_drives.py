@@ -1,0 +1,112 @@
+"""Rendered drives of a robot with a stereo head through rooms with boxes: each number is another room and another way.
+
+`python -m tests.benchmarks.stereo_drives FIRST LAST` renders logs ahead of a benchmark; they are kept in out/benchmarks.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import LineString
+
+from gridslam.simulation.record import record_world
+from gridslam.simulation.world_config import World, load_world
+from tests.benchmarks.stereo_rooms import footprint
+from tests.conftest import REPOSITORY
+
+FOLDER = REPOSITORY / "out" / "benchmarks" / "stereo"
+INSET_M = 1.2  # of the way from the walls
+FREE_M = 0.45  # beside the way
+TEXTURES = ("brick", "checks", "plaster", "wood")
+CAMERA = {
+    "name": "stereo",
+    "kind": "stereo",
+    "rate_hz": 2,
+    "mounting": {"x": 0.1, "y": 0.06, "z": 0.6},
+    "width_px": 320,
+    "height_px": 240,
+    "focal_px": 260.0,
+    "baseline_m": 0.12,
+    "latency_s": 0.01,
+    "jitter_s": 0.002,
+}
+
+
+def world_of(number: int) -> World:
+    """A room of about 6 x 5 m, five to eight boxes at its walls and in its middle, and a round between them."""
+    rng = np.random.default_rng([number, 7])
+    base, _ = load_world("stereo-room")
+    document: dict[str, Any] = base.model_dump(mode="json", exclude_defaults=True)
+    length, width = rng.uniform(5.5, 7.5), rng.uniform(4.5, 6.0)
+    left, low = rng.uniform(0.0, 0.05, 2)
+    room = [left, low, left + length, low + width]
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (length - 2 * INSET_M, width - 2 * INSET_M)
+    way = corners + (left + INSET_M, low + INSET_M) + rng.uniform(-0.3, 0.3, (4, 2))
+    way = np.roll(way if rng.random() < 0.5 else way[::-1], int(rng.integers(4)), axis=0)
+    ahead = way[1] - way[0]
+    document |= {
+        "seed": 1000 + number,
+        "walls": [{"rectangle": room, "texture": "brick", "colour": colour_of(rng)}],
+        "boxes": boxes_of(rng, room, way),
+        "truth": {"resolution_m": 0.05},
+    }
+    document.pop("cylinders")
+    document["robot"] |= {
+        "start": [*way[0].tolist(), float(np.arctan2(ahead[1], ahead[0]))],
+        "route": [*way[1:].tolist(), way[0].tolist(), way[1].tolist()],
+    }
+    document["sensors"]["cameras"] = [CAMERA]
+    return World.model_validate(document)
+
+
+def boxes_of(rng: np.random.Generator, room: Sequence[float], way: NDArray[np.float64]) -> list[Any]:
+    """Boxes anywhere that do not stand in the way."""
+    line = LineString([*way, way[0]])
+    boxes: list[Any] = []
+    wanted = int(rng.integers(5, 9))
+    while len(boxes) < wanted:
+        size = rng.uniform(0.25, 1.0, 2)
+        centre = rng.uniform(np.add(room[:2], 0.2), np.subtract(room[2:], 0.2))
+        yaw = float(rng.choice([0.0, rng.uniform(0.0, 90.0)]))
+        if footprint(centre, size, np.radians(yaw)).distance(line) > FREE_M:
+            boxes.append(
+                {
+                    "centre": centre.tolist(),
+                    "size": size.tolist(),
+                    "yaw_deg": yaw,
+                    "height_m": float(rng.uniform(0.7, 1.4)),
+                    "texture": str(rng.choice(TEXTURES)),
+                    "colour": colour_of(rng),
+                }
+            )
+    return boxes
+
+
+def colour_of(rng: np.random.Generator) -> list[int]:
+    """Some colour."""
+    return [int(c) for c in rng.integers(70, 200, 3)]
+
+
+def log_of(number: int) -> Path:
+    """The log of a drive, rendered when it is not there yet; its truth lies beside it."""
+    log = FOLDER / f"room-{number}.mcap"
+    if not (log.exists() and log.with_suffix(".truth").is_dir()):
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        record_world(world_of(number), REPOSITORY / "configs" / "worlds", log, force=True)
+    return log
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Render some logs."""
+    first, last = arguments
+    for number in range(int(first), int(last) + 1):
+        log_of(number)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
