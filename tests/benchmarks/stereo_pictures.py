@@ -26,11 +26,13 @@ from tests.conftest import REPOSITORY
 
 IMAGES = REPOSITORY / "docs" / "images"
 FOCAL_BASELINE = 31.2
+OBSTACLE_M = 1.52
+SEEN = [20.0] * 10 + [OBSTACLE_M] * 6  # a free room, then an obstacle in it
+BEHIND = [3.5, 3.5]  # and two frames with a match behind it
 
 
-def scene(likelihood: str, frames: list[float]) -> NDArray[np.uint8]:
+def belief_of(config: StereoBayesConfig, frames: list[float]) -> BeliefMap:
     """The map after frames of a surface at so many metres before a narrow sensor."""
-    config = StereoBayesConfig.model_validate({"likelihood": likelihood, "max_range_m": 5.0})
     belief = BeliefMap(config)
     bearings = np.linspace(-0.4, 0.4, 81)
     for depth in frames:
@@ -38,7 +40,13 @@ def scene(likelihood: str, frames: list[float]) -> NDArray[np.uint8]:
         edges = np.cos(bearings)[:, None] * belief.edges_m[None]
         rays = Rays(bearings, disparity, edges, np.zeros(2), FOCAL_BASELINE)
         belief.update(np.zeros(3), 1e-8 * np.eye(3), rays, belief.noise(64.0))
-    layer = belief.layer()
+    return belief
+
+
+def scene(likelihood: str, frames: list[float]) -> NDArray[np.uint8]:
+    """The map after these frames, dark where occupied."""
+    config = StereoBayesConfig.model_validate({"likelihood": likelihood, "max_range_m": 5.0})
+    layer = belief_of(config, frames).layer()
     low = layer.geometry.cells(np.array([[-0.1, -2.1]]))[0]
     high = layer.geometry.cells(np.array([[4.6, 2.1]]))[0]
     p = layer.values[low[0] : high[0], low[1] : high[1]][::-1]
@@ -46,16 +54,20 @@ def scene(likelihood: str, frames: list[float]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(grey, None, fx=3, fy=3, interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
-def write_scene() -> None:
-    """Six frames of an obstacle in a free room, then two frames with a match behind it, by both likelihoods."""
-    before = [20.0] * 10 + [1.52] * 6
+def false_match_scene() -> NDArray[np.uint8]:
+    """Left after SEEN, right after two false matches as well; above the conventional likelihood, below the chain. Grey levels."""
     rows = [
         np.hstack(
-            [np.pad(scene(name, frames), 4, constant_values=120) for frames in (before, [*before, 3.5, 3.5])]
+            [np.pad(scene(name, frames), 4, constant_values=120) for frames in (SEEN, [*SEEN, *BEHIND])]
         )
         for name in ("independent", "chain")
     ]
-    cv2.imwrite(str(IMAGES / "stereo-false-match.png"), np.vstack(rows))
+    return np.vstack(rows)
+
+
+def write_scene() -> None:
+    """The scene of figures 8 and 9."""
+    cv2.imwrite(str(IMAGES / "stereo-false-match.png"), false_match_scene())
 
 
 def write_map(occupancy: OccupancyGrid | None, name: str, path: Trajectory) -> None:

@@ -29,13 +29,14 @@ CURVES = {
     "with cameras, best settings": ("best", FUSED),
 }
 SHOWN_S = 50.0
-TEXT = """A robot with odometry and a lidar of 5.6 m is somewhere in a corridor of 30 m that repeats itself every 5 m, among
-two to four people who walk; eight fixed RGB-D cameras see every place from both sides, two frames a second. Success: within
-0.5 m and 10 degrees, held to the end. Five worlds (0 to 4: start, way, people, noise), each with filter seeds {seeds}; the sweep
-is written to `out/papers/ispace-mcl/sweep.yaml`."""
-FALLS_SHORT = """The rate without cameras depends on how alike the bays of the corridor are and how far the lidar sees; ours
-({share:.0f} %) is another corridor than the paper's. The paper's equations need every place in view: in corridors with gaps
-between the cameras' views the product of densities loses the robot, the best settings do not ([ispace-mcl](ispace-mcl.md))."""
+TEXT = """A robot with odometry and a lidar of 5.6 m is somewhere in a corridor of 30 m that repeats itself every 5
+m, among two to four people who walk; eight fixed RGB-D cameras see every place from both sides, two frames a
+second. Success: within 0.5 m and 10 degrees, held to the end. Five worlds (0 to 4: start, way, people, noise),
+each with filter seeds {seeds}; the sweep is written to `out/papers/ispace-mcl/sweep.yaml`."""
+FALLS_SHORT = """The rate without cameras depends on how alike the bays of the corridor are and how far the lidar
+sees; ours ({share:.0f} %) is another corridor than the paper's. The paper's equations need every place in view: in
+corridors with gaps between the cameras' views the product of densities loses the robot, the best settings do not
+([ispace-mcl](ispace-mcl.md))."""
 
 Floats = NDArray[np.float64]
 

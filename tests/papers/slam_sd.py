@@ -9,15 +9,16 @@ from tests.papers.work import Found, Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 11.0
 OVERRIDE = "fine"
-TEXT = """A robot with a lidar and an RFID reader (2 m) drives up and down a corridor whose doors and bins carry tags;
-2 cm cells, 1000 poses an object. `gridslam sweep configs/sweeps/slam-sd.yaml` is the experiment. An object is right within
-15 cm, with class, door state and the flag `moved` as they are."""
+TEXT = """A robot with a lidar and an RFID reader (2 m) drives up and down a corridor whose doors and bins carry
+tags; 2 cm cells, 1000 poses an object. `gridslam sweep configs/sweeps/slam-sd.yaml` is the experiment. An object
+is right within 15 cm, with class, door state and the flag `moved` as they are."""
 CAPTION = (
     "The objects found, seed {seed}: boxes blue, closed doors brown, open ones orange, what has moved red"
 )
-FALLS_SHORT = """Wrong over all seeds: {paper} of {total} objects in the paper's form, {best} of {total} with the best settings.
-A door that stands open turns its tag away and is read once in passing or not at all; the paper's form, which looks at
-each object alone and never looks back, errs on those that are far from where they are read."""
+FALLS_SHORT = """Wrong over all seeds: {paper} of {total} objects in the paper's form, {best} of {total} with the
+best settings. A door that stands open turns its tag away and is read once in passing or not at all; the paper's
+form, which looks at each object alone and never looks back, errs on those that are far from where they are
+read."""
 
 
 @dataclass(frozen=True, slots=True)
