@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 
+from gridslam.logs import LogConfig, open_log
+from gridslam.maps.map_server import load_map
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.registry import METHODS
+from gridslam.methods.stereo_bayes.config import StereoBayesConfig
+from gridslam.methods.stereo_bayes.frames import Frame
+from gridslam.methods.stereo_bayes.method import StereoBayes
+from gridslam.motion.pose_fix_filter import PoseBelief
+from gridslam.run import feed
+from gridslam.run_config import load_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import World, load_world
-from tests.benchmarks.stereo_rooms import footprint
+from tests.benchmarks.stereo_rooms import footprint, outlines_of
 from tests.conftest import REPOSITORY
 
 FOLDER = REPOSITORY / "out" / "benchmarks" / "stereo"
 INSET_M = 1.2  # of the way from the walls
 FREE_M = 0.45  # beside the way
+GROUP_PX = 4  # columns that are matched alike
 TEXTURES = ("brick", "checks", "plaster", "wood")
 CAMERA = {
     "name": "stereo",
@@ -45,8 +57,9 @@ def world_of(number: int) -> World:
     length, width = rng.uniform(5.5, 7.5), rng.uniform(4.5, 6.0)
     left, low = rng.uniform(0.0, 0.05, 2)
     room = [left, low, left + length, low + width]
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * (length - 2 * INSET_M, width - 2 * INSET_M)
-    way = corners + (left + INSET_M, low + INSET_M) + rng.uniform(-0.3, 0.3, (4, 2))
+    inner = np.array([length - 2 * INSET_M, width - 2 * INSET_M])
+    way = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * inner + np.array([left + INSET_M, low + INSET_M])
+    way += rng.uniform(-0.3, 0.3, (4, 2))
     way = np.roll(way if rng.random() < 0.5 else way[::-1], int(rng.integers(4)), axis=0)
     ahead = way[1] - way[0]
     document |= {
@@ -90,6 +103,63 @@ def boxes_of(rng: np.random.Generator, room: Sequence[float], way: NDArray[np.fl
 def colour_of(rng: np.random.Generator) -> list[int]:
     """Some colour."""
     return [int(c) for c in rng.integers(70, 200, 3)]
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What the method had of a log: frames with where it believed to be; the true map, and the obstacles' outlines in pieces."""
+
+    frames: list[tuple[Frame, PoseBelief]]
+    truth: OccupancyGrid
+    outlines: list[NDArray[np.float64]]
+
+
+class _Recorder(StereoBayes):
+    """Keeps the frames instead of mapping them."""
+
+    def __init__(self, config: StereoBayesConfig) -> None:
+        super().__init__(config, 0)
+        self.frames: list[tuple[Frame, PoseBelief]] = []
+
+    def _use(self, frame: Frame, belief: PoseBelief) -> None:
+        self.frames.append((frame, belief))
+
+
+def drive_of(number: int) -> Drive:
+    """A drive's frames, matched by OpenCV."""
+    config = load_run_config("stereo-bayes").method
+    assert isinstance(config, StereoBayesConfig)
+    recorder = _Recorder(config)
+    path = log_of(number)
+    with open_log(path, LogConfig(), METHODS["stereo-bayes"].reads) as log:
+        feed(log, recorder, lambda _: None, lambda: False)
+    recorder.result()
+    return Drive(
+        recorder.frames, load_map(path.with_suffix(".truth") / "map.yaml"), _outlines(world_of(number))
+    )
+
+
+def _outlines(world: World) -> list[NDArray[np.float64]]:
+    room = world.walls[0].rectangle
+    assert room is not None
+    boxes = [footprint(np.array(b.centre), np.array(b.size), np.radians(b.yaw_deg)) for b in world.boxes]
+    return outlines_of(room, boxes)
+
+
+def with_false_matches(
+    disparity: NDArray[np.float32], share: float, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """A disparity image in which a share of the columns, some groups at a time, are matched with anything."""
+    found = disparity.copy()
+    rows, groups = found.shape[0], found.shape[1] // GROUP_PX
+    wrong = np.zeros(groups, bool)
+    while wrong.mean() < share:
+        first = int(rng.integers(groups))
+        wrong[first : first + int(rng.integers(1, 4))] = True
+    for group in np.flatnonzero(wrong):
+        part = found[rows // 4 : 3 * rows // 4, group * GROUP_PX : (group + 1) * GROUP_PX]
+        part[:] = rng.uniform(1.0, 64.0) + rng.normal(0.0, 0.3, part.shape)
+    return found
 
 
 def log_of(number: int) -> Path:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
-from gridslam.methods.stereo_bayes.belief import BeliefMap, Rays
+from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
+from gridslam.methods.stereo_bayes.rays import Rays, range_edges
 from gridslam.run import run_map
 from gridslam.run_config import load_run_config
 from tests.benchmarks.harness import say
@@ -37,7 +38,7 @@ def belief_of(config: StereoBayesConfig, frames: list[float]) -> BeliefMap:
     bearings = np.linspace(-0.4, 0.4, 81)
     for depth in frames:
         disparity = np.where(np.abs(bearings) < 0.2, FOCAL_BASELINE / depth, FOCAL_BASELINE / 20.0)
-        edges = np.cos(bearings)[:, None] * belief.edges_m[None]
+        edges = np.cos(bearings)[:, None] * range_edges(config)[None]
         rays = Rays(bearings, disparity, edges, np.zeros(2), FOCAL_BASELINE)
         belief.update(np.zeros(3), 1e-8 * np.eye(3), rays, belief.noise(64.0))
     return belief

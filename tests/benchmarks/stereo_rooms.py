@@ -6,6 +6,8 @@ cover several groups, holes, and a floor; obstacles are boxes of different heigh
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +29,7 @@ GROUP_PX = 4
 ROOM_M = (6.0, 5.0)
 CELL_M = 0.05
 REACH_M = 10.0
+PIECE_M = 0.3
 QUAT = (0.5, -0.5, 0.5, -0.5)  # optical: x right, y down, z ahead
 
 
@@ -75,6 +78,16 @@ def footprint(centre: Floats, size: Floats, yaw: float) -> Polygon:
     """A box on the floor."""
     corners = 0.5 * size * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     return Polygon(se2.transform_points(np.array([*centre, yaw]), corners))
+
+
+def outlines_of(room: tuple[float, float, float, float], boxes: Sequence[Polygon]) -> list[Floats]:
+    """Points `(8, 2)` of every piece, about 30 cm long, of the outlines of a room (x0, y0, x1, y1) and its boxes."""
+    pieces = []
+    for ring in (box(*room).exterior, *(b.exterior for b in boxes)):
+        ends = np.linspace(0.0, ring.length, max(round(ring.length / PIECE_M), 1) + 1)
+        for first, last in itertools.pairwise(ends):
+            pieces.append(np.array([ring.interpolate(at).coords[0] for at in np.linspace(first, last, 8)]))
+    return pieces
 
 
 def depths_of(room: Room, pose: Floats) -> Floats:

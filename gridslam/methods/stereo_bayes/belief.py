@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,28 +9,17 @@ from gridslam.core import poses as se2
 from gridslam.kernels.chain import likelihoods_of_rays
 from gridslam.kernels.polar_window import priors_of_rays
 from gridslam.maps.growing_grid import GrowingGrid
-from gridslam.maps.occupancy import GridLayer, OccupancyGrid
+from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.correlation import CorrelationEstimate
+from gridslam.methods.stereo_bayes.rays import Rays, range_edges
+from gridslam.methods.stereo_bayes.seen import seen_cells
 from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, reach_in_cells, window
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods
 
 Floats = NDArray[np.float64]
 
 _MARGIN = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Rays:
-    """The measurements of a frame that tell something: directions in the robot's frame `(m,)`, ascending, disparities `(m,)`
-    (NaN: no match), depth edges `(m, n + 1)` of their cells, and T_base_camera's place over the ground `(2,)`.
-    """
-
-    bearings: Floats
-    disparities_px: Floats
-    edges_m: Floats
-    origin: Floats
-    focal_baseline: float
 
 
 class BeliefMap:
@@ -48,14 +35,9 @@ class BeliefMap:
         self._grid = GrowingGrid(config.resolution_m, config.memory_limit_mb, (2,))
         self._prior = float(np.log(config.prior / (1.0 - config.prior)))
         self._limit = float(np.log((1.0 - config.least_probability) / config.least_probability))
-        self._ranges = np.arange(config.min_range_m, config.max_range_m, config.resolution_m)
+        self._count = len(range_edges(config)) - 1  # of a ray's cells
         self._eyes: list[Floats] = []  # where the rays came from, m
         self.correlation = CorrelationEstimate(config.correlation)
-
-    @property
-    def edges_m(self) -> Floats:
-        """Ground ranges `(n + 1,)` between the cells of a ray."""
-        return np.append(self._ranges, self._ranges[-1] + self._config.resolution_m)
 
     def noise(self, disparity_range_px: float) -> StereoNoise:
         """The sensor's noise as the config has it."""
@@ -66,7 +48,7 @@ class BeliefMap:
         """Take in a frame's rays at T_map_base `(3,)` with covariance `(3, 3)`."""
         if not len(rays.bearings):
             return
-        config, count = self._config, len(self._ranges)
+        config, count = self._config, self._count
         spread = covariance if config.pose.blur else np.zeros((3, 3))
         eye = se2.transform_points(pose, rays.origin[None])[0]
         reach = config.resolution_m * reach_in_cells(self._lattice(eye), count, spread)
@@ -93,22 +75,30 @@ class BeliefMap:
         return np.asarray(1.0 / (1.0 + np.exp(-(self._grid.values[..., 0] + self._prior))))
 
     def occupancy(self) -> OccupancyGrid:
-        """The map, NaN where no ray has come to.
+        """The map, NaN where nothing was seen.
 
         The chain knows more: behind an obstacle's surface there is likely more of it. That is in the layer, not in the map.
         """
-        probability = self.probability()
-        known = self._grid.values[..., 1] >= self._config.seen_from
-        values = np.where(known, probability, np.nan).astype(np.float32)
+        config, probability = self._config, self.probability()
+        known = self._grid.values[..., 1] >= config.seen_from
         rows, cols = np.nonzero(known)
         if not len(rows):
             return OccupancyGrid(np.zeros((0, 0), np.float32), self._grid.geometry)
+        known = seen_cells(
+            probability,
+            known,
+            self._grid.cells(np.array(self._eyes)),
+            config.min_range_m / config.resolution_m + _MARGIN,
+            config.surface_m / config.resolution_m,
+        )
+        rows, cols = np.nonzero(known)
         low, high = (rows.min(), cols.min()), (rows.max() + 1, cols.max() + 1)
         corner = self._grid.corner + low
-        geometry = type(self._grid.geometry)(
-            self._config.resolution_m,
-            (float(corner[1]) * self._config.resolution_m, float(corner[0]) * self._config.resolution_m),
+        geometry = GridGeometry(
+            config.resolution_m,
+            (float(corner[1]) * config.resolution_m, float(corner[0]) * config.resolution_m),
         )
+        values = np.where(known, probability, np.nan).astype(np.float32)
         return OccupancyGrid(values[low[0] : high[0], low[1] : high[1]], geometry)
 
     def layer(self) -> GridLayer:
@@ -126,7 +116,7 @@ class BeliefMap:
             lattice.eye,
             rays.bearings + yaw,
             lattice.first + 0.5,
-            len(self._ranges),
+            self._count,
             self._prior,
             self.correlation.per_cell(config.resolution_m) if config.likelihood == "chain" else 0.0,
         )
@@ -142,7 +132,8 @@ class BeliefMap:
         One round of messages between pairs: P(o' | E) = P(E'|E) P(o'|E') + P(not E'|E) P(o'|not E'), with prior 1/2.
         """
         share = self._config.correlation.across_rays
-        middle = self._ranges + 0.5 * self._config.resolution_m
+        edges = range_edges(self._config)
+        middle = 0.5 * (edges[:-1] + edges[1:])
         gaps = np.abs(np.diff(bearings))
         distance = gaps[:, None] * middle[None] / self._config.resolution_m
         r = np.minimum(self.correlation.per_cell(self._config.resolution_m) ** distance, 0.999)

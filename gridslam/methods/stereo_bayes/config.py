@@ -121,6 +121,9 @@ class StereoBayesConfig(StrictModel):
         le=1.0,
         description="cells to which a ray came with less probability are unknown in the map",
     )
+    surface_m: float = Field(
+        0.12, gt=0.0, description="obstacles are drawn so thick: what lies farther behind was not seen"
+    )
     memory_limit_mb: float = Field(512.0, gt=0.0, description="the map may not need more")
     robot_radius_m: float = Field(0.2, gt=0.0, description="narrower passages between obstacles are closed")
     camera: str = Field(

@@ -22,13 +22,13 @@ from gridslam.core.messages import (
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult, Series, Table
-from gridslam.methods.stereo_bayes.belief import BeliefMap, Rays
+from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.frames import Frame, Frames
 from gridslam.methods.stereo_bayes.pose import RobotPose
+from gridslam.methods.stereo_bayes.rays import RayReader
 from gridslam.motion.pose_fix_filter import PoseBelief
 from gridslam.planning.obstacles import ObstacleRegion, obstacle_regions
-from gridslam.sensors.stereo_head import MATCHED, UNKNOWN, ColumnSettings, measured_columns
 
 Floats = NDArray[np.float64]
 
@@ -162,16 +162,7 @@ class StereoBayes(PoseTrack):
     def __init__(self, config: StereoBayesConfig, seed: int) -> None:
         super().__init__(config, seed)
         self._map = BeliefMap(config)
-        observation = config.observation
-        self._columns = ColumnSettings(
-            observation.bin_px,
-            observation.low_m,
-            observation.high_m,
-            observation.least_height_m,
-            observation.least_share,
-            observation.pick == "nearest",
-            float(config.disparity.disparities),
-        )
+        self._rays = RayReader(config, self._counters)
         self._r0: list[float] = []
 
     def result(self) -> RunResult:
@@ -195,28 +186,14 @@ class StereoBayes(PoseTrack):
 
     def _use(self, frame: Frame, belief: PoseBelief) -> None:
         with self._timed("observe"):
-            rays = self._rays(frame)
+            rays = self._rays.read(frame.disparity, frame.head)
         with self._timed("map"):
             covariance = belief.covariance if self._pose.is_fixed else np.zeros((3, 3))
-            self._map.update(belief.pose, covariance, rays, self._map.noise(self._columns.most_px))
+            self._map.update(
+                belief.pose, covariance, rays, self._map.noise(float(self._config.disparity.disparities))
+            )
         self._r0.append(self._map.correlation.r0)
         self._keep(frame.stamp_ns, belief)
-
-    def _rays(self, frame: Frame) -> Rays:
-        """The bins of a frame that tell something, in the order of their directions."""
-        head, observation = frame.head, self._config.observation
-        columns = measured_columns(frame.disparity, head, self._columns)
-        told = columns.status != UNKNOWN
-        self._counters["rays.unknown"] += int((~told).sum())
-        self._counters["rays.matched"] += int((columns.status == MATCHED).sum())
-        self._counters["rays.without_obstacle"] += int((told & (columns.status != MATCHED)).sum())
-        bearings = columns.bearings[told]
-        order = np.argsort(bearings, kind="stable")
-        bearings = np.ascontiguousarray(bearings[order])
-        height = 0.5 * (max(observation.low_m, 0.0) + min(observation.high_m, 1.0))
-        edges = head.depths(bearings, self._map.edges_m, height)
-        focal_baseline = head.focal_px * head.baseline_m
-        return Rays(bearings, columns.disparities_px[told][order], edges, head.position[:2], focal_baseline)
 
     def _obstacles(self, occupancy: OccupancyGrid) -> Table:
         if not occupancy.probability.size:

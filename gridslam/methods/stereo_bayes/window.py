@@ -91,9 +91,9 @@ def _turns(covariance: Floats, lattice: Lattice, polar: PolarValues) -> tuple[Fl
         return np.zeros(1), np.ones(1)
     step = max(polar.gap, 2.0 * _DEVIATIONS * deviation / _MOST_TURNS)
     count = int(np.ceil(_DEVIATIONS * deviation / step))
-    turns = step * np.arange(-count, count + 1)
+    turns = np.asarray(step * np.arange(-count, count + 1), dtype=np.float64)
     weights = np.exp(-0.5 * np.square(turns / deviation))
-    return turns, weights / weights.sum()
+    return turns, np.asarray(weights / weights.sum())
 
 
 def _turned(

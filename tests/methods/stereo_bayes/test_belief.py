@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.core.errors import MethodError
-from gridslam.methods.stereo_bayes.belief import BeliefMap, Rays
+from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.correlation import neighbour_correlation
+from gridslam.methods.stereo_bayes.rays import Rays, range_edges
 
 Floats = NDArray[np.float64]
 
@@ -20,14 +21,16 @@ SURE = np.diag([1e-8, 1e-8, 1e-8])
 BEARINGS = np.linspace(-0.3, 0.3, 61)
 
 
+EDGES = range_edges(StereoBayesConfig(max_range_m=5.0))
+
+
 def map_of(**settings: Any) -> BeliefMap:
     return BeliefMap(StereoBayesConfig.model_validate({"max_range_m": 5.0, **settings}))
 
 
 def see(belief: BeliefMap, depth_m: float, covariance: Floats = SURE, times: int = 1) -> None:
     """Frames of a surface that is everywhere at one depth."""
-    ranges = belief.edges_m
-    edges = np.cos(BEARINGS)[:, None] * ranges[None]
+    edges = np.cos(BEARINGS)[:, None] * EDGES[None]
     disparities = np.full(len(BEARINGS), FOCAL_BASELINE / depth_m)
     rays = Rays(BEARINGS, disparities, edges, np.zeros(2), FOCAL_BASELINE)
     for _ in range(times):
@@ -74,7 +77,7 @@ def test_false_matches_behind_wipe_out_an_obstacle_only_with_the_conventional_li
 def test_an_uncertain_heading_blurs_what_is_far_more_than_what_is_near() -> None:
     def width(depth_m: float) -> float:
         belief = map_of()
-        edges = belief.edges_m[None]
+        edges = EDGES[None]
         lone = Rays(np.zeros(1), np.array([FOCAL_BASELINE / depth_m]), edges, np.zeros(2), FOCAL_BASELINE)
         covariance = np.diag([1e-8, 1e-8, np.radians(3.0) ** 2])
         belief.update(np.zeros(3), covariance, lone, belief.noise(64.0))
@@ -104,7 +107,7 @@ def test_what_no_ray_came_to_is_unknown_in_the_map_though_the_chain_expects_more
 def test_a_pose_that_has_gone_astray_does_not_eat_the_machine() -> None:
     belief = map_of(memory_limit_mb=50.0)
     see(belief, 2.0)
-    rays = Rays(np.zeros(1), np.array([10.0]), belief.edges_m[None], np.zeros(2), FOCAL_BASELINE)
+    rays = Rays(np.zeros(1), np.array([10.0]), EDGES[None], np.zeros(2), FOCAL_BASELINE)
     with pytest.raises(MethodError, match="memory_limit_mb"):
         belief.update(np.array([1e6, 0.0, 0.0]), SURE, rays, belief.noise(64.0))
 

@@ -1,0 +1,165 @@
+"""Trials of the stereo maps: the same rays for every model, and how right its map is.
+
+Two kinds of stages: rays cast into rooms with a known rate of false matches (`stereo_rooms`), and rendered drives, matched by
+OpenCV and mapped from the filter's poses, with false matches put in (`stereo_drives`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.stats import t as student
+
+from gridslam.evaluation.map_errors import intersection_over_union, log_loss, sample
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.methods.stereo_bayes.config import StereoBayesConfig
+from gridslam.methods.stereo_bayes.rays import RayReader, Rays
+from gridslam.run_config import load_run_config
+from tests.benchmarks.stereo_drives import Drive, drive_of, with_false_matches
+from tests.benchmarks.stereo_models import Believed, Model, Plain
+from tests.benchmarks.stereo_rooms import (
+    CELL_M,
+    ROOM_M,
+    Room,
+    disparity_of,
+    head,
+    outlines_of,
+    room_of,
+    truth_of,
+)
+
+Floats = NDArray[np.float64]
+
+LIKELIHOODS = ("independent", "occlusion", "chain")
+MODELS = (*LIKELIHOODS, "log-odds")
+POSE_NOISE = (0.05, 0.05, np.radians(2.0))
+SURE, LOST = 0.9, 0.5
+BESIDE_M = 0.1  # what lies so near to an outline belongs to the obstacle
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Frames of rays with pose and covariance, the true map (NaN: not asked for), and the obstacles' outlines in pieces."""
+
+    frames: list[tuple[Rays, Floats, Floats]]
+    truth: OccupancyGrid
+    outlines: list[Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Mean log-loss (nats) and IoU over the truth's cells.
+
+    Of the pieces of the obstacles' outlines: `sure` were at some time more than 0.9 sure, `lost` is the number of frames, summed
+    over the pieces, in which one of these was below 0.5.
+    """
+
+    log_loss: float
+    iou: float
+    lost: int
+    sure: int
+    pieces: int
+
+
+def config_of(*overrides: str) -> StereoBayesConfig:
+    """The best settings with some of them changed."""
+    config = load_run_config("stereo-bayes", overrides).method
+    assert isinstance(config, StereoBayesConfig)
+    return config
+
+
+def model_of(name: str) -> Model:
+    """A likelihood of the best settings, or the plain model."""
+    return Plain(config_of()) if name == "log-odds" else Believed(config_of(f"method.likelihood={name}"))
+
+
+def scores_of(stage: Stage) -> dict[str, Score]:
+    """All models on the same rays."""
+    return {name: score_of(stage, model_of(name)) for name in MODELS}
+
+
+def score_of(stage: Stage, model: Model) -> Score:
+    """One map."""
+    watch = ObstacleWatch(stage)
+    for rays, pose, covariance in stage.frames:
+        model.take(rays, pose, covariance)
+        watch.look(model.layer())
+    layer = model.layer()
+    loss, _ = log_loss(layer, stage.truth, np.zeros(3))
+    iou = intersection_over_union(layer, stage.truth, np.zeros(3))
+    return Score(loss, iou, watch.lost, int(watch.sure.sum()), len(watch.sure))
+
+
+class ObstacleWatch:
+    """Whether the pieces of obstacles are in the map: the probability of a piece is that of the surest cell beside it."""
+
+    def __init__(self, stage: Stage) -> None:
+        cell = stage.truth.geometry.resolution_m
+        every = np.vstack(stage.outlines)
+        low, high = every.min(axis=0) - BESIDE_M, every.max(axis=0) + BESIDE_M
+        x, y = np.meshgrid(*(np.arange(a, b, cell) for a, b in zip(low, high, strict=True)))
+        self._points = np.column_stack([x.ravel(), y.ravel()])
+        tree = cKDTree(self._points)
+        beside = [np.unique(np.concatenate(tree.query_ball_point(p, BESIDE_M))) for p in stage.outlines]
+        self._first = np.cumsum([0, *(len(b) for b in beside[:-1])])
+        self._beside = np.concatenate(beside).astype(np.int64)
+        self.sure = np.zeros(len(beside), bool)
+        self.lost = 0
+
+    def look(self, layer: OccupancyGrid) -> None:
+        """After a frame."""
+        p = np.nan_to_num(sample(layer, self._points), nan=0.0)
+        surest = np.maximum.reduceat(p[self._beside], self._first)
+        self.lost += int((self.sure & (surest < LOST)).sum())
+        self.sure |= surest > SURE
+
+
+def room_stage(seed: int, share: float, noisy: bool = False) -> Stage:
+    """Rays cast into a room; noisy: with errors of the pose that the covariance tells of."""
+    room, truth, outlines = _room(seed)
+    rng = np.random.default_rng([seed, round(1000 * share)])
+    reader, frames = RayReader(config_of(), Counter()), []
+    covariance = np.diag(np.square(POSE_NOISE)) if noisy else np.diag([1e-6] * 3)
+    for pose in room.poses:
+        disparity = disparity_of(room, pose, share, rng)
+        believed = pose + (rng.normal(0.0, POSE_NOISE) if noisy else 0.0)
+        frames.append((reader.read(disparity, head()), believed, covariance))
+    return Stage(frames, truth, outlines)
+
+
+@lru_cache(maxsize=32)
+def _room(seed: int) -> tuple[Room, OccupancyGrid, list[Floats]]:
+    room = room_of(seed)
+    truth = truth_of(room)
+    p = np.where(truth.seen, truth.occupied, np.nan).astype(np.float32)
+    row, col = truth.corner
+    geometry = GridGeometry(CELL_M, (col * CELL_M, row * CELL_M))
+    return room, OccupancyGrid(p, geometry), outlines_of((0.0, 0.0, *ROOM_M), room.boxes)
+
+
+def drive_stage(number: int, share: float, config: StereoBayesConfig | None = None) -> Stage:
+    """A rendered drive with a share of its columns matched wrongly; `config` says how rays are read, as best without one."""
+    drive = _drive(number)
+    rng = np.random.default_rng([number, round(1000 * share)])
+    reader, frames = RayReader(config or config_of(), Counter()), []
+    for frame, belief in drive.frames:
+        disparity = with_false_matches(frame.disparity, share, rng)
+        frames.append((reader.read(disparity, frame.head), belief.pose, belief.covariance))
+    return Stage(frames, drive.truth, drive.outlines)
+
+
+@lru_cache(maxsize=1)
+def _drive(number: int) -> Drive:
+    return drive_of(number)
+
+
+def mean_interval(values: Floats) -> tuple[float, float]:
+    """95 % interval of the mean of independent values, by Student's t."""
+    half = float(student.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / sqrt(len(values))
+    return float(np.mean(values)) - half, float(np.mean(values)) + half
