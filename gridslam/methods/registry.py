@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from gridslam.core.errors import ConfigError
+from gridslam.methods.plugins import WithPlugins
+
 
 @dataclass(frozen=True, slots=True)
 class MethodEntry:
@@ -32,7 +35,7 @@ class MethodEntry:
         return tuple(dict.fromkeys([*needed, *self.uses]))
 
 
-METHODS: Mapping[str, MethodEntry] = MappingProxyType(
+BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
     {
         "slam-sd": MethodEntry(
             config="gridslam.methods.slam_sd.config:SlamSdConfig",
@@ -74,7 +77,15 @@ METHODS: Mapping[str, MethodEntry] = MappingProxyType(
 )
 
 
+METHODS: Mapping[str, MethodEntry] = WithPlugins(BUILT_IN, MethodEntry)
+
+
 def load(reference: str) -> Any:
-    """The object that "module:Name" names."""
+    """The object that "module:Name" names. Raises ConfigError: there is none, or its module cannot be imported."""
     module, _, name = reference.partition(":")
-    return getattr(importlib.import_module(module), name)
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"{reference}: this part of a method cannot be loaded ({error}); see its entry in the registry"
+        ) from error

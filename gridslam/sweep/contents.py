@@ -12,6 +12,7 @@ from typing import Any
 import gridslam
 from gridslam.core.errors import ConfigError
 from gridslam.maps.map_yaml import read_map_yaml
+from gridslam.methods.plugins import plugin_sources
 from gridslam.report.environment import made_with
 
 _NO_PART_OF_A_RESULT = frozenset({"cli", "sweep"})
@@ -26,14 +27,15 @@ def content_key(**parts: Any) -> str:
 
 @functools.cache
 def program_key() -> str:
-    """The hash of the program that makes results: its sources, and the versions that decide the bytes."""
+    """The hash of what makes results: the sources of program and added methods, the versions that decide the bytes."""
     package = Path(gridslam.__file__).parent
     digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         name = source.relative_to(package)
         if name.parts[0] not in _NO_PART_OF_A_RESULT:
             digest.update(f"{name.as_posix()}\0".encode() + source.read_bytes())
-    return content_key(sources=digest.hexdigest(), versions=made_with().model_dump())
+    plugins = [_hash_of_folder(path) if path.is_dir() else _hash_of_file(path) for path in plugin_sources()]
+    return content_key(sources=digest.hexdigest(), versions=made_with().model_dump(), plugins=plugins)
 
 
 class Hashes:
@@ -72,4 +74,5 @@ def _hash_of_folder(path: Path) -> str:
 
 
 def _files_in(path: Path) -> Iterable[Path]:
-    return sorted(file.relative_to(path) for file in path.rglob("*") if file.is_file())
+    files = (file.relative_to(path) for file in path.rglob("*") if file.is_file())
+    return sorted(file for file in files if "__pycache__" not in file.parts)
