@@ -140,12 +140,15 @@ class LineConfig(StrictModel):
     beams: int = Field(180, ge=16, description="beams of the scan simulated in the drawing")
     least_beams: int = Field(4, ge=1, description="beams on a drawn line from which it is visible")
     parallel_rad: float = Field(0.26, gt=0.0, description="lines with directions so near may correspond")
+    near_m: float = Field(
+        8.0, gt=0.0, description="drawn lines count that are drawn or observed so near to the robot"
+    )
     sigma_m: float = Field(
         0.5, gt=0.0, description="sigma of f = exp(-(x - xhat)^2 / (2 sigma^2)), metres of the world"
     )
     threshold: float = Field(0.3, gt=0.0, lt=1.0, description="f above this: the line is observed")
-    step_m: float = Field(0.1, gt=0.0, description="correction of the unobserved axis, metres of the world")
-    patience: int = Field(2, ge=1, description="updates in a row without observation before a correction")
+    step_m: float = Field(0.25, gt=0.0, description="correction of the unobserved axis, metres of the world")
+    patience: int = Field(3, ge=1, description="updates in a row without observation before a correction")
 
 
 class HandmapSlamConfig(StrictModel):

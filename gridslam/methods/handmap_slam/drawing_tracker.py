@@ -80,14 +80,22 @@ class DrawingTracker:
             config.gap_m,
         )
 
-    def take(self, scan: PreparedScan, track_pose: Floats, row: int, lines: Segments | None = None) -> None:
+    def take(
+        self,
+        scan: PreparedScan,
+        track_pose: Floats,
+        row: int,
+        beam_ends: Floats,
+        lines: Segments | None = None,
+    ) -> None:
         """Follow the robot to the front end's pose `(3,)`; weigh with the scan when it has come far enough.
 
-        `lines` are those of the scan, if they are known already.
+        `beam_ends` `(m, 2)` tell how far the scan's beams went, those without return included (robot's frame, m); `lines` are
+        the scan's, if they are known already.
         """
         if self._updated_at is None or self._at_update is None:
             if len(scan.points) >= LEAST_POINTS:
-                self._tell(self._localizer.start(scan.points), scan, track_pose, row, lines)
+                self._tell(self._localizer.start(scan.points), scan, track_pose, row, beam_ends, lines)
             return
         step = se2.between(self._updated_at, track_pose)
         settings = self._config.localization
@@ -106,14 +114,20 @@ class DrawingTracker:
             self._updated_at = track_pose.copy()
             self._at_update = self.pose = moved(self._at_update, step, scan.stamp_ns)
             return
-        self._tell(self._localizer.weigh(scan.points), scan, track_pose, row, lines)
+        self._tell(self._localizer.weigh(scan.points), scan, track_pose, row, beam_ends, lines)
 
     def _tell(
-        self, belief: DrawnBelief, scan: PreparedScan, track_pose: Floats, row: int, lines: Segments | None
+        self,
+        belief: DrawnBelief,
+        scan: PreparedScan,
+        track_pose: Floats,
+        row: int,
+        beam_ends: Floats,
+        lines: Segments | None,
     ) -> None:
         """Take the belief as the pose, observe the drawn lines from there, and correct."""
         pose = _pose_of(belief, scan.stamp_ns)
-        observed = self._observer.observe(self.lines_of(scan) if lines is None else lines, scan.points, pose)
+        observed = self._observer.observe(self.lines_of(scan) if lines is None else lines, beam_ends, pose)
         self._count(observed)
         if self._config.correction:
             pose = self._corrected(pose, observed)

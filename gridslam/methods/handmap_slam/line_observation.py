@@ -20,6 +20,7 @@ Family = Literal["x", "y"]
 
 ON_LINE_CELLS = 2.5  # an end point of the simulated scan so near to a drawn line lies on it
 NOT_SEEN = -1
+LEAST_COSINE = 0.5  # beams that graze a line do not tell whether it is there: the pose is not known so well
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +70,19 @@ class LineObserver:
         on_line &= ranges < 0.999 * self._reach_m
         return np.where(on_line, nearest, NOT_SEEN), ends
 
-    def observe(self, lines: Segments, points: Floats, pose: DrawingPose) -> list[ObservedLine]:
-        """Every drawn line in view of a pose, against the scan's `lines` and `points` (robot's frame, metres).
+    def observe(self, lines: Segments, beam_ends: Floats, pose: DrawingPose) -> list[ObservedLine]:
+        """Every drawn line near a pose that can be judged, against the scan's `lines` and beams (robot's frame, metres).
 
-        A drawn line with no counterpart is held against how far the scan sees in its direction: the room goes on there.
+        Near is what is drawn or observed within `near_m`. A drawn line with no counterpart is held against how far the beams go,
+        `beam_ends` `(m, 2)`, where the simulated scan meets it: if they go beyond, the room goes on there. If they end before it
+        or there are none, the line is hidden or out of the lidar's sight, and nothing can be said.
         """
         config = self._config
+        at = np.array([pose.x_m, pose.y_m])
         seen, ends = self.visible(pose)
         drawn = Segments(pose.to_drawing(lines.starts), pose.to_drawing(lines.ends)) if len(lines) else lines
         long = lines.lengths_m >= config.least_length_m if len(lines) else np.zeros(0, np.bool_)
-        open_m = _open_distances(points, pose)
+        reached = self._nearest_ends(beam_ends, pose)
         found = []
         for line in np.unique(seen[seen != NOT_SEEN]).tolist():
             on_line = seen == line
@@ -88,19 +92,40 @@ class LineObserver:
             across_x = abs(np.cos(direction)) < abs(np.sin(direction))
             axis = 0 if across_x else 1
             scale = pose.scale_x if across_x else pose.scale_y
-            expected = float((ends[on_line, axis] - (pose.x_m, pose.y_m)[axis]).mean()) / scale
+            expected = float((ends[on_line, axis] - at[axis]).mean()) / scale
             side = 1 if expected >= 0.0 else -1
             parallel = np.abs(difference_modulo_pi(drawn.directions_rad, direction)) < config.parallel_rad
-            measured = _distances_along(drawn, (pose.x_m, pose.y_m), axis) / scale
+            measured = _distances_along(drawn, at, axis) / scale
             candidates = measured[parallel & long & (np.sign(measured) == side)]
             if len(candidates):
                 observed = float(candidates[np.abs(candidates - expected).argmin()])
             else:
-                observed = side * float(open_m[axis, (side + 1) // 2])
+                across = np.abs(ends[:, axis] - at[axis]) > LEAST_COSINE * np.hypot(*(ends - at).T)
+                there = reached[on_line & across, axis] / scale
+                there = there[np.isfinite(there)]
+                if len(there) < config.least_beams:
+                    continue
+                observed = float(np.median(there))
+                if side * observed < abs(expected):
+                    continue
+            if min(abs(expected), abs(observed)) > config.near_m:
+                continue
             probability = float(np.exp(-((observed - expected) ** 2) / (2.0 * config.sigma_m**2)))
             found.append(
                 ObservedLine(line, "x" if across_x else "y", side, abs(expected), abs(observed), probability)
             )
+        return found
+
+    def _nearest_ends(self, beam_ends: Floats, pose: DrawingPose) -> Floats:
+        """Where the scan's beam along each simulated one ends `(b, 2)`, from the robot, drawing metres; NaN without."""
+        found = np.full((len(self._bearings), 2), np.nan)
+        if not len(beam_ends):
+            return found
+        away = pose.to_drawing(beam_ends) - (pose.x_m, pose.y_m)
+        bearings = np.arctan2(away[:, 1], away[:, 0])
+        beam = np.floor((bearings + np.pi) / (2.0 * np.pi) * len(found)).astype(np.int64) % len(found)
+        order = np.argsort(-np.abs(bearings - self._bearings[beam]), kind="stable")
+        found[beam[order]] = away[order]  # the nearest to the beam is written last
         return found
 
 
@@ -129,22 +154,8 @@ def correction_of(lines: list[ObservedLine], threshold: float, step_m: float) ->
     return step
 
 
-def _distances_along(lines: Segments, at: tuple[float, float], axis: int) -> Floats:
+def _distances_along(lines: Segments, at: Floats, axis: int) -> Floats:
     """Signed distances `(k,)` along an axis to the middles of lines."""
     if not len(lines):
         return np.zeros(0)
     return np.asarray(0.5 * (lines.starts + lines.ends)[:, axis] - at[axis])
-
-
-def _open_distances(points: Floats, pose: DrawingPose) -> Floats:
-    """How far the scan sees along -x, +x, -y, +y of the drawing, `(2, 2)` in metres of the world; 0 where it sees nothing."""
-    away = np.zeros((2, 2))
-    if len(points):
-        cos, sin = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
-        turned = points @ np.array([[cos, sin], [-sin, cos]])
-        for axis in (0, 1):
-            narrow = np.abs(turned[:, axis]) > 2.0 * np.abs(turned[:, 1 - axis])
-            for index, side in enumerate((-1, 1)):
-                beyond = narrow & (side * turned[:, axis] > 0.0)
-                away[axis, index] = float((side * turned[beyond, axis]).max()) if beyond.any() else 0.0
-    return away

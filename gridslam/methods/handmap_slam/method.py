@@ -31,6 +31,7 @@ from gridslam.methods.handmap_slam.outcome import (
     picture_of,
     series_of,
 )
+from gridslam.methods.handmap_slam.seen_scans import seen_scan
 from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
 from gridslam.methods.slam_sd.track import is_far
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
@@ -131,7 +132,7 @@ class HandmapSlam:
     def _take(self, placed: PlacedScan) -> None:
         """Track one scan in metres, then in the drawing."""
         with self._timed("front_end"):
-            scan = self._prepare(placed)
+            scan, beam_ends = self._prepare(placed)
             lines: Segments | None = None
             if self._line_front_end is not None:
                 lines = self._tracker.lines_of(scan)
@@ -144,7 +145,7 @@ class HandmapSlam:
             self._track.append(self._front_end.pose.copy())
             self._last = placed
         with self._timed("drawing"):
-            self._tracker.take(scan, self._track[-1], len(self._track) - 1, lines)
+            self._tracker.take(scan, self._track[-1], len(self._track) - 1, beam_ends, lines)
         if self._is_key():
             with self._timed("front_end"):
                 self._front_end.add_key_scan(scan)
@@ -152,13 +153,13 @@ class HandmapSlam:
             self._key_scans.append(scan)
             self._key_drawing_poses.append(self._tracker.pose)
 
-    def _prepare(self, placed: PlacedScan) -> PreparedScan:
-        """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
+    def _prepare(self, placed: PlacedScan) -> tuple[PreparedScan, Floats]:
+        """The scan's points and where its beams end, the motion during its sweep undone by the odometry since the scan before."""
         scan, twist = placed.scan, twist_between(self._last, placed)
         mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
         prepared = prepare_scan(scan, mounting, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
-        return prepared
+        return prepared, seen_scan(scan, mounting, twist, self._config.scan.max_range_m).ends
 
     def _is_key(self) -> bool:
         if not self._keys:

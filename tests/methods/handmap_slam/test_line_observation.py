@@ -70,7 +70,7 @@ def test_the_probability_is_that_of_equation_1(observer):
 @pytest.mark.parametrize(("length", "towards"), [(20.0, 1), (35.0, -1)])
 def test_the_position_moves_on_in_a_drawing_too_long_and_back_in_one_too_short(observer, length, towards):
     # The end wall is a metre and a half away from where the drawing has it, the other end out of sight.
-    x = 15.0
+    x = length - 5.0
     lines, points = scan_of(length, x)
     ahead = lines.ends[:, 0] > 0.0
     lines = Segments(lines.starts[ahead], lines.ends[ahead])
@@ -83,10 +83,37 @@ def test_the_position_moves_on_in_a_drawing_too_long_and_back_in_one_too_short(o
     assert abs(step[0]) == pytest.approx(0.1)
 
 
-def test_where_no_line_is_seen_at_all_nothing_is_corrected(observer):
+def test_what_the_scan_says_nothing_about_is_not_judged(observer):
     observed = observer.observe(Segments.none(), np.zeros((0, 2)), pose_at(8.0))
-    assert families_observed(observed, CONFIG.threshold) == {"x": False, "y": False}
+    assert not observed
     assert not correction_of(observed, CONFIG.threshold, 0.1).any()
+
+
+def beams(reach_m: float) -> np.ndarray:
+    """Ends of beams of this reach all about a robot in the middle of an endless corridor 4 m wide."""
+    bearings = np.linspace(-np.pi, np.pi, 720, endpoint=False)
+    ranges = np.minimum(2.0 / np.maximum(np.abs(np.sin(bearings)), 1e-9), reach_m)
+    return np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+
+
+def test_beams_that_pass_a_drawn_end_say_that_the_room_goes_on_and_short_ones_say_nothing(observer):
+    sides, _ = scan_of(100.0, 50.0)
+    sides = Segments(sides.starts[[0, 2]], sides.ends[[0, 2]])
+    # The drawn end is 5 m ahead: a lidar of 8 m sees that it is not there, one of 4 m cannot.
+    far, near = (observer.observe(sides, beams(reach), pose_at(20.0)) for reach in (8.0, 4.0))
+    assert families_observed(far, CONFIG.threshold) == {"x": False, "y": True}
+    step = correction_of(far, CONFIG.threshold, 0.1)
+    assert step[0] == pytest.approx(-0.1)  # back: the drawing is too short
+    assert families_observed(near, CONFIG.threshold) == {"y": True}
+    assert not correction_of(near, CONFIG.threshold, 0.1).any()
+
+
+def test_only_lines_near_the_robot_count(observer):
+    # An end wall 12 m ahead is drawn where it is, the near one behind is not: the family x is not observed.
+    lines, points = scan_of(15.5, 3.5)
+    observed = observer.observe(lines, points, pose_at(13.0))
+    assert {line.side for line in observed if line.family == "x"} == {-1}
+    assert not families_observed(observed, CONFIG.threshold)["x"]
 
 
 def test_the_heading_is_put_right_by_lines(observer):
