@@ -7,14 +7,14 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
-from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
-from gridslam.methods.slam_sd.config import (
+from gridslam.lidar_slam.config import (
     FinalStageConfig,
     FrontEndConfig,
     MapConfig,
     OdometryConfig,
     ScanConfig,
 )
+from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
 
 
 class DrawingConfig(StrictModel):

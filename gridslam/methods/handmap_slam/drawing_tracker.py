@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.drawing import DrawnMap
 from gridslam.matching.lines import Segments, ransac_lines
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
@@ -22,7 +23,6 @@ from gridslam.methods.handmap_slam.line_observation import (
 )
 from gridslam.methods.handmap_slam.localizer import DrawingLocalizer, DrawnBelief
 from gridslam.methods.handmap_slam.places import Been, Places
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 

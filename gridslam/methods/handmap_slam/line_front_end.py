@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.lidar_slam.front_end import Matched, odometry_deviations
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.matching.icp import point_to_plane
 from gridslam.matching.lines import Segments, difference_modulo_pi
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
 from gridslam.methods.handmap_slam.line_observation import LineObserver
-from gridslam.methods.slam_sd.front_end import Matched, odometry_deviations
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 

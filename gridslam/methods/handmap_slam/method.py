@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
+from gridslam.lidar_slam.track import is_far
 from gridslam.maps.drawing import Drawing, drawn_map
 from gridslam.matching.lines import Segments
 from gridslam.methods.base import Estimate, RunResult
@@ -32,8 +34,6 @@ from gridslam.methods.handmap_slam.outcome import (
     series_of,
 )
 from gridslam.methods.handmap_slam.seen_scans import seen_scan
-from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
-from gridslam.methods.slam_sd.track import is_far
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
 from gridslam.sensors.lidar_beams import Mounting, mounting_of
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.distance_field import distance_to_occupied
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
@@ -15,7 +16,6 @@ from gridslam.methods.base import Picture, Series, Table
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawing_tracker import Update
 from gridslam.methods.handmap_slam.line_observation import LineObserver
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

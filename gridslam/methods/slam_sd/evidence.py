@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import object_weights
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
-from gridslam.methods.slam_sd.scans import PreparedScan
 from gridslam.methods.slam_sd.things import Thing
 from gridslam.methods.slam_sd.walls import Walls, find_walls
 from gridslam.sensors.rfid import Rounds, range_profile

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import object_weights
-from gridslam.methods.slam_sd.scans import PreparedScan
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.stays import TrackedObject
 
 Floats = NDArray[np.float64]

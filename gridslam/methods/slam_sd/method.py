@@ -18,17 +18,17 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, TagInventory, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.final_stage import Refinement, refine
+from gridslam.lidar_slam.front_end import FrontEnd
+from gridslam.lidar_slam.grid_map import draw_map
+from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
+from gridslam.lidar_slam.track import is_far, spread_corrections, step_deviations
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.slam_sd.config import SlamSdConfig
-from gridslam.methods.slam_sd.final_stage import refine
-from gridslam.methods.slam_sd.front_end import FrontEnd
-from gridslam.methods.slam_sd.grid_map import draw_map
 from gridslam.methods.slam_sd.landmarks import landmark_edges
 from gridslam.methods.slam_sd.object_layer import ObjectLayer, with_objects
 from gridslam.methods.slam_sd.particles import ParticleMaps
-from gridslam.methods.slam_sd.scans import PreparedScan, prepare_scan
-from gridslam.methods.slam_sd.track import is_far, spread_corrections, step_deviations
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
 from gridslam.sensors.lidar_beams import Mounting, mounting_of
 
@@ -140,7 +140,11 @@ class SlamSd:
                     self._objects.without_objects(key, scan, key_poses, moved_only=True)
                     for key, scan in enumerate(scans)
                 ]
-            refined = refine(scans, key_poses, track, self._config, landmarks)
+            config = self._config
+            settings = Refinement(
+                config.final_stage, config.filter, config.filter.resolution_m, config.memory_limit_mb
+            )
+            refined = refine(scans, key_poses, track, settings, landmarks)
             if self._objects is not None:
                 self._objects.settle(refined.poses)
         moved = np.hypot(*(refined.poses - key_poses)[:, :2].T)

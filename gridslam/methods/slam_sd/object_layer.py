@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import TagInventory
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
 from gridslam.maps.tag_database import TagDatabase
@@ -24,7 +25,6 @@ from gridslam.methods.slam_sd.landmarks import log_object_weights
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
 from gridslam.methods.slam_sd.objects import ObjectTracker
-from gridslam.methods.slam_sd.scans import PreparedScan
 from gridslam.methods.slam_sd.stays import Stay, TrackedObject
 from gridslam.methods.slam_sd.things import things_of
 from gridslam.sensors.lidar_beams import Mounting

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import log_odds, surfels
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.drift import Drift, bend
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,6 +8,7 @@ import pytest
 
 from gridslam.core import poses as se2
 from gridslam.core.random import random_stream
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
@@ -16,7 +17,6 @@ from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from gridslam.methods.handmap_slam.line_observation import LineObserver
 from gridslam.methods.handmap_slam.localizer import DrawingLocalizer
 from gridslam.methods.handmap_slam.places import Been, Places
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 SEMI_AXES_M = (6.0, 4.0)
 CENTRE_M = (8.0, 6.0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core import poses as se2
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.slam_sd.evidence import Evidence, SeenRound, SeenScan, gather
 from gridslam.methods.slam_sd.neighbours import Candidate, locate_beside
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, Posterior
 from gridslam.methods.slam_sd.object_prior import Known
-from gridslam.methods.slam_sd.scans import PreparedScan
 from gridslam.methods.slam_sd.things import Thing, things_of
 
 SECOND = 1_000_000_000

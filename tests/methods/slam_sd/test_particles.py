@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.config import FilterConfig, SlamSdConfig
 from gridslam.methods.slam_sd.particles import ParticleMaps, residual_ancestors
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 WINDOW = 3
 CONFIG = SlamSdConfig(particles=6, filter=FilterConfig(window_key_scans=WINDOW))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan
 from gridslam.kernels import scan_points
-from gridslam.methods.slam_sd.config import ScanConfig
+from gridslam.lidar_slam.config import ScanConfig
 from gridslam.sensors.lidar_beams import Mounting
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
 from gridslam.kernels import log_odds
+from gridslam.lidar_slam.config import MapConfig
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.methods.slam_sd.config import MapConfig
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 MARGIN_M = 0.5
 CLEAR_OF_OBJECTS_M = 0.1

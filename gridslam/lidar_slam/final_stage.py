@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.kernels import correlation, surfels
+from gridslam.lidar_slam.config import FinalStageConfig
+from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.submaps import Span, build_submaps, likelihood_pyramid, spans_of
+from gridslam.lidar_slam.track import StepNoise, step_deviations
 from gridslam.maps.tiled import TileStore
-from gridslam.methods.slam_sd.config import FinalStageConfig, SlamSdConfig
-from gridslam.methods.slam_sd.scans import PreparedScan
-from gridslam.methods.slam_sd.submaps import Span, build_submaps, likelihood_pyramid, spans_of
-from gridslam.methods.slam_sd.track import step_deviations
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,6 +30,16 @@ SETTLED_M = 0.05  # scans that move less are not registered anew
 WEAK_PRIOR = np.diag(
     [1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.05**2]
 )  # keeps the open direction of a corridor where it was
+
+
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """What the stage needs to know: its settings, the noise of the front end's steps, and cell and memory of the submaps."""
+
+    stage: FinalStageConfig
+    steps: StepNoise
+    resolution_m: float
+    memory_limit_mb: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +66,7 @@ def refine(
     scans: Sequence[PreparedScan],
     poses: Floats,
     track: Floats,
-    config: SlamSdConfig,
+    settings: Refinement,
     landmarks: Edges | None = None,
 ) -> Refined:
     """Refine the poses `(n, 3)` of the key scans.
@@ -64,20 +74,20 @@ def refine(
     `track` `(n, 3)` are the front end's poses of the same scans, good over short ways; `landmarks` are
     further edges between them.
     """
-    stage = config.final_stage
+    stage = settings.stage
     n = len(scans)
     if n < 3:
         return Refined(poses.copy(), 0, 0, 0, 0)
     points = _gather(scans, stage.max_points)
     spans = spans_of(n, stage.submap_key_scans)
-    odometry = _steps(track, config)
+    odometry = _steps(track, settings)
     if landmarks is not None and len(landmarks):
         odometry = Edges.concatenate([odometry, landmarks])
     estimate, found = poses, _no_edges()
     tried = rejected = 0
     for _ in range(stage.searches):
         before = estimate
-        loops, pairs = _search_loops(scans, points, spans, before, config)
+        loops, pairs = _search_loops(scans, points, spans, before, settings)
         tried += pairs
         found = Edges.concatenate([found, loops])
         estimate, weights = optimise(before, Edges.concatenate([odometry, found]), stage.robust_scale)
@@ -87,7 +97,7 @@ def refine(
     matches = found
     for _ in range(stage.rounds):
         before = estimate
-        matches = _register_in_view(scans, points, spans, before, config)
+        matches = _register_in_view(scans, points, spans, before, settings)
         estimate, _ = optimise(before, Edges.concatenate([odometry, matches]), stage.robust_scale)
         if _largest_move(before, estimate) < SETTLED_M:
             break
@@ -99,12 +109,12 @@ def _largest_move(before: Floats, after: Floats) -> float:
     return float(np.hypot(*(after - before)[:, :2].T).max())
 
 
-def _steps(track: Floats, config: SlamSdConfig) -> Edges:
+def _steps(track: Floats, settings: Refinement) -> Edges:
     """The front end's motions from key scan to key scan."""
     n = len(track)
     steps = se2.between(track[:-1], track[1:])
-    information = (1.0 / step_deviations(steps, config.filter) ** 2)[:, :, None] * np.eye(3)
-    share = config.final_stage.odometry_share
+    information = (1.0 / step_deviations(steps, settings.steps) ** 2)[:, :, None] * np.eye(3)
+    share = settings.stage.odometry_share
     return Edges(np.arange(n - 1), np.arange(1, n), steps, share * information, np.zeros(n - 1, np.bool_))
 
 
@@ -116,11 +126,11 @@ def _gather(scans: Sequence[PreparedScan], max_points: int) -> _Points:
 
 
 def _search_loops(
-    scans: Sequence[PreparedScan], points: _Points, spans: Sequence[Span], poses: Floats, config: SlamSdConfig
+    scans: Sequence[PreparedScan], points: _Points, spans: Sequence[Span], poses: Floats, settings: Refinement
 ) -> tuple[Edges, int]:
     """Loops between submaps and key scans that are near each other but not in time; and how many pairs were tried."""
-    stage = config.final_stage
-    store = build_submaps(spans, scans, poses, config.filter.resolution_m, config.memory_limit_mb)
+    stage = settings.stage
+    store = build_submaps(spans, scans, poses, settings.resolution_m, settings.memory_limit_mb)
     yaw_step = stage.field_resolution_m / 8.0
     tried = 0
     pairs_map: list[int] = []
@@ -167,11 +177,11 @@ def _search_loops(
 
 
 def _register_in_view(
-    scans: Sequence[PreparedScan], points: _Points, spans: Sequence[Span], poses: Floats, config: SlamSdConfig
+    scans: Sequence[PreparedScan], points: _Points, spans: Sequence[Span], poses: Floats, settings: Refinement
 ) -> Edges:
     """Matches of every key scan against all submaps near it, whether near in time or not."""
-    stage = config.final_stage
-    store = build_submaps(spans, scans, poses, config.filter.resolution_m, config.memory_limit_mb)
+    stage = settings.stage
+    store = build_submaps(spans, scans, poses, settings.resolution_m, settings.memory_limit_mb)
     keys = np.arange(len(scans))
     maps, chosen = [], []
     for index, span in enumerate(spans):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import correlation, surfels
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 PYRAMID_LEVELS = 5

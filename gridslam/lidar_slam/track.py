@@ -2,20 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.config import FilterConfig
 
 Floats = NDArray[np.float64]
 
 
-def step_deviations(step: Floats, config: FilterConfig) -> Floats:
+class StepNoise(Protocol):
+    """Noise of the front end's motion over one step between key scans: floors, and shares of the motion."""
+
+    @property
+    def translation_floor_m(self) -> float: ...
+    @property
+    def translation_per_m(self) -> float: ...
+    @property
+    def rotation_floor_rad(self) -> float: ...
+    @property
+    def rotation_per_rad(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class MatchedStepNoise:
+    """What matching against surfaces leaves of a step's error."""
+
+    translation_floor_m: float = 0.0015
+    translation_per_m: float = 0.005
+    rotation_floor_rad: float = 0.001
+    rotation_per_rad: float = 0.01
+
+
+def step_deviations(step: Floats, noise: StepNoise) -> Floats:
     """Standard deviations (x, y, yaw) `(..., 3)` of the front end's motions `(..., 3)` between key scans."""
     way, turn = np.hypot(step[..., 0], step[..., 1]), np.abs(step[..., 2])
-    translation = config.translation_floor_m + config.translation_per_m * way
-    rotation = config.rotation_floor_rad + config.rotation_per_rad * turn
+    translation = noise.translation_floor_m + noise.translation_per_m * way
+    rotation = noise.rotation_floor_rad + noise.rotation_per_rad * turn
     return np.stack([translation, translation, rotation], axis=-1)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.track import is_far, spread_corrections
+from gridslam.lidar_slam.track import is_far, spread_corrections
 
 
 def test_key_scans_get_their_poses_and_the_others_move_in_between() -> None:

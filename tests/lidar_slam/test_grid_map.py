@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import MethodError
+from gridslam.lidar_slam.grid_map import draw_map
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.slam_sd.config import MapConfig
-from gridslam.methods.slam_sd.grid_map import draw_map
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 RESOLUTION_M = 0.1
 CONFIG = MapConfig()

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import surfels
+from gridslam.lidar_slam.config import FrontEndConfig, OdometryConfig
+from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
-from gridslam.methods.slam_sd.config import FrontEndConfig, OdometryConfig
-from gridslam.methods.slam_sd.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
