@@ -17,7 +17,7 @@ from tests.papers.page import Experiment, Picture, Section
 from tests.papers.work import Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 8.0
-SEEDS = range(4)
+SEEDS = range(5)
 LENGTHS = (20, 25, 30, 35)
 HOW = ("corrected", "uncorrected")
 TEXT = """A robot finds its own way through a place that it has a drawing of, and maps it: observation points,

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from gridslam.core.files import write_atomic
 
+MOST_BYTES = 150_000  # of a picture
 COLUMNS = ("", "the paper", "gridslam, the paper's form", "gridslam", "seeds")
 HEAD = """# The papers' tables and figures, and ours
 
@@ -78,6 +80,23 @@ class Section:
         return "\n\n".join([f"## {self.title}", self.text, *(e.markdown() for e in self.experiments)])
 
 
+def png_of(rgb: NDArray[np.uint8]) -> bytes:
+    """A PNG; one that would be too large for a page has fewer colours."""
+    image = Image.fromarray(rgb)
+    png = _coded(image)
+    for colours in (256, 64, 16):
+        if len(png) <= MOST_BYTES:
+            break
+        png = _coded(image.quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE))
+    return png
+
+
+def _coded(image: Image.Image) -> bytes:
+    stream = io.BytesIO()
+    image.save(stream, "png", optimize=True)
+    return stream.getvalue()
+
+
 def cell(value: object) -> str:
     """A value as a table shows it; numbers to three significant digits, nothing as a dash."""
     if value is None:
@@ -118,8 +137,5 @@ def write_section(page: Path, section: Section, names: Sequence[str]) -> None:
     text = with_section(HEAD + old[old.index(f"\n{begin(names[0])}") :], section)
     (page.parent / "images").mkdir(exist_ok=True)
     for picture in section.pictures:
-        coded, png = cv2.imencode(".png", picture.rgb[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
-        if not coded:
-            raise ValueError(f"{picture.stem}: the picture cannot be written as PNG")
-        write_atomic(page.parent / "images" / f"papers-{picture.stem}.png", png.tobytes())
+        write_atomic(page.parent / "images" / f"papers-{picture.stem}.png", png_of(picture.rgb))
     write_atomic(page, text.encode())

@@ -29,9 +29,9 @@ TEXT = """A robot makes an occupancy map of what its stereo head sees. The paper
 obstacle on a ray hides the rest (occlusion) and that obstacles are larger than a cell (a Markov chain along the
 ray); the conventional one takes every cell before the one that explains the measurement for empty. The paper shows
 its results as pictures of its laboratory, without figures; these are ours for the same comparisons."""
-MAPS = """Rendered drives through rooms of about 6 x 5 m with five to eight boxes, 100 stereo pairs each, matched by
-OpenCV, with a share of falsely matched columns put in; poses by wheels and the fixes of a camera outside. Mean log-loss of all cells
-inside the room (0 is perfect), and intersection over union of the occupied cells."""
+MAPS = """Rendered drives through rooms of about 6 x 5 m with five to eight boxes, 100 stereo pairs each, matched
+by OpenCV, with a share of falsely matched columns put in; poses by wheels and the fixes of a camera outside. Mean
+log-loss of all cells inside the room (0 is perfect), and intersection over union of the occupied cells."""
 BEST = "The chain's log-loss is the least at every share and with both settings (95 % intervals of paired differences)."
 CORRELATION = """The correlation r0 of cells 5 cm apart, fitted to the distances over which occupancy goes on in a
 known map (eq. 8); `gridslam correlation MAP` does it for any map."""
