@@ -118,3 +118,26 @@ def likelihoods_of_rays(
         empty[i] /= total
         reached[i] /= total
     return occupied, empty, reached
+
+
+@compiled_parallel
+def expected_behind(
+    reached: NDArray[np.float64], correlations: NDArray[np.float64], prior: float
+) -> NDArray[np.float64]:
+    """P(E_k | o) `(m, n)` for a ray behind whose first obstacle nothing but the chain with the one `prior` is known.
+
+    `reached` `(m, n)` is P(nothing before k is occupied | o) and `correlations` `(m, n)` those of each cell with the one
+    before it, as of `likelihoods_of_rays`. What lies before the first obstacle is empty.
+    """
+    m, n = reached.shape
+    expected = np.empty((m, n))
+    for i in prange(m):
+        occupied, hidden = 0.0, 0.0  # P(first < k, E_k), P(first < k)
+        for k in range(n):
+            r = correlations[i, k]
+            occupied = occupied * (prior + r * (1.0 - prior)) + (hidden - occupied) * prior * (1.0 - r)
+            first = reached[i, k] - reached[i, k + 1] if k + 1 < n else 0.0
+            occupied += first
+            hidden += first
+            expected[i, k] = occupied
+    return expected

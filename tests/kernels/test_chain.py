@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gridslam.kernels.chain import bounded_covariance, likelihoods_of_rays
+from gridslam.kernels.chain import bounded_covariance, expected_behind, likelihoods_of_rays
 from tests.reference import chain as reference
 
 Floats = NDArray[np.float64]
@@ -109,3 +109,19 @@ def test_a_cell_is_reached_when_nothing_stands_before_it(
     )
     expected = [reference.reached(k, prior, correlation, first, none) for k in range(len(prior))]
     np.testing.assert_allclose(reached[0], expected, atol=1e-12)
+
+
+def test_what_is_expected_behind_is_the_chain_run_on_from_the_first_hit() -> None:
+    rng = np.random.default_rng(3)
+    first, prior = rng.dirichlet(np.ones(7)), 0.25  # the last: nothing on the ray
+    correlation = rng.uniform(0.5, 1.0, 6)
+    expected = np.zeros(6)
+    for hit in range(6):
+        p = 1.0
+        for k in range(hit, 6):
+            if k > hit:
+                p = p * (prior + correlation[k] * (1 - prior)) + (1 - p) * prior * (1 - correlation[k])
+            expected[k] += first[hit] * p
+    reached = 1.0 - np.concatenate([[0.0], np.cumsum(first)[:5]])
+    found = expected_behind(reached[None], correlation[None], prior)[0]
+    assert found[:5] == pytest.approx(expected[:5], abs=1e-12)  # the last cell's hit cannot be told from none

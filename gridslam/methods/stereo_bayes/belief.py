@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.chain import likelihoods_of_rays
+from gridslam.kernels.chain import expected_behind, likelihoods_of_rays
 from gridslam.kernels.polar_window import priors_of_rays
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
@@ -53,22 +53,40 @@ class BeliefMap:
         eye = se2.transform_points(pose, rays.origin[None])[0]
         reach = config.resolution_m * reach_in_cells(self._lattice(eye), count, spread)
         self._grid.cover(np.array([eye - reach, eye + reach]), _MARGIN)
-        occupied, empty, reached = self._likelihoods(eye, float(pose[2]), rays, noise)
-        if config.correlation.across_rays > 0.0:
-            occupied, empty = self._told_across(occupied, empty, rays.bearings)
         # Cells that no ray meets have likelihoods of 1 either way: whatever is measured is as likely with them as without.
+        rest = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
         polar = PolarValues(
-            np.stack([occupied, empty, reached]), np.array([1.0, 1.0, 0.0]), rays.bearings + float(pose[2])
+            self._likelihoods(eye, float(pose[2]), rays, noise), rest, rays.bearings + float(pose[2])
         )
-        (rows, cols), (if_occupied, if_empty, seen) = window(polar, self._lattice(eye), spread)
-        values = self._grid.values[rows, cols]
-        low, high = -self._limit - self._prior, self._limit - self._prior
-        told = config.frame_weight * np.log(if_occupied / if_empty)
-        values[..., 0] = np.clip(values[..., 0] + told, low, high)
-        values[..., 1] = np.maximum(values[..., 1], seen)
+        (rows, cols), told = window(polar, self._lattice(eye), spread)
+        self._tell(self._grid.values[rows, cols], *told)
         self._eyes.append(eye)
         if config.correlation.mode == "adaptive":
             self.correlation.learn(self.probability(), config.resolution_m)
+
+    def _tell(
+        self,
+        values: Floats,
+        if_occupied: Floats,
+        if_empty: Floats,
+        reached: Floats,
+        close: Floats,
+        expected: Floats,
+    ) -> None:
+        """Change the cells `(rows, cols, 2)` by what a frame says of them, each `(rows, cols)`.
+
+        What the chain expects behind a surface follows from the surface: seeing that again and again makes it no surer. So what
+        raises a cell beyond the expectation of this frame alone counts as far as a ray has come there.
+        """
+        told = self._config.frame_weight * np.log(if_occupied / if_empty)
+        if self._config.correlation.behind == "once":
+            p = np.clip(expected, self._config.least_probability, 1.0 - self._config.least_probability)
+            room = np.log(p / (1.0 - p)) - self._prior - values[..., 0]
+            at_once = np.clip(room, 0.0, np.maximum(told, 0.0))
+            told = np.where(told > 0.0, at_once + close * (told - at_once), told)
+        low, high = -self._limit - self._prior, self._limit - self._prior
+        values[..., 0] = np.clip(values[..., 0] + told, low, high)
+        values[..., 1] = np.maximum(values[..., 1], reached)
 
     def probability(self) -> Floats:
         """P(occupied) `(rows, cols)` of all cells, the prior where nothing is known."""
@@ -105,10 +123,11 @@ class BeliefMap:
         """The probabilities of all cells, the prior where nothing is known."""
         return GridLayer(self.probability().astype(np.float32), self._grid.geometry)
 
-    def _likelihoods(
-        self, eye: Floats, yaw: float, rays: Rays, noise: StereoNoise
-    ) -> tuple[Floats, Floats, Floats]:
-        """P(o | E) / P(o), P(o | not E) / P(o), and P(a ray comes there | o) `(m, n)` of the cells of every ray."""
+    def _likelihoods(self, eye: Floats, yaw: float, rays: Rays, noise: StereoNoise) -> Floats:
+        """`(4, m, n)`, of the cells of every ray.
+
+        P(o | E) / P(o), P(o | not E) / P(o), P(a ray comes there | o), and P(E | o) if nothing was known behind obstacles.
+        """
         config = self._config
         lattice = self._lattice(eye)
         prior, correlation = priors_of_rays(
@@ -124,7 +143,12 @@ class BeliefMap:
         occupied, empty, reached = likelihoods_of_rays(
             prior, correlation, first, none, config.likelihood == "independent"
         )
-        return occupied, empty, reached
+        expected = expected_behind(reached, correlation, config.prior)
+        if config.correlation.across_rays > 0.0:
+            occupied, empty = self._told_across(occupied, empty, rays.bearings)
+        thick = min(round(config.correlation.behind_m / config.resolution_m), self._count)
+        close = np.hstack([np.repeat(reached[:, :1], thick, axis=1), reached[:, : self._count - thick]])
+        return np.stack([occupied, empty, reached, close, expected])
 
     def _told_across(self, occupied: Floats, empty: Floats, bearings: Floats) -> tuple[Floats, Floats]:
         """Every cell also hears what the neighbouring rays say, through its correlation with their cells at the same range.

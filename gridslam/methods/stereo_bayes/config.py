@@ -57,6 +57,15 @@ class CorrelationConfig(StrictModel):
     )
     r0: float = Field(0.978, ge=0.0, lt=1.0, description="correlation of cells at `distance_m`")
     distance_m: float = Field(0.05, gt=0.0, description="the distance that r0 belongs to")
+    behind: Literal["once", "each_frame"] = Field(
+        "each_frame",
+        description="each_frame: as the paper's; once: what is expected behind a surface grows no surer with every frame",
+    )
+    behind_m: float = Field(
+        0.2,
+        ge=0.0,
+        description="with `once`: what lies so far behind the surface is hidden; nearer, it may be the surface",
+    )
     across_rays: float = Field(
         0.0,
         ge=0.0,

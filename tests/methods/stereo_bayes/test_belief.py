@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 FOCAL_BASELINE = 31.2
 SURE = np.diag([1e-8, 1e-8, 1e-8])
 BEARINGS = np.linspace(-0.3, 0.3, 61)
+STARTS = np.zeros(3)
 
 
 EDGES = range_edges(StereoBayesConfig(max_range_m=5.0))
@@ -28,13 +29,20 @@ def map_of(**settings: Any) -> BeliefMap:
     return BeliefMap(StereoBayesConfig.model_validate({"max_range_m": 5.0, **settings}))
 
 
-def see(belief: BeliefMap, depth_m: float, covariance: Floats = SURE, times: int = 1) -> None:
-    """Frames of a surface that is everywhere at one depth."""
+def see(
+    belief: BeliefMap,
+    x_m: float,
+    covariance: Floats = SURE,
+    times: int = 1,
+    place: Floats = STARTS,
+) -> None:
+    """Frames of a wall across the x axis, from a place before it."""
     edges = np.cos(BEARINGS)[:, None] * EDGES[None]
-    disparities = np.full(len(BEARINGS), FOCAL_BASELINE / depth_m)
+    depths = (x_m - place[0]) * np.cos(BEARINGS) / np.cos(BEARINGS + place[2])
+    disparities = FOCAL_BASELINE / depths
     rays = Rays(BEARINGS, disparities, edges, np.zeros(2), FOCAL_BASELINE)
     for _ in range(times):
-        belief.update(np.zeros(3), covariance, rays, belief.noise(64.0))
+        belief.update(place, covariance, rays, belief.noise(64.0))
 
 
 def probability_at(belief: BeliefMap, x: float, y: float = 0.0) -> float:
@@ -102,6 +110,20 @@ def test_what_no_ray_came_to_is_unknown_in_the_map_though_the_chain_expects_more
     row, col = occupancy.geometry.cells(np.array([[2.6, 0.0]]))[0]
     assert not (col < occupancy.probability.shape[1]) or np.isnan(occupancy.probability[row, col])
     assert probability_at(belief, 2.1) > 0.5
+
+
+def test_seeing_a_surface_from_many_sides_makes_what_is_behind_it_no_surer() -> None:
+    """The chain with prior p expects an obstacle to go on for n cells with p + r^n (1 - p)."""
+    behind = {}
+    for mode in ("once", "each_frame"):
+        rng = np.random.default_rng(0)
+        belief = map_of(prior=0.2, correlation={"r0": 0.9, "behind": mode, "behind_m": 0.1})
+        for y in np.linspace(-1.5, 1.5, 61):
+            see(belief, 2.02 + rng.normal(0.0, 0.05), place=np.array([0.0, y, -0.4 * y]))
+        assert obstacle_at(belief, 2.02) > 0.9
+        behind[mode] = probability_at(belief, 2.42)
+    expected = 0.2 + 0.9**8 * 0.8
+    assert 0.8 * expected < behind["once"] < expected < behind["each_frame"] - 0.1
 
 
 def test_a_pose_that_has_gone_astray_does_not_eat_the_machine() -> None:
