@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import re
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,6 +17,7 @@ from gridslam.core.errors import ConfigError
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
+STALE_AFTER_S = 60.0  # a folder is locked by its writer from its first moments on
 
 
 def check_free(directory: Path, force: bool) -> None:
@@ -50,7 +54,8 @@ def is_run_directory(directory: Path) -> bool:
 def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
     """A temporary folder beside `directory`, renamed to it when the block ends, removed when it fails.
 
-    An old run is moved aside, and deleted only when the new one stands in its place.
+    An old run is moved aside, and deleted only when the new one stands in its place. What runs into the same place have left
+    that were killed on the way is removed.
     Raises ConfigError as `check_free` does, or when the folder cannot be made.
     """
     target = directory.resolve()
@@ -63,13 +68,47 @@ def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
             f"{directory}: cannot be written ({error.strerror}); give another output folder"
         ) from None
     try:
-        temporary.chmod(0o777 & ~_umask())
-        yield temporary
-        check_free(target, force)
-        _move_in(temporary, target)
+        with _locked(temporary):
+            _remove_left_over(target)
+            temporary.chmod(0o777 & ~_umask())
+            yield temporary
+            check_free(target, force)
+            _move_in(temporary, target)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[bool]:
+    """Hold the folder's lock, which the system gives up with the process, whatever ends it; False: another process holds it.
+
+    File systems without locks on folders count as locked by another.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            yield False
+        else:
+            yield True
+    finally:
+        os.close(handle)
+
+
+def _remove_left_over(target: Path) -> None:
+    """Remove folders beside `target` that a killed process was writing for it, and old runs that it had moved aside."""
+    pattern = re.compile(rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}\.(partial|old)")
+    for folder in target.parent.iterdir():
+        match = pattern.fullmatch(folder.name)
+        if match is None or (match[1] == "old" and not target.exists()):
+            continue  # an old run that nothing has replaced yet may be all that there is
+        with suppress(OSError):
+            is_old = time.time() - folder.stat().st_mtime > STALE_AFTER_S
+            with _locked(folder) as is_left:
+                if is_old and is_left:
+                    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _check_parent(directory: Path) -> None:

@@ -36,11 +36,15 @@ def key_paths(method: str) -> Iterator[str]:
     yield from below(run_config_model(method).model_validate({"method": {"name": method}}).model_dump(), "")
 
 
-def validate(document: dict[str, Any]) -> None:
+def validate(document: dict[str, Any]) -> bool:
+    """Whether it is valid; a valid one is complete (all that it stands for, written out, means the same)."""
     try:
-        validate_run_config(document, "any.yaml")
+        config = validate_run_config(document, "any.yaml")
     except ConfigError as error:
         assert "any.yaml" in str(error)
+        return False
+    assert repr(validate_run_config(config.model_dump(), "again.yaml")) == repr(config)
+    return True
 
 
 @settings(deadline=None)
@@ -82,8 +86,11 @@ def test_any_value_of_any_key(method: str) -> None:
             text = yaml.safe_dump(value, default_flow_style=True).replace("\n...", "")
             changed = apply_overrides(document, [f"{path}={text}"])
             method_name(changed, "any.yaml")
-        except ConfigError:
+        except ConfigError as error:
+            assert str(error).strip()
             return
-        validate(changed)
+        valid.append(validate(changed))
 
+    valid: list[bool] = []
     check()
+    assert False in valid  # most values are wrong for most keys

@@ -18,16 +18,16 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     targets.scratch.cache_clear()
 
 
-@pytest.mark.parametrize("name", targets.TARGETS)
-def test_no_seed_is_a_bug(name: str) -> None:
-    for seed in targets.seeds_of(name):
-        targets.check(name, seed)
-
-
 @pytest.mark.parametrize("name", sorted(set(targets.TARGETS) - {"mcap", "drawing"}))
 def test_a_seed_is_accepted(name: str) -> None:
     for seed in targets.seeds_of(name):
-        targets.TARGETS[name](seed)
+        assert targets.check(name, seed)
+
+
+@pytest.mark.parametrize("name", ["mcap", "drawing"])
+def test_no_seed_of_parts_is_a_bug_and_some_are_accepted(name: str) -> None:
+    answers = [targets.check(name, seed) for seed in targets.seeds_of(name)]
+    assert any(answers)
 
 
 def test_anything_but_a_gridslam_error_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:

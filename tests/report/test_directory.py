@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -121,7 +122,41 @@ def test_a_kill_in_the_middle_leaves_nothing_under_the_name(tmp_path: Path) -> N
     child = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=REPOSITORY, text=True)
     assert child.stdout is not None
     assert child.stdout.readline() == "half\n"
+    (half,) = tmp_path.iterdir()
+    make_old(half)
+    with new_run_directory(tmp_path / "out") as folder:
+        write_marked(folder, "beside")
+    assert half.is_dir()  # its writer is at work
+    shutil.rmtree(tmp_path / "out")
     child.send_signal(signal.SIGKILL)
     child.communicate(timeout=10)
-    time.sleep(0.05)
-    assert not (tmp_path / "out").exists()
+    assert list(tmp_path.iterdir()) == [half]
+    with new_run_directory(tmp_path / "out") as folder:
+        write_marked(folder, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def make_old(folder: Path) -> None:
+    an_hour_ago = time.time() - 3600.0
+    os.utime(folder, (an_hour_ago, an_hour_ago))
+
+
+def test_only_left_overs_of_the_same_place_are_removed(tmp_path: Path) -> None:
+    kept = [
+        ".other.abcdefgh.partial",
+        ".out.2.abcdefgh.partial",
+        ".out.abc.partial",
+        "out.abcdefgh.partial",
+        ".out",
+    ]
+    for name in (*kept, ".out.abcdefgh.partial", ".out.hgfedcba.old"):
+        (tmp_path / name).mkdir()
+        make_old(tmp_path / name)
+    (tmp_path / ".out.newnewne.partial").mkdir()
+    with new_run_directory(tmp_path / "out") as folder:
+        write_marked(folder, "new")
+    left = {p.name for p in tmp_path.iterdir()}
+    assert left == {*kept, "out", ".out.newnewne.partial", ".out.hgfedcba.old"}
+    with new_run_directory(tmp_path / "out", force=True) as folder:
+        write_marked(folder, "newer")
+    assert ".out.hgfedcba.old" not in {p.name for p in tmp_path.iterdir()}  # a run stands in its place

@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from gridslam.core.errors import ConfigError
+from gridslam.sweep import cluster as cluster_module
+from gridslam.sweep.cluster import run_on_cluster
 from tests.sweep.test_local import command, eventually, sweep, tables
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install 'gridslam[dask]'")
@@ -117,8 +120,7 @@ def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) ->
     assert "Traceback" not in err
 
 
-def test_no_scheduler_at_the_address_is_told(sweep_file: Path, tmp_path: Path) -> None:
-    done = sweep(sweep_file, "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
-    assert done.returncode == 2
-    assert "cannot be reached" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+def test_no_scheduler_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 1)
+    with pytest.raises(ConfigError, match="cannot be reached"):
+        next(run_on_cluster([], "tcp://127.0.0.1:9", lambda: False))
