@@ -1,32 +1,80 @@
-"""Compiles all kernels by letting every method run over a short scripted log."""
+"""Compiles all kernels by letting every method run, explore and plan over a short scripted log."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
 from types import MappingProxyType
 
-from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
+from gridslam.methods.registry import BUILT_IN, MethodEntry
+from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+from gridslam.planning.dwa import Drive
 from gridslam.simulation.scripted import scripted_drawing, scripted_log
+from gridslam.simulation.world_config import World
 
 INPUTS: Mapping[str, Callable[[], object]] = MappingProxyType({"drawing": scripted_drawing})
 
 
+DRIVE = Drive(radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0)
+COMMAND_EVERY = 50  # events
+ROOM = {
+    "walls": [{"rectangle": [-4, -3, 4, 3]}],
+    "robot": {"start": [-1, 0, 0], "route": [[0, 0]]},
+    "sensors": {"lidar": {"rate_hz": 10, "beams": 61, "field_of_view_deg": 180, "range_max_m": 10}},
+}
+
+
 def warm_up() -> None:
-    """Run each mapper and then each localizer with its default settings; numba's cache holds their kernels afterwards.
+    """Run each mapper, localizer and explorer with its default settings, and plan a path; numba's cache holds their kernels then.
 
     What a setting other than the default needs is compiled when it is first used.
     """
-    occupancy: OccupancyGrid | None = None
-    for entry in registry.METHODS.values():
+    made: RunResult | None = None
+    for entry in BUILT_IN.values():
         if entry.mapper:
-            inputs = {name: INPUTS[name]() for name in entry.needs_inputs}
-            made = _result(registry.load(entry.mapper)(registry.load(entry.config)(), 0, **inputs)).occupancy
-            occupancy = made if occupancy is None else occupancy
-    for entry in registry.METHODS.values():
-        if entry.localizer and occupancy is not None:
-            _result(registry.load(entry.localizer)(registry.load(entry.config)(), 0, occupancy))
+            result = _result(_mapper(entry))
+            made = made or result
+        if entry.explorer:
+            _explore(entry)
+    assert made is not None and made.occupancy is not None
+    for entry in BUILT_IN.values():
+        if entry.localizer:
+            _result(registry.load(entry.localizer)(registry.load(entry.config)(), 0, made.occupancy))
+    poses = made.trajectory.poses
+    for reverse in (False, True):
+        plan_path(made.occupancy, poses[0], poses[len(poses) // 4], PlanOptions(reverse=reverse))
+    if find_spec("shapely"):  # of the extra `sim`
+        _simulate()
+
+
+def _mapper(entry: MethodEntry) -> Method:
+    method: Method = registry.load(entry.mapper)(
+        registry.load(entry.config)(), 0, **{name: INPUTS[name]() for name in entry.needs_inputs}
+    )
+    return method
+
+
+def _explore(entry: MethodEntry) -> None:
+    """The explorer is asked for commands while the robot drives its scripted way."""
+    method = _mapper(entry)
+    explorer = registry.load(entry.explorer)(method, registry.load(entry.config)(), DRIVE, 0)
+    for number, (event, _) in enumerate(scripted_log(laps=1)):
+        method.process(event)
+        explorer.see(event)
+        if number % COMMAND_EVERY == COMMAND_EVERY - 1 and not explorer.is_finished:
+            explorer.command()
+
+
+def _simulate() -> None:
+    """A moment in a room."""
+    from gridslam.simulation.simulator import Simulator
+
+    simulator = Simulator(World.model_validate(ROOM), Path())
+    for _ in range(100):
+        simulator.step(1.0, 1.0)
 
 
 def _result(method: Method) -> RunResult:

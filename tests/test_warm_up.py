@@ -2,14 +2,29 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from gridslam.explore import explore
 from gridslam.kernels.compiling import telling_of_compilation
-from gridslam.run import run_map
+from gridslam.maps.map_server import load_map
+from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+from gridslam.run import read_inputs, run_map
 from gridslam.run_config import load_run_config
+from gridslam.simulation.world_config import load_world
 from gridslam.warm_up import warm_up
 from tests.conftest import REPOSITORY
 
+HAND = REPOSITORY / "sample_logs" / "handmap-slam.truth"
 
-def test_after_a_warm_up_a_run_compiles_nothing(small_log: Path) -> None:
+
+def explore_for_two_seconds(folder: Path) -> None:
+    world, path = load_world("hand-corridor-20", ("max_duration_s=2",), 0)
+    inputs = read_inputs({"drawing": REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"})
+    config = load_run_config("handmap-slam", ["method.start=[2.7, 3.2, 0]"])
+    explore(config, world, path, inputs, folder, lambda progress: None, lambda: False)
+
+
+def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) -> None:
     warm_up()
     told: list[str] = []
     with telling_of_compilation(lambda: told.append("compiling")):
@@ -18,4 +33,11 @@ def test_after_a_warm_up_a_run_compiles_nothing(small_log: Path) -> None:
         run_map(load_run_config("ir-scan"), infrared, lambda progress: None, lambda: False)
         stereo = REPOSITORY / "sample_logs" / "stereo-bayes.mcap"
         run_map(load_run_config("stereo-bayes"), stereo, lambda progress: None, lambda: False)
+        plan_path(
+            load_map(HAND / "map.yaml"),
+            np.array([2.0, 2.0, 0.0]),
+            np.array([15.0, 2.0, np.nan]),
+            PlanOptions(),
+        )
+        explore_for_two_seconds(tmp_path)
     assert told == []
