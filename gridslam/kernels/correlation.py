@@ -54,6 +54,65 @@ def _score(
 
 
 @compiled
+def _placed(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    yaw_rad: float,
+    origin_xy_m: NDArray[np.float64],
+    resolution_m: float,
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+) -> None:
+    """Fill in the cells (rows, cols) `(n,)` of the points seen from the start's place under a heading."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    for i in range(points.shape[0]):
+        x = start[0] + c * points[i, 0] - s * points[i, 1] - origin_xy_m[0]
+        y = start[1] + s * points[i, 0] + c * points[i, 1] - origin_xy_m[1]
+        rows[i], cols[i] = int(np.floor(y / resolution_m)), int(np.floor(x / resolution_m))
+
+
+@compiled
+def _best_in_block(
+    pyramid: NDArray[np.uint8],
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+    stack: NDArray[np.int64],
+    window: int,
+    best: int,
+) -> tuple[int, int, int, bool]:
+    """Branch and bound below the node stack[0] = (level, dr, dc, bound), depth first, the most promising child first.
+
+    Returns the best score above `best`, its offset, and whether there is any.
+    """
+    best_dr, best_dc, is_better = 0, 0, False
+    depth = 1
+    while depth:
+        depth -= 1
+        level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+        if bound <= best:
+            continue
+        if level == 0:
+            best, best_dr, best_dc, is_better = bound, dr, dc, True
+            continue
+        half = 1 << (level - 1)
+        first = depth
+        for quarter in range(4):
+            r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
+            if r > window or c > window:
+                continue
+            score = _score(pyramid[level - 1], rows, cols, r, c)
+            if score <= best:
+                continue
+            j = depth
+            while j > first and stack[j - 1, 3] > score:
+                stack[j] = stack[j - 1]
+                j -= 1
+            stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
+            depth += 1
+    return best, best_dr, best_dc, is_better
+
+
+@compiled
 def correlate(
     pyramid: NDArray[np.uint8],
     origin_xy_m: NDArray[np.float64],
@@ -71,61 +130,33 @@ def correlate(
     found: then the start comes back with score -1. `origin_xy_m` is the field's lower-left corner.
     """
     n = points.shape[0]
-    levels = pyramid.shape[0]
-    top = levels - 1
+    top = pyramid.shape[0] - 1
     block = 1 << top
     window = int(np.ceil(window_m / resolution_m))
     per_axis = (2 * window) // block + 1
     n_yaw = 2 * yaw_steps + 1
     rows, cols = np.empty((n_yaw, n), np.int64), np.empty((n_yaw, n), np.int64)
-    coarse = np.empty(n_yaw * per_axis * per_axis, np.int64)
+    nodes = np.empty((n_yaw * per_axis * per_axis, 4), np.int64)  # level, dr, dc, bound
     for k in range(n_yaw):
         yaw = start[2] + (k - yaw_steps) * yaw_step_rad
-        c, s = np.cos(yaw), np.sin(yaw)
-        for i in range(n):
-            x = start[0] + c * points[i, 0] - s * points[i, 1] - origin_xy_m[0]
-            y = start[1] + s * points[i, 0] + c * points[i, 1] - origin_xy_m[1]
-            rows[k, i], cols[k, i] = int(np.floor(y / resolution_m)), int(np.floor(x / resolution_m))
+        _placed(points, start, yaw, origin_xy_m, resolution_m, rows[k], cols[k])
         for a in range(per_axis):
             for b in range(per_axis):
-                coarse[(k * per_axis + a) * per_axis + b] = _score(
-                    pyramid[top], rows[k], cols[k], a * block - window, b * block - window
-                )
+                dr, dc = a * block - window, b * block - window
+                node = nodes[(k * per_axis + a) * per_axis + b]
+                node[0], node[1], node[2] = top, dr, dc
+                node[3] = _score(pyramid[top], rows[k], cols[k], dr, dc)
     best = int(np.floor(least_score * n))
     best_k, best_dr, best_dc = -1, 0, 0
-    stack = np.empty((STACK, 4), np.int64)  # level, dr, dc, bound
-    for index in np.argsort(-coarse, kind="mergesort"):
-        if coarse[index] <= best:
+    stack = np.empty((STACK, 4), np.int64)
+    for index in np.argsort(-nodes[:, 3], kind="mergesort"):
+        if nodes[index, 3] <= best:
             break
         k = index // (per_axis * per_axis)
-        stack[0, 0] = top
-        stack[0, 1] = (index // per_axis) % per_axis * block - window
-        stack[0, 2] = index % per_axis * block - window
-        stack[0, 3] = coarse[index]
-        depth = 1
-        while depth:
-            depth -= 1
-            level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
-            if bound <= best:
-                continue
-            if level == 0:
-                best, best_k, best_dr, best_dc = bound, k, dr, dc
-                continue
-            half = 1 << (level - 1)
-            first = depth
-            for quarter in range(4):
-                r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
-                if r > window or c > window:
-                    continue
-                score = _score(pyramid[level - 1], rows[k], cols[k], r, c)
-                if score <= best:
-                    continue
-                j = depth  # the most promising child on top
-                while j > first and stack[j - 1, 3] > score:
-                    stack[j] = stack[j - 1]
-                    j -= 1
-                stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
-                depth += 1
+        stack[0] = nodes[index]
+        best, dr, dc, is_better = _best_in_block(pyramid, rows[k], cols[k], stack, window, best)
+        if is_better:
+            best_k, best_dr, best_dc = k, dr, dc
     if best_k < 0:
         return start.copy(), -1.0
     found = np.empty(3)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, optimise
-from gridslam.kernels import correlation, surfels
+from gridslam.kernels import correlation, surfel_registration
 from gridslam.lidar_slam.config import FinalStageConfig
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.submaps import Span, build_submaps, likelihood_pyramid, spans_of
@@ -209,7 +209,7 @@ def _register(
     stage: FinalStageConfig,
 ) -> Edges:
     """Register scans in submaps and keep those that fit."""
-    found, information, fit = surfels.register_pairs(
+    found, information, fit = surfel_registration.register_pairs(
         store.directory,
         store.pool,
         store.origin,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import surfels
+from gridslam.kernels import surfel_registration, surfels
 from gridslam.lidar_slam.config import FrontEndConfig, OdometryConfig
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
@@ -123,7 +123,7 @@ class FrontEnd:
 
     def _register(self, scan: PreparedScan, start: Floats, predicted: Floats, deviations: Floats) -> Matched:
         config = self._config
-        pose, used = surfels.register(
+        pose, used = surfel_registration.register(
             self._store.directory[self._active],
             self._store.pool,
             self._store.origin,
@@ -164,7 +164,7 @@ class FrontEnd:
             return predicted
         points, normals = scan.subset(config.yaw_points)
         return np.asarray(
-            surfels.search_yaw(
+            surfel_registration.search_yaw(
                 self._store.directory[self._active],
                 self._store.pool,
                 self._store.origin,

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels import correlation, log_odds, scan_points, segments, surfels
+from gridslam.kernels import correlation, log_odds, scan_points, segments, surfel_likelihood, surfels
 from gridslam.maps.tiled import TileStore
 from tests.benchmarks.bench_localize import best_ms
 from tests.benchmarks.harness import Row
@@ -114,7 +114,7 @@ def surface_likelihood(rng: np.random.Generator) -> tuple[Call, Call]:
     of_free = (free.directory[0], free.pool, free.origin, CELL_M)
 
     def kernel() -> object:
-        return surfels.log_likelihood(
+        return surfel_likelihood.log_likelihood(
             *of_maps, np.zeros(2), points, normals, np.zeros(3), 0.06, 0.3, 0.1, *of_free
         )
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import surfels
+from gridslam.kernels import surfel_likelihood, surfel_registration, surfels
 from gridslam.maps.tiled import TileStore
 from tests.reference import surfels as twin
 
@@ -54,7 +54,7 @@ def test_the_likelihood_is_that_of_the_twin(seed: int) -> None:
     twin.insert(expected, *surface, CELL_M)
     points, normals = random_surfaces(rng, 25)
     free = TileStore(1, 1, CELL_M)
-    found = surfels.log_likelihood(
+    found = surfel_likelihood.log_likelihood(
         store.directory[0],
         store.pool,
         store.origin,
@@ -101,7 +101,7 @@ def test_registration_finds_a_displacement_to_millimetres(x: float, y: float, ya
     seen = se2.transform_points(se2.inverse(truth), noisy)
     turned = se2.transform_points(np.array([0.0, 0.0, -yaw]), normals)
     weak = np.diag([1e-3, 1e-3, 1e-3])
-    pose, information, used = surfels.register(
+    pose, information, used = surfel_registration.register(
         store.directory[0],
         store.pool,
         store.origin,
@@ -126,7 +126,7 @@ def test_without_surfaces_the_prior_stands() -> None:
     store = TileStore(1, surfels.CHANNELS, CELL_M)
     prior = np.array([0.3, -0.2, 0.5])
     points, normals = room(10)
-    pose, information, used = surfels.register(
+    pose, information, used = surfel_registration.register(
         store.directory[0],
         store.pool,
         store.origin,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import log_odds, surfels
+from gridslam.kernels import log_odds, surfel_likelihood, surfel_registration, surfels
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -232,7 +232,7 @@ class ParticleMaps:
     ) -> tuple[Floats, Floats, Floats]:
         """Poses, the scan's information about them, and the share of points that found a surface."""
         config = self._config.filter
-        poses, scan_information, used = surfels.register_all(
+        poses, scan_information, used = surfel_registration.register_all(
             self.surfaces.directory,
             self.surfaces.pool,
             self.surfaces.origin,
@@ -253,7 +253,7 @@ class ParticleMaps:
     def _log_likelihood(self, viewpoint: Floats, points: Floats, normals: Floats, poses: Floats) -> Floats:
         config = self._config.filter
         return np.asarray(
-            surfels.log_likelihood_all(
+            surfel_likelihood.log_likelihood_all(
                 self.surfaces.directory,
                 self.surfaces.pool,
                 self.surfaces.origin,
