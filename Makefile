@@ -9,7 +9,7 @@ SAMPLE := sample_logs/slam-sd.mcap
 OUT    ?= out/sample
 FUZZ_SECONDS ?= 60
 
-.PHONY: help map test lint bench papers fuzz samples clean
+.PHONY: help map test lint bench papers fuzz newcomer samples clean
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo "make bench    measure speed, memory and accuracy against their bounds"
 	@echo "make papers   measure what the papers measured, into docs/papers.md"
 	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
+	@echo "make newcomer time the path from git clone to the first map, with nothing cached"
 	@echo "make samples  regenerate the sample logs"
 	@echo "make clean    remove everything that make has made"
 	@echo "PYTHON=python3.12 chooses the interpreter of $(VENV)"
@@ -47,6 +48,9 @@ papers: $(DEV)
 fuzz: $(DEV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]'
 	$(BIN)/python -m tests.fuzz.run $(FUZZ_SECONDS)
+
+newcomer:
+	sh tests/end_to_end/newcomer.sh
 
 samples: $(DEV)
 	$(BIN)/python -m gridslam.simulation.samples sample_logs

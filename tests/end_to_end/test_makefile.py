@@ -37,7 +37,7 @@ def interpreter(folder: Path, refuses: str) -> str:
 def test_make_alone_lists_the_targets(checkout: Path) -> None:
     done = make(checkout)
     assert done.returncode == 0
-    for target in ("map", "test", "lint", "bench", "papers", "samples", "clean"):
+    for target in ("map", "test", "lint", "bench", "papers", "newcomer", "samples", "clean"):
         assert f"make {target}" in done.stdout
 
 
