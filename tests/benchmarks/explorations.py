@@ -57,6 +57,7 @@ class Trial:
     boxes: int = 0  # put at random into the corridor, other ones for each seed
     walls: tuple[Wall, ...] = ()
     config: str = "handmap-slam"
+    world_settings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +102,7 @@ def _world_of(trial: Trial, seed: int) -> tuple[World, Path]:
         world, path = trial.world.model_copy(update={"seed": seed}), trial.folder / "world.yaml"
         path = path if path.exists() else DRAWINGS / "corridor.png"
     else:
-        world, path = load_world(trial.world, (), seed)
+        world, path = load_world(trial.world, trial.world_settings, seed)
     boxes = tuple(_random_boxes(world, trial.boxes, seed)) if trial.boxes else ()
     return world.model_copy(
         update={"boxes": (*world.boxes, *boxes), "walls": (*world.walls, *trial.walls)}
@@ -167,6 +168,27 @@ CORRIDOR_START = (2.7, 3.2, 0.0)
 BUILDING_START = (2.4, 10.4, 0.0)
 PAPER = "paper/handmap-slam"
 UNCORRECTED = ("method.correction=false",)
+KINDS = (("corrected", ()), ("uncorrected", UNCORRECTED))
+LENGTHS_M = (20, 25, 30, 35)
+DRAWN_M = 25
+
+
+def corridor_trials(kind: str, config: str, world_settings: tuple[str, ...] = ()) -> list[Trial]:
+    """The corridors of four lengths with the drawing of one of them, with and without correction."""
+    return [
+        Trial(
+            f"corridor-{m}-{kind}{how}",
+            f"hand-corridor-{m}",
+            DRAWINGS / "corridor.png",
+            CORRIDOR_START,
+            tuple(range(10)),
+            settings,
+            config=config,
+            world_settings=world_settings,
+        )
+        for m in LENGTHS_M
+        for how, settings in KINDS
+    ]
 
 
 def trials() -> dict[str, list[Trial]]:
@@ -175,33 +197,23 @@ def trials() -> dict[str, list[Trial]]:
     corridor, building = DRAWINGS / "corridor.png", DRAWINGS / "building.png"
     distorted = DRAWINGS / "building-distorted.png"
     sets = {
-        "corridors": [
-            Trial(f"corridor-{m}-{how}", f"hand-corridor-{m}", corridor, CORRIDOR_START, ten, settings)
-            for m in (20, 25, 30, 35)
-            for how, settings in (("corrected", ()), ("uncorrected", UNCORRECTED))
-        ],
-        "corridors-paper": [
-            Trial(
-                f"corridor-{m}-paper-{how}",
-                f"hand-corridor-{m}",
-                corridor,
-                CORRIDOR_START,
-                ten,
-                settings,
-                config=PAPER,
-            )
-            for m in (20, 25, 30, 35)
-            for how, settings in (("corrected", ()), ("uncorrected", UNCORRECTED))
-        ],
+        "corridors": corridor_trials("", "handmap-slam"),
+        "corridors-paper": corridor_trials("paper-", PAPER),
+        "corridors-paper-8m": corridor_trials("paper-8m-", PAPER, ("sensors.lidar.range_max_m=8",)),
         "building": [
             Trial("building", "hand-building", building, BUILDING_START, ten),
             Trial("building-distorted", "hand-building", distorted, BUILDING_START, ten),
         ],
-        "building-uncorrected": [
-            Trial("building-uncorrected", "hand-building", building, BUILDING_START, ten, UNCORRECTED),
+        "building-paper": [
             Trial(
-                "building-distorted-uncorrected", "hand-building", distorted, BUILDING_START, ten, UNCORRECTED
-            ),
+                f"{name}-paper-{how}", "hand-building", drawing, BUILDING_START, ten, settings, config=PAPER
+            )
+            for name, drawing in (("building", building), ("building-distorted", distorted))
+            for how, settings in KINDS
+        ],
+        "building-uncorrected": [
+            Trial(f"{name}-uncorrected", "hand-building", drawing, BUILDING_START, ten, UNCORRECTED)
+            for name, drawing in (("building", building), ("building-distorted", distorted))
         ],
         "boxes": [Trial("boxes", "hand-corridor-25", corridor, CORRIDOR_START, tuple(range(50)), boxes=5)],
         "curved": [

@@ -1,22 +1,28 @@
-"""What the drawing lacks: when its tour is done, the borders between what was seen free and what was never seen are visited.
+"""What the drawing lacks: when its tour is done, the robot looks at what it has not seen yet, the nearest first.
 
-Beyond the paper, which maps what is drawn: drawings leave rooms out. The whole of the scans so far lies in one grid of the
-metric map's frame; a border (Yamauchi 1997) that the robot can reach is a goal, the nearest first.
+Beyond the paper, which maps what is drawn: drawings leave out rooms, and what stands in them and hides walls. The whole of the
+scans so far lies in one grid of the metric map's frame. Where free space borders on unseen space (Yamauchi 1997) is to be looked
+at; the robot goes not to the border but to the nearest place from which it sees over it, so also behind furniture where it does
+not fit.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.sight_lines import pass_beams
+from gridslam.kernels.raycast import free_squares
+from gridslam.kernels.sight_lines import pass_beams, wall_faces
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.pathfinder import FoundPath, find_path_to_cells, passable_prices
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
 from gridslam.methods.handmap_slam.planning_config import FrontierConfig, PathConfig
 from gridslam.methods.handmap_slam.seen_scans import HIT_SHARE, STAND_OFF_CELLS, SeenScan
+from gridslam.planning.art_gallery import Gallery
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -25,7 +31,18 @@ HALF_SIDE_M = 30.0  # of the grid at first; it doubles when the robot comes near
 EDGE_M = 12.0
 LARGEST_HALF_M = 500.0
 NEARER_M = 0.2
-NEXT_M = 1.0  # a nearest border that is suddenly so much farther is another one
+NEXT_M = 1.0  # a nearest view that is suddenly so much farther is another one
+NEAR_PRICED = 3.0  # metres beside obstacles cost more
+JOINED_CELLS = 2.5  # neighbouring readings farther apart may lie on two things with a gap between
+EVERY = 3  # cells between places to look from
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """The way to a place, and the unseen places `(k, 2)` in the map that are to be seen from there."""
+
+    found: FoundPath
+    hidden: Floats
 
 
 class SeenGrid:
@@ -62,46 +79,59 @@ class SeenGrid:
             scan.is_hit,
             self._path.sight_m / cell_m,
             STAND_OFF_CELLS,
-            self._path.joined_m / cell_m,
+            JOINED_CELLS,
         )
 
     def _is_apart(self, one: Floats, other: Floats) -> bool:
         return float(np.hypot(*(one - other)[:2])) >= self._path.memory_step_m
 
-    def give_up(self, T_map_base: Floats, found: FoundPath) -> None:
-        """The border at the end of a way cannot be reached or seen through."""
-        end = found.way[-1:] if len(found.way) else np.zeros((1, 2))
-        self._given_up = np.concatenate([self._given_up, se2.transform_points(T_map_base, end)])
+    def give_up(self, places: Floats) -> None:
+        """Unseen places `(k, 2)` in the map cannot be seen, or not be reached for a view."""
+        self._given_up = np.concatenate([self._given_up, places])
 
-    def path(self, T_map_base: Floats, radius_m: float) -> FoundPath | None:
-        """The way to the nearest border that the robot can reach; None when there is none left."""
+    def view(self, T_map_base: Floats, radius_m: float) -> View | None:
+        """The nearest place to be reached from which the robot sees something new; None when there is none left."""
         if self._last is None:
             return None
+        cell_m = self._path.cell_m
         blocked = (self._hit > 0) & (self._hit >= HIT_SHARE * self._passed)
         free = (self._passed > 0) & ~blocked
         window = _bounding(blocked | free)
         blocked, free = blocked[window], free[window]
         offset = np.array([window[1].start, window[0].start])
-        grid = PlanGrid(~free, free, self._path.cell_m, (self._path.cell_m, self._path.cell_m))
-        x, y = ((self._to_cells(T_map_base[None, :2])[0] - offset) * self._path.cell_m).tolist()
+        grid = PlanGrid(~free, free, cell_m, (cell_m, cell_m))
+        x, y = ((self._to_cells(T_map_base[None, :2])[0] - offset) * cell_m).tolist()
         pose = DrawingPose(0, x, y, float(T_map_base[2]), 1.0, 1.0, 0.0, 1.0)
         price = passable_prices(grid, blocked, free, radius_m, self._path)
         price[~free] = np.inf
-        goals = borders(free, blocked, int(self._config.least_m / self._path.cell_m))
-        goals &= np.isfinite(price)
-        self._without_given_up(goals, offset)
-        if not goals.any():
+        least = round(self._config.least_m / cell_m)
+        hidden = unseen_beside(free, blocked, least)
+        self._without_given_up(hidden, offset)
+        if not hidden.any():
             return None
-        found = find_path_to_cells(grid, price, ~free, pose, np.argwhere(goals), radius_m)
-        return found if np.isfinite(found.cost_m) else None
+        reach = self._config.view_m / cell_m
+        gallery = hidden_gallery(hidden, free)
+        candidates = _candidates(np.isfinite(price), hidden, reach, offset)
+        sees = gallery.seen_from(np.asarray(candidates[:, ::-1] + 0.5, np.float64), reach)
+        good = sees.sum(axis=1) >= least
+        if not good.any():
+            return None
+        found = find_path_to_cells(grid, price, ~free, pose, candidates[good], radius_m)
+        if not np.isfinite(found.cost_m):
+            return None
+        end = grid.robot_to_cells(found.way[-1:], pose) if len(found.way) else np.array([[x, y]]) / cell_m
+        chosen = np.flatnonzero(good)[np.hypot(*(candidates[good][:, ::-1] + 0.5 - end).T).argmin()]
+        rows, cols = np.unravel_index(gallery.cells[sees[chosen]], free.shape)
+        places = (np.column_stack([cols, rows]) + 0.5 + offset - self._half) * cell_m + self._origin
+        return View(found, np.asarray(places))
 
-    def _without_given_up(self, goals: Cells, offset: NDArray[np.int64]) -> None:
-        reach = int(self._config.apart_m / self._path.cell_m)
-        for x, y in self._to_cells(self._given_up) - offset:
-            row, col = int(y), int(x)
-            goals[
-                max(row - reach, 0) : max(row + reach + 1, 0), max(col - reach, 0) : max(col + reach + 1, 0)
-            ] = False
+    def _without_given_up(self, hidden: Cells, offset: NDArray[np.int64]) -> None:
+        cells = np.floor(self._to_cells(self._given_up) - offset).astype(np.int64)
+        inside = ((cells >= 0) & (cells < hidden.shape[::-1])).all(axis=1)
+        marked = np.zeros(hidden.shape, np.uint8)
+        marked[cells[inside, 1], cells[inside, 0]] = 1
+        side = 2 * int(self._config.apart_m / self._path.cell_m) + 1
+        hidden &= cv2.dilate(marked, np.ones((side, side), np.uint8)) == 0
 
     def _to_cells(self, points: Floats) -> Floats:
         """Map points `(n, 2)` in cells (x, y) of the grid."""
@@ -116,7 +146,7 @@ class SeenGrid:
 
 
 class FrontierTour:
-    """Leads from border to border; `visited` counts those left behind, `given_up` those that could not be reached or stayed."""
+    """Leads from view to view; `visited` counts those that showed something, `given_up` those that did not."""
 
     def __init__(self, path: PathConfig, config: FrontierConfig) -> None:
         self._config = config
@@ -125,12 +155,13 @@ class FrontierTour:
         self.visited = self.given_up = 0
         self._least_m = np.inf
         self._nearer_ns = 0
+        self._near_since_ns: int | None = None
         self._none_since_ns: int | None = None
 
     def way(self, stamp_ns: int, T_map_base: Floats, radius_m: float) -> FoundPath:
-        """The way to the nearest border; `is_finished` afterwards if there is none."""
-        found = self.seen.path(T_map_base, radius_m)
-        if found is None:
+        """The way to the nearest view; `is_finished` afterwards if there is none."""
+        view = self.seen.view(T_map_base, radius_m)
+        if view is None:
             # stray readings may close a narrow way for a moment: stand, and let every scan count
             self.seen.takes_all = True
             self._none_since_ns = stamp_ns if self._none_since_ns is None else self._none_since_ns
@@ -138,32 +169,50 @@ class FrontierTour:
                 self.is_finished = True
                 self.visited += bool(np.isfinite(self._least_m))
             return FoundPath(np.zeros((0, 2)), np.inf)
-        self.seen.takes_all, self._none_since_ns = False, None
-        if found.cost_m > self._least_m + NEXT_M:  # that border is seen through: this is another one
+        self._none_since_ns = None
+        found = view.found
+        if found.cost_m > self._least_m + NEXT_M:  # that one has been looked at: this is another one
             self.visited += 1
             self._least_m = np.inf
         if found.cost_m < self._least_m - NEARER_M:
             self._least_m, self._nearer_ns = found.cost_m, stamp_ns
-        away = float(np.hypot(*found.way[-1])) if len(found.way) else 0.0
-        if away < self._config.near_m or (stamp_ns - self._nearer_ns) * 1e-9 > self._config.patience_s:
-            self.seen.give_up(T_map_base, found)
+        is_near = found.cost_m < NEAR_PRICED * self._config.near_m
+        self.seen.takes_all = is_near
+        self._near_since_ns = (self._near_since_ns or stamp_ns) if is_near else None
+        lingered_s = (stamp_ns - (self._near_since_ns or stamp_ns)) * 1e-9
+        if lingered_s > self._config.look_s or (stamp_ns - self._nearer_ns) * 1e-9 > self._config.patience_s:
+            self.seen.give_up(view.hidden)
             self.given_up += 1
-            self._least_m, self._nearer_ns = np.inf, stamp_ns
+            self._least_m, self._nearer_ns, self._near_since_ns = np.inf, stamp_ns, None
         return found
 
 
-def borders(free: Cells, blocked: Cells, least_cells: int) -> Cells:
-    """Free cells beside unseen ones `(rows, cols)`, in groups of at least so many; gaps between beams count as seen."""
+def hidden_gallery(hidden: Cells, free: Cells) -> Gallery:
+    """Unseen cells `(rows, cols)` as what is to be seen, through free cells alone."""
+    middles, owner_cells = wall_faces(np.ascontiguousarray(hidden), np.ascontiguousarray(free))
+    cells, owners = np.unique(owner_cells, return_inverse=True)
+    return Gallery(
+        np.asarray(free_squares(np.ascontiguousarray(~free))), cells, middles, owners.astype(np.int64)
+    )
+
+
+def unseen_beside(free: Cells, blocked: Cells, least_cells: int) -> Cells:
+    """Unseen cells beside free ones `(rows, cols)`, in groups of at least so many; gaps between beams count as seen."""
     known = (free | blocked).astype(np.uint8)
     known = np.pad(known, 3)
-    closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))[3:-3, 3:-3]
-    unseen = (closed == 0).astype(np.uint8)
-    beside = cv2.dilate(np.pad(unseen, 1, constant_values=1), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
-    edge = free & beside
-    joined = cv2.dilate(edge.astype(np.uint8), np.ones((3, 3), np.uint8))
-    labels = np.asarray(cv2.connectedComponents(joined, connectivity=8)[1])
-    sizes = np.bincount(labels[edge], minlength=int(labels.max()) + 1)
-    return np.asarray(edge & (sizes >= least_cells)[labels])
+    closed = cv2.morphologyEx(known, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))[3:-3, 3:-3]
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    beside = (closed == 0) & (cv2.dilate(free.astype(np.uint8), cross) > 0)
+    labels = np.asarray(cv2.connectedComponents(beside.astype(np.uint8), connectivity=8)[1])
+    sizes = np.bincount(labels[beside], minlength=int(labels.max()) + 1)
+    return np.asarray(beside & (sizes >= least_cells)[labels])
+
+
+def _candidates(passable: Cells, hidden: Cells, reach: float, offset: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Passable cells `(k, 2)` (row, col) within reach of unseen ones, every third of each axis of the whole grid."""
+    away = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    cells = np.argwhere(passable & (away <= reach))
+    return np.asarray(cells[((cells + offset[::-1]) % EVERY == 0).all(axis=1)])
 
 
 def _bounding(mask: Cells) -> tuple[slice, slice]:

@@ -78,22 +78,20 @@ class PatienceConfig(StrictModel):
 
 
 class FrontierConfig(StrictModel):
-    """What the drawing lacks, visited when its tour is done (beyond the paper)."""
+    """What the drawing lacks, looked at when its tour is done (beyond the paper)."""
 
-    enabled: bool = Field(True, description="go on to borders between seen and unseen space")
-    least_m: float = Field(0.8, gt=0.0, description="shorter borders are left alone")
+    enabled: bool = Field(True, description="go on to where free space borders on what was never seen")
+    least_m: float = Field(0.2, gt=0.0, description="shorter borders are left alone")
+    view_m: float = Field(4.0, gt=0.0, description="they are looked at from no farther away")
     apart_m: float = Field(
-        0.8, gt=0.0, description="borders so near to one that was given up are left alone as well"
+        0.2, ge=0.0, description="borders so near to one that was given up are left alone as well"
     )
-    patience_s: float = Field(
-        20.0, gt=0.0, description="a border that came no nearer for so long is given up"
-    )
+    patience_s: float = Field(20.0, gt=0.0, description="a view that came no nearer for so long is given up")
     settle_s: float = Field(
-        3.0, ge=0.0, description="with no border left the robot looks on for so long, then ends"
+        3.0, ge=0.0, description="with nothing left to look at the robot looks on for so long, then ends"
     )
-    near_m: float = Field(
-        0.4, gt=0.0, description="a border that is still there at this distance is given up, too"
-    )
+    near_m: float = Field(0.25, gt=0.0, description="so near to its place the robot looks")
+    look_s: float = Field(2.0, ge=0.0, description="what it does not see in this time is given up, too")
 
 
 class ExplorationConfig(StrictModel):
