@@ -60,6 +60,31 @@ def shifted_sums(values: NDArray[np.float64], cells: NDArray[np.int64], reach: i
 
 
 @compiled
+def shifted_changes(
+    values: NDArray[np.float64], cells: NDArray[np.int64], reach: int, row_shift: int, col_shift: int
+) -> NDArray[np.float64]:
+    """sum_k (values under point k at the given shift - values under it at shift i, j)^2 for i, j in -reach..reach.
+
+    `cells` as in `shifted_sums`; 0 outside of `values`. The root is the standard error of the difference of both
+    shifts' sums, if points err independently.
+    """
+    rows, cols = values.shape
+    size = 2 * reach + 1
+    squares = np.zeros((size, size))
+    for k in range(cells.shape[0]):
+        row, col = cells[k, 0] + row_shift, cells[k, 1] + col_shift
+        here = values[row, col] if 0 <= row < rows and 0 <= col < cols else 0.0
+        for i in range(size):
+            row = cells[k, 0] + i - reach
+            inside = 0 <= row < rows
+            for j in range(size):
+                col = cells[k, 1] + j - reach
+                there = values[row, col] if inside and 0 <= col < cols else 0.0
+                squares[i, j] += (here - there) ** 2
+    return squares
+
+
+@compiled
 def add_spots(
     values: NDArray[np.float64],
     cells: NDArray[np.int64],

@@ -50,6 +50,23 @@ def shifted_sums(values: Floats, cells: Cells, reach: int) -> Floats:
     return sums
 
 
+def shifted_changes(values: Floats, cells: Cells, reach: int, row_shift: int, col_shift: int) -> Floats:
+    """For every shift the squares of what the value under each cell changes by from the given shift to it, summed."""
+
+    def under(row: int, col: int) -> float:
+        inside = 0 <= row < values.shape[0] and 0 <= col < values.shape[1]
+        return float(values[row, col]) if inside else 0.0
+
+    size = 2 * reach + 1
+    squares = np.zeros((size, size))
+    for i in range(size):
+        for j in range(size):
+            for row, col in cells:
+                here = under(row + row_shift, col + col_shift)
+                squares[i, j] += (here - under(row + i - reach, col + j - reach)) ** 2
+    return squares
+
+
 def pooled_sums(values: Floats, cells: Cells, reach: int) -> Floats:
     """Sums over the window about each cell, cut at the borders."""
     padded = np.pad(values, ((50, 50), (50, 50), (0, 0)))

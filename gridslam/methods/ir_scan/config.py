@@ -69,11 +69,19 @@ class ReadingsConfig(StrictModel):
 
 
 class ShiftMatching(StrictModel):
-    """The paper's match (2.6): whole cells, no rotation; the largest sum of pos wins, ties go to the smallest shift."""
+    """The paper's match (2.6): whole cells, no rotation; the largest sum of pos wins, ties go to the smallest shift.
+
+    What a tie is the paper leaves open. Sums of a few hundred noisy points are never equal: along a bare wall all shifts
+    say the same, and the largest of their sums is an accident.
+    """
 
     kind: Literal["shift"] = "shift"
     window_cells: int = Field(10, ge=0, le=200, description="shifts tried to each side")
     least_points: int = Field(10, ge=1, description="with fewer reliable points there is no correction")
+    tie_sigmas: NotNegative = Field(
+        2.5,
+        description="sums tie that differ by at most so many standard errors of their difference; 0: equal sums only",
+    )
 
 
 class SearchMatching(StrictModel):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.infrared import add_spots, shifted_sums
+from gridslam.kernels.infrared import add_spots, shifted_changes, shifted_sums
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.ir_scan.config import SearchMatching, ShiftMatching
@@ -40,15 +40,39 @@ class Match:
     score: float = 0.0
 
 
-def best_shift(sums: Floats) -> tuple[int, int, float]:
-    """The shift (rows, cols) with the largest of `sums` (2r+1, 2r+1), and that sum; of equal ones the smallest shift."""
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """Whole cells, and the sum of the map under the points shifted so."""
+
+    rows: int
+    cols: int
+    total: float
+
+
+def best_shift(sums: Floats) -> Shift:
+    """The shift with the largest of `sums` (2r+1, 2r+1); of equal ones the smallest shift."""
+    return smallest_shift(sums, sums == sums.max())
+
+
+def smallest_shift(sums: Floats, tied: NDArray[np.bool_]) -> Shift:
+    """The smallest of the `tied` shifts (2r+1, 2r+1); of equally small ones that with the largest sum."""
     reach = sums.shape[0] // 2
-    along = np.arange(-reach, reach + 1)
-    length = along[:, None] ** 2 + along[None, :] ** 2
-    best = np.flatnonzero(sums.ravel() == sums.max())
-    chosen = int(best[np.argmin(length.ravel()[best])])
-    row, col = divmod(chosen, sums.shape[1])
-    return row - reach, col - reach, float(sums.ravel()[chosen])
+    rows, cols = np.nonzero(tied)
+    rows, cols, totals = rows - reach, cols - reach, sums[tied]
+    k = int(np.lexsort((-totals, rows**2 + cols**2))[0])
+    return Shift(int(rows[k]), int(cols[k]), float(totals[k]))
+
+
+def tied_with(
+    best: Shift, sums: Floats, values: Floats, cells: NDArray[np.int64], sigmas: float
+) -> NDArray[np.bool_]:
+    """Which shifts' sums (2r+1, 2r+1) are not less than the best by more than `sigmas` standard errors of the difference.
+
+    The error is that of a sum of paired differences: where points are as well off at both shifts, or some better and some
+    worse, the difference of the sums says nothing.
+    """
+    squares = shifted_changes(values, cells, sums.shape[0] // 2, best.rows, best.cols)
+    return np.asarray(best.total - sums <= sigmas * np.sqrt(squares))
 
 
 def match_by_shift(
@@ -59,17 +83,25 @@ def match_by_shift(
     covariance: Floats,
     config: ShiftMatching,
 ) -> Match:
-    """The paper's match on its grid pos (rows, cols): whole cells, no rotation, the odometry only says where the window lies."""
+    """The paper's match on its grid pos (rows, cols): whole cells, no rotation, the odometry only says where the window lies.
+
+    A shift of nothing teaches nothing: the covariance stays.
+    """
     if len(ends) < config.least_points:
         return Match(prior, covariance, "too_few_points")
-    sums = shifted_sums(values, geometry.cells(ends.in_map(prior)), config.window_cells)
-    rows, cols, best = best_shift(sums)
-    if best <= 0.0:
-        return Match(prior, covariance, "no_match", best / len(ends))
-    shift = geometry.resolution_m * np.array([cols, rows])
-    pose = prior + np.append(se2.transform_points([0.0, 0.0, geometry.yaw_rad], shift[None])[0], 0.0)
+    cells = geometry.cells(ends.in_map(prior))
+    sums = shifted_sums(values, cells, config.window_cells)
+    best = best_shift(sums)
+    if best.total <= 0.0:
+        return Match(prior, covariance, "no_match", best.total / len(ends))
+    shift = smallest_shift(sums, tied_with(best, sums, values, cells, config.tie_sigmas))
+    score = shift.total / len(ends)
+    if not (shift.rows or shift.cols):
+        return Match(prior, covariance, "matched", score)
+    way = geometry.resolution_m * np.array([shift.cols, shift.rows])
+    pose = prior + np.append(se2.transform_points([0.0, 0.0, geometry.yaw_rad], way[None])[0], 0.0)
     cell = np.array([geometry.resolution_m**2, geometry.resolution_m**2, covariance[2, 2]])
-    return Match(pose, np.diag(cell), "matched", best / len(ends))
+    return Match(pose, np.diag(cell), "matched", score)
 
 
 class WallMatcher:

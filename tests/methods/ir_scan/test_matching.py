@@ -8,7 +8,7 @@ from gridslam.core import poses as se2
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ir_scan.config import SearchMatching, ShiftMatching
 from gridslam.methods.ir_scan.given_map import GivenShiftMap, GivenWallMap
-from gridslam.methods.ir_scan.matching import WallMatcher, best_shift, match_by_shift
+from gridslam.methods.ir_scan.matching import Shift, WallMatcher, best_shift, match_by_shift
 from gridslam.methods.ir_scan.pos_grid import PosGrid
 from gridslam.sensors.infrared import BeamEnds, RangeNoise, reliability, reliable_ends
 from tests.methods.ir_scan.room import SEGMENTS, STOPS, scan_from
@@ -42,8 +42,8 @@ def walls_of(poses: Floats, config: SearchMatching | None = None, segments: Floa
 def test_of_equal_sums_the_smallest_shift_wins() -> None:
     sums = np.zeros((5, 5))
     sums[0, 4] = sums[2, 3] = sums[4, 0] = 3.0
-    assert best_shift(sums) == (0, 1, 3.0)
-    assert best_shift(np.zeros((5, 5))) == (0, 0, 0.0)
+    assert best_shift(sums) == Shift(0, 1, 3.0)
+    assert best_shift(np.zeros((5, 5))) == Shift(0, 0, 0.0)
 
 
 @pytest.mark.parametrize("cells", [(0, 0), (3, -2), (-10, 10)])
@@ -55,6 +55,36 @@ def test_the_papers_match_finds_a_shift_of_whole_cells(cells: tuple[int, int]) -
     found = match_by_shift(grid.values, grid.geometry, ends, off, PRIOR, ShiftMatching())
     assert found.verdict == "matched"
     assert np.allclose(found.pose, POSE, atol=1e-9)
+
+
+def test_along_a_bare_corridor_the_papers_match_corrects_across_only() -> None:
+    """A robot that is right along the corridor, and maps new ground ahead, is not pulled back where more is mapped already."""
+    corridor = np.array([[-30.0, 0.0, 30.0, 0.0], [-30.0, 1.2, 30.0, 1.2]])
+    stops = np.array([(0.3 * k, 0.6, 0.0) for k in range(-4, 1)])
+    pos = PosGrid(0.02, 100.0)
+    for k, stop in enumerate(stops):
+        pos.add(ends_at(stop, 0.01, k, corridor), stop)
+    true = np.array([0.4, 0.6, 0.0])
+    ends = ends_at(true, 0.01, 9, corridor)
+    off = true + np.array([0.0, 0.08, 0.0])
+    along, across = [], []
+    for tie_sigmas in (0.0, 2.5):
+        config = ShiftMatching(tie_sigmas=tie_sigmas)
+        found = match_by_shift(pos.grid.values, pos.grid.geometry, ends, off, PRIOR, config)
+        along.append(abs(found.pose[0] - true[0]))
+        across.append(abs(found.pose[1] - true[1]))
+    assert along[0] >= 0.06  # the largest sum alone
+    assert along[1] <= 0.021
+    assert max(across) <= 0.021  # a cell
+
+
+def test_a_match_that_ties_with_odometry_leaves_the_pose_and_its_covariance() -> None:
+    grid = pos_of(POSE[None]).grid
+    ends = ends_at(POSE, 0.003, 1)
+    found = match_by_shift(grid.values, grid.geometry, ends, POSE, PRIOR, ShiftMatching())
+    assert found.verdict == "matched"
+    assert found.pose.tolist() == POSE.tolist()
+    assert np.array_equal(found.covariance, PRIOR)
 
 
 def test_without_a_positive_sum_or_with_few_points_the_pose_stays() -> None:
@@ -81,7 +111,7 @@ def test_on_a_turned_map_shifts_are_turned_as_well() -> None:
         np.zeros(1, np.int64),
     )
     start = np.append(target - [0.3, -0.2], 0.0)
-    found = match_by_shift(values, geometry, one, start, PRIOR, ShiftMatching(least_points=1))
+    found = match_by_shift(values, geometry, one, start, PRIOR, ShiftMatching(least_points=1, tie_sigmas=0.0))
     assert np.allclose(found.pose[:2], target)
 
 
