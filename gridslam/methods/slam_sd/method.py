@@ -104,7 +104,7 @@ class SlamSd:
             "key_scans": len(self._keys),
             "resamplings": self._particles.resamplings,
             "maps_redrawn": self._particles.rebuilds,
-            "tiles_mb": round(self._particles.surfaces.memory_mb + self._particles.cells.memory_mb, 3),
+            "tiles_mb": round(self._particles.grids.memory_mb, 3),
         }
         resolution = config.map.resolution_m
         if config.final_stage.enabled:

@@ -8,17 +8,14 @@ its new end, and the map with it (block sampling, Doucet, Briers and Senecal 200
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import log_odds, surfel_likelihood, surfel_registration, surfels
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.maps.tiled import TileStore
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.drift import Drift, bend
+from gridslam.methods.slam_sd.particle_grids import ParticleGrids
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,8 +30,7 @@ class ParticleMaps:
         self._rng = rng
         n = config.particles
         self.log_weights = np.zeros(n)
-        self.surfaces = TileStore(n, surfels.CHANNELS, config.filter.resolution_m, config.memory_limit_mb)
-        self.cells = TileStore(n, 1, config.filter.free_resolution_m, config.memory_limit_mb)
+        self.grids = ParticleGrids(config)
         self.drift = Drift(n)
         self.resamplings = 0
         self.rebuilds = 0
@@ -85,7 +81,8 @@ class ParticleMaps:
             self._weigh(likelihood)
             self._resample_if_needed()
         while len(self._scans) - self._inserted > self._config.filter.window_key_scans:
-            self._insert(self._inserted)
+            poses = np.ascontiguousarray(self._paths[:, self._inserted])
+            self.grids.insert(self._scans[self._inserted], poses)
             self._inserted += 1
 
     @property
@@ -116,7 +113,7 @@ class ParticleMaps:
         points, normals = scan.subset(config.max_points)
         predicted = self.poses.copy()
         prior = self.drift.information()
-        matched, information, fit = self._register(points, normals, predicted, predicted, prior)
+        matched, information, fit = self.grids.register(points, normals, predicted, predicted, prior)
         lost = (fit < config.least_fit) & (self.drift.untied_steps > config.search_after)
         if lost.any() and len(self._scans) % config.search_every == 0:
             # the map itself may be bent by more than the way since the last tie tells
@@ -124,7 +121,7 @@ class ParticleMaps:
             wide = self.drift.information(floor)
             for _ in range(config.search_starts):
                 starts = predicted + self.drift.sample(self._rng, floor)
-                m, i, f = self._register(points, normals, starts, predicted, wide)
+                m, i, f = self.grids.register(points, normals, starts, predicted, wide)
                 better = lost & (f > fit) & (f >= config.least_search_fit)
                 matched[better], information[better], fit[better] = m[better], i[better], f[better]
             fit[~self._explains_more(scan, points, normals, matched, predicted) & lost] = 0.0
@@ -132,13 +129,13 @@ class ParticleMaps:
         self.ties = int(tied.sum())
         if tied.any():
             self._draw(predicted, matched, config.scan_information_share * information, tied)
-        return self._log_likelihood(scan.viewpoint, points, normals, self.poses)
+        return self.grids.log_likelihood(scan.viewpoint, points, normals, self.poses)
 
     def _explains_more(
         self, scan: PreparedScan, points: Floats, normals: Floats, found: Floats, predicted: Floats
     ) -> Bools:
         """Whether the scan is clearly likelier at the poses found than at the predicted ones `(n,)`, free space considered."""
-        gain = self._log_likelihood(scan.viewpoint, points, normals, found) - self._log_likelihood(
+        gain = self.grids.log_likelihood(scan.viewpoint, points, normals, found) - self.grids.log_likelihood(
             scan.viewpoint, points, normals, predicted
         )
         return np.asarray(gain > self._config.filter.search_gain * len(points))
@@ -172,47 +169,9 @@ class ParticleMaps:
         self._paths[particle, anchor : key + 1] = bent
         if inserted and moved.max() > self._config.filter.rebuild_from_m:
             self.rebuilds += 1
-            self.surfaces.clear(particle)
-            self.cells.clear(particle)
-            self._redraw(particle)
-
-    def _redraw(self, particle: int) -> None:
-        """Draw all scans that are in the maps into one particle's map, which is empty."""
-        config = self._config
-        scans, poses = self._scans[: self._inserted], self._paths[particle, : self._inserted]
-        points = np.concatenate([scan.surface for scan in scans])
-        normals = np.concatenate([scan.surface_normals for scan in scans])
-        first = _first_rows([scan.surface for scan in scans])
-        eye = scans[0].viewpoint  # one lidar, one place on the robot
-        store = self.surfaces
-        store.own_trail(particle, poses, eye, points, first, with_beams=False)
-        surfels.insert_surfel_trail(
-            store.directory[particle],
-            store.pool,
-            store.origin,
-            store.resolution_m,
-            poses,
-            points,
-            normals,
-            first,
-        )
-        points = np.concatenate([scan.points for scan in scans])
-        first = _first_rows([scan.points for scan in scans])
-        store = self.cells
-        store.own_trail(particle, poses, eye, points, first, with_beams=True)
-        log_odds.insert_beam_trail(
-            store.directory[particle],
-            store.pool,
-            store.origin,
-            store.resolution_m,
-            poses,
-            eye,
-            points,
-            first,
-            config.map.hit,
-            config.map.miss,
-            config.map.limit,
-        )
+            self.grids.draw_anew(
+                particle, self._scans[: self._inserted], self._paths[particle, : self._inserted]
+            )
 
     def _weigh(self, likelihood: Floats) -> None:
         """Add what the scan says about the particles, relative to the best, to their log weights."""
@@ -227,99 +186,17 @@ class ParticleMaps:
         self.log_weights += np.maximum(gain, -self._config.filter.most_evidence)
         self.log_weights -= self.log_weights.max()
 
-    def _register(
-        self, points: Floats, normals: Floats, starts: Floats, priors: Floats, information: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Poses, the scan's information about them, and the share of points that found a surface."""
-        config = self._config.filter
-        poses, scan_information, used = surfel_registration.register_all(
-            self.surfaces.directory,
-            self.surfaces.pool,
-            self.surfaces.origin,
-            config.resolution_m,
-            points,
-            normals,
-            starts,
-            priors,
-            information,
-            config.sigma_m,
-            config.reach_m,
-            2.0 * config.sigma_m,
-            8,
-            0.5 * config.least_fit * len(points),
-        )
-        return poses, scan_information, used / max(len(points), 1)
-
-    def _log_likelihood(self, viewpoint: Floats, points: Floats, normals: Floats, poses: Floats) -> Floats:
-        config = self._config.filter
-        return np.asarray(
-            surfel_likelihood.log_likelihood_all(
-                self.surfaces.directory,
-                self.surfaces.pool,
-                self.surfaces.origin,
-                config.resolution_m,
-                viewpoint,
-                points,
-                normals,
-                poses,
-                config.sigma_m,
-                config.reach_m,
-                config.random_share,
-                self.cells.directory,
-                self.cells.pool,
-                self.cells.origin,
-                config.free_resolution_m,
-            )
-        )
-
     def _resample_if_needed(self) -> None:
         """Residual resampling when N_eff falls below its share of the particles."""
         n = len(self.log_weights)
         if self.effective_sample_size >= self._config.filter.resample_below * n:
             return
         ancestors = residual_ancestors(self.weights, self._rng)
-        self.surfaces.redistribute(ancestors)
-        self.cells.redistribute(ancestors)
+        self.grids.redistribute(ancestors)
         self._paths = self._paths[ancestors]
         self.drift.select(ancestors)
         self.log_weights = np.zeros(n)
         self.resamplings += 1
-
-    def _insert(self, key: int) -> None:
-        """Draw one key scan into all particles' maps at their own poses."""
-        config = self._config
-        scan, poses = self._scans[key], np.ascontiguousarray(self._paths[:, key])
-        maps = np.arange(len(poses))
-        self.surfaces.own_end_points(maps, poses, scan.surface)
-        surfels.insert_surfels_all(
-            self.surfaces.directory,
-            self.surfaces.pool,
-            self.surfaces.origin,
-            config.filter.resolution_m,
-            poses,
-            scan.surface,
-            scan.surface_normals,
-        )
-        self.cells.own_beams(maps, poses, scan.viewpoint, scan.points)
-        log_odds.insert_beams_all(
-            self.cells.directory,
-            self.cells.pool,
-            self.cells.origin,
-            config.filter.free_resolution_m,
-            poses,
-            scan.viewpoint,
-            scan.points,
-            config.map.hit,
-            config.map.miss,
-            config.map.limit,
-        )
-
-
-def _first_rows(parts: Sequence[Floats]) -> Ints:
-    """Where each part begins when all are concatenated, and where the last one ends."""
-    first = np.zeros(len(parts) + 1, np.int64)
-    np.cumsum([len(part) for part in parts], out=first[1:])
-    return first
 
 
 def residual_ancestors(weights: Floats, rng: np.random.Generator) -> Ints:

@@ -45,7 +45,7 @@ def test_a_key_scan_enters_the_maps_when_its_window_is_full() -> None:
     assert filled(WINDOW - 1).next_inserted is None
     particles = filled(WINDOW)
     assert particles.next_inserted == 0
-    assert particles.surfaces.memory_mb == filled(WINDOW - 1).surfaces.memory_mb
+    assert particles.grids.surfaces.memory_mb == filled(WINDOW - 1).grids.surfaces.memory_mb
     particles.add(wall_scan(), STEP, DEVIATIONS)
     assert particles.next_inserted == 1
 
@@ -55,7 +55,7 @@ def test_a_key_scan_can_be_replaced_until_it_enters() -> None:
     other.replace_scan(0, wall_scan(offset_m=1.0))
     for particles in (one, other):
         particles.add(wall_scan(), STEP, DEVIATIONS)
-    assert not np.array_equal(one.surfaces.pool, other.surfaces.pool, equal_nan=True)
+    assert not np.array_equal(one.grids.surfaces.pool, other.grids.surfaces.pool, equal_nan=True)
 
 
 def test_paths_weigh_relative_to_the_best_and_one_weighing_takes_a_bounded_amount() -> None:
