@@ -127,3 +127,16 @@ def test_events_leave_in_the_order_of_their_stamps_once_they_are_old_enough() ->
     assert [e.stamp_ns for e in order.ready(130)] == [30, 30]
     assert [e.stamp_ns for e in order.ready(155)] == [50]
     assert [e.stamp_ns for e in order.rest()] == [60]
+
+
+def test_without_a_start_the_robot_finds_itself_in_the_drawing_and_explores(tmp_path: Path) -> None:
+    # A round hall: no corner to tell one side from the other but the drawing's own bumps, and no matter which it takes.
+    drawing = DRAWING.with_name("round.png")
+    arguments = ["explore", "hand-round", "--drawing", str(drawing), "-o", str(tmp_path / "run"), "--quiet"]
+    assert main(arguments) == 0
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    facts = report["measures"]["exploration"]
+    assert facts["ended"] == "finished"
+    assert facts["least_clearance_m"] > 0.0
+    assert report["measures"]["drawing"]["fits"]
+    assert report["errors"]["ape"]["trans"]["rmse"] < 0.05

@@ -1,4 +1,9 @@
-"""Ways by steepest descent on a cost-to-go field with clearance (handmap-slam, paper section 4). Lengths are cells."""
+"""Ways by steepest descent on a cost-to-go field with clearance (handmap-slam, paper section 4). Lengths are cells.
+
+The field is that of fast marching, so that the way runs straight in any direction. `arcs_and_lines` has another kernel for a
+cost-to-go: it needs a chain of neighbouring cells with room for the robot, exact to the corner of a cell, which is then pulled
+taut; Dijkstra over 8 neighbours gives the chain, a descent between cells does not.
+"""
 
 from __future__ import annotations
 

@@ -62,7 +62,11 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What is told of one run; errors in metres."""
+    """What is told of one run; errors in metres.
+
+    The paper's "mean distance between corresponding points of the true and the built map" is `mean_distance_m`: each point of one
+    map corresponds to the nearest of the other, both ways round. One way alone would not count walls that were never mapped.
+    """
 
     trial: str
     seed: int
@@ -78,6 +82,11 @@ class Outcome:
     scale_y: float
     cpu_s: float
     reasons: list[str] = field(default_factory=list)
+
+    @property
+    def mean_distance_m(self) -> float:
+        """Mean of both directions."""
+        return 0.5 * (self.map_error_m + self.completeness_m)
 
 
 def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
@@ -169,6 +178,11 @@ BUILDING_START = (2.4, 10.4, 0.0)
 PAPER = "paper/handmap-slam"
 UNCORRECTED = ("method.correction=false",)
 KINDS = (("corrected", ()), ("uncorrected", UNCORRECTED))
+KIND_TITLES = {
+    "": "best settings",
+    "paper": "the paper's form, lidar of 50 m",
+    "paper-8m": "the paper's form, lidar of 8 m",
+}
 LENGTHS_M = (20, 25, 30, 35)
 DRAWN_M = 25
 
@@ -293,26 +307,32 @@ def table(outcomes: Iterable[Outcome]) -> str:
 
 
 def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
-    """Map error of the four corridors with and without motion correction as bars, with the range over the seeds."""
+    """Mean distance of the maps by ratio, with and without motion correction, as figure 10 has it; whiskers: range of the seeds.
+
+    A panel for each kind of `corridor_trials` among the runs.
+    """
     from matplotlib.figure import Figure
 
-    runs = list(outcomes)
-    figure = Figure(figsize=(6.0, 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    lengths = (20, 25, 30, 35)
-    for shift, how, ink in ((-0.2, "corrected", "#1e6ec8"), (0.2, "uncorrected", "#c8c8c8")):
-        errors = [[r.map_error_m for r in runs if r.trial == f"corridor-{m}-{how}"] for m in lengths]
-        means = [float(np.mean(e)) for e in errors]
-        spans = [
-            [m - min(e) for m, e in zip(means, errors, strict=True)],
-            [max(e) - m for m, e in zip(means, errors, strict=True)],
-        ]
-        axes.bar(np.arange(4) + shift, means, 0.38, yerr=spans, label=how, color=ink, capsize=3)
-    axes.set_xticks(range(4), [f"{m / 25:g}" for m in lengths])
-    axes.set_xlabel("length of the corridor over the length drawn")
-    axes.set_ylabel("mean map error (m)")
-    axes.axhline(0.05, color="#cd2d2d", linewidth=1.0, linestyle="--")
-    axes.legend(frameon=False)
+    by_name: dict[tuple[str, int, str], list[float]] = {}
+    for run in outcomes:
+        _, length, *words, how = run.trial.split("-")
+        by_name.setdefault(("-".join(words), int(length), how), []).append(run.mean_distance_m)
+    kinds = list(dict.fromkeys(kind for kind, _, _ in by_name))
+    figure = Figure(figsize=(1.6 + 3.6 * len(kinds), 3.2), layout="constrained")
+    every = figure.subplots(1, len(kinds), squeeze=False)[0]
+    for axes, kind in zip(every, kinds, strict=True):
+        for shift, how, ink in ((-0.2, "corrected", "#1e6ec8"), (0.2, "uncorrected", "#c8c8c8")):
+            errors = [by_name.get((kind, m, how), [float("nan")]) for m in LENGTHS_M]
+            means = [float(np.mean(e)) for e in errors]
+            below = [mean - min(e) for mean, e in zip(means, errors, strict=True)]
+            above = [max(e) - mean for mean, e in zip(means, errors, strict=True)]
+            axes.bar(np.arange(4) + shift, means, 0.38, yerr=[below, above], label=how, color=ink, capsize=3)
+        axes.set_xticks(range(4), [f"{m / DRAWN_M:g}" for m in LENGTHS_M])
+        axes.set_title(KIND_TITLES[kind], fontsize=10)
+        axes.axhline(0.05, color="#cd2d2d", linewidth=1.0, linestyle="--")
+    every[0].set_ylabel("mean distance between the maps (m)")
+    every[0].legend(frameon=False)
+    figure.supxlabel("length of the corridor over the length drawn", fontsize=10)
     figure.savefig(path, dpi=110)
 
 
@@ -338,10 +358,11 @@ def run_set(chosen: Iterable[Trial], folder: Path, most_seeds: int | None = None
 
 
 if __name__ == "__main__":
-    every = trials()
+    every, bars = trials(), []
     for name in sys.argv[2:] or every:
         wanted, _, most = name.partition(":")
         found = run_set(every[wanted], Path(sys.argv[1]), int(most) if most else None)
         print(f"\n{wanted}\n{table(found)}", flush=True)  # noqa: T201
-        if wanted == "corridors":
-            draw_bars(found, Path(sys.argv[1]) / "corridors.png")
+        if wanted.startswith("corridors"):
+            bars += found
+            draw_bars(bars, Path(sys.argv[1]) / "corridors.png")
