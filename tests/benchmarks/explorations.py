@@ -331,7 +331,7 @@ def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
         axes.set_title(KIND_TITLES[kind], fontsize=10)
         axes.axhline(0.05, color="#cd2d2d", linewidth=1.0, linestyle="--")
     every[0].set_ylabel("mean distance between the maps (m)")
-    every[0].legend(frameon=False)
+    every[-1].legend(frameon=False, loc="upper left")
     figure.supxlabel("length of the corridor over the length drawn", fontsize=10)
     figure.savefig(path, dpi=110)
 
