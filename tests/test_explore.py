@@ -140,3 +140,36 @@ def test_without_a_start_the_robot_finds_itself_in_the_drawing_and_explores(tmp_
     assert facts["least_clearance_m"] > 0.0
     assert report["measures"]["drawing"]["fits"]
     assert report["errors"]["ape"]["trans"]["rmse"] < 0.05
+
+
+def test_the_correction_takes_the_robot_to_the_end_of_a_corridor_that_is_drawn_too_short(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    completeness = {}
+    for corrected in ("true", "false"):
+        output = tmp_path / corrected
+        arguments = ["explore", "hand-corridor-35", "--drawing", str(DRAWING), "-c", "paper/handmap-slam"]
+        arguments += [
+            "--start-in-drawing",
+            START,
+            "--world",
+            "sensors.lidar.range_max_m=8",
+            "--world-seed",
+            "100",
+        ]
+        arguments += [
+            "--set",
+            f"method.correction={corrected}",
+            "--seed",
+            "100",
+            "-o",
+            str(output),
+            "--quiet",
+        ]
+        assert main(arguments) == 0
+        capsys.readouterr()
+        assert main(["evaluate", str(output), "--json"]) == 0
+        completeness[corrected] = json.loads(capsys.readouterr().out)["map"]["completeness"]["mean"]
+    # 25 m are drawn. By 8 m of sight from where the drawing ends, six metres and more of both walls and the end are not mapped.
+    assert completeness["true"] < 0.1
+    assert completeness["false"] > 5.0 * completeness["true"]
