@@ -54,8 +54,12 @@ def shifted_sums(values: NDArray[np.float64], cells: NDArray[np.int64], reach: i
         first_row, first_col = cells[k, 0] - reach, cells[k, 1] - reach
         low_j, high_j = max(0, -first_col), min(size, cols - first_col)
         for i in range(max(0, -first_row), min(size, rows - first_row)):
-            for j in range(low_j, high_j):
-                sums[i, j] += values[first_row + i, first_col + j]
+            under = values[
+                first_row + i, first_col + low_j : first_col + high_j
+            ]  # views: indices from 0 run as vectors
+            into = sums[i, low_j:high_j]
+            for j in range(into.size):
+                into[j] += under[j]
     return sums
 
 

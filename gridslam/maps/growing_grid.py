@@ -44,11 +44,12 @@ class GrowingGrid:
         """Let the grid hold all points `(n, 2)` and a margin about them."""
         if not len(points):
             return
-        if not np.isfinite(points).all():
+        corners = np.array([points.min(axis=0), points.max(axis=0)])  # NaN where one of the points is
+        if not np.isfinite(corners).all():
             raise MethodError("a pose or a reading is not finite: the map cannot take it in")
-        self._check(points.max(axis=0) / self.resolution_m - points.min(axis=0) / self.resolution_m)
-        cells = self.lattice(points)
-        low, high = cells.min(axis=0) - margin_cells, cells.max(axis=0) + margin_cells + 1
+        self._check((corners[1] - corners[0]) / self.resolution_m)
+        cells = self.lattice(corners)
+        low, high = cells[0] - margin_cells, cells[1] + margin_cells + 1
         size = np.array(self.values.shape[:2])
         if size.all():
             if (low >= self.corner).all() and (high <= self.corner + size).all():

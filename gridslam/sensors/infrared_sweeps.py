@@ -20,6 +20,9 @@ from gridslam.sensors.lidar_beams import Mounting
 
 Floats = NDArray[np.float64]
 
+_TAU = math.tau
+_WHOLE_TURN = _TAU - 1e-3
+_remainder = math.remainder
 _LARGEST_BEARING_RAD = 2.0 * math.tau
 _WILD_STEPS = 5.0  # a bearing that is so many usual steps off, while its neighbours agree, is wrong
 _LEAST_WILD_RAD = 0.1
@@ -45,17 +48,14 @@ class _Track:
     highest: float = 0.0
     doubted: Range | None = None  # turned back, perhaps by mistake: the next sample tells
 
-    def turned_to(self, bearing_rad: float) -> float:
-        """How far the servo has turned since the first sample when it is at a bearing."""
-        return self.turned + math.remainder(bearing_rad - self.readings[-1].bearing_rad, math.tau)
-
     def turns_anew(self, turned: float, back_rad: float) -> bool:
         """Whether a sample so far from the first one cannot belong to this sweep any more."""
-        if max(self.highest, turned) - min(self.lowest, turned) > math.tau - 1e-3:
+        lowest, highest = self.lowest, self.highest
+        if turned - lowest > _WHOLE_TURN or highest - turned > _WHOLE_TURN:
             return True
-        if self.highest > -self.lowest:
-            return self.highest - turned > back_rad
-        return self.highest < -self.lowest and turned - self.lowest > back_rad
+        if highest > -lowest:
+            return highest - turned > back_rad
+        return highest < -lowest and turned - lowest > back_rad
 
     def add(self, reading: Range, turned: float) -> None:
         """Take in a sample that belongs to the sweep."""
@@ -84,7 +84,7 @@ class SweepAssembler:
         self._tracks: dict[str, _Track] = {}
         self._first_ns = self._last_ns = 0
         self._mark = 0
-        self._where = 0.0, 0.0  # way and turn of the robot at the last sample
+        self._travelled_m = self._turned_rad = 0.0  # of the robot at the last sample
         self._last_value: dict[str, float] = {}  # of the scan before, by sensor
         self._most_sensors = 0
         self.counters: Counter[str] = Counter()
@@ -100,30 +100,32 @@ class SweepAssembler:
 
         `mark` is handed back with the scan; travelled and turned are the robot's since the beginning.
         """
-        if not abs(reading.bearing_rad) <= _LARGEST_BEARING_RAD:  # NaN fails too
+        bearing, stamp_ns = reading.bearing_rad, reading.stamp_ns
+        if not -_LARGEST_BEARING_RAD <= bearing <= _LARGEST_BEARING_RAD:  # NaN fails too
             self.counters["skipped.range.bad_bearing"] += 1
             return None
         done = None
-        if self._tracks and (self._is_silent(reading.stamp_ns) or self._has_moved(travelled_m, turned_rad)):
+        if self._tracks and (self._is_silent(stamp_ns) or self._has_moved(travelled_m, turned_rad)):
             done = self.flush()
         track, turned = self._tracks.get(reading.frame_id), 0.0
         if track is not None:
             last = track.readings[-1]
-            if last.stamp_ns == reading.stamp_ns and last == reading:
+            if last.stamp_ns == stamp_ns and last == reading:
                 self.counters["skipped.range.duplicate"] += 1
                 return done
-            turned = track.turned_to(reading.bearing_rad)
+            turned = track.turned + _remainder(bearing - last.bearing_rad, _TAU)
             if track.turns_anew(turned, self._limits.back_rad):
                 return self._doubt(track, reading, mark, travelled_m, turned_rad) or done
             if track.doubted is not None:
                 self.counters["skipped.range.bad_bearing"] += 1
                 track.doubted = None
+            track.add(reading, turned)
         else:
             if not self._tracks:
-                self._first_ns = reading.stamp_ns
-            track = self._tracks[reading.frame_id] = _Track()
-        track.add(reading, turned)
-        self._last_ns, self._mark, self._where = reading.stamp_ns, mark, (travelled_m, turned_rad)
+                self._first_ns = stamp_ns
+            self._tracks[reading.frame_id] = _Track([reading])
+        self._last_ns, self._mark = stamp_ns, mark
+        self._travelled_m, self._turned_rad = travelled_m, turned_rad
         return done
 
     def moved(self, travelled_m: float, turned_rad: float) -> OpenedScan | None:
@@ -174,8 +176,9 @@ class SweepAssembler:
         return abs(stamp_ns - self._last_ns) * 1e-9 > self._limits.gap_s
 
     def _has_moved(self, travelled_m: float, turned_rad: float) -> bool:
-        way, turn = travelled_m - self._where[0], turned_rad - self._where[1]
-        return way > self._limits.moved_m or turn > self._limits.moved_rad
+        limits = self._limits
+        way, turn = travelled_m - self._travelled_m, turned_rad - self._turned_rad
+        return way > limits.moved_m or turn > limits.moved_rad
 
     def _sound(self, name: str, readings: list[Range]) -> list[Range]:
         """The readings without wild bearings and without a first one that repeats the scan before."""

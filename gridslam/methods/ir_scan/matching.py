@@ -163,7 +163,7 @@ class WallMatcher:
         along = resolution * np.arange(-config.window_cells, config.window_cells + 1)
         t, y, x = np.meshgrid(turns, along, along, indexing="ij")
         offsets = np.stack([x.ravel(), y.ravel(), t.ravel()], axis=1)
-        far = np.einsum("ni,ij,nj->n", offsets, np.linalg.inv(covariance), offsets)
+        far = np.sum(offsets @ np.linalg.inv(covariance) * offsets, axis=1)
         score = config.point_weight * sums.ravel() - 0.5 * far
         best = int(np.argmax(score))
         share = np.exp(score - score[best])
