@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
+from gridslam.sweep.local import THREADS
 from tests.benchmarks.harness import say
 from tests.conftest import REPOSITORY
 from tests.papers.page import write_section
@@ -28,26 +29,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Make the named sections, or all."""
     parser = argparse.ArgumentParser(prog="python -m tests.papers.make")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
-    parser.add_argument(
-        "--seeds", type=int, help="the first N of each experiment only; no figures for the page"
-    )
+    parser.add_argument("--seeds", type=int, help="the first N of each experiment only, for a look")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--page", type=Path, default=PAGE)
+    parser.add_argument("--page", type=Path, help="absent: docs/papers.md; with --seeds out/papers/papers.md")
     given = parser.parse_args(arguments)
     names = given.names or NAMES
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         parser.error(f"no paper {unknown[0]!r}; there are: {', '.join(NAMES)}")
+    page = given.page or (PAGE if given.seeds is None else FOLDER / PAGE.name)
     modules = {name: module_of(name) for name in names}
     for name, module in modules.items():
         say(f"{name}: {module.CPU_MINUTES:.0f} minutes of processor time, less what is done already")
     say(
         f"in all {sum(module.CPU_MINUTES for module in modules.values()) / given.jobs:.0f} minutes on {given.jobs} cores"
     )
+    for name in THREADS:
+        os.environ.setdefault(name, "1")  # in each of the processes, which share the cores already
     for name, module in modules.items():
         started = time.perf_counter()
         section = module.section(Work(FOLDER / name, given.jobs, given.seeds))
-        write_section(given.page, section, NAMES)
+        write_section(page, section, NAMES)
         say(f"{name}: {time.perf_counter() - started:.0f} s")
 
 

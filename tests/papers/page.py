@@ -23,7 +23,7 @@ settings (`configs/`). The papers' rooms and logs are not public: ours are simul
 says that the same experiment comes out as well or better, not that it was the same room. A dash: not measured.
 
 `make papers` makes this page: it runs what is not done yet and keeps the rest under `out/papers`.
-`python -m tests.papers.make NAME --seeds 2` makes one section with few seeds, for a look.
+`python -m tests.papers.make NAME --seeds 2` makes one section with few seeds, for a look, in `out/papers/papers.md`.
 """
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -121,3 +122,7 @@ def test_what_is_computed_for_a_seed_is_computed_once(tmp_path: Path) -> None:
     (tmp_path / "squares" / "2.json").write_text('{"key": "of another program", "value": 7}')
     assert Work(tmp_path).each("squares", square, range(4)) == [0, 1, 4, 9]
     assert asked == [0, 1, 2, 3, 2]
+
+
+def test_processes_share_the_seeds(tmp_path: Path) -> None:
+    assert Work(tmp_path, jobs=2).each("factorials", math.factorial, range(5)) == [1, 1, 2, 6, 24]
