@@ -8,18 +8,16 @@ from tests.papers.work import Found, Work, both, picture_of, seeds_text
 CPU_MINUTES = 7.0
 TEXT = """A small robot stops every 40 cm, sweeps three infrared rangers on servos, and maps a room of 4 x 3 m with
 seven boxes. The experiments are `configs/sweeps/ir-scan.yaml`, `ir-laps.yaml` and `ir-navigation.yaml`. The
-robot's start is known and nothing else is aligned: the largest part of the paper's error is that of the path."""
+robot's start is known and nothing else is aligned."""
 MAPPING = """Error of the mapped walls: distance of every mapped wall cell (1 cm) to the nearest true wall; the
 paper's five runs, the mean over ours, the largest of all runs. `Laid over` puts the path on the true one first, as
 somebody does who lays a map over a plan."""
 LAPS = """Error of the last position of six laps of four way points (47 m, 117 stops, 3 cm cells). The paper drives
 by a map made before: `on the true map`; the rows above it map while they drive."""
-FALLS_SHORT = """The paper's form misses the paper's {what} with nothing aligned: whole-cell shifts cannot turn the
-robot back, and the sum of `pos` under the end points grows with the overlap, which pulls the robot back along
-walls of which it maps new ground."""
+FALLS_SHORT = "The paper's form misses the paper's {what} with nothing aligned."
 
-PULLED = """With our gyro the paper's matching makes the path worse while mapping ({matched:.2g} cm, without
-{gyro:.2g}): it is drawn towards what is mapped already. On a map that is there it is not."""
+LITTLE = """With our gyro the paper's matching changes little while mapping ({matched:.2g} cm, {gyro:.2g} cm
+without): it shifts by whole cells of 3 cm, more than there is to correct."""
 
 
 def section(work: Work) -> Section:
@@ -92,6 +90,6 @@ def laps(work: Work) -> Experiment:
     gyro = mapping.mean("final.trans", "ir-laps", "paper", "gyro")
     matched = mapping.mean("final.trans", "ir-laps", "paper", "matching")
     short = ""
-    if matched > gyro:
-        short = PULLED.format(matched=100 * matched, gyro=100 * gyro)
+    if matched > 0.8 * gyro:
+        short = LITTLE.format(matched=100 * matched, gyro=100 * gyro)
     return Experiment("Six laps", LAPS, rows, short=short)
