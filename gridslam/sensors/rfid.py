@@ -19,7 +19,7 @@ class AntennaModel:
     """P(read) = p_stray + (1 - p_stray) * p_most / (1 + exp((d - limit) / (softness * reach_m))),
 
     limit = reach_m * (1 + cos bearing) / 2 * max((1 + cos facing) / 2, least_facing): a soft range limit about the antenna's
-    axis and the tag's normal (P(I|D), METHODS 3.2, step 3). A tag hidden from the reader keeps `hidden_share` of it.
+    axis and the tag's normal (P(I|D) of the slam-sd paper's eq. 6). A tag hidden from the reader keeps `hidden_share` of it.
     """
 
     reach_m: float = 2.0

@@ -1,4 +1,4 @@
-"""Which end points belong to tagged objects: they do not enter the static map (METHODS 3.2, step 5)."""
+"""Which end points belong to tagged objects: they do not enter the static map."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def log_object_weights(
 ) -> Floats:
     """log P(D | X) `(n,)` of paths `(n, k, 3)`: how well each brings the two estimates of an object to the same place.
 
-    This is the factor P(I|D) P(L|D) of eq. 6 (METHODS 3.1), the object's pose integrated out; it may have been moved after all.
+    This is the factor P(I|D) P(L|D) of the paper's eq. 6, the object's pose integrated out; it may have been moved after all.
     The pairs say whether the object is a door, of which only the hinge counts.
     """
     out = np.zeros(len(paths))

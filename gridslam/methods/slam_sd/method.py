@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 
 
 class SlamSd:
-    """Maps with a Rao-Blackwellised particle filter (METHODS: slam-sd); the map's origin is the pose at the first scan."""
+    """Maps with a Rao-Blackwellised particle filter (the slam-sd paper); the map's origin is the pose at the first scan."""
 
     def __init__(self, config: SlamSdConfig, seed: int, tags: TagDatabase | None = None) -> None:
         self._config = config

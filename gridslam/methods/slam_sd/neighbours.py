@@ -1,6 +1,6 @@
 """Objects beside each other, located jointly: a beam is explained by one object only.
 
-METHODS 3.2 names the paper's failure: a small door reported on the outside of a bin beside it. The log likelihood ratio of two
+The paper reports a failure: a small door reported on the outside of a bin beside it. The log likelihood ratio of two
 objects is that of one alone plus that of the other given the first; which one comes first must not decide where they end.
 """
 

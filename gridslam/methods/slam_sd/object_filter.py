@@ -1,4 +1,4 @@
-"""The filter over one object's pose (x, y, yaw): P(I|D) P(L|D) over weighted poses (METHODS 3.1, 3.2).
+"""The filter over one object's pose (x, y, yaw): P(I|D) P(L|D) over weighted poses (the paper's eq. 6).
 
 A visit's evidence is weighed as one block, as the trajectory filter does with a block of the path: the deviation of the lidar's
 end points narrows step by step, with resampling between the steps (annealed importance sampling), so that 1000 poses

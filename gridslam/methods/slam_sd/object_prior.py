@@ -78,7 +78,7 @@ def draw(
 ) -> Floats:
     """Poses `(n, 3)` of the pivot to begin with, given the antenna poses `(r, 3)` that read a tag.
 
-    Uniform over the detection area, the tag's normal facing the antenna (METHODS 3.2, step 3). Unless `config.uniform`,
+    Uniform over the detection area, the tag's normal facing the antenna, as the paper draws them. Unless `config.uniform`,
     half of the poses of a door hinge in a wall, half of those flush with it; and part of the poses are about the known one.
     """
     if len(readers):

@@ -1,6 +1,6 @@
-"""Tagged objects over the whole log: each visit's evidence is weighed when the visit is over (METHODS 3.2).
+"""Tagged objects over the whole log: each visit's evidence is weighed when the visit is over.
 
-METHODS 3.1 gives every particle of the trajectory its own filters over the objects. Here a filter lives in the frame of
+The paper gives every particle of the trajectory its own filters over the objects. Here a filter lives in the frame of
 the key scan from which its object was seen: over the few metres of a visit all particles have the same path (the front
 end's), so their filters would be copies; what differs is where that key scan lies in each particle's map, and the object
 goes with it.
@@ -299,7 +299,7 @@ class ObjectTracker:
     def _listen_to_silence(self, path: Floats) -> None:
         """Boxes that the reader should have read and did not, where the lidar sees nothing either, are gone.
 
-        A silent antenna is information as well (METHODS 3.2, step 3); but a tag may be broken, so the scans decide.
+        A silent antenna is information as well; but a tag may be broken, so the scans decide.
         """
         rounds, self._silent_from = self._rounds[self._silent_from :], len(self._rounds)
         if not rounds:

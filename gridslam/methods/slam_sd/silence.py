@@ -1,4 +1,4 @@
-"""What it means that nothing was read of an object (METHODS 3.2, step 3): a silent antenna is information as well."""
+"""What it means that nothing was read of an object: a silent antenna is information as well."""
 
 from __future__ import annotations
 
