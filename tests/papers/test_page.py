@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gridslam.sweep.config import load_sweep
+from gridslam.sweep.config import SweepConfig, load_sweep
 from gridslam.sweep.plan import settings_of_sweep
 from tests.conftest import REPOSITORY
 from tests.papers.make import NAMES, module_of
@@ -126,3 +126,24 @@ def test_what_is_computed_for_a_seed_is_computed_once(tmp_path: Path) -> None:
 
 def test_processes_share_the_seeds(tmp_path: Path) -> None:
     assert Work(tmp_path, jobs=2).each("factorials", math.factorial, range(5)) == [1, 1, 2, 6, 24]
+
+
+def test_a_sweep_gives_its_measures_by_log_config_and_override(tmp_path: Path, small_log: Path) -> None:
+    document = {
+        "command": "map",
+        "logs": [{"name": "room", "log": str(small_log), "truth": str(small_log)}],
+        "configs": {"best": "slam-sd"},
+        "overrides": {"few": ["method.particles=3", "method.final_stage.enabled=false"]},
+        "seeds": "0..3",
+    }
+    sweep = SweepConfig.model_validate(document)
+    found = Work(tmp_path, jobs=1, most_seeds=1).run(
+        sweep, tmp_path, {"evaluate": {"align": "origin"}}, "part"
+    )
+    assert found.seeds == (0,)
+    assert found.values("method.particles", "room", "best", "few").tolist() == [3.0]
+    assert 0.0 < found.mean("ape.trans.rmse", "room", "best", "few") < 0.2
+    assert found.cpu_s("room", "best", "few") > 0.0
+    assert (found.directory("room", "best", "few", 0) / "map.png").exists()
+    with pytest.raises(KeyError, match="room best default"):
+        found.values("method.particles", "room", "best")
