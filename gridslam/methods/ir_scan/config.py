@@ -71,16 +71,23 @@ class ReadingsConfig(StrictModel):
 class ShiftMatching(StrictModel):
     """The paper's match (2.6): whole cells, no rotation; the largest sum of pos wins, ties go to the smallest shift.
 
-    What a tie is the paper leaves open. Sums of a few hundred noisy points are never equal: along a bare wall all shifts
-    say the same, and the largest of their sums is an accident.
+    What a tie is the paper leaves open, and when a scan enters the map. Sums of a few hundred noisy points are never
+    equal: along a bare wall all shifts say the same, and the largest of their sums is an accident. And a map that holds the
+    scans just taken confirms the error that the robot has had since.
     """
 
     kind: Literal["shift"] = "shift"
     window_cells: int = Field(10, ge=0, le=200, description="shifts tried to each side")
     least_points: int = Field(10, ge=1, description="with fewer reliable points there is no correction")
+    least_share: float = Field(
+        0.3, ge=0.0, le=1.0, description="a match must put this share of the points on occupied cells"
+    )
     tie_sigmas: NotNegative = Field(
         2.5,
         description="sums tie that differ by at most so many standard errors of their difference; 0: equal sums only",
+    )
+    delay_stops: int = Field(
+        10, ge=0, description="mapping: a scan enters the map so many stops later; the last ones err alike"
     )
 
 
@@ -91,9 +98,6 @@ class SearchMatching(StrictModel):
     window_cells: int = Field(10, ge=0, le=200, description="shifts tried to each side")
     rotation_rad: NotNegative = Field(0.06, description="rotations tried to each side")
     least_points: int = Field(10, ge=1, description="with fewer reliable points there is no correction")
-    least_share: float = Field(
-        0.3, ge=0.0, le=1.0, description="a match must put this share of the points on walls"
-    )
     point_weight: Positive = Field(
         0.3, description="log-likelihood that a point on a wall adds: neighbours err together"
     )

@@ -92,7 +92,8 @@ def match_by_shift(
     cells = geometry.cells(ends.in_map(prior))
     sums = shifted_sums(values, cells, config.window_cells)
     best = best_shift(sums)
-    if best.total <= 0.0:
+    on_walls = _occupied(values, cells + np.array([best.rows, best.cols]))
+    if best.total <= 0.0 or on_walls < config.least_share * len(ends):
         return Match(prior, covariance, "no_match", best.total / len(ends))
     shift = smallest_shift(sums, tied_with(best, sums, values, cells, config.tie_sigmas))
     score = shift.total / len(ends)
@@ -102,6 +103,12 @@ def match_by_shift(
     pose = prior + np.append(se2.transform_points([0.0, 0.0, geometry.yaw_rad], way[None])[0], 0.0)
     cell = np.array([geometry.resolution_m**2, geometry.resolution_m**2, covariance[2, 2]])
     return Match(pose, np.diag(cell), "matched", score)
+
+
+def _occupied(values: Floats, cells: NDArray[np.int64]) -> int:
+    """How many cells `(n, 2)` are occupied (pos > 0)."""
+    row, col = cells[((cells >= 0) & (cells < values.shape)).all(axis=1)].T
+    return int(np.count_nonzero(values[row, col] > 0.0))
 
 
 class WallMatcher:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import replace
 from typing import Protocol
 
@@ -44,6 +44,10 @@ class IrScanMapper:
         self._noise = noise_of(config)
         self._tracker = Tracker(config, np.zeros((3, 3)))
         self._pos = PosGrid(config.resolution_m, config.memory_limit_mb)
+        self._delay = config.matching.delay_stops if isinstance(config.matching, ShiftMatching) else 0
+        self._waiting: deque[tuple[BeamEnds, Floats]] = (
+            deque()
+        )  # scans that are not in the map yet, with their poses
         self._walls: WallMatcher | None = None
 
     @property
@@ -61,6 +65,7 @@ class IrScanMapper:
         """The map, the path, the raw grid pos, and the table of stops."""
         if (place := self._tracker.finish()) is not None:
             self._visit(place)
+        self._draw_waiting(0)
         config, places = self._config, self._tracker.places
         started = time.perf_counter()
         poses = np.array([place.pose for place in places])
@@ -90,7 +95,8 @@ class IrScanMapper:
         self._tracker.settle(place, self._match(ends, place))
         if not len(ends):
             return
-        self._pos.add(ends, place.pose)
+        self._waiting.append((ends, place.pose))
+        self._draw_waiting(self._delay)
         if self._config.matching.kind == "search":
             self._walls_for(ends).add(
                 ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0]
@@ -119,6 +125,11 @@ class IrScanMapper:
                 matching, self._noise, config.resolution_m, window_m, config.memory_limit_mb
             )
         return self._walls
+
+    def _draw_waiting(self, most: int) -> None:
+        """Take the oldest of the waiting scans into the map until at most so many wait."""
+        while len(self._waiting) > most:
+            self._pos.add(*self._waiting.popleft())
 
     def _redraw_pos(self, poses: Floats) -> None:
         """The raw grid anew, under the adjusted poses."""

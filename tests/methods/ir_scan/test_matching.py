@@ -97,6 +97,20 @@ def test_without_a_positive_sum_or_with_few_points_the_pose_stays() -> None:
     assert (few.verdict, few.pose.tolist()) == ("too_few_points", POSE.tolist())
 
 
+def test_a_scan_that_hardly_meets_the_map_is_not_pulled_to_what_it_meets() -> None:
+    """A map of one short piece of wall: the best shift lays a few points on it, and says nothing of the rest."""
+    values = np.zeros((200, 200))
+    ends = ends_at(POSE)
+    geometry = GridGeometry(0.02, (0.0, 0.0))
+    met = np.unique(geometry.cells(ends.in_map(POSE))[:8], axis=0)
+    values[met[:, 0], met[:, 1]] = 5.0
+    off = POSE + np.array([0.06, 0.0, 0.0])
+    pulled = match_by_shift(values, geometry, ends, off, PRIOR, ShiftMatching(least_share=0.0))
+    assert pulled.verdict == "matched"
+    kept = match_by_shift(values, geometry, ends, off, PRIOR, ShiftMatching())
+    assert (kept.verdict, kept.pose.tolist()) == ("no_match", off.tolist())
+
+
 def test_on_a_turned_map_shifts_are_turned_as_well() -> None:
     values = np.zeros((100, 100))
     values[40, 60] = 1.0

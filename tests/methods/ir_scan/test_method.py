@@ -90,6 +90,20 @@ def test_the_paper_s_map_is_the_raw_grid() -> None:
     assert np.array_equal(pos == 0, np.isnan(p))
 
 
+def test_scans_wait_before_they_are_matched_against_and_all_are_in_the_map_at_the_end() -> None:
+    delayed = run(LOG, config("paper/ir-scan", "method.matching.delay_stops=3"))
+    verdicts = [row[9] for row in delayed.tables["stops"].rows]
+    assert verdicts[:4] == ["first"] * 4
+    assert "first" not in verdicts[4:]
+    never = "method.matching.least_points=10000"  # no correction: the same poses
+    made = [
+        run(LOG, config("paper/ir-scan", never, f"method.matching.delay_stops={stops}")).layers["pos"].values
+        for stops in (0, 3, 100)
+    ]
+    assert np.allclose(made[0], made[1])
+    assert np.allclose(made[0], made[2])
+
+
 def test_the_sample_logs_give_one_map_in_both_formats_and_a_true_one() -> None:
     mcap, csv = run(sample("ir-scan.mcap")), run(sample("ir-scan-csv"))
     assert mcap.occupancy is not None
