@@ -74,7 +74,8 @@ def config_of(matching: Literal["none", "shift", "search"], drawing: str = "surf
     """Settings for a ranger of 8 m, 1.8 degrees a step, whose heading is known; stations are not adjusted."""
     kinds: dict[str, dict[str, object]] = {
         "none": {"kind": "none"},
-        "shift": {"kind": "shift", "window_cells": MOST_CELLS},
+        # What a station is told to be says nothing against a larger shift: only equal sums tie.
+        "shift": {"kind": "shift", "window_cells": MOST_CELLS, "tie_sigmas": 0.0},
         "search": {"kind": "search", "window_cells": MOST_CELLS, "rotation_rad": 0.03, "ambiguous_m": 0.1},
     }
     return IrScanConfig.model_validate(
