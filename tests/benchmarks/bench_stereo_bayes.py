@@ -1,7 +1,7 @@
 """stereo-bayes: the three likelihoods and a plain inverse sensor model, at growing rates of false matches.
 
-Rooms by ray casting (`room`) and rendered drives (`drive`), seeds 0 to 19 of each (`GRIDSLAM_BENCH_SEEDS` takes fewer); 100 and up
-were used for tuning.
+Rooms by ray casting (`room`) and rendered drives (`drive`), seeds 0 to 19 of each (`GRIDSLAM_BENCH_SEEDS` takes fewer);
+100 and up were used for tuning.
 """
 
 from __future__ import annotations
