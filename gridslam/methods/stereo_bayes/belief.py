@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels.chain import expected_behind, likelihoods_of_rays
 from gridslam.kernels.polar_window import priors_of_rays
+from gridslam.kernels.stereo_update import tell_cells, told_across
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
@@ -59,34 +60,18 @@ class BeliefMap:
             self._likelihoods(eye, float(pose[2]), rays, noise), rest, rays.bearings + float(pose[2])
         )
         (rows, cols), told = window(polar, self._lattice(eye), spread)
-        self._tell(self._grid.values[rows, cols], *told)
+        tell_cells(
+            self._grid.values[rows, cols],
+            told,
+            config.frame_weight,
+            self._prior,
+            self._limit,
+            config.least_probability,
+            config.correlation.behind == "once",
+        )
         self._eyes.append(eye)
         if config.correlation.mode == "adaptive":
             self.correlation.learn(self.probability(), config.resolution_m)
-
-    def _tell(
-        self,
-        values: Floats,
-        if_occupied: Floats,
-        if_empty: Floats,
-        reached: Floats,
-        close: Floats,
-        expected: Floats,
-    ) -> None:
-        """Change the cells `(rows, cols, 2)` by what a frame says of them, each `(rows, cols)`.
-
-        What the chain expects behind a surface follows from the surface: seeing that again and again makes it no surer. So what
-        raises a cell beyond the expectation of this frame alone counts as far as a ray has come there.
-        """
-        told = self._config.frame_weight * np.log(if_occupied / if_empty)
-        if self._config.correlation.behind == "once":
-            p = np.clip(expected, self._config.least_probability, 1.0 - self._config.least_probability)
-            room = np.log(p / (1.0 - p)) - self._prior - values[..., 0]
-            at_once = np.clip(room, 0.0, np.maximum(told, 0.0))
-            told = np.where(told > 0.0, at_once + close * (told - at_once), told)
-        low, high = -self._limit - self._prior, self._limit - self._prior
-        values[..., 0] = np.clip(values[..., 0] + told, low, high)
-        values[..., 1] = np.maximum(values[..., 1], reached)
 
     def probability(self) -> Floats:
         """P(occupied) `(rows, cols)` of all cells, the prior where nothing is known."""
@@ -124,9 +109,10 @@ class BeliefMap:
         return GridLayer(self.probability().astype(np.float32), self._grid.geometry)
 
     def _likelihoods(self, eye: Floats, yaw: float, rays: Rays, noise: StereoNoise) -> Floats:
-        """`(4, m, n)`, of the cells of every ray.
+        """What a frame says of the cells of every ray `(5, m, n)`.
 
-        P(o | E) / P(o), P(o | not E) / P(o), P(a ray comes there | o), and P(E | o) if nothing was known behind obstacles.
+        P(o | E) / P(o), P(o | not E) / P(o), P(a ray comes there | o), the same a surface's thickness nearer, and P(E | o)
+        if nothing was known behind obstacles.
         """
         config = self._config
         lattice = self._lattice(eye)
@@ -145,30 +131,17 @@ class BeliefMap:
         )
         expected = expected_behind(reached, correlation, config.prior)
         if config.correlation.across_rays > 0.0:
-            occupied, empty = self._told_across(occupied, empty, rays.bearings)
+            occupied, empty = told_across(
+                occupied,
+                empty,
+                rays.bearings,
+                lattice.first + 0.5 + np.arange(self._count),
+                self.correlation.per_cell(config.resolution_m),
+                config.correlation.across_rays,
+            )
         thick = min(round(config.correlation.behind_m / config.resolution_m), self._count)
         close = np.hstack([np.repeat(reached[:, :1], thick, axis=1), reached[:, : self._count - thick]])
         return np.stack([occupied, empty, reached, close, expected])
-
-    def _told_across(self, occupied: Floats, empty: Floats, bearings: Floats) -> tuple[Floats, Floats]:
-        """Every cell also hears what the neighbouring rays say, through its correlation with their cells at the same range.
-
-        One round of messages between pairs: P(o' | E) = P(E'|E) P(o'|E') + P(not E'|E) P(o'|not E'), with prior 1/2.
-        """
-        share = self._config.correlation.across_rays
-        edges = range_edges(self._config)
-        middle = 0.5 * (edges[:-1] + edges[1:])
-        gaps = np.abs(np.diff(bearings))
-        distance = gaps[:, None] * middle[None] / self._config.resolution_m
-        r = np.minimum(self.correlation.per_cell(self._config.resolution_m) ** distance, 0.999)
-        same, other = 0.5 * (1.0 + r), 0.5 * (1.0 - r)
-        told_occupied, told_empty = occupied.copy(), empty.copy()
-        for to, source in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
-            if_occupied = same * occupied[source] + other * empty[source]
-            if_empty = other * occupied[source] + same * empty[source]
-            told_occupied[to] *= if_occupied**share
-            told_empty[to] *= if_empty**share
-        return told_occupied, told_empty
 
     def _lattice(self, eye: Floats) -> Lattice:
         """The grid's cells as rays from `eye` (m) meet them."""
