@@ -24,17 +24,25 @@ def told_across(
     messages between pairs: P(o' | E) = P(E'|E) P(o'|E') + P(not E'|E) P(o'|not E'), with prior 1/2, to the power of `share`.
     """
     m, n = occupied.shape
-    if_occupied, if_empty = occupied.copy(), empty.copy()
+    if_occupied, if_empty = np.ones((m, n)), np.ones((m, n))
+    decay = np.log(max(correlation, 1e-300))
     for i in prange(m):
         for j in (i - 1, i + 1):
-            if j < 0 or j >= m:
-                continue
-            gap = abs(bearings[i] - bearings[j])
-            for k in range(n):
-                r = min(correlation ** (gap * ranges[k]), _MOST_CORRELATION)
-                mean, half = 0.5 * (occupied[j, k] + empty[j, k]), 0.5 * r * (occupied[j, k] - empty[j, k])
-                if_occupied[i, k] *= (mean + half) ** share
-                if_empty[i, k] *= (mean - half) ** share
+            if 0 <= j < m:
+                gap = decay * abs(bearings[i] - bearings[j])
+                for k in range(n):
+                    r = min(np.exp(gap * ranges[k]), _MOST_CORRELATION)
+                    mean = 0.5 * (occupied[j, k] + empty[j, k])
+                    half = 0.5 * r * (occupied[j, k] - empty[j, k])
+                    if_occupied[i, k] *= mean + half
+                    if_empty[i, k] *= mean - half
+        for k in range(n):
+            if share == 0.5:  # much faster than a power
+                if_occupied[i, k], if_empty[i, k] = np.sqrt(if_occupied[i, k]), np.sqrt(if_empty[i, k])
+            elif share != 1.0:
+                if_occupied[i, k], if_empty[i, k] = if_occupied[i, k] ** share, if_empty[i, k] ** share
+            if_occupied[i, k] *= occupied[i, k]
+            if_empty[i, k] *= empty[i, k]
     return if_occupied, if_empty
 
 

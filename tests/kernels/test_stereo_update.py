@@ -8,17 +8,18 @@ import pytest
 from gridslam.kernels.stereo_update import tell_cells, told_across
 
 
-def test_neighbouring_rays_pass_messages_through_their_correlation() -> None:
+@pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
+def test_neighbouring_rays_pass_messages_through_their_correlation(share: float) -> None:
     rng = np.random.default_rng(0)
     occupied, empty = rng.uniform(0.2, 3.0, (2, 6, 9))
     bearings, ranges = np.sort(rng.uniform(-0.3, 0.3, 6)), np.arange(2.0, 11.0)
-    found = told_across(occupied, empty, bearings, ranges, 0.8, 0.5)
+    found = told_across(occupied, empty, bearings, ranges, 0.8, share)
     r = 0.8 ** (np.diff(bearings)[:, None] * ranges)
     same, other = 0.5 * (1.0 + r), 0.5 * (1.0 - r)
     if_occupied, if_empty = occupied.copy(), empty.copy()
     for to, source in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
-        if_occupied[to] *= np.sqrt(same * occupied[source] + other * empty[source])
-        if_empty[to] *= np.sqrt(other * occupied[source] + same * empty[source])
+        if_occupied[to] *= (same * occupied[source] + other * empty[source]) ** share
+        if_empty[to] *= (other * occupied[source] + same * empty[source]) ** share
     assert found[0] == pytest.approx(if_occupied, abs=1e-12)
     assert found[1] == pytest.approx(if_empty, abs=1e-12)
 
