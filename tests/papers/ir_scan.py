@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tests.papers.page import Experiment, Picture, Section
 from tests.papers.work import Found, Work, both, picture_of, seeds_text
 
@@ -15,6 +17,8 @@ somebody does who lays a map over a plan."""
 LAPS = """Error of the last position of six laps of four way points (47 m, 117 stops, 3 cm cells). The paper drives
 by a map made before: `on the true map`; the rows above it map while they drive."""
 FALLS_SHORT = "The paper's form misses the paper's {what} with nothing aligned."
+LONE = """ That is a cell or two in a single run, where wild readings beside each other agree; the paper's filter keeps
+them, the best settings do not."""
 
 LITTLE = """With our gyro the paper's matching changes little while mapping ({matched:.2g} cm, {gyro:.2g} cm
 without): it shifts by whole cells of 3 cm, more than there is to correct."""
@@ -67,7 +71,8 @@ def missed(found: Found) -> str:
         "largest error": 1e2 * values["max"].max() > 19.4,
     }
     names = [name for name, is_missed in checks.items() if is_missed]
-    return FALLS_SHORT.format(what=" and ".join(names)) if names else ""
+    text = FALLS_SHORT.format(what=" and ".join(names)) if names else ""
+    return text + LONE if names == ["largest error"] and np.sum(1e2 * values["max"] > 19.4) == 1 else text
 
 
 def laps(work: Work) -> Experiment:
@@ -84,7 +89,7 @@ def laps(work: Work) -> Experiment:
 
         def error(config: str, found: Found = found, override: str = override) -> str:
             values = 100 * found.values("final.trans", "ir-laps", config, override)
-            return f"{values.mean():.2g} cm (worst {values.max():.2g})"
+            return f"{values.mean():.1f} cm (worst {values.max():.1f})"
 
         rows.append((name, published, *both(error), seeds))
     gyro = mapping.mean("final.trans", "ir-laps", "paper", "gyro")
