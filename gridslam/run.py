@@ -16,7 +16,6 @@ from pydantic import BaseModel
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan
 from gridslam.core.trajectory import Trajectory
-from gridslam.kernels.start import start
 from gridslam.logs.choice import require_streams
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
@@ -142,7 +141,6 @@ def _run(
     refuse_missing_inputs(config.method_name, further)
     with open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
-        start()
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
         opened = time.perf_counter()

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event
+from gridslam.kernels.start import start
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.ir_scan.adjustment import adjust
@@ -40,6 +41,7 @@ class IrScanMapper:
     """Maps a log; `result` adjusts all stops together and draws the map, where the config says so."""
 
     def __init__(self, config: IrScanConfig, seed: int) -> None:
+        start()
         self._config = config
         self._noise = noise_of(config)
         self._tracker = Tracker(config, np.zeros((3, 3)))
