@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import heapq
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -21,12 +20,13 @@ from pydantic import BaseModel
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.core.trajectory import Trajectory
+from gridslam.kernels.compiling import timing_compilation
 from gridslam.logs.write import open_writer
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import Drive
-from gridslam.run import Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
+from gridslam.run import Clock, Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
 from gridslam.run_config import RunConfig
 from gridslam.run_counts import merge_counts
 from gridslam.simulation.contact import ContactWatch
@@ -119,52 +119,64 @@ def explore(
     Raises ConfigError: the method does not explore, lacks its drawing, or the world has no lidar or odometry.
     """
     entry = _checked(config, world, inputs)
-    started = time.perf_counter()
-    simulator = Simulator(world, world_path.parent)
-    grid = true_map(simulator.scene, world.truth)
-    method = method_builder("map", config)(
-        config.method, config.seed, **{name: item.value for name, item in inputs.items()}
-    )
-    explorer: Explores = registry.load(entry.explorer)(method, config.method, drive_of(world), config.seed)
-    limit_s = min(world.max_duration_s, longest_s or np.inf)
-    log_path = folder / LOG_NAME
-    loop = _Loop(simulator, method, explorer, show, limit_s)
-    with open_writer(log_path, force=False) as writer:
-        loop.drive(writer.write, writer.write_truth, stop)
-    before_result = time.perf_counter()
-    show(Progress(loop.events, loop.events, loop.scans, is_finishing=True))
-    result = explorer.told(method.result())
-    result = replace(result, measures=_with_facts(result.measures, loop))
-    write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
-    finished = time.perf_counter()
-    hashes = {item.path.name: item.sha256 for item in inputs.values()}
-    hashes |= {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (world_path, log_path)}
-    run = Run(
-        command="explore",
-        config=config,
-        log_path=Path(LOG_NAME),
-        inputs=hashes,
-        result=result,
-        occupancy=result.occupancy,
-        truth=_trajectory(loop.path),
-        status="interrupted" if loop.ended == "interrupted" else "complete",
-        is_lossy=False,
-        problems=_problems(loop),
-        counts=merge_counts(loop.counts, result.counters),
-        read_s=before_result - started - loop.process_s,
-        process_s=loop.process_s + finished - before_result,
-    )
-    return Explored(run, loop.ended, simulator.time_s, simulator.robot.way_m, loop.watch.clearance_m)
+    with timing_compilation() as clock:
+        started = clock.now()
+        simulator = Simulator(world, world_path.parent)
+        grid = true_map(simulator.scene, world.truth)
+        method = method_builder("map", config)(
+            config.method, config.seed, **{name: item.value for name, item in inputs.items()}
+        )
+        explorer: Explores = registry.load(entry.explorer)(
+            method, config.method, drive_of(world), config.seed
+        )
+        limit_s = min(world.max_duration_s, longest_s or np.inf)
+        log_path = folder / LOG_NAME
+        loop = _Loop(simulator, method, explorer, show, limit_s, clock.now)
+        with open_writer(log_path, force=False) as writer:
+            loop.drive(writer.write, writer.write_truth, stop)
+        before_result = clock.now()
+        show(Progress(loop.events, loop.events, loop.scans, is_finishing=True))
+        result = explorer.told(method.result())
+        result = replace(result, measures=_with_facts(result.measures, loop))
+        write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
+        finished = clock.now()
+        hashes = {item.path.name: item.sha256 for item in inputs.values()}
+        hashes |= {
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (world_path, log_path)
+        }
+        run = Run(
+            command="explore",
+            config=config,
+            log_path=Path(LOG_NAME),
+            inputs=hashes,
+            result=result,
+            occupancy=result.occupancy,
+            truth=_trajectory(loop.path),
+            status="interrupted" if loop.ended == "interrupted" else "complete",
+            is_lossy=False,
+            problems=_problems(loop),
+            counts=merge_counts(loop.counts, result.counters),
+            read_s=before_result - started - loop.process_s,
+            process_s=loop.process_s + finished - before_result,
+            compile_s=clock.seconds,
+        )
+        return Explored(run, loop.ended, simulator.time_s, simulator.robot.way_m, loop.watch.clearance_m)
 
 
 class _Loop:
     """The loop itself; what came of it is in its attributes."""
 
     def __init__(
-        self, simulator: Simulator, method: Method, explorer: Explores, show: Show, limit_s: float
+        self,
+        simulator: Simulator,
+        method: Method,
+        explorer: Explores,
+        show: Show,
+        limit_s: float,
+        now: Clock,
     ) -> None:
         self.simulator, self._method, self._explorer = simulator, method, explorer
-        self._show, self._limit_s = show, limit_s
+        self._show, self._limit_s, self._now = show, limit_s, now
         self._order = InStampOrder(HOLD_NS)
         self.watch = ContactWatch(simulator)
         self.path: list[Odometry] = []
@@ -181,9 +193,9 @@ class _Loop:
             self._take(mount, write)
         self._note_truth(write_truth)
         while not self._is_over(stop):
-            clock = time.perf_counter()
+            started = self._now()
             command = self._explorer.command()
-            self.process_s += time.perf_counter() - clock
+            self.process_s += self._now() - started
             self._step(command, write)
             self._note_truth(write_truth)
         for event in self._order.rest():
@@ -208,11 +220,11 @@ class _Loop:
                 self._take(event, write)
             if self.watch.is_touching:
                 break
-        clock = time.perf_counter()
+        started = self._now()
         now_ns = self.simulator.world.start_ns + round(self.simulator.time_s * 1e9)
         for event in self._order.ready(now_ns):
             self._method.process(event)
-        self.process_s += time.perf_counter() - clock
+        self.process_s += self._now() - started
         self._show(Progress(self.events, max(self.events, 1), self.scans))
 
     def _take(self, event: Event, write: Callable[[Event], None]) -> None:

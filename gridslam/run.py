@@ -71,6 +71,7 @@ class Run:
     counts: Counts
     read_s: float
     process_s: float
+    compile_s: float = 0.0  # kernels that numba's cache did not hold; in neither of the others
     particles: tuple[Snapshot, ...] = ()  # as time went by, where a viewer is to see them
 
 
@@ -87,6 +88,7 @@ NOTHING_MORE: Mapping[str, Input] = MappingProxyType({})
 
 Show = Callable[[Progress], None]
 Stop = Callable[[], bool]
+Clock = Callable[[], float]
 
 
 def run_map(
@@ -134,22 +136,25 @@ def _run(
     stop: Stop,
     further: Mapping[str, Input],
 ) -> Run:
+    # This imports numba, for which the checks before a run have no use.
+    from gridslam.kernels.compiling import timing_compilation
+
     started = time.perf_counter()
     build = method_builder(command, config)
     entry = registry.METHODS[config.method_name]
     refuse_unknown_inputs(config.method_name, further)
     refuse_missing_inputs(config.method_name, further)
-    with open_log(log_path, config.log, entry.reads) as log:
+    with timing_compilation() as clock, open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
-        opened = time.perf_counter()
+        opened = clock.now()
         history = ParticleHistory(method) if config.output.viewer else None
-        fed = feed(log, history or method, show, stop)
+        fed = feed(log, history or method, show, stop, clock.now)
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
-        before_result = time.perf_counter()
+        before_result = clock.now()
         result = method.result()
-        finished = time.perf_counter()
+        finished = clock.now()
         interrupted = fed.stopped or stop()
         truth = log.truth()
         inputs = {**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}}
@@ -165,8 +170,9 @@ def _run(
             is_lossy=log.is_lossy,
             problems=tuple(log.problems),
             counts=merge_counts(log.counters, result.counters),
-            read_s=opened - started + fed.read_s + time.perf_counter() - finished,
+            read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,
+            compile_s=clock.seconds,
             particles=history.snapshots if history else (),
         )
 
@@ -226,7 +232,7 @@ class Fed:
     stopped: bool
 
 
-def feed(log: Log, method: Method, show: Show, stop: Stop) -> Fed:
+def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.perf_counter) -> Fed:
     """Give all events to the method in order; in batches, to read the clock seldom and yet to stop soon.
 
     A batch grows while it takes less than 10 ms and shrinks when it takes more than 40 ms: its size changes
@@ -238,12 +244,12 @@ def feed(log: Log, method: Method, show: Show, stop: Stop) -> Fed:
     done = scans = 0
     size, most = 1, log.event_count
     while not stop():
-        t0 = time.perf_counter()
+        t0 = now()
         batch = list(islice(events, size))
-        t1 = time.perf_counter()
+        t1 = now()
         for event in batch:
             process(event)
-        t2 = time.perf_counter()
+        t2 = now()
         read_s += t1 - t0
         process_s += t2 - t1
         if not batch:

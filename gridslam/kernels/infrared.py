@@ -139,16 +139,3 @@ def count_crossed(
             else:
                 row += step_row
                 next_row += per_row
-
-
-@compiled
-def pooled_sums(values: NDArray[np.float64], cells: NDArray[np.int64], reach: int) -> NDArray[np.float64]:
-    """Sums `(n, k)` of `values` (rows, cols, k) over windows of `reach` cells about `cells` `(n, 2)`; these may lie outside."""
-    rows, cols, channels = values.shape
-    sums = np.zeros((cells.shape[0], channels))
-    for n in range(cells.shape[0]):
-        for row in range(max(cells[n, 0] - reach, 0), min(cells[n, 0] + reach + 1, rows)):
-            for col in range(max(cells[n, 1] - reach, 0), min(cells[n, 1] + reach + 1, cols)):
-                for k in range(channels):
-                    sums[n, k] += values[row, col, k]
-    return sums

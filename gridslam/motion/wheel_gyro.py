@@ -104,6 +104,7 @@ class WheelGyro:
         self._rows: list[tuple[float, float, float, float, float, float]] = []
         self._stamps: list[int] = []
         self._advanced = 0
+        self.total_rows = 0  # increments so far: a mark to which `advance_to` can go later
         self._bias = np.array([0.0, noise.bias_radps**2])
         self._state = np.zeros(4)
         self._covariance = np.zeros((4, 4))
@@ -117,11 +118,6 @@ class WheelGyro:
     def is_known(self) -> bool:
         """Whether anything was heard of the motion yet."""
         return bool(self.counters["used.wheels"] or self.counters["used.odom"])
-
-    @property
-    def total_rows(self) -> int:
-        """Increments so far: a mark to which `advance_to` can go later."""
-        return self._advanced + len(self._rows)
 
     @property
     def bias_radps(self) -> float:
@@ -261,6 +257,7 @@ class WheelGyro:
         self._gyro_used = gyro_rad
         self._rows.append((forward, sideways, turn, seconds, turned, lost))
         self._stamps.append(stamp_ns)
+        self.total_rows += 1
 
 
 def _sinc(half_turn: float) -> float:

@@ -45,8 +45,9 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
         },
         "counters": dict(sorted(run.result.counters.items())),
         "timing": {
-            "total_s": run.read_s + run.process_s + write_s,
+            "total_s": run.read_s + run.compile_s + run.process_s + write_s,
             "read_s": run.read_s,
+            "compile_s": run.compile_s,
             "process_s": run.process_s,
             "write_s": write_s,
             "method": dict(run.result.timings_s),

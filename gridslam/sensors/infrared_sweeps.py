@@ -81,6 +81,7 @@ class SweepAssembler:
 
     def __init__(self, limits: SweepLimits) -> None:
         self._limits = limits
+        self._gap_ns = limits.gap_s * 1e9
         self._tracks: dict[str, _Track] = {}
         self._first_ns = self._last_ns = 0
         self._mark = 0
@@ -105,7 +106,9 @@ class SweepAssembler:
             self.counters["skipped.range.bad_bearing"] += 1
             return None
         done = None
-        if self._tracks and (self._is_silent(stamp_ns) or self._has_moved(travelled_m, turned_rad)):
+        if self._tracks and (
+            abs(stamp_ns - self._last_ns) > self._gap_ns or self._has_moved(travelled_m, turned_rad)
+        ):
             done = self.flush()
         track, turned = self._tracks.get(reading.frame_id), 0.0
         if track is not None:
@@ -171,9 +174,6 @@ class SweepAssembler:
 
     def _is_near(self, reading: Range, other: Range) -> bool:
         return abs(math.remainder(reading.bearing_rad - other.bearing_rad, math.tau)) <= self._limits.back_rad
-
-    def _is_silent(self, stamp_ns: int) -> bool:
-        return abs(stamp_ns - self._last_ns) * 1e-9 > self._limits.gap_s
 
     def _has_moved(self, travelled_m: float, turned_rad: float) -> bool:
         limits = self._limits

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import time
+
 from numba import njit
 
-from gridslam.kernels.compiling import telling_of_compilation
+from gridslam.kernels.compiling import telling_of_compilation, timing_compilation
 
 
 def test_compilation_is_told_once_and_only_when_it_happens() -> None:
@@ -22,3 +24,26 @@ def test_compilation_is_told_once_and_only_when_it_happens() -> None:
     with telling_of_compilation(lambda: told.append("again")):
         assert one(2.0) == 3.0
     assert told == ["compiling"]
+
+
+def test_the_clock_stands_still_while_kernels_are_compiled() -> None:
+    @njit
+    def inner(x: float) -> float:
+        return x + 1.0
+
+    @njit
+    def outer(x: float) -> float:
+        return inner(x)  # compiled within the outer one: counted once
+
+    started = time.perf_counter()
+    with timing_compilation() as clock:
+        began = clock.now()
+        assert outer(1.0) == 2.0
+        took = clock.now() - began
+        compiled_s = clock.seconds
+        assert outer(2.0) == 3.0
+        assert clock.seconds == compiled_s
+    whole = time.perf_counter() - started
+    assert 0.0 < compiled_s < whole
+    assert took + compiled_s <= whole
+    assert took < compiled_s

@@ -40,15 +40,13 @@ def test_a_reading_in_the_sensors_own_cell_is_only_a_hit() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_shifted_and_pooled_sums_are_those_of_their_twins(seed: int) -> None:
+def test_shifted_sums_are_those_of_their_twins(seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.standard_normal((12, 17))
     cells = rng.integers(-6, 22, (30, 2))
     assert np.allclose(kernel.shifted_sums(values, cells, 4), twin.shifted_sums(values, cells, 4))
     changes = kernel.shifted_changes(values, cells, 4, -2, 3)
     assert np.allclose(changes, twin.shifted_changes(values, cells, 4, -2, 3))
-    channels = rng.standard_normal((12, 17, 3))
-    assert np.allclose(kernel.pooled_sums(channels, cells, 2), twin.pooled_sums(channels, cells, 2))
 
 
 def test_lines_count_the_cells_that_they_pass() -> None:

@@ -65,12 +65,3 @@ def shifted_changes(values: Floats, cells: Cells, reach: int, row_shift: int, co
                 here = under(row + row_shift, col + col_shift)
                 squares[i, j] += (here - under(row + i - reach, col + j - reach)) ** 2
     return squares
-
-
-def pooled_sums(values: Floats, cells: Cells, reach: int) -> Floats:
-    """Sums over the window about each cell, cut at the borders."""
-    padded = np.pad(values, ((50, 50), (50, 50), (0, 0)))
-    sums = []
-    for row, col in cells + 50:
-        sums.append(padded[row - reach : row + reach + 1, col - reach : col + reach + 1].sum(axis=(0, 1)))
-    return np.array(sums)

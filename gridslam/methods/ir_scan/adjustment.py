@@ -18,7 +18,7 @@ from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, jacobians, residuals
-from gridslam.methods.ir_scan.lines import lines_of_sums, moments
+from gridslam.kernels.wall_lines import equations_of_walls
 from gridslam.methods.ir_scan.stops import Place
 from gridslam.sensors.infrared import RangeNoise
 
@@ -54,12 +54,6 @@ class Readings:
             np.concatenate([np.zeros((0, 2)), *(ends.directions for _, ends in scans)]),
             np.concatenate([np.zeros(0), *(ends.ranges_m for _, ends in scans)]),
             np.concatenate([np.zeros(0), *(ends.bel for _, ends in scans)]),
-        )
-
-    def select(self, mask: NDArray[np.bool_]) -> Readings:
-        """Those that the mask `(n,)` keeps."""
-        return Readings(
-            self.place[mask], self.points[mask], self.directions[mask], self.ranges_m[mask], self.bel[mask]
         )
 
     def in_map(self, poses: Floats) -> Floats:
@@ -157,78 +151,87 @@ def _wall_terms(
     poses: Floats, readings: Readings, cell_m: float, noise: RangeNoise
 ) -> list[tuple[sparse.csr_matrix, Floats]]:
     """Normal equations of the readings on the lines of their walls, one for each of the two lattices."""
-    size = 3 * len(poses)
-    points = readings.in_map(poses)
-    weights = readings.bel / noise.variances(readings.ranges_m)[0]
-    of_points = moments(points, weights)
+    arms = rotated(readings.points, poses[readings.place, 2])
+    directions = rotated(readings.directions, poses[readings.place, 2])
+    points = arms + poses[readings.place, :2]
+    variances = np.column_stack(noise.variances(readings.ranges_m))
     terms = []
     for corner in (0.0, 0.5):
-        cells = np.floor(points / cell_m + corner).astype(np.int64)
-        keys = cells[:, 0] * (int(np.ptp(cells[:, 1])) + 1) + cells[:, 1]
-        found, wall = np.unique(keys, return_inverse=True)
-        count = len(found)
-        lines = lines_of_sums(_sums(wall, of_points, count))
-        good = lines.are_walls(_LEAST_POINTS, _THICKNESS * cell_m)[wall]
-        wall, place, at = wall[good], readings.place[good], points[good]
-        normals, centres = lines.normals[wall], lines.centres[wall]
-        off = np.sum((at - centres) * normals, axis=1)
-        along = (at - centres)[:, 0] * normals[:, 1] - (at - centres)[:, 1] * normals[:, 0]
-        variance = readings.select(good).variances(normals, poses, noise) + _MAP_M**2
-        weight = 0.5 * readings.bel[good] / variance / (1.0 + off**2 / variance / _ROBUST_SIGMAS**2) ** 2
-        arm = at - poses[place, :2]
-        jacobian = np.column_stack([normals, normals[:, 1] * arm[:, 0] - normals[:, 0] * arm[:, 1]])
-        terms.append(_eliminated(jacobian, off, along, weight, wall, place, count, size))
+        first, order = by_cell(points, cell_m, corner)
+        equations = equations_of_walls(
+            first,
+            order,
+            readings.place,
+            points,
+            arms,
+            directions,
+            variances,
+            readings.bel,
+            _LEAST_POINTS,
+            _THICKNESS * cell_m,
+            _MAP_M**2,
+            _ROBUST_SIGMAS,
+            len(poses),
+        )
+        terms.append(_eliminated(*equations))
     return terms
 
 
-def _eliminated(
-    jacobian: Floats,
-    off: Floats,
-    along: Floats,
-    weight: Floats,
-    wall: Ints,
-    place: Ints,
-    walls: int,
-    size: int,
-) -> tuple[sparse.csr_matrix, Floats]:
-    """Normal equations of residuals off = n (p - c) - d - a * along, each wall's d and a eliminated (Schur complement).
-
-    jacobian `(n, 3)` is the derivative of `off` by the pose of its place. All sums are taken by wall, by place, or by both.
+def by_cell(points: Floats, cell_m: float, corner: float) -> tuple[Ints, Ints]:
+    """Points `(n, 2)` sorted by cell of a lattice, those of a cell in their order: where each cell begins `(cells + 1,)`, and the
+    order. `corner` is the lattice's, in cells.
     """
-    weighted = weight[:, None] * jacobian
-    by_place = _sums(place, (weighted[:, :, None] * jacobian[:, None, :]).reshape(-1, 9), size // 3)
-    hessian = _block_diagonal(by_place.reshape(-1, 3, 3))
-    gradient = _sums(place, weighted * off[:, None], size // 3).ravel()
-    w0, w1, w2, r0, r1 = _sums(wall, weight[:, None] * _powers(along, off), walls).T
-    pairs, pair = np.unique(wall * (size // 3) + place, return_inverse=True)
-    mixed = _sums(pair, np.concatenate([weighted, weighted * along[:, None]], axis=1), len(pairs))
-    at_wall, at_place = np.divmod(pairs, size // 3)
-    rows = 2 * at_wall[:, None, None] + np.arange(2)[:, None]
-    columns = 3 * at_place[:, None, None] + np.arange(3)
-    shape = (len(pairs), 2, 3)
-    places = (np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel())
-    B = sparse.csr_matrix((mixed.ravel(), places), shape=(2 * walls, size))
-    w0, w2 = w0 + 1.0, w2 + 1.0  # walls without points stay regular
-    det = w0 * w2 - w1**2
-    beside = np.column_stack([-w1 / det, np.zeros(walls)]).ravel()[: 2 * walls - 1]
-    inverse = sparse.diags(
-        [np.column_stack([w2 / det, w0 / det]).ravel(), beside, beside], [0, 1, -1], format="csr"
+    cells = np.floor(points / cell_m + corner).astype(np.int64)
+    keys = cells[:, 0] * (int(np.ptp(cells[:, 1])) + 1) + cells[:, 1]
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.diff(keys[order])) + 1
+    return np.concatenate([[0], begins, [len(keys)]]), order
+
+
+def _eliminated(
+    by_place: Floats,
+    gradient: Floats,
+    of_walls: Floats,
+    wall_gradient: Floats,
+    counts: Ints,
+    mixed_place: Ints,
+    mixed: Floats,
+) -> tuple[sparse.csr_matrix, Floats]:
+    """Normal equations of the poses alone: each wall's offset and tilt eliminated (Schur complement).
+
+    The arguments are what `equations_of_walls` returns.
+    """
+    w0, w1, w2 = (
+        of_walls[:, 0] + 1.0,
+        of_walls[:, 1],
+        of_walls[:, 2] + 1.0,
+    )  # walls without points stay regular
+    inverse = np.stack([w2, -w1, -w1, w0], axis=1).reshape(-1, 2, 2) / (w0 * w2 - w1**2)[:, None, None]
+    solved = np.repeat(inverse, counts, axis=0) @ mixed
+    shape = (2 * len(counts), gradient.size)
+    first = np.concatenate([[0], np.cumsum(np.repeat(3 * counts, 2))])
+    order = _rows_of_pairs(counts)
+    columns = (3 * mixed_place[:, None] + np.arange(3))[order >> 1].ravel()
+    B, D = (
+        sparse.csr_matrix((blocks.reshape(-1, 3)[order].ravel(), columns, first), shape=shape)
+        for blocks in (mixed, solved)
     )
-    from_walls = B.T @ inverse
-    hessian = hessian - from_walls @ B
-    return hessian, np.asarray(gradient - from_walls @ np.column_stack([r0, r1]).ravel())
+    hessian = _block_diagonal(by_place) - B.T.tocsr() @ D
+    return hessian, gradient.ravel() - D.T @ wall_gradient.ravel()
 
 
-def _powers(along: Floats, off: Floats) -> Floats:
-    return np.stack([np.ones_like(along), along, along**2, off, along * off], axis=1)
+def _rows_of_pairs(counts: Ints) -> Ints:
+    """The order that puts rows (2 a pair, pairs wall by wall) so that all first rows of a wall come before its second rows."""
+    total = int(counts.sum())
+    wall, begins = np.repeat(np.arange(len(counts)), counts), np.cumsum(counts) - counts
+    place = np.arange(total) + begins[wall]  # of the pair's first row in the new order
+    order = np.empty(2 * total, np.int64)
+    order[place] = 2 * np.arange(total)
+    order[place + counts[wall]] = 2 * np.arange(total) + 1
+    return order
 
 
 def _block_diagonal(blocks: Floats) -> sparse.csr_matrix:
     """Blocks `(n, 3, 3)` along the diagonal."""
     n = len(blocks)
     return sparse.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
-
-
-def _sums(group: Ints, values: Floats, groups: int) -> Floats:
-    """Sums of the rows of `values` `(n, k)` by group: `(groups, k)`."""
-    return np.stack([np.bincount(group, column, groups) for column in values.T], axis=1).astype(np.float64)

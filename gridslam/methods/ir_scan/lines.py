@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.infrared import pooled_sums
+from gridslam.kernels.wall_lines import equations_on_lines, pooled_sums
 from gridslam.maps.growing_grid import GrowingGrid
 
 Floats = NDArray[np.float64]
 
 _CHANNELS = 7  # count, w, wx, wy, wxx, wxy, wyy
+_LEAST_POINTS = 3.0
+_ROBUST_SIGMAS = 2.5
+_MAP_M = 0.003  # deviation of the map's own lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +88,26 @@ class WallSums:
     def lines(self, points: Floats, reach_cells: int) -> Lines:
         """The line through what lies within so many cells about the cell of each point `(n, 2)`."""
         return lines_of_sums(pooled_sums(self._grid.values, self._grid.cells(points), reach_cells))
+
+    def equations(
+        self, position: Floats, arms: Floats, directions: Floats, variances: Floats, thickest_m: float
+    ) -> tuple[Floats, Floats, int]:
+        """Normal equations of points on the lines about them, by the pose of the robot at `position` `(2,)`: hessian `(3, 3)`,
+        gradient `(3,)`, and how many points are on a wall.
+
+        `arms` and the beams' unit `directions` `(n, 2)` are in the axes of the map, `variances` `(n, 2)` along and across the
+        beams.
+        """
+        hessian, gradient, on_walls = equations_on_lines(
+            self._grid.values,
+            self._grid.cells(position + arms),
+            _LEAST_POINTS,
+            thickest_m,
+            arms,
+            directions,
+            variances,
+            _MAP_M**2,
+            _ROBUST_SIGMAS,
+            position,
+        )
+        return hessian, gradient, int(on_walls)

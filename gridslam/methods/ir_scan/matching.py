@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -23,8 +24,6 @@ _SPOT_M = 0.02  # deviation of a reading about its wall in the search
 _LEAST_PRIOR = (
     np.array([0.004, 0.004, 0.004]) ** 2
 )  # what is never known better before a match, m^2, m^2, rad^2
-_ROBUST_SIGMAS = 2.5
-_MAP_M = 0.003  # deviation of the map's own lines
 _THICKNESS = 0.4  # of a straight piece of wall, as a share of its window
 _STEPS = 12
 _SETTLED = 2e-4
@@ -167,44 +166,45 @@ class WallMatcher:
         for k, turn in enumerate(turns.tolist()):
             points = ends.in_map(prior + np.array([0.0, 0.0, turn]))
             sums[k] = shifted_sums(self._spots.values, self._spots.cells(points), config.window_cells)
-        along = resolution * np.arange(-config.window_cells, config.window_cells + 1)
-        t, y, x = np.meshgrid(turns, along, along, indexing="ij")
-        offsets = np.stack([x.ravel(), y.ravel(), t.ravel()], axis=1)
-        far = np.sum(offsets @ np.linalg.inv(covariance) * offsets, axis=1)
-        score = config.point_weight * sums.ravel() - 0.5 * far
-        best = int(np.argmax(score))
-        share = np.exp(score - score[best])
+        along = np.asarray(resolution * np.arange(-config.window_cells, config.window_cells + 1), np.float64)
+        information: Floats = np.asarray(np.linalg.inv(covariance), np.float64)
+        score = config.point_weight * sums - 0.5 * _distances(information, turns, along)
+        best = np.unravel_index(int(np.argmax(score)), score.shape)
+        share = np.exp(score - score[best]).sum(axis=0)  # of each shift, whatever the turn
         share /= share.sum()
-        mean = share @ offsets
-        spread = np.sqrt(share @ np.sum((offsets[:, :2] - mean[:2]) ** 2, axis=1))
-        return prior + offsets[best], float(spread), float(sums.ravel()[best]) / len(ends)
+        squares = along**2
+        mean_x, mean_y = float(share.sum(axis=0) @ along), float(share.sum(axis=1) @ along)
+        spread = share.sum(axis=0) @ squares + share.sum(axis=1) @ squares - mean_x**2 - mean_y**2
+        offset = np.array([along[best[2]], along[best[1]], turns[best[0]]])
+        return prior + offset, math.sqrt(max(float(spread), 0.0)), float(sums[best]) / len(ends)
 
     def refine(
         self, ends: BeamEnds, start: Floats, prior: Floats, covariance: Floats
     ) -> tuple[Floats, Floats, int]:
         """Gauss-Newton: points on the lines of their walls, the odometry as prior. Pose, covariance, points on walls."""
         information = np.linalg.inv(covariance)
+        variances = np.column_stack(self._noise.variances(ends.ranges_m))
         pose, hessian, on_walls = start.copy(), information, 0
         for _ in range(_STEPS):
-            points = ends.in_map(pose)
-            lines = self._walls.lines(points, 1)
-            walls = lines.are_walls(3.0, self._thickest_m)
-            normals = np.where(walls[:, None], lines.normals, 0.0)
-            off = np.where(walls, lines.offsets(points), 0.0)
-            variance = ends.variances(_turned(normals, -pose[2]), self._noise) + _MAP_M**2
-            weight = walls / variance / (1.0 + off**2 / variance / _ROBUST_SIGMAS**2) ** 2
-            arm = points - pose[:2]
-            jacobian = np.column_stack([normals, normals[:, 1] * arm[:, 0] - normals[:, 0] * arm[:, 1]])
+            turn = np.array([0.0, 0.0, pose[2]])
+            arms, directions = (se2.transform_points(turn, v) for v in (ends.points, ends.directions))
+            of_walls, gradient, on_walls = self._walls.equations(
+                pose[:2], arms, directions, variances, self._thickest_m
+            )
             away = pose - prior
             away[2] = float(se2.wrap_angle(away[2]))
-            hessian = information + jacobian.T @ (weight[:, None] * jacobian)
-            step = -np.linalg.solve(hessian, jacobian.T @ (weight * off) + information @ away)
+            hessian = information + of_walls
+            step = -np.linalg.solve(hessian, gradient + information @ away)
             pose = pose + step
-            on_walls = int(np.count_nonzero(walls & (off**2 < 9.0 * variance)))
             if np.abs(step).max() < _SETTLED:
                 break
         return pose, np.linalg.inv(hessian), on_walls
 
 
-def _turned(vectors: Floats, angle_rad: float) -> Floats:
-    return se2.transform_points([0.0, 0.0, angle_rad], vectors)
+def _distances(information: Floats, turns: Floats, along: Floats) -> Floats:
+    """Squared Mahalanobis distances (turns, y, x) of all offsets (x, y, turn) with x and y out of `along`."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = information.tolist()
+    x, y = along[None, :], along[:, None]
+    flat = xx * x**2 + 2.0 * xy * x * y + yy * y**2
+    tilted = 2.0 * (xt * x + yt * y)
+    return np.asarray(flat + turns[:, None, None] * tilted + (tt * turns**2)[:, None, None])

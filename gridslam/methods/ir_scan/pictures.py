@@ -69,7 +69,7 @@ def raw_and_filtered(places: Sequence[Place], made: OccupancyGrid) -> Picture | 
     )
     sheet.paste(left, (0, 0))
     sheet.paste(right, (left.width + _GAP_PX, 0))
-    sheet.thumbnail((_WIDEST_PX, _WIDEST_PX))
+    sheet.thumbnail((_WIDEST_PX, _WIDEST_PX), Image.Resampling.HAMMING)
     note = (
         "Left: every reading as it was recorded, at the poses of odometry alone. Right: the map of the reliable readings at the "
         "matched poses."

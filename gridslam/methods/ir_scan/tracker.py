@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +40,16 @@ class Tracker:
         self.places = [Place(0, start, start_covariance, start, None)]
         self._is_placed = config.start is not None  # whether a fix may no longer choose the map's frame
         self._given: Factor | None = None  # the last fix, as long as there is no odometry
-        self._gyro = config.motion.use_gyro
         self.counters: Counter[str] = Counter()
+        self._takers: dict[type[Event], Callable[[Any], Place | None]] = {
+            Range: self._take_range,
+            Odometry: self._take_odometry,
+            WheelTicks: self._take_wheels,
+            PoseFix: self._take_fix,
+            Transform: self._take_transform,
+        }
+        if config.motion.use_gyro:
+            self._takers[Imu] = self._motion.add_imu
 
     @property
     def motion(self) -> WheelGyro:
@@ -48,24 +58,30 @@ class Tracker:
 
     def take(self, event: Event) -> Place | None:
         """Take in an event; returns the place of a scan that it completes, to be settled by `settle`."""
-        opened = None
+        taker = self._takers.get(type(event))
+        return None if taker is None else taker(event)
+
+    def _take_range(self, event: Range) -> Place | None:
         motion = self._motion
-        if isinstance(event, Range):
-            opened = self._sweeps.add(event, motion.total_rows, motion.travelled_m, motion.turned_rad)
-        elif isinstance(event, Imu):
-            if self._gyro:
-                motion.add_imu(event)
-        elif isinstance(event, Odometry):
-            motion.add_odometry(event)
-            opened = self._sweeps.moved(motion.travelled_m, motion.turned_rad)
-        elif isinstance(event, WheelTicks):
-            motion.add_wheels(event)
-            opened = self._sweeps.moved(motion.travelled_m, motion.turned_rad)
-        elif isinstance(event, PoseFix):
-            return self._take_fix(event)
-        elif isinstance(event, Transform) and event.is_static:
-            self._sweeps.mountings[event.child_frame_id] = mounting_of(event)
+        opened = self._sweeps.add(event, motion.total_rows, motion.travelled_m, motion.turned_rad)
         return None if opened is None else self._arrive(opened)
+
+    def _take_odometry(self, event: Odometry) -> Place | None:
+        self._motion.add_odometry(event)
+        return self._moved()
+
+    def _take_wheels(self, event: WheelTicks) -> Place | None:
+        self._motion.add_wheels(event)
+        return self._moved()
+
+    def _moved(self) -> Place | None:
+        """The place of the scan that the robot has left, if it has."""
+        opened = self._sweeps.moved(self._motion.travelled_m, self._motion.turned_rad)
+        return None if opened is None else self._arrive(opened)
+
+    def _take_transform(self, event: Transform) -> None:
+        if event.is_static:
+            self._sweeps.mountings[event.child_frame_id] = mounting_of(event)
 
     def finish(self) -> Place | None:
         """The place of the scan that is still open at the end of the log."""

@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gridslam.kernels import wall_lines as kernel
+from gridslam.methods.ir_scan.adjustment import _eliminated, by_cell
+from gridslam.methods.ir_scan.lines import moments
+from tests.reference import wall_lines as twin
+
+Floats = NDArray[np.float64]
+
+MAP_VARIANCE, ROBUST, LEAST, THICKEST = 1e-5, 2.5, 4.0, 0.05
+CELL_M = 0.15
+
+
+def directions_of(rng: np.random.Generator, n: int) -> Floats:
+    angles = rng.uniform(-np.pi, np.pi, n)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def wall_points(rng: np.random.Generator, n: int) -> Floats:
+    """Points near two walls, and a few anywhere."""
+    along, off = rng.uniform(0.0, 2.0, n), rng.normal(0.0, 0.01, n)
+    points = np.where(
+        rng.random(n)[:, None] < 0.5, np.stack([along, 0.7 + off], 1), np.stack([1.1 + off, along], 1)
+    )
+    anywhere = rng.random(n) < 0.04
+    points[anywhere] = rng.uniform(0.0, 2.0, (int(anywhere.sum()), 2))
+    return points
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pooled_sums_are_those_of_their_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    channels, cells = rng.standard_normal((12, 17, 3)), rng.integers(-6, 22, (30, 2))
+    assert np.allclose(kernel.pooled_sums(channels, cells, 2), twin.pooled_sums(channels, cells, 2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_equations_of_a_pose_are_those_of_their_twin(seed: int) -> None:
+    """The map's points lie in cells; the twin fits its lines to the points themselves."""
+    rng = np.random.default_rng(seed)
+    mapped, weights = wall_points(rng, 300), rng.uniform(0.5, 2.0, 300)
+    at = np.floor(mapped[:, ::-1] / CELL_M).astype(np.int64)
+    sums = np.zeros((16, 16, 7))
+    np.add.at(sums, (at[:, 0], at[:, 1]), moments(mapped, weights))
+    position, n = np.array([0.9, 0.4]), 60
+    points = wall_points(rng, n) + rng.normal(0.0, 0.02, 2)
+    arms, directions, variances = points - position, directions_of(rng, n), rng.uniform(1e-5, 1e-3, (n, 2))
+    cells = np.floor(points[:, ::-1] / CELL_M).astype(np.int64)
+    hessian, gradient, near = np.zeros((3, 3)), np.zeros(3), 0
+    for k in range(n):
+        about = (np.abs(at - cells[k]) <= 1).all(axis=1)
+        found = twin.line(mapped[about], weights[about], LEAST, THICKEST)
+        if found is None:
+            continue
+        centre, normal = found
+        off = float((points[k] - centre) @ normal)
+        variance = twin.variance_along(normal, directions[k], variances[k]) + MAP_VARIANCE
+        J, w = twin.pose_jacobian(normal, arms[k]), twin.weight(off, variance, ROBUST)
+        hessian, gradient = hessian + w * np.outer(J, J), gradient + w * J * off
+        near += off**2 < 9.0 * variance
+    assert near > 5
+    got = kernel.equations_on_lines(
+        sums, cells, LEAST, THICKEST, arms, directions, variances, MAP_VARIANCE, ROBUST, position
+    )
+    assert np.allclose(got[0], hessian, rtol=1e-6)
+    assert np.allclose(got[1], gradient, rtol=1e-6, atol=1e-6 * np.abs(hessian).max())
+    assert got[2] == near
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_eliminating_the_walls_is_the_schur_complement_of_the_whole_problem(seed: int) -> None:
+    """The twin writes one row for each point over all poses and all walls' offsets and tilts."""
+    rng = np.random.default_rng(seed)
+    n, places = 400, 5
+    points, place = wall_points(rng, n), np.sort(rng.integers(0, places, n))
+    arms, directions = rng.normal(0.0, 0.5, (n, 2)), directions_of(rng, n)
+    variances, bel = rng.uniform(1e-5, 1e-3, (n, 2)), rng.choice([0.5, 1.0], n)
+    first, order = by_cell(points, CELL_M, 0.5)
+    walls = len(first) - 1
+    J, off, weights = np.zeros((n, 3 * places + 2 * walls)), np.zeros(n), np.zeros(n)
+    for wall in range(walls):
+        members = order[first[wall] : first[wall + 1]]
+        found = twin.line(points[members], bel[members] / variances[members, 0], LEAST, THICKEST)
+        if found is None:
+            continue
+        centre, normal = found
+        for k in members:
+            off[k] = (points[k] - centre) @ normal
+            along = (points[k] - centre) @ np.array([normal[1], -normal[0]])
+            variance = twin.variance_along(normal, directions[k], variances[k]) + MAP_VARIANCE
+            weights[k] = 0.5 * bel[k] * twin.weight(off[k], variance, ROBUST)
+            J[k, 3 * place[k] : 3 * place[k] + 3] = twin.pose_jacobian(normal, arms[k])
+            J[k, 3 * places + 2 * wall : 3 * places + 2 * wall + 2] = -1.0, -along
+    assert np.count_nonzero(weights) > 50
+    H, g = J.T @ (weights[:, None] * J), J.T @ (weights * off)
+    p = 3 * places
+    of_walls = np.linalg.inv(H[p:, p:] + np.eye(2 * walls))
+    equations = kernel.equations_of_walls(
+        first,
+        order,
+        place,
+        points,
+        arms,
+        directions,
+        variances,
+        bel,
+        LEAST,
+        THICKEST,
+        MAP_VARIANCE,
+        ROBUST,
+        places,
+    )
+    hessian, gradient = _eliminated(*equations)
+    scale = np.abs(H[:p, :p]).max()
+    assert np.allclose(hessian.toarray(), H[:p, :p] - H[:p, p:] @ of_walls @ H[p:, :p], atol=1e-9 * scale)
+    assert np.allclose(gradient, g[:p] - H[:p, p:] @ of_walls @ g[p:], atol=1e-9 * scale)
+
+
+def test_points_are_sorted_by_cell_and_stay_in_order_within_one() -> None:
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2))
+    first, order = by_cell(points, 0.5, 0.0)
+    assert sorted(order.tolist()) == list(range(50))
+    cells = np.floor(points / 0.5)
+    seen = set()
+    for a, b in pairwise(first.tolist()):
+        members = order[a:b]
+        assert (np.diff(members) > 0).all()
+        (cell,) = {tuple(c) for c in cells[members].tolist()}
+        assert cell not in seen
+        seen.add(cell)
