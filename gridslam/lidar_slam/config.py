@@ -73,7 +73,7 @@ class MapConfig(StrictModel):
     """Log-odds of the grid maps."""
 
     resolution_m: float = Field(
-        0.05, gt=0.0, description="cell of the particles' maps and of the map without final stage"
+        0.05, gt=0.0, description="cell of the map; the final stage may set another for its own"
     )
     hit: float = Field(0.9, gt=0.0, description="log-odds that an end point adds to its cell")
     miss: float = Field(-0.4, lt=0.0, description="log-odds that a crossing beam adds to a cell")
