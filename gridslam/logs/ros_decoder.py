@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import foxglove, ros_events, ros_fast
 from gridslam.logs.config import LogConfig
+from gridslam.logs.joints import JointState, Servos, wheel_places, wheels_of
 from gridslam.logs.mcap_records import Channel, Schema
 from gridslam.logs.ros_types import KIND_OF_TYPE, decoder_of, full_name, is_standard
-from gridslam.logs.rotations import yaw_of
 from gridslam.logs.streams import printable
 
 # What decoding a damaged message may raise.
@@ -31,6 +31,7 @@ _FAST: dict[str, Callable[[bytes], Event]] = {
     "sensor_msgs/msg/Imu": ros_fast.imu,
 }
 _LITTLE = b"\x00\x01"
+_STILL = Servos()
 
 
 class ChannelDecoder:
@@ -44,7 +45,8 @@ class ChannelDecoder:
         self.stream: int | None = None
         self._config = config
         self._fast: Callable[[bytes], Event] | None = None
-        self._standard_tf = False
+        self._standard = False
+        self.joint_names: tuple[str, ...] = ()  # in the first message, where it holds joints
         self._decode: Callable[[bytes], Any] = _no_decoder
         self.is_json = channel.encoding == "json"
         if self.is_json:
@@ -55,10 +57,10 @@ class ChannelDecoder:
         elif channel.encoding != "cdr":
             self.fault = "unknown_encoding" if self.kind != "other" else ""
         elif self.kind != "other" and schema is not None:
-            self._standard_tf = self.is_tf and is_standard(schema)
-            if is_standard(schema):
+            self._standard = is_standard(schema)
+            if self._standard:
                 self._fast = _FAST.get(self.type)
-            if self._fast is not None or self._standard_tf:
+            if self._standard:
                 self._decode = _Late(schema, self.type)
             else:
                 try:
@@ -79,8 +81,8 @@ class ChannelDecoder:
         if self.type == "sensor_msgs/msg/Image" and ros_events.is_depth(self._decode(data)):
             self.kind, self._convert = "depth", ros_events.depth
         elif self.type == "sensor_msgs/msg/JointState":
-            names = [str(n) for n in self._decode(data).name]
-            if ros_events.wheel_names(names, self._config.wheels) is None:
+            self.joint_names = tuple(self.joints(data).names)
+            if wheel_places(self.joint_names, self._config.wheels) is None:
                 self.kind = "joints"
         elif self.is_json and self.kind != "other":
             self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data))
@@ -104,7 +106,7 @@ class ChannelDecoder:
         """All transforms of a tf message; those without a valid stamp have stamp -1."""
         if self.is_json:
             return foxglove.transforms(self._decode(data), static)
-        if self._standard_tf:
+        if self._standard:
             return ros_fast.transforms(data, static)
         return ros_events.transforms(self._decode(data), static)
 
@@ -115,24 +117,28 @@ class ChannelDecoder:
 
     def event(self, data: bytes, servos: Servos | None) -> Event:
         """The whole message."""
-        if self._fast is not None and data[:2] == _LITTLE:
+        is_little = data[:2] == _LITTLE
+        if self._fast is not None and is_little:
             return self._fast(data)
-        message = self._decode(data)
         if self.kind == "wheels":
-            return ros_events.wheels(message, self._config.wheels)
+            return wheels_of(self.joints(data), self._config.wheels)
         if self.kind == "range":
-            _, frame = ros_events.head(message)
-            return ros_events.reading(message, servos.bearing(frame) if servos else 0.0)
+            bearing_of = (servos or _STILL).bearing
+            if self._standard and is_little:
+                return ros_fast.reading(data, bearing_of)
+            return ros_events.reading(self._decode(data), bearing_of)
+        message = self._decode(data)
         if self.is_json and foxglove.kind_of(self.type):
             return foxglove.event(self.type, self.kind, message, self.topic)
         if self._convert is None:
             raise ValueError("no decoder")
         return self._convert(message, self.topic)
 
-    def joints(self, data: bytes) -> dict[str, float]:
+    def joints(self, data: bytes) -> JointState:
         """Angles by joint name."""
-        message = self._decode(data)
-        return {str(n): float(p) for n, p in zip(message.name, message.position, strict=False)}
+        if self._standard and data[:2] == _LITTLE:
+            return ros_fast.joints(data)
+        return ros_events.joints(self._decode(data))
 
 
 class _Late:
@@ -151,19 +157,3 @@ class _Late:
 
 def _no_decoder(data: bytes) -> Any:
     raise ValueError("no decoder")
-
-
-class Servos:
-    """The last known angle of each servo: of the joint with the ranger's name, or of tf to its frame."""
-
-    def __init__(self) -> None:
-        self._angles: dict[str, float] = {}
-
-    def learn(self, angles: Mapping[str, float]) -> None:
-        self._angles.update(angles)
-
-    def turn(self, transform: Transform) -> None:
-        self._angles[transform.child_frame_id] = yaw_of(transform.quat_wxyz)
-
-    def bearing(self, frame: str) -> float:
-        return self._angles.get(frame, 0.0)

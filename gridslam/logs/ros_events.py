@@ -20,13 +20,12 @@ from gridslam.core.messages import (
     Range,
     TagInventory,
     Transform,
-    WheelTicks,
     as_float32,
     canonical_yaw,
     readonly,
 )
 from gridslam.logs.cameras import DEPTH_ENCODINGS, camera_of, depth_of, pixels_of, unpack_picture
-from gridslam.logs.config import WheelsConfig
+from gridslam.logs.joints import JointState
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import join_stamp
 
@@ -80,11 +79,13 @@ def imu(message: Any, topic: str) -> Event:
     return Imu(*_stamp(message), float(message.angular_velocity.z))
 
 
-def reading(message: Any, bearing_rad: float) -> Event:
-    """sensor_msgs/Range with the servo's angle."""
+def reading(message: Any, bearing_of: Callable[[str], float]) -> Event:
+    """sensor_msgs/Range with the angle of the servo that turns its frame."""
+    stamp_ns, frame = _stamp(message)
     return Range(
-        *_stamp(message),
-        bearing_rad,
+        stamp_ns,
+        frame,
+        bearing_of(frame),
         as_float32(message.range),
         as_float32(message.min_range),
         as_float32(message.max_range),
@@ -202,27 +203,10 @@ def is_depth(message: Any) -> bool:
     return str(message.encoding) in DEPTH_ENCODINGS
 
 
-def wheel_names(names: list[str], config: WheelsConfig) -> tuple[int, int] | None:
-    """Places of the left and right wheel among the joints; None where the message is not about wheels.
-
-    Without a name in the config it is the first joint whose name has both `wheel` and the side in it.
-    """
-
-    def place(side: str, given: str | None) -> int | None:
-        fits = (n == given if given else "wheel" in n.lower() and side in n.lower() for n in names)
-        return next((i for i, fit in enumerate(fits) if fit), None)
-
-    left, right = place("left", config.left), place("right", config.right)
-    return None if left is None or right is None else (left, right)
-
-
-def wheels(message: Any, config: WheelsConfig) -> Event:
-    """sensor_msgs/JointState with a left and a right wheel."""
-    places = wheel_names([str(n) for n in message.name], config)
-    if places is None or max(places) >= len(message.position):
-        raise ValueError("no left and right wheel in it")
-    return WheelTicks(
-        *_stamp(message), float(message.position[places[0]]), float(message.position[places[1]])
+def joints(message: Any) -> JointState:
+    """sensor_msgs/JointState."""
+    return JointState(
+        *head(message), [str(n) for n in message.name], np.asarray(message.position, np.float64).tolist()
     )
 
 

@@ -7,12 +7,14 @@ else goes the general way.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
-from gridslam.core.messages import Imu, LaserScan, Odometry, Transform, canonical_yaw
+from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
 from gridslam.logs.cdr import CdrReader
+from gridslam.logs.joints import JointState
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import NS_PER_S, join_stamp
 from gridslam.logs.streams import printable
@@ -21,11 +23,14 @@ _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id
 _SCAN = struct.Struct(
     "<7fI"
 )  # angle_min, angle_max, angle_increment, time_increment, scan_time, range_min, range_max, n
+_LENGTH = struct.Struct("<I")
+_RANGE = struct.Struct("<4f")  # field_of_view, min_range, max_range, range
 _POSE = struct.Struct("<7d")
 _TWIST = struct.Struct("<6d")
 _COVARIANCE = 36 * 8
 _LITTLE = b"\x00\x01"
 _MAX_TRANSFORMS = 10_000
+_MAX_JOINTS = 10_000
 
 
 def head(data: bytes) -> tuple[int, bytes] | None:
@@ -45,6 +50,12 @@ def head(data: bytes) -> tuple[int, bytes] | None:
 def frame_text(frame: bytes) -> str:
     """frame_id as text, without the leading slash of old tf."""
     return printable(frame.decode().lstrip("/"))
+
+
+@lru_cache(maxsize=1024)
+def plain_text(name: bytes) -> str:
+    """The name of a joint, or of the frame that it turns, as it stands: both must fit each other."""
+    return name.decode()
 
 
 def scan(data: bytes) -> LaserScan:
@@ -92,6 +103,42 @@ def imu(data: bytes) -> Imu:
     at += -(at - 4) % 8
     (wz,) = struct.unpack_from("<d", data, at + (4 + 9 + 2) * 8)
     return Imu(seconds * NS_PER_S + nanoseconds, frame_text(data[16 : 15 + length] if length else b""), wz)
+
+
+def reading(data: bytes, bearing_of: Callable[[str], float]) -> Range:
+    """sensor_msgs/Range with the angle of the servo that turns its frame."""
+    seconds, nanoseconds, length = _HEADER.unpack_from(data, 4)
+    at = (16 + length + 1 + 3) & ~3  # after radiation_type, a byte
+    _, low, high, metres = _RANGE.unpack_from(data, at)
+    frame = plain_text(data[16 : 15 + length] if length else b"").lstrip("/")
+    return Range(seconds * NS_PER_S + nanoseconds, frame, bearing_of(frame), metres, low, high)
+
+
+def joints(data: bytes) -> JointState:
+    """sensor_msgs/JointState."""
+    seconds, nanoseconds, length = _HEADER.unpack_from(data, 4)
+    at = (16 + length + 3) & ~3
+    (count,) = _LENGTH.unpack_from(data, at)
+    if count > _MAX_JOINTS:
+        raise ValueError("too many joints")
+    at += 4
+    names = []
+    for _ in range(count):
+        at = (at + 3) & ~3
+        (size,) = _LENGTH.unpack_from(data, at)
+        at += 4
+        names.append(plain_text(data[at : at + size - 1] if size else b""))
+        at += size
+    at = (at + 3) & ~3
+    (positions,) = _LENGTH.unpack_from(data, at)
+    at += 4
+    if positions > _MAX_JOINTS:
+        raise ValueError("too many joints")
+    if positions:
+        at += -(at - 4) % 8
+    values = struct.unpack_from(f"<{positions}d", data, at)
+    frame = frame_text(data[16 : 15 + length] if length else b"")
+    return JointState(seconds * NS_PER_S + nanoseconds, frame, names, values)
 
 
 def transforms(data: bytes, static: bool) -> list[Transform]:

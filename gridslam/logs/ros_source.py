@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Literal, Protocol
 
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.config import LogConfig
+from gridslam.logs.joints import NoServoAngleError, Servos
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_records import Channel, Schema
-from gridslam.logs.ros_decoder import DECODING_ERRORS, ChannelDecoder, Servos
+from gridslam.logs.ros_decoder import DECODING_ERRORS, ChannelDecoder
 from gridslam.logs.rotations import normalise
-from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.streams import RecordedStream, Skip, printable
 
 _MOST_FRAMES = 1000
 _MOST_EDGES = 10_000
@@ -60,6 +62,8 @@ class RosSource:
         self._decoders: dict[int, ChannelDecoder] = {}
         self._tf_streams: dict[tuple[str, str, str], int] = {}
         self._survey()
+        self._servos = self._servo_names()
+        self._note_servos_of_no_ranger()
 
     @property
     def static_edges(self) -> list[Transform]:
@@ -71,7 +75,7 @@ class RosSource:
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Events in the file's order."""
-        servos = Servos()
+        servos = Servos(self._servos)
         needs_servos = any(self.streams[i].kind == "range" for i in wanted)
         tf_wanted = any(self.streams[i].kind == "tf" for i in wanted)
         decoders = self._decoders
@@ -104,6 +108,26 @@ class RosSource:
             stream = self._tf_streams.get((decoder.topic, transform.frame_id, transform.child_frame_id))
             if stream in wanted and stream is not None and transform.stamp_ns >= 0:
                 yield stream, transform
+
+    def _servo_names(self) -> frozenset[str]:
+        """Joints and moving frames: what may turn a ranger."""
+        joints = (decoder.joint_names for decoder in self._decoders.values())
+        frames = (child for _, _, child in self._tf_streams)
+        return frozenset(chain(chain.from_iterable(joints), frames))
+
+    def _note_servos_of_no_ranger(self) -> None:
+        """A ranger looks straight ahead where nothing turns it: said where there are servos that turn no ranger."""
+        rangers = sorted({frame for s in self.streams if s.kind == "range" for frame in s.frames})
+        servos = sorted(
+            {printable(n) for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names}
+        )
+        still = [frame for frame in rangers if frame not in self._servos]
+        idle = [name for name in servos if name not in rangers]
+        if still and idle:
+            self.ledger.note(
+                f"{self.files[0].name}: no joint or tf turns the rangers {', '.join(still)}: they count as fixed, looking "
+                f"straight ahead; a servo is found by its ranger's frame, and the joints {', '.join(idle)} have no ranger"
+            )
 
     def _survey(self) -> None:
         """First pass: stamps and frames of every stream, static transforms, and what cannot be read."""
@@ -210,4 +234,6 @@ def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip
 
 def _reason(error: Exception) -> str:
     """The reason under which an undecodable message is counted."""
+    if isinstance(error, NoServoAngleError):
+        return "no_servo_angle"
     return "unknown_encoding" if str(error).startswith("encoding ") else "undecodable"

@@ -42,6 +42,10 @@ _STANDARD_FIELDS = {
     "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|"
     "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|"
     "float64[9] linear_acceleration_covariance",
+    "sensor_msgs/msg/JointState": "std_msgs/Header header|string[] name|float64[] position|float64[] velocity|"
+    "float64[] effort",
+    "sensor_msgs/msg/Range": "std_msgs/Header header|uint8 radiation_type|float32 field_of_view|float32 min_range|"
+    "float32 max_range|float32 range",
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "geometry_msgs/msg/TransformStamped": "std_msgs/Header header|string child_frame_id|"
     "geometry_msgs/Transform transform",
@@ -54,6 +58,9 @@ _STANDARD_FIELDS = {
     "geometry_msgs/msg/Vector3": "float64 x|float64 y|float64 z",
     "geometry_msgs/msg/Quaternion": "float64 x|float64 y|float64 z|float64 w",
 }
+
+# What later releases have appended to them.
+_APPENDED_FIELDS = {"sensor_msgs/msg/Range": "|float32 variance"}
 
 
 def full_name(name: str) -> str:
@@ -76,9 +83,10 @@ def is_standard(schema: Schema) -> bool:
         title, _, body = section.lstrip().partition("\n")
         found[full_name(title.removeprefix("MSG:").strip())] = _fields(body)
     found.setdefault("builtin_interfaces/msg/Time", _STANDARD_FIELDS["builtin_interfaces/msg/Time"])
-    return (
-        all(fields == _STANDARD_FIELDS.get(name, fields) for name, fields in found.items())
-        and full_name(schema.name) in _STANDARD_FIELDS
+    known = {name: fields for name, fields in found.items() if name in _STANDARD_FIELDS}
+    return full_name(schema.name) in known and all(
+        fields.removesuffix(_APPENDED_FIELDS.get(name, "")) == _STANDARD_FIELDS[name]
+        for name, fields in known.items()
     )
 
 

@@ -58,10 +58,14 @@ def test_the_fast_way_and_the_general_way_give_the_same_events(tmp_path: Path) -
         ("/odom", odom),
         ("/imu", imu),
         ("/tf", tf(transform(4 * S, "a", "b", (1, 2, 3), (0.5, 0.5, 0.5, 0.5)))),
+        ("/wheels", joints(5 * S, ["arm", "left_wheel", "right_wheel_joint"], [9.0, 0.1, 0.25])),
+        ("/servo", joints(6 * S, ["ir"], [0.3])),
+        ("/range", ranger(7 * S, "/ir")),
     ]
     fast = events(write_mcap(tmp_path / "little.mcap", messages))
     general = events(write_mcap(tmp_path / "big.mcap", messages, little_endian=False))
-    assert [type(e).__name__ for e in fast] == ["LaserScan", "Odometry", "Imu", "Transform"]
+    kinds = ["LaserScan", "Odometry", "Imu", "Transform", "WheelTicks", "Range"]
+    assert [type(e).__name__ for e in fast] == kinds
     assert list(map(fingerprint, fast)) == list(map(fingerprint, general))
     assert fast[0].frame_id == "laser_link"
     assert fast[0].time_increment_s == np.float32(0.001)
@@ -82,6 +86,12 @@ def test_only_the_standard_fields_take_the_fast_way() -> None:
         "float32 angle_max", "float32 angle_min"
     )
     assert not is_standard(Schema("sensor_msgs/msg/LaserScan", "ros2msg", swapped.encode()))
+    later = HUMBLE.generate_msgdef("sensor_msgs/msg/Range", ros_version=2)[0]
+    later = later.replace("float32 range\n", "float32 range\nfloat32 variance\n")
+    assert is_standard(Schema("sensor_msgs/msg/Range", "ros2msg", later.encode()))
+    assert not is_standard(
+        Schema("sensor_msgs/msg/Range", "ros2msg", later.replace("variance", "other").encode())
+    )
     seq = text.replace("string frame_id", "string frame_id\nuint32 seq")
     assert not is_standard(Schema("sensor_msgs/msg/LaserScan", "ros2msg", seq.encode()))
 
@@ -305,11 +315,6 @@ def test_the_truth_may_lie_beside_the_log(tmp_path: Path) -> None:
 
 
 def test_wheels_are_told_by_their_joints_names(tmp_path: Path) -> None:
-    def joints(stamp: int, names: list[str], positions: list[float]) -> Any:
-        return make(
-            "sensor_msgs/msg/JointState", header=header(stamp), name=names, position=np.array(positions)
-        )
-
     names = ["head_pan", "wheel_right_joint", "wheel_left_joint"]
     path = write_mcap(tmp_path / "a.mcap", [("/joint_states", joints(S, names, [9.0, 2.0, 1.0]))])
     (event,) = events(path)
@@ -322,12 +327,17 @@ def test_wheels_are_told_by_their_joints_names(tmp_path: Path) -> None:
     assert (event.left_rad, event.right_rad) == (4.0, 3.0)
 
 
-def test_a_rangers_bearing_is_its_servos_angle(tmp_path: Path) -> None:
-    def ranger(stamp: int, frame: str) -> Any:
-        return make(
-            "sensor_msgs/msg/Range", header=header(stamp, frame), min_range=0.1, max_range=1.5, range=0.75
-        )
+def joints(stamp: int, names: list[str], positions: list[float]) -> Any:
+    return make("sensor_msgs/msg/JointState", header=header(stamp), name=names, position=np.array(positions))
 
+
+def ranger(stamp: int, frame: str) -> Any:
+    return make(
+        "sensor_msgs/msg/Range", header=header(stamp, frame), min_range=0.1, max_range=1.5, range=0.75
+    )
+
+
+def test_a_rangers_bearing_is_its_servos_angle(tmp_path: Path) -> None:
     servo = make(
         "sensor_msgs/msg/JointState",
         header=header(S),
@@ -347,6 +357,37 @@ def test_a_rangers_bearing_is_its_servos_angle(tmp_path: Path) -> None:
         ("ir_front", 0.75),
     ]
     assert [e.bearing_rad for e in found] == pytest.approx([0.5, -0.5, 0.4])
+
+
+def test_a_reading_before_its_servos_first_angle_is_counted_and_one_without_a_servo_looks_ahead(
+    tmp_path: Path,
+) -> None:
+    servo = make(
+        "sensor_msgs/msg/JointState", header=header(2 * S), name=["ir_left"], position=np.array([0.5])
+    )
+    messages = [
+        ("/range", ranger(S, "ir_left")),
+        ("/range", ranger(S, "ir_fixed")),
+        ("/servo", servo),
+        ("/range", ranger(3 * S, "ir_left")),
+    ]
+    path = write_mcap(tmp_path / "a.mcap", messages)
+    with open_log(path, None, ("range",)) as log:
+        found = [e for e in log.events() if isinstance(e, Range)]
+        assert log.counters["skipped.range.no_servo_angle"] == 1
+        assert not any("straight ahead" in line for line in log.problems)
+    assert [(e.frame_id, e.bearing_rad) for e in found] == [("ir_fixed", 0.0), ("ir_left", 0.5)]
+
+
+def test_servos_whose_names_fit_no_ranger_are_spoken_of(tmp_path: Path) -> None:
+    """Otherwise all readings would point straight ahead, and the map would be wrong without a word."""
+    servo = make("sensor_msgs/msg/JointState", header=header(S), name=["servo_1"], position=np.array([0.5]))
+    path = write_mcap(tmp_path / "a.mcap", [("/servo", servo), ("/range", ranger(2 * S, "ir_left"))])
+    with open_log(path, None, ("range",)) as log:
+        assert len([e for e in log.events() if isinstance(e, Range)]) == 1
+        (line,) = [p for p in log.problems if "straight ahead" in p]
+    assert "ir_left" in line
+    assert "servo_1" in line
 
 
 def picture(encoding: str, rows: int, cols: int, step: int, data: bytes, bigendian: int = 0) -> Any:
