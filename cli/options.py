@@ -10,7 +10,15 @@ from typing import Annotated, Any
 
 import typer
 
+from gridslam.methods.registry import MethodEntry, built_in_with
+
 from . import console
+
+
+def methods_with(has: Callable[[MethodEntry], object]) -> str:
+    """Names of methods for a text of help."""
+    return ", ".join(built_in_with(has))
+
 
 # Inputs are declared readable=False: what cannot be read is then told, with its exit code, by what reads it.
 LogPath = Annotated[
@@ -45,13 +53,19 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document in
 Drawing = Annotated[
     Path | None,
     typer.Option(
-        "--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place (handmap-slam)."
+        "--drawing",
+        metavar="PNG",
+        readable=False,
+        help=f"A hand-drawn map of the place ({methods_with(lambda entry: 'drawing' in entry.inputs)}).",
     ),
 ]
 Tags = Annotated[
     Path | None,
     typer.Option(
-        "--tags", metavar="TAGS.yaml", readable=False, help="What the RFID tags are fixed to (slam-sd)."
+        "--tags",
+        metavar="TAGS.yaml",
+        readable=False,
+        help=f"What the RFID tags are fixed to ({methods_with(lambda entry: 'tags' in entry.inputs)}).",
     ),
 ]
 

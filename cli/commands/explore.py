@@ -8,14 +8,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gridslam.methods.registry import built_in_with
+
 from .. import console
-from ..options import AsJson, ConfigName, Force, Jobs, Output, Overrides, Seed
+from ..options import AsJson, Force, Jobs, Output, Seed
 from .simulate import WorldName
 
 if TYPE_CHECKING:
     from gridslam.explore import Explored
 
 FAILED = 4
+EXPLORING = built_in_with(lambda entry: entry.explorer)
+ExploringConfig = Annotated[
+    str,
+    typer.Option(
+        "--config",
+        "-c",
+        metavar="CONFIG",
+        help=f"A YAML file, or a built-in config, of a method that can explore: {', '.join(EXPLORING)}.",
+    ),
+]
 DrawingFile = Annotated[
     Path, typer.Option("--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place.")
 ]
@@ -26,6 +38,14 @@ StartInDrawing = Annotated[
         metavar="X,Y,YAW",
         help="Where the robot starts in the drawing: metres at 0.1 m a pixel from its lower-left corner, radians. "
         "Absent: method.start of the config, or found out.",
+    ),
+]
+ExploringOverrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key of the config, for example method.exploration.frontier.enabled=false. Repeatable.",
     ),
 ]
 WorldOverrides = Annotated[
@@ -44,9 +64,9 @@ def run(
     world: WorldName,
     drawing: DrawingFile,
     output: Output,
-    config: ConfigName = "handmap-slam",
+    config: ExploringConfig = EXPLORING[0],  # the config of the method's own name
     start_in_drawing: StartInDrawing = None,
-    override: Overrides = None,
+    override: ExploringOverrides = None,
     world_override: WorldOverrides = None,
     seed: Seed = None,
     world_seed: WorldSeed = None,

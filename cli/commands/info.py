@@ -34,7 +34,18 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what a log holds: its streams, how long it is, and what is wrong with it."""
+    """Show what a log holds: its streams, how long it is, and what is wrong with it.
+
+    The table has a line for each stream. "stream" is its kind, by which methods ask for it ("truth" is what results are
+    measured by, "other" what no method reads), "topic" its name in the log (of a transform also parent->child), "type" the
+    type of its messages, "messages" how many there are, "rate Hz" how many come in a second on average, "frame" the frame that
+    they are given in, and "steps back" how often a stamp is below the one before.
+
+    A second table tells where sensors sit: "mounted" is the sensor's frame, "on" the frame that its place is given in,
+    "yaw deg" its turn about z.
+
+    What cannot be used, and what had to be assumed, is told in notes on stderr.
+    """
     from gridslam.logs.config import LogConfig
     from gridslam.logs.open import open_log
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict
+from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict, methods_with
 
 MapPath = Annotated[
     Path | None,
@@ -15,7 +15,8 @@ MapPath = Annotated[
         "--map",
         metavar="MAP",
         readable=False,
-        help="The map: a map_server YAML, or wean.dat(.gz). stereo-bayes needs none: its poses come from outside.",
+        help="The map: a map_server YAML, or wean.dat(.gz). Not needed where poses come from outside: "
+        f"{methods_with(lambda entry: entry.localizes_without_map)}.",
     ),
 ]
 Start = Annotated[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -78,6 +78,11 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
 
 
 METHODS: Mapping[str, MethodEntry] = WithPlugins(BUILT_IN, MethodEntry)
+
+
+def built_in_with(has: Callable[[MethodEntry], object]) -> list[str]:
+    """The program's own methods that have something, for texts of help: no package is looked for."""
+    return [name for name, entry in BUILT_IN.items() if has(entry)]
 
 
 def load(reference: str) -> Any:
