@@ -51,13 +51,19 @@ def check(
         list[str], typer.Argument(metavar="CONFIG...", help="YAML files or built-in configs.")
     ],
     override: Overrides = None,
+    as_json: AsJson = False,
 ) -> None:
     """Check configurations; the first that is wrong ends the command with 2."""
     from gridslam.run_config import load_run_config
 
+    valid = []
     for name in configs:
-        loaded = load_run_config(name, override or ())
-        console.emit(f"{name}: valid ({loaded.method_name})")
+        method = load_run_config(name, override or ()).method_name
+        valid.append({"config": name, "method": method})
+        if not as_json:
+            console.emit(f"{name}: valid ({method})")
+    if as_json:
+        console.emit_json({"valid": valid})
 
 
 for command in (show, schema, check):

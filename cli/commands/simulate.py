@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .. import console
-from ..options import AsJson, Overrides
+from ..options import AsJson
 
 if TYPE_CHECKING:
     from gridslam.simulation.record import Recorded
@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 STEPS = 1000  # of the progress bar
 WorldName = Annotated[
     str, typer.Argument(metavar="WORLD", help="A world file (YAML), or a built-in world such as office.")
+]
+WorldOverrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override a key of the world, for example robot.speed_mps=0.3. Repeatable.",
+    ),
 ]
 LogOutput = Annotated[
     Path | None,
@@ -40,7 +48,7 @@ def run(
     world: WorldName,
     output: LogOutput = None,
     preview: Preview = None,
-    override: Overrides = None,
+    override: WorldOverrides = None,
     seed: WorldSeed = None,
     force: Replace = False,
     as_json: AsJson = False,
@@ -51,25 +59,26 @@ def run(
     if output is None and preview is None:
         raise typer.BadParameter("nothing to do: give -o LOG, or --preview PNG", param_hint="'-o'")
     place, path = load_world(world, override or (), seed)
+    document: dict[str, object] = {}
     if preview is not None:
         from gridslam.simulation.preview import draw_world
 
         draw_world(place, path.parent, preview)
-    if output is None:
-        return
-    done = _record(place, path.parent, output, force)
-    document = {
-        "output": str(output),
-        "truth": str(done.truth),
-        "duration_s": round(done.duration_s, 3),
-        "way_m": round(done.way_m, 3),
-        "messages": done.messages,
-    }
+        document["preview"] = str(preview)
+    if output is not None:
+        done = _record(place, path.parent, output, force)
+        document |= {
+            "output": str(output),
+            "truth": str(done.truth),
+            "duration_s": round(done.duration_s, 3),
+            "way_m": round(done.way_m, 3),
+            "messages": done.messages,
+        }
+        if not as_json:
+            console.say(f"{done.duration_s:.0f} s, {done.way_m:.0f} m; the truth is in {done.truth}")
+            console.emit_table(("message", "count"), list(done.messages.items()))
     if as_json:
         console.emit_json(document)
-    else:
-        console.say(f"{done.duration_s:.0f} s, {done.way_m:.0f} m; the truth is in {done.truth}")
-        console.emit_table(("message", "count"), list(done.messages.items()))
 
 
 def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import time
 
 from .. import console
+from ..options import AsJson
 
 
-def run() -> None:
+def run(as_json: AsJson = False) -> None:
     """Compile the kernels ahead of the first run."""
     from gridslam.warm_up import warm_up
 
     started = time.perf_counter()
     warm_up()
-    console.emit(f"kernels ready after {time.perf_counter() - started:.1f} s")
+    seconds = time.perf_counter() - started
+    if as_json:
+        console.emit_json({"seconds": round(seconds, 3)})
+    else:
+        console.emit(f"kernels ready after {seconds:.1f} s")

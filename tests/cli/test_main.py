@@ -215,3 +215,59 @@ def test_no_command_shows_the_help_and_ends_with_2(cli: Cli) -> None:
         code, out, err = cli(*arguments)
         assert (code, err) == (2, "")
         assert "Commands:" in out
+
+
+def test_config_check_as_json_is_one_document(cli: Cli, config_file: Path) -> None:
+    code, out, _ = cli("config", "check", config_file, config_file, "--json")
+    assert code == 0
+    valid = {"config": str(config_file), "method": "dead-reckoning"}
+    assert json.loads(out) == {"valid": [valid, valid]}
+    assert cli("config", "check", config_file, "nowhere.yaml", "--json")[:2] == (2, "")
+
+
+def test_warmup_as_json_is_one_document(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gridslam.warm_up.warm_up", lambda: None)
+    code, out, _ = cli("warmup", "--json")
+    assert code == 0
+    assert json.loads(out).keys() == {"seconds"}
+    assert cli("warmup")[1].startswith("kernels ready after ")
+
+
+def test_a_preview_alone_as_json_is_one_document(cli: Cli, tmp_path: Path) -> None:
+    picture = tmp_path / "office.png"
+    code, out, _ = cli("simulate", "office", "--preview", picture, "--json")
+    assert code == 0
+    assert json.loads(out) == {"preview": str(picture)}
+    assert picture.exists()
+    assert cli("simulate", "office", "--preview", picture)[:2] == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("simulate", "robot.speed_mps=0.3"),
+        ("explore", "can explore: handmap-slam."),
+        ("map", "fixed to (slam-sd)."),
+        ("localize", "from outside: stereo-bayes."),
+    ],
+)
+def test_the_help_of_a_command_is_about_that_command(cli: Cli, command: str, says: str) -> None:
+    code, out, _ = cli(command, "--help")
+    assert code == 0
+    assert says in " ".join(out.split())
+
+
+def test_the_examples_of_the_help_are_valid(cli: Cli, tmp_path: Path) -> None:
+    picture = tmp_path / "office.png"
+    assert cli("simulate", "office", "--preview", picture, "--set", "robot.speed_mps=0.3")[0] == 0
+    key = "method.exploration.frontier.enabled=false"
+    assert cli("config", "check", "handmap-slam", "--set", key)[0] == 0
+    assert "method.particles=50" in cli("config", "show", "--help")[1]
+
+
+def test_the_help_of_info_explains_every_column_that_it_prints(cli: Cli, small_log: Path) -> None:
+    told = " ".join(cli("info", "--help")[1].split())
+    table = cli("info", small_log)[1]
+    for column in ("stream", "topic", "type", "messages", "rate Hz", "frame", "steps back"):
+        assert column in table
+        assert f'"{column}"' in told
