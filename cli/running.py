@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.threads import limit_threads
 from gridslam.report.directory import check_free
 from gridslam.report.document import flatten
 from gridslam.report.environment import made_with
@@ -48,7 +48,7 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
     config = load_run_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:
-        os.environ["NUMBA_NUM_THREADS"] = str(options.jobs)  # read when numba is imported, which is later
+        limit_threads(options.jobs)
     with stop_on_signals() as stop:
         run = _run(command, config, options, map_path, stop)
         _tell_problems(run)

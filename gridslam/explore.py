@@ -129,7 +129,9 @@ def explore(
         explorer: Explores = registry.load(entry.explorer)(
             method, config.method, drive_of(world), config.seed
         )
-        limit_s = min(world.max_duration_s, longest_s or np.inf)
+        limit_s, limit = min(
+            (world.max_duration_s, "max_duration_s of the world"), (longest_s or np.inf, "--longest")
+        )
         log_path = folder / LOG_NAME
         loop = _Loop(simulator, method, explorer, show, limit_s, clock.now)
         with open_writer(log_path, force=False) as writer:
@@ -154,11 +156,12 @@ def explore(
             truth=_trajectory(loop.path),
             status="interrupted" if loop.ended == "interrupted" else "complete",
             is_lossy=False,
-            problems=_problems(loop),
+            problems=_problems(loop, limit),
             counts=merge_counts(loop.counts, result.counters),
             read_s=before_result - started - loop.process_s,
             process_s=loop.process_s + finished - before_result,
             compile_s=clock.seconds,
+            given={name: item.path.name for name, item in inputs.items()},
         )
         return Explored(run, loop.ended, simulator.time_s, simulator.robot.way_m, loop.watch.clearance_m)
 
@@ -286,7 +289,7 @@ def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object
     return {**measures, "exploration": {**facts, **(told if isinstance(told, dict) else {})}}
 
 
-def _problems(loop: _Loop) -> tuple[str, ...]:
+def _problems(loop: _Loop, limit: str) -> tuple[str, ...]:
     """What a person must know of an exploration that did not end well."""
     simulator = loop.simulator
     if loop.ended == "contact":
@@ -295,7 +298,5 @@ def _problems(loop: _Loop) -> tuple[str, ...]:
             f"the robot touched something at ({x:.2f}, {y:.2f}) after {simulator.time_s:.0f} s and stopped there",
         )
     if loop.ended == "time":
-        return (
-            f"not finished after {simulator.time_s:.0f} s, the longest time; raise max_duration_s of the world",
-        )
+        return (f"not finished after {simulator.time_s:.0f} s, the longest time; raise {limit}",)
     return ()

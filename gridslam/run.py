@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
@@ -72,6 +72,7 @@ class Run:
     read_s: float
     process_s: float
     compile_s: float = 0.0  # kernels that numba's cache did not hold; in neither of the others
+    given: Mapping[str, str] = field(default_factory=dict)  # option of the command -> name of its file
     particles: tuple[Snapshot, ...] = ()  # as time went by, where a viewer is to see them
 
 
@@ -124,7 +125,9 @@ def run_localize(
         return _run("localize", config, log_path, None, show, stop, inputs)
     run = _run("localize", config, log_path, load_any_map(map_path), show, stop, inputs)
     digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
-    return replace(run, inputs={**run.inputs, map_path.name: digest})
+    return replace(
+        run, inputs={**run.inputs, map_path.name: digest}, given={"map": map_path.name, **run.given}
+    )
 
 
 def _run(
@@ -173,6 +176,7 @@ def _run(
             read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,
             compile_s=clock.seconds,
+            given={name: i.path.name for name, i in further.items()},
             particles=history.snapshots if history else (),
         )
 

@@ -74,6 +74,8 @@ def test_its_log_mapped_again_gives_the_same_bytes(explored: Path, tmp_path: Pat
         str(DRAWING),
     ]
     assert main([*arguments, "-o", str(again), "--quiet"]) == 0
+    first_line = (explored / "run.yaml").read_text().splitlines()[0]
+    assert first_line == f"# gridslam map log.mcap -c run.yaml --drawing {DRAWING.name} -o DIR"
     for name in ("map.pgm", "map.yaml", "trajectory.tum", "lines.csv"):
         assert (again / name).read_bytes() == (explored / name).read_bytes(), name
 
@@ -102,7 +104,9 @@ def test_what_cannot_be_explored_is_told_in_a_line(
     assert not (tmp_path / "run").exists()
 
 
-def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(tmp_path: Path) -> None:
+def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     output = tmp_path / "run"
     arguments = [
         "explore",
@@ -115,6 +119,7 @@ def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(tmp_path:
         "8",
     ]
     assert main([*arguments, "--start-in-drawing", START, "--quiet"]) == 4
+    assert "--longest" in capsys.readouterr().err
     facts = json.loads((output / "report.json").read_text())["measures"]["exploration"]
     assert facts["ended"] == "time"
     assert (output / "log.mcap").exists()

@@ -76,8 +76,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Let a simulated robot explore a world by a drawing of it, and map it."""
-    import os
-
+    from gridslam.core.threads import limit_threads
     from gridslam.report.directory import check_free
     from gridslam.report.write import write_run
     from gridslam.run import read_inputs
@@ -94,7 +93,7 @@ def run(
     settings = load_run_config(config, overrides, seed)
     place, path = load_world(world, world_override or (), world_seed)
     if jobs is not None:
-        os.environ["NUMBA_NUM_THREADS"] = str(jobs)  # read when numba is imported, which is later
+        limit_threads(jobs)
     from gridslam.explore import LOG_NAME, TRUTH_NAME, explore
     from gridslam.kernels.compiling import telling_of_compilation
 

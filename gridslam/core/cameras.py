@@ -27,7 +27,7 @@ def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
 class StereoHead:
     """The left camera: focal length and centre in pixels, baseline, and T_base_optical as rotation `(3, 3)` and position `(3,)`.
 
-    The optical frame has x to the right, y down and z along the view; d = f B / z (1.2).
+    The optical frame has x to the right, y down and z along the view; d = f B / z.
     """
 
     focal_px: float

@@ -1,10 +1,11 @@
-"""Extended Kalman filter over (x, y, yaw): motion from odometry, absolute poses from outside (stereo-bayes 1.1)."""
+"""Extended Kalman filter over (x, y, yaw): motion from odometry, absolute poses from outside (stereo-bayes, paper section 1)."""
 
 from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections import Counter
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,13 +55,23 @@ class _Entry:
     stamp_ns: int
     odometry: Floats
     belief: PoseBelief | None
-    refused: int  # fixes refused in a row up to here
+    rival: _Rival | None  # what the fixes refused in a row up to here say, as far as they agree
+
+
+@dataclass(frozen=True, slots=True)
+class _Rival:
+    """Another belief: of so many fixes that were refused in a row and agree with each other."""
+
+    belief: PoseBelief
+    fixes: int
 
 
 class PoseFixFilter:
     """Takes in odometry and fixes in any order of their stamps; a late fix is put where it belongs and all after it done again.
 
-    `start` is the pose of the first odometry in the map; None waits for the first fix. Counters: used.fix,
+    A fix beyond the gate is refused. When `reset_after` of them in a row agree with each other, carried along by the odometry,
+    it is the filter that is wrong: it goes on from where they say. Outliers that agree with nothing never do that.
+    `start` is the pose of the first odometry in the map; None waits for the first fix. Counters: used.fix, fix.resets,
     skipped.fix.<reason> (rejected: beyond the gate; too_late; not_finite; no_odometry).
     """
 
@@ -74,7 +85,7 @@ class PoseFixFilter:
         self._start = start
         self._entries: list[_Entry] = []
         self._fixes: list[_Fix] = []
-        self._verdicts: dict[int, str] = {}
+        self._verdicts: dict[int, tuple[str, ...]] = {}
         self._settled: Counter[str] = Counter()
         self._count = 0
         self._is_trimmed = False
@@ -84,7 +95,9 @@ class PoseFixFilter:
         """What became of the fixes."""
         waiting = sum(fix.number not in self._verdicts for fix in self._fixes)
         return (
-            self._settled + Counter(self._verdicts.values()) + Counter({"skipped.fix.no_odometry": waiting})
+            self._settled
+            + Counter(chain.from_iterable(self._verdicts.values()))
+            + Counter({"skipped.fix.no_odometry": waiting})
         )
 
     def set_noise(self, noise: MotionNoise) -> None:
@@ -116,7 +129,7 @@ class PoseFixFilter:
         if self._entries and stamp_ns <= self._entries[-1].stamp_ns:
             self._settled["skipped.odom.time_back"] += 1
             return
-        self._entries.append(_Entry(stamp_ns, odometry, None, 0))
+        self._entries.append(_Entry(stamp_ns, odometry, None, None))
         self._advance(len(self._entries) - 1)
         self._forget(stamp_ns - self._window_ns)
 
@@ -160,10 +173,10 @@ class PoseFixFilter:
         """The belief of entry k: that of the one before, moved, with the fixes between them."""
         entry = self._entries[k]
         if k == 0:
-            belief, refused, since, odometry = self._start, 0, -(2**62), entry.odometry
+            belief, rival, since, odometry = self._start, None, -(2**62), entry.odometry
         else:
             before = self._entries[k - 1]
-            belief, refused, since, odometry = before.belief, before.refused, before.stamp_ns, before.odometry
+            belief, rival, since, odometry = before.belief, before.rival, before.stamp_ns, before.odometry
         span = entry.stamp_ns - since
         low = bisect_right([fix.stamp_ns for fix in self._fixes], since)
         for fix in self._fixes[low:]:
@@ -172,15 +185,20 @@ class PoseFixFilter:
             place = (
                 se2.interpolate(odometry, entry.odometry, (fix.stamp_ns - since) / span) if k else odometry
             )
-            belief = self._moved(belief, se2.between(odometry, place))
+            belief, rival = self._moved_both(belief, rival, se2.between(odometry, place))
             odometry = np.asarray(place)
-            belief, refused = self._fixed(belief, fix, refused)
-        entry.belief = self._moved(belief, se2.between(odometry, entry.odometry))
-        entry.refused = refused
+            belief, rival = self._fixed(belief, rival, fix)
+        entry.belief, entry.rival = self._moved_both(belief, rival, se2.between(odometry, entry.odometry))
 
-    def _moved(self, belief: PoseBelief | None, step: Floats) -> PoseBelief | None:
-        if belief is None:
-            return None
+    def _moved_both(
+        self, belief: PoseBelief | None, rival: _Rival | None, step: Floats
+    ) -> tuple[PoseBelief | None, _Rival | None]:
+        return (
+            None if belief is None else self._moved(belief, step),
+            None if rival is None else _Rival(self._moved(rival.belief, step), rival.fixes),
+        )
+
+    def _moved(self, belief: PoseBelief, step: Floats) -> PoseBelief:
         c, s = np.cos(belief.pose[2]), np.sin(belief.pose[2])
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         F = np.eye(3)
@@ -188,28 +206,36 @@ class PoseFixFilter:
         covariance = F @ belief.covariance @ F.T + rotation @ self._noise.covariance(step) @ rotation.T
         return PoseBelief(se2.compose(belief.pose, step), covariance)
 
-    def _fixed(self, belief: PoseBelief | None, fix: _Fix, refused: int) -> tuple[PoseBelief, int]:
-        """The belief after a fix, and how many were refused in a row; after too many of those the filter starts at the fix."""
-        R = np.array(fix.covariance).reshape(3, 3)
-        measured = np.array(fix.pose)
-        if belief is None:
-            self._verdicts[fix.number] = "used.fix"
-            return PoseBelief(measured, R), 0
-        innovation = measured - belief.pose
+    def _fixed(
+        self, belief: PoseBelief | None, rival: _Rival | None, fix: _Fix
+    ) -> tuple[PoseBelief, _Rival | None]:
+        """The beliefs after a fix: it is used, or strengthens the rival, or begins a new one; a strong rival takes over."""
+        measured = PoseBelief(np.array(fix.pose), np.array(fix.covariance).reshape(3, 3))
+        used = measured if belief is None else self._updated(belief, measured)
+        if used is not None:
+            self._verdicts[fix.number] = ("used.fix",)
+            return used, None
+        assert belief is not None
+        agreed = None if rival is None else self._updated(rival.belief, measured)
+        rival = _Rival(measured, 1) if rival is None or agreed is None else _Rival(agreed, rival.fixes + 1)
+        if rival.fixes < self._reset_after:
+            self._verdicts[fix.number] = ("skipped.fix.rejected",)
+            return belief, rival
+        self._verdicts[fix.number] = ("used.fix", "fix.resets")
+        return rival.belief, None
+
+    def _updated(self, belief: PoseBelief, measured: PoseBelief) -> PoseBelief | None:
+        """The Kalman update by a measured pose; None where that lies beyond the gate."""
+        innovation = measured.pose - belief.pose
         innovation[2] = se2.wrap_angle(innovation[2])
-        S = belief.covariance + R
+        S = belief.covariance + measured.covariance
         if float(innovation @ np.linalg.solve(S, innovation)) > self._gate:
-            self._verdicts[fix.number] = "skipped.fix.rejected"
-            if refused + 1 < self._reset_after:
-                return belief, refused + 1
-            self._verdicts[fix.number] = "used.fix"
-            return PoseBelief(measured, R), 0
-        self._verdicts[fix.number] = "used.fix"
+            return None
         K = np.linalg.solve(S, belief.covariance).T
         pose = belief.pose + K @ innovation
         pose[2] = se2.wrap_angle(pose[2])
         left = np.eye(3) - K
-        return PoseBelief(pose, left @ belief.covariance @ left.T + K @ R @ K.T), 0
+        return PoseBelief(pose, left @ belief.covariance @ left.T + K @ measured.covariance @ K.T)
 
     def _forget(self, before_ns: int) -> None:
         """Entries older than the window cannot change any more; one of them stays to start from."""
@@ -222,6 +248,6 @@ class PoseFixFilter:
         self._is_trimmed = True
         keep = self._entries[first]
         for fix in [f for f in self._fixes if f.stamp_ns <= keep.stamp_ns]:
-            self._settled[self._verdicts.pop(fix.number, "skipped.fix.no_odometry")] += 1
+            self._settled.update(self._verdicts.pop(fix.number, ("skipped.fix.no_odometry",)))
         self._fixes = [f for f in self._fixes if f.stamp_ns > keep.stamp_ns]
         del self._entries[:first]

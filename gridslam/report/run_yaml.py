@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +15,28 @@ from gridslam.run import Run
 from gridslam.run_config import RunConfig
 
 HEADER = """\
-# gridslam {command} {log} -c run.yaml {given}-o DIR
-# gives the same map, trajectory, layers and tables again, byte for byte, under the versions below.
+# {command}
+# gives the same {what} again, byte for byte, under the versions below.
 """
 
 
 def write_run_yaml(path: Path, run: Run) -> None:
     """Write every setting of the method, also those left at their defaults, the seed and the versions."""
     document = settings_of(run.config.model_copy(update={"made_with": made_with()}))
-    given = "--map MAP.yaml " if run.command == "localize" else ""
-    log = " ".join(run.log_path.name.split())
-    header = HEADER.format(command=run.command, log=log, given=given)
+    what = "map and trajectory" if run.command == "explore" else "map, trajectory, layers and tables"
+    header = HEADER.format(command=command_again(run), what=what)
     settings = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
     # A file name need not be text: what is not becomes a question mark in the comment.
     write_atomic(path, header.encode(errors="replace") + settings.encode())
+
+
+def command_again(run: Run) -> str:
+    """The command that makes the run's result again, in one line; an exploration's log is mapped."""
+    command = "map" if run.command == "explore" else run.command
+    words = ["gridslam", command, run.log_path.name, "-c", "run.yaml"]
+    for option, name in run.given.items():
+        words += [f"--{option}", name]
+    return " ".join(shlex.quote(" ".join(word.split())) for word in [*words, "-o", "DIR"])
 
 
 def settings_of(config: RunConfig[BaseModel]) -> dict[str, Any]:

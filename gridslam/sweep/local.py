@@ -7,19 +7,19 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import FrameType
 
+from gridslam.core.threads import threads_each
 from gridslam.sweep.outcome import Outcome
 from gridslam.sweep.work import Job, Stop, do
 
 POLL_S = 0.2
 LEAVE_S = 5.0
-THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, Outcome]]:
@@ -32,7 +32,7 @@ def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tup
     count = min(processes, len(jobs))
     team: list[_Worker] = []
     try:
-        with _threads_each(max(1, (os.cpu_count() or 1) // max(count, 1))):
+        with threads_each(max(1, (os.cpu_count() or 1) // max(count, 1))):
             team += [_Worker.start() for _ in range(count)]
             while (left or any(w.job is not None for w in team)) and not stop():
                 for worker in team:
@@ -118,15 +118,3 @@ def _serve(pipe: Connection, parent: int) -> None:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     sys.exit(128 + number)  # an exception, so that unfinished folders are removed
-
-
-@contextmanager
-def _threads_each(count: int) -> Iterator[None]:
-    """Environment in which started processes use so many threads; what the user has set stays."""
-    added: Mapping[str, str] = {name: str(count) for name in THREADS if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            os.environ.pop(name, None)

@@ -91,7 +91,31 @@ def test_fixes_that_all_disagree_win_in_the_end() -> None:
     belief = tracker.at(stamp(5))
     assert belief is not None
     assert belief.pose[0] == pytest.approx(5.0, abs=0.05)
-    assert tracker.counters == {"skipped.fix.rejected": 4, "used.fix": 2}
+    assert tracker.counters == {"skipped.fix.rejected": 4, "used.fix": 2, "fix.resets": 1}
+
+
+def test_refused_fixes_agree_when_the_odometry_carries_one_to_the_next() -> None:
+    """The robot drives on while the fixes, all of one wrong belief's start, follow it."""
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+    for k in range(6):
+        tracker.add_odometry(stamp(k), np.array([0.5 * k, 0.0, 0.0]))
+        tracker.add_fix(stamp(k), np.array([5.0, 0.5 * k, np.pi / 2]), FIX)
+    belief = tracker.at(stamp(5))
+    assert belief is not None
+    np.testing.assert_allclose(belief.pose, [5.0, 2.5, np.pi / 2], atol=0.05)
+    assert tracker.counters["fix.resets"] == 1
+
+
+def test_outliers_that_agree_with_nothing_never_win_however_many_come() -> None:
+    rng = np.random.default_rng(0)
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+    for k in range(100):
+        tracker.add_odometry(stamp(k), np.zeros(3))
+        tracker.add_fix(stamp(k), np.append(rng.uniform(100.0, 2000.0, 2), 0.0), FIX)
+    belief = tracker.at(stamp(99))
+    assert belief is not None
+    np.testing.assert_allclose(belief.pose, 0.0)
+    assert tracker.counters == {"skipped.fix.rejected": 100}
 
 
 def test_fixes_older_than_the_window_are_refused() -> None:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-from gridslam.sweep.local import THREADS
+from gridslam.core.threads import VARIABLES
 from tests.benchmarks.harness import say
 from tests.conftest import REPOSITORY
 from tests.papers.page import write_section
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     say(
         f"in all {sum(module.CPU_MINUTES for module in modules.values()) / given.jobs:.0f} minutes on {given.jobs} cores"
     )
-    for name in THREADS:
+    for name in VARIABLES:
         os.environ.setdefault(name, "1")  # in each of the processes, which share the cores already
     for name, module in modules.items():
         started = time.perf_counter()

@@ -13,8 +13,9 @@ import yaml
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.map_server import load_map
 from gridslam.methods.base import RunResult
+from gridslam.report.run_yaml import command_again
 from gridslam.report.write import write_run
-from gridslam.run import Run
+from gridslam.run import Command, Run
 
 VOLATILE = {"report.json", "report.html"}
 
@@ -79,6 +80,23 @@ def test_run_yaml_holds_every_setting_and_the_versions(finished_run: Run, tmp_pa
     assert document["method"]["resolution_m"] == 0.1
     assert document["seed"] == 5
     assert document["made_with"]["libraries"]["numpy"] == np.__version__
+
+
+@pytest.mark.parametrize(
+    ("command", "given", "expected"),
+    [
+        ("map", {}, "map log.mcap -c run.yaml -o DIR"),
+        ("map", {"drawing": "my plan.png"}, "map log.mcap -c run.yaml --drawing 'my plan.png' -o DIR"),
+        ("localize", {"map": "hall.yaml"}, "localize log.mcap -c run.yaml --map hall.yaml -o DIR"),
+        ("localize", {}, "localize log.mcap -c run.yaml -o DIR"),
+        ("explore", {"drawing": "plan.png"}, "map log.mcap -c run.yaml --drawing plan.png -o DIR"),
+    ],
+)
+def test_run_yaml_begins_with_the_command_that_makes_the_run_again(
+    finished_run: Run, command: Command, given: dict[str, str], expected: str
+) -> None:
+    run = replace(finished_run, command=command, given=given, log_path=Path("there/log.mcap"))
+    assert command_again(run) == f"gridslam {expected}"
 
 
 class _Page(HTMLParser):

@@ -74,7 +74,6 @@ class PatienceConfig(StrictModel):
     progress_s: float = Field(45.0, gt=0.0, description="or when it came no nearer for so long")
     progress_m: float = Field(0.3, gt=0.0, description="what counts as nearer")
     tries: int = Field(2, ge=1, description="a point given up is tried again at the end, so often in all")
-    longest_s: float = Field(3600.0, gt=0.0, description="after which an exploration ends")
 
 
 class FrontierConfig(StrictModel):

@@ -39,6 +39,7 @@ class ParticleMaps:
         self._deviations = np.zeros((256, 3))  # of the step to each key scan
         self._scans: list[PreparedScan] = []
         self._inserted = 0  # so many of the first key scans are in the maps
+        self._best = 0
 
     @property
     def poses(self) -> Floats:
@@ -67,8 +68,8 @@ class ParticleMaps:
 
     @property
     def best(self) -> int:
-        """The particle with the largest weight (the first of equals)."""
-        return int(np.argmax(self.log_weights))
+        """The particle with the largest weight; of equals that which had it before, resampling or not."""
+        return self._best
 
     def add(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
         """One step of the filter for one more key scan, `step` (3,) from the last one by the front end's reckoning.
@@ -95,6 +96,7 @@ class ParticleMaps:
         self._scans[key] = scan
 
     def _predict(self, scan: PreparedScan, step: Floats, deviations: Floats) -> None:
+        """Move every particle by the step and noise of its own: the robot's part of slam-sd's prediction."""
         key = len(self._scans)
         if key == self._paths.shape[1]:
             self._paths = np.concatenate([self._paths, np.zeros_like(self._paths)], axis=1)
@@ -108,7 +110,7 @@ class ParticleMaps:
             self.drift.grow(before, self._paths[:, key], deviations)
 
     def _match(self, scan: PreparedScan) -> Floats:
-        """Improved proposal: every particle is drawn to its own map where the scan fits. Log likelihoods `(n,)`."""
+        """Improved proposal: every particle is drawn to its own map where the scan fits. log P(L|X) `(n,)`."""
         config = self._config.filter
         points, normals = scan.subset(config.max_points)
         predicted = self.poses.copy()
@@ -174,20 +176,26 @@ class ParticleMaps:
             )
 
     def _weigh(self, likelihood: Floats) -> None:
-        """Add what the scan says about the particles, relative to the best, to their log weights."""
+        """Add what the scan says about the particles, relative to the best, to their log weights: P(L|X) of slam-sd's eq. 6."""
         config = self._config.filter
-        gain = config.likelihood_share * (likelihood - likelihood.max())
-        self.log_weights += np.maximum(gain, -config.most_evidence)
-        self.log_weights -= self.log_weights.max()
+        self._add_evidence(config.likelihood_share * (likelihood - likelihood.max()))
 
     def weigh_paths(self, log_likelihood: Floats) -> None:
-        """Add what something else than the scan says about the particles `(n,)`, as bounded as one scan."""
-        gain = log_likelihood - log_likelihood.max()
+        """Add what something else than the scan says about the particles `(n,)`, as bounded as one scan.
+
+        Of tagged objects it is P(I|D) P(L|D) of slam-sd's eq. 6 (`landmarks.py`).
+        """
+        self._add_evidence(log_likelihood - log_likelihood.max())
+
+    def _add_evidence(self, gain: Floats) -> None:
         self.log_weights += np.maximum(gain, -self._config.filter.most_evidence)
         self.log_weights -= self.log_weights.max()
+        heaviest = int(np.argmax(self.log_weights))
+        if self.log_weights[heaviest] > self.log_weights[self._best]:
+            self._best = heaviest
 
     def _resample_if_needed(self) -> None:
-        """Residual resampling when N_eff falls below its share of the particles."""
+        """Residual resampling when N_eff = 1 / sum w^2 falls below its share of the particles, as slam-sd's paper has it."""
         n = len(self.log_weights)
         if self.effective_sample_size >= self._config.filter.resample_below * n:
             return

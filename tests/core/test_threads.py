@@ -1,0 +1,35 @@
+"""Threads are limited by the environment, which a library reads when a process first uses it: so each case is a process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from gridslam.core.threads import VARIABLES, threads_each
+
+COUNT = """
+from gridslam.core.threads import limit_threads
+limit_threads(1)
+import cv2, numba
+print(cv2.getNumThreads(), numba.get_num_threads())
+"""
+
+
+def test_a_limit_holds_for_numba_and_opencv() -> None:
+    environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["1", "1"]
+
+
+def test_what_the_user_has_set_stays_and_the_rest_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(VARIABLES[0], "7")
+    with threads_each(3):
+        assert [os.environ[name] for name in VARIABLES] == ["7", "3", "3", "3"]
+    assert [name for name in VARIABLES if name in os.environ] == [VARIABLES[0]]
