@@ -1,6 +1,6 @@
 """Gaussian kernel density in the plane, binned: a histogram and a Gaussian filter instead of a sum over all pairs.
 
-P(x) = 1 / (N h^2) sum_i K((x - x_i) / h) with K the normal density of the plane (eq. 5 of the paper).
+P(x) = 1 / (N h^2) sum_i K((x - x_i) / h) with K the normal density of the plane (ispace-mcl, eqs. 5 - 7).
 """
 
 from __future__ import annotations

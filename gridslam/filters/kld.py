@@ -8,7 +8,8 @@ import numpy as np
 def particles_needed(bins: int, error: float, quantile: float) -> int:
     """Samples that keep the Kullback-Leibler distance to a belief over `bins` bins below `error`.
 
-    `quantile` is that of the standard normal distribution for the wanted probability (2.33 for 0.99); eq. 7 of the paper.
+    `quantile` is that of the standard normal distribution for the wanted probability (2.33 for 0.99): Fox's bound, the
+    quantile of chi-square by the approximation of Wilson and Hilferty.
     """
     if bins <= 1:
         return 1

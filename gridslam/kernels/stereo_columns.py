@@ -1,4 +1,4 @@
-"""From a disparity image to one measurement for every bin of columns (stereo-bayes 2, observation)."""
+"""From a disparity image to one measurement for every bin of columns: the observation o of stereo-bayes' eq. 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The path of straight lines and circular arcs that takes the least time (paper section 2.5).
+"""The path of straight lines and circular arcs that takes the least time (stereo-bayes, paper section 2.5).
 
 1. Rough ways over the cells, from the shortest to ones that shun walls the more, pulled taut.
 2. Each leads a search over poses to a first path of Dubins pieces that meets both headings (`kernels/planning_search.py`).

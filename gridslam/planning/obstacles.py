@@ -1,4 +1,4 @@
-"""Obstacles of a map, passages too narrow for the robot closed (paper section 2.5)."""
+"""Obstacles of a map, passages too narrow for the robot closed (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A path of straight lines and circular arcs, with the speeds on it (paper section 2.5)."""
+"""A path of straight lines and circular arcs, with the speeds on it (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _SINK_SHARE = 0.002  # and what is nearer: furniture that stays
 
 
 class ColourBackground:
-    """Gaussian mixture per pixel (Zivkovic 2004, OpenCV's MOG2), cleaned by morphology (section 2.2 of the paper)."""
+    """Gaussian mixture per pixel (Zivkovic 2004, OpenCV's MOG2), cleaned by morphology (ispace-mcl, eqs. 5 - 7)."""
 
     def __init__(
         self, history: int, threshold: float, opening_px: int, closing_px: int, warm_up: int = 5

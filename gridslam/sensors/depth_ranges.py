@@ -1,4 +1,7 @@
-"""Ranges out of depth images: per column the nearest point in a height band, as a planar lidar would report it (section 2.2)."""
+"""Ranges out of depth images: per column the nearest point in a height band, as a planar lidar would report it.
+
+So a depth camera on the robot gives the ranges of ispace-mcl's onboard weight (eqs. 3 and 4).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A fixed RGB-D camera: where on the floor something moves, and where on the floor it would be seen (section 2.2)."""
+"""A fixed RGB-D camera: where on the floor something moves, and where on the floor it would be seen.
+
+The dynamic points of ispace-mcl's environment weight (eqs. 5 - 7).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""How likely a stereo measurement is for every place of the first obstacle on its ray (stereo-bayes 2, inverse sensor model)."""
+"""How likely a stereo measurement is for every place of the first obstacle on its ray.
+
+The inverse sensor model of stereo-bayes: what the P(o | E) of eq. 2 are summed up from (paper sections 2.1 to 2.3).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the fixed cameras say about poses: the environment weight (section 2.2 of the paper, eqs. 5 - 7)."""
+"""What the fixed cameras say about poses: the environment weight (ispace-mcl, eqs. 5 - 7)."""
 
 from __future__ import annotations
 

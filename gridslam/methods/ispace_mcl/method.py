@@ -1,4 +1,4 @@
-"""Monte Carlo localization along a log (sections 2.1 to 2.3 of the paper), with fixed cameras where the log has them."""
+"""Monte Carlo localization along a log (ispace-mcl), with fixed cameras where the log has them."""
 
 from __future__ import annotations
 

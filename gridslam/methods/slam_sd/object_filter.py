@@ -1,4 +1,4 @@
-"""The filter over one object's pose (x, y, yaw): P(I|D) P(L|D) over weighted poses (the paper's eq. 6).
+"""The filter over one object's pose (x, y, yaw): P(I|D) P(L|D) over weighted poses (slam-sd, eq. 6).
 
 A visit's evidence is weighed as one block, as the trajectory filter does with a block of the path: the deviation of the lidar's
 end points narrows step by step, with resampling between the steps (annealed importance sampling), so that 1000 poses
@@ -89,7 +89,7 @@ class ObjectFilter:
         return float(self._log_posterior(pose[None], self._evidence, self._config.sigma_m)[0])
 
     def log_tags(self, poses: Floats) -> Floats:
-        """log P(I|D) `(n,)`, tempered."""
+        """log P(I|D) of eq. 6 `(n,)`, tempered."""
         total = np.zeros(len(poses))
         for tag, reads in zip(self._thing.tags, self._evidence.reads, strict=True):
             total += self._evidence.rounds.log_likelihood(se2.compose(poses, tag), reads, self._model)
@@ -100,6 +100,7 @@ class ObjectFilter:
         return log_prior(self._thing, poses, self._known, walls, 0.3 * sigma, trust, self._config)
 
     def _gains(self, poses: Floats, evidence: Evidence, sigma: float) -> Floats:
+        """log P(L|D) of eq. 6 `(n,)`, relative to the scans without the object."""
         return np.asarray(
             object_weights.outline_gains(
                 np.ascontiguousarray(poses),
@@ -131,7 +132,7 @@ class ObjectFilter:
         return np.asarray(marked.reshape(x.shape).mean(axis=1))
 
     def _jitter(self, poses: Floats, sigma: float, rng: np.random.Generator) -> Floats:
-        """The diffusion that keeps resampled poses apart, as wide as the step's deviation."""
+        """The small diffusion of slam-sd's objects, which keeps resampled poses apart, as wide as the step's deviation."""
         spread = 0.5 * sigma * np.array([1.0, 1.0, 1.0 / self._thing.radius_m])
         moved = poses + spread * rng.standard_normal(poses.shape)
         moved[:, 2] = se2.wrap_angle(moved[:, 2])

@@ -1,4 +1,4 @@
-"""Tagged objects over the whole log: each visit's evidence is weighed when the visit is over.
+"""Tagged objects over the whole log: each visit's evidence is weighed when the visit is over, by slam-sd's eq. 6.
 
 The paper gives every particle of the trajectory its own filters over the objects. Here a filter lives in the frame of
 the key scan from which its object was seen: over the few metres of a visit all particles have the same path (the front

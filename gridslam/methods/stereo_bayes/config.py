@@ -28,7 +28,7 @@ class DisparityConfig(StrictModel):
 
 
 class ObservationConfig(StrictModel):
-    """From disparities to one measurement per ray (1.2)."""
+    """From disparities to one measurement per ray, the observation o of eq. 2."""
 
     bin_px: int = Field(4, ge=1, description="columns that are one ray")
     low_m: float = Field(0.15, description="what is lower is floor")
@@ -50,7 +50,7 @@ class ObservationConfig(StrictModel):
 
 
 class CorrelationConfig(StrictModel):
-    """How neighbouring cells belong together (2.3)."""
+    """How neighbouring cells belong together (paper section 2.3, eqs. 7 and 8)."""
 
     mode: Literal["fixed", "adaptive"] = Field(
         "fixed", description="adaptive: estimated anew from the map as it grows"
@@ -75,7 +75,7 @@ class CorrelationConfig(StrictModel):
 
 
 class PoseConfig(StrictModel):
-    """The Kalman filter of the pose (1.1), and what its uncertainty does to the map (1.4)."""
+    """The Kalman filter of the pose (paper section 1), and what its uncertainty does to the map (2.4)."""
 
     motion: Literal["auto", "odometry", "visual"] = Field(
         "auto", description="auto: odometry where the log has it, else visual odometry"

@@ -1,4 +1,4 @@
-"""The robot's pose for stereo-bayes: odometry or visual odometry, and fixes from outside (1.1)."""
+"""The robot's pose for stereo-bayes: odometry or visual odometry, and fixes from outside (paper section 1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a disparity image to one measurement per ray (stereo-bayes 1.2)."""
+"""From a disparity image to one measurement per ray: the observation o of stereo-bayes' eq. 2."""
 
 from __future__ import annotations
 
