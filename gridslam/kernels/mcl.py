@@ -1,4 +1,4 @@
-"""Steps of the particle filter that are loops by nature: resampling, counting bins, and making the kernels ready."""
+"""Steps of the particle filter that are loops by nature: resampling, and counting bins."""
 
 from __future__ import annotations
 

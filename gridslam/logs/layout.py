@@ -62,7 +62,7 @@ class RowStamps(StrictModel):
 
 
 class CsvStream(StrictModel):
-    """One CSV file as one stream. Columns go by our names (see COLUMNS in csv_table)."""
+    """One CSV file as one stream. Columns go by our names (see COLUMNS below)."""
 
     kind: CsvKind
     file: str = Field(min_length=1, description="path inside the folder")

@@ -1,1 +1,1 @@
-"""Localization and mapping in a space with cameras of its own."""
+"""Localization in a space with cameras of its own."""
