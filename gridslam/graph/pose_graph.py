@@ -45,16 +45,6 @@ class Edges:
             np.concatenate([p.is_loop for p in parts]),
         )
 
-    def select(self, mask: NDArray[np.bool_]) -> Edges:
-        """The edges that the mask `(m,)` keeps."""
-        return Edges(
-            self.source[mask],
-            self.target[mask],
-            self.T_source_target[mask],
-            self.information[mask],
-            self.is_loop[mask],
-        )
-
 
 def residuals(poses: Floats, edges: Edges) -> Floats:
     """Edge errors `(m, 3)`: the estimated relative pose minus the measured one, in the source's frame, yaw wrapped."""

@@ -22,7 +22,6 @@ class IcpResult:
     pose: Floats
     information: Floats
     matches: int
-    rms_m: float
 
 
 def point_to_plane(
@@ -46,9 +45,9 @@ def point_to_plane(
     flat = np.hypot(normals[:, 0], normals[:, 1]) > 0.5
     target, normals = former[flat], normals[flat]
     pose = np.array(start, np.float64)
-    information, matches, rms = np.array(prior_information, np.float64), 0, 0.0
+    information, matches = np.array(prior_information, np.float64), 0
     if not len(target) or not len(points):
-        return IcpResult(pose, information, 0, 0.0)
+        return IcpResult(pose, information, 0)
     tree = cKDTree(target)
     dims = 3 if solve_yaw else 2
     for index in range(iterations):
@@ -58,9 +57,7 @@ def point_to_plane(
         found = np.isfinite(distance)
         matches = int(found.sum())
         if matches < 3:
-            return IcpResult(
-                np.array(start, np.float64), np.array(prior_information, np.float64), matches, 0.0
-            )
+            return IcpResult(np.array(start, np.float64), np.array(prior_information, np.float64), matches)
         normal = normals[partner[found]]
         residual = (normal * (target[partner[found]] - moved[found])).sum(axis=1)
         weight = 1.0 / (1.0 + (residual / (2.0 * sigma_m)) ** 2) ** 2 / sigma_m**2
@@ -73,8 +70,7 @@ def point_to_plane(
         step = np.zeros(3)
         step[:dims] = np.linalg.solve(information[:dims, :dims], gradient[:dims])
         pose = pose + step
-        rms = float(np.sqrt(np.mean(residual**2)))
         if float(np.abs(step).max()) < _SETTLED and index >= iterations // 2:
             break
     pose[2] = float(se2.wrap_angle(pose[2]))
-    return IcpResult(pose, information, matches, rms)
+    return IcpResult(pose, information, matches)

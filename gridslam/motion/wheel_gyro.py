@@ -119,11 +119,6 @@ class WheelGyro:
         """Whether anything was heard of the motion yet."""
         return bool(self.counters["used.wheels"] or self.counters["used.odom"])
 
-    @property
-    def bias_radps(self) -> float:
-        """The gyro's bias as it is known now."""
-        return float(self._state[3])
-
     def add_wheels(self, event: WheelTicks) -> None:
         """Take in wheel angles."""
         if self._wheels is None:

@@ -44,12 +44,10 @@ class Window:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The wheel speeds chosen (m/s, left and right), the way free along them, and whether any was admissible."""
+    """The wheel speeds chosen (m/s, left and right)."""
 
     left_mps: float
     right_mps: float
-    free_m: float
-    is_admissible: bool
 
 
 def choose_speeds(
@@ -70,14 +68,14 @@ def choose_speeds(
     forward = speeds.mean(axis=1)
     admissible = (ways > needed) | (np.abs(forward) < 1e-9)
     if not admissible.any():
-        return Choice(*_braking(now, drive, window), 0.0, is_admissible=False)
+        return Choice(*_braking(now, drive, window))
     score = (
         window.heading * heading_scores(speeds, target, drive, window)
         + window.clearance * ways / window.far_m
         + window.speed * np.clip(forward, 0.0, None) / drive.max_speed_mps
     )
     best = int(np.where(admissible, score, -np.inf).argmax())
-    return Choice(float(speeds[best, 0]), float(speeds[best, 1]), float(ways[best]), is_admissible=True)
+    return Choice(float(speeds[best, 0]), float(speeds[best, 1]))
 
 
 def reachable(now: tuple[float, float], drive: Drive, window: Window) -> Floats:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.errors import ConfigError
 from gridslam.kernels.beam import sum_over_beams
 from gridslam.sensors.grid_frame import poses_in_cells
 from gridslam.sensors.lidar_beams import Beams
@@ -18,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BeamMixture:
-    """Weights of the four causes of a reading (any positive scale), their shapes, and the bins of the table."""
+    """Weights of the four causes of a reading (any scale, not all of them 0), their shapes, and the bins of the table."""
 
     sigma_m: float
     hit: float
@@ -33,10 +32,8 @@ def beam_table(model: BeamMixture, reach_m: float) -> NDArray[np.float32]:
     """Log-probability `(bins, bins)` of a measured (row) given an expected range (column); the last bin of each is the reach.
 
     Thrun et al. 2005, eqs. 6.4 - 6.12: Gaussian about the expected range and exponential before it, both normalised over
-    their support; no return; uniform. Probabilities are per bin. Raises ConfigError when the weights are all zero.
+    their support; no return; uniform. Probabilities are per bin.
     """
-    if model.hit + model.short + model.max + model.random <= 0.0:
-        raise ConfigError("method.weight: hit, short, max and random are all 0; one of them must be positive")
     last = round(reach_m / model.bin_m)
     centres = np.arange(last + 1) * model.bin_m
     edges = np.r_[0.0, centres[:-1] + 0.5 * model.bin_m, reach_m]
@@ -101,7 +98,7 @@ class BeamModel:
 def range_difference_log_likelihood(
     caster: RangeCaster, beams: Beams, poses: Floats, sigma_m: float
 ) -> Floats:
-    """-(1 / (2 sigma^2)) (1 / L) sum (z - zhat)^2 `(n,)` over L beams, both clipped at the reach (eqs. 3 and 4 of the paper)."""
+    """-(1 / (2 sigma^2)) (1 / L) sum (z - zhat)^2 `(n,)` over L beams, both clipped at the reach (ispace-mcl, eqs. 3 and 4)."""
     expected = caster.ranges(poses, beams.bearings, beams.mounting, beams.reach_m)
     off = expected - beams.ranges.astype(np.float32)
     return np.asarray(-0.5 / sigma_m**2 * np.mean(off * off, axis=1, dtype=np.float64))

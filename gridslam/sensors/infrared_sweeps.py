@@ -91,11 +91,6 @@ class SweepAssembler:
         self.counters: Counter[str] = Counter()
         self.mountings: dict[str, Mounting] = {}
 
-    @property
-    def is_open(self) -> bool:
-        """Whether there are samples of a scan that is not complete yet."""
-        return bool(self._tracks)
-
     def add(self, reading: Range, mark: int, travelled_m: float, turned_rad: float) -> OpenedScan | None:
         """Take in a reading; returns the scan before it when this one begins a new scan.
 

@@ -51,11 +51,6 @@ class Beams:
             self.ranges[chosen], bearings, returned, points, self.mounting, self.reach_m, self.unreadable
         )
 
-    def spread_points(self, most: int) -> Floats:
-        """At most so many of the end points, spread evenly."""
-        n = len(self.points)
-        return self.points if n <= most else self.points[(np.arange(most) * n) // most]
-
 
 def mounting_of(transform: Transform) -> Mounting:
     """The planar mounting of a lidar from its static transform: x, y, yaw, and whether its z axis points down."""

@@ -13,7 +13,6 @@ from gridslam.simulation.shapes import Box, Door, PoseDeg, TaggedObject, Wall
 
 Array = NDArray[np.float64]
 NO_SEGMENTS: Array = np.zeros((0, 4))
-NO_CIRCLES: Array = np.zeros((0, 3))
 
 
 def radians(pose: PoseDeg) -> Array:

@@ -32,7 +32,6 @@ def test_the_motion_between_two_scans_of_a_room_is_recovered(motion):
     present = se2.transform_points(se2.inverse(np.array(motion)), former)
     found = point_to_plane(present, former, normals, np.zeros(3), 0.6, 0.05, 1e-3 * WEAK, iterations=40)
     assert found.pose == pytest.approx(motion, abs=2e-3)
-    assert found.rms_m < 0.02
 
 
 def test_without_yaw_only_the_translation_moves():

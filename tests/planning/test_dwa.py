@@ -57,5 +57,4 @@ def test_whatever_it_chooses_it_can_stop_before_it_touches(seed: int) -> None:
 def test_before_a_wall_it_stops() -> None:
     wall = np.column_stack([np.full(40, 0.34), np.linspace(-1.0, 1.0, 40)])
     choice = choose_speeds((0.3, 0.3), np.array([2.0, 0.0]), wall, DRIVE, WINDOW)
-    assert not choice.is_admissible
-    assert choice.left_mps == pytest.approx(0.24)
+    assert (choice.left_mps, choice.right_mps) == pytest.approx((0.24, 0.24))

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from gridslam.core.errors import ConfigError
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.sensors.beam_model import BeamMixture, BeamModel, beam_table, range_difference_log_likelihood
 from gridslam.sensors.lidar_beams import Beams
@@ -44,11 +43,6 @@ def test_the_table_has_the_four_parts_of_the_mixture():
     assert table[80, expected] == pytest.approx(0.1 * 0.05 / 5.0, rel=0.02)
     assert table[last, expected] == pytest.approx(0.1, rel=0.02)
     assert table[last, last] == pytest.approx(0.8, rel=0.02)
-
-
-def test_a_mixture_without_any_part_is_an_error():
-    with pytest.raises(ConfigError, match=r"method\.weight"):
-        beam_table(BeamMixture(0.2, 0.0, 0.0, 0.0, 0.0, 0.3, 0.05), 5.0)
 
 
 def test_the_true_pose_is_the_likeliest():

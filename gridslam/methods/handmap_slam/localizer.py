@@ -42,12 +42,6 @@ class DrawingLocalizer:
         self._likelihood = DrawnLikelihood(drawn, settings.sigma_m, settings.random_share)
         self.states = np.zeros((0, 5))
         self._weights = np.zeros(0)
-        self.resamplings = 0
-
-    @property
-    def is_started(self) -> bool:
-        """Whether a scan with points was seen."""
-        return bool(len(self.states))
 
     def start(self, points: Floats) -> DrawnBelief:
         """Find pose and scale with the points `(m, 2)` of the first scan."""
@@ -99,7 +93,6 @@ class DrawingLocalizer:
         belief = self.belief(points)
         if 1.0 / np.sum(self._weights**2) < settings.resample_below * len(self.states):
             self._redraw(settings.particles)
-            self.resamplings += 1
         return belief
 
     def recall(self, state: Floats) -> None:

@@ -28,10 +28,9 @@ SUBMAP_CELL_M = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """All scans' poses `(n, 3)`, the key scans' poses `(k, 3)`, the map, and what the final stage did."""
+    """All scans' poses `(n, 3)`, the map, and what the final stage did."""
 
     poses: Floats
-    key_poses: Floats
     occupancy: OccupancyGrid
     refined: Refined | None
 
@@ -57,4 +56,4 @@ def finish_map(
         key_poses = np.asarray(se2.compose(track[keys[0]], se2.between(refined.poses[0], refined.poses)))
         resolution = config.final_stage.resolution_m or resolution
     occupancy = draw_map(scans, key_poses, resolution, config.map, config.memory_limit_mb)
-    return Finished(spread_corrections(track, keys, key_poses), key_poses, occupancy, refined)
+    return Finished(spread_corrections(track, keys, key_poses), occupancy, refined)
