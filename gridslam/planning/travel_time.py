@@ -1,4 +1,4 @@
-"""How fast a path of lines and arcs can be driven (stereo-bayes, paper section 2.5: the speed on an arc is limited by its radius)."""
+"""How fast a path of lines and arcs can be driven: on an arc its radius limits the speed (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 
