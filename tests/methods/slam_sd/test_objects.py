@@ -16,6 +16,7 @@ from gridslam.evaluation.object_files import read_objects
 from gridslam.logs.config import LogConfig
 from gridslam.logs.open import open_log
 from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.preview import render_map
 from gridslam.maps.tag_database import ObjectTag, TagDatabase, load_tag_database
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -111,9 +112,25 @@ def test_objects_are_in_the_composed_map_only_and_leave_no_ghosts(finished: RunR
     assert occupied(composed, 4.6, 0.22) == 1.0
 
 
-def test_objects_are_drawn_on_a_picture(finished: RunResult) -> None:
-    colours = {tuple(c) for c in finished.pictures["objects"].rgb.reshape(-1, 3)[::7]}
-    assert len(colours) > 10
+BLUE, RED = (30, 110, 200), (205, 45, 45)
+MIDDLES = {"large-door": (0.45, 0.0), "bin": (0.0, 0.0)}  # in the objects' own frames
+
+
+def test_objects_are_drawn_where_they_are_and_red_where_they_were_moved(finished: RunResult) -> None:
+    static, picture = finished.maps["static"], finished.pictures["objects"].rgb.astype(float)
+    plain = np.asarray(render_map(static, finished.trajectory)).astype(float)
+    moved = []
+    for row in table_rows(finished):
+        pose = np.array([float(row[k]) for k in ("x", "y", "yaw")])
+        middle = se2.transform_points(pose, np.array([MIDDLES[row["class"]]]))
+        dotted = np.asarray(render_map(static, finished.trajectory, points=middle)).astype(float)
+        y, x = np.argwhere((dotted != plain).any(axis=2)).mean(axis=0).round().astype(int)
+        colour = np.array(RED if row["moved"] == "true" else BLUE)
+        off, off_without = np.abs(picture[y, x] - colour).max(), np.abs(plain[y, x] - colour).max()
+        assert off_without > 50, row["id"]
+        assert off < 0.5 * off_without + 3, row["id"]  # half of what lies under an object shines through
+        moved.append(row["moved"])
+    assert sorted(moved) == ["false", "true", "true", "true"]
 
 
 def silent(events: Iterable[Event]) -> Iterator[Event]:
