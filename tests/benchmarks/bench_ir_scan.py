@@ -1,4 +1,4 @@
-"""ir-scan in the simulated infrared room, over six laps, and on the real log of a turning ranger.
+"""ir-scan in the simulated infrared room, and over six laps.
 
 Errors are absolute, the start of the robot being known, but where a name says `aligned`: there the path is laid on the true one
 first, as `gridslam evaluate` does by default with a map. Seeds 0 to 19 were not used for tuning. The paper's settings are run
@@ -12,12 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.methods.ir_scan.method import IrScanLocalizer
 from gridslam.run_config import load_run_config
-from tests.benchmarks import infrared_stations as real
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.infrared_drives import Drive, Scores, drive, localized, mapped
-from tests.benchmarks.real_places import data_dir
 
 SEEDS = range(20)
 PAPER_RUNS = range(5)
@@ -25,12 +22,11 @@ LAPS_CELL = "method.resolution_m=0.03"
 
 
 def rows() -> Iterator[Row]:
-    """Rooms, laps, stations."""
+    """Rooms and laps."""
     rides = [drive("ir-room", seed) for seed in SEEDS]
     yield from map_rows("paper", [mapped(rides[seed], settings("paper/ir-scan")) for seed in PAPER_RUNS])
     yield from map_rows("best", [mapped(ride, settings("ir-scan")) for ride in rides])
     yield from lap_rows()
-    yield from station_rows()
 
 
 def settings(name: str, *overrides: str) -> IrScanConfig:
@@ -104,41 +100,3 @@ def on_the_true_map(ride: Drive, config: IrScanConfig) -> float:
     """Final position error (m) of `localize` on the true map, from the true start."""
     start = tuple(ride.truth.poses[0].tolist())
     return localized(ride, config.model_copy(update={"start": start}))
-
-
-def station_rows() -> Iterator[Row]:
-    """Stations of the real log, disturbed by up to ten cells of 5 cm, before and after matching on the map of the six stations;
-    and on the map of the five others, where rooms share little more than doors.
-    """
-    folder = data_dir()
-    if folder is None:
-        return
-    stations = real.read_stations(folder)
-    for kind, drawing in (("shift", "pos"), ("search", "surfaces")):
-        config, still = real.config_of(kind), real.config_of("none", drawing)
-        made = real.map_of(stations.events, still)
-        before, after = [], []
-        for seed in SEEDS:
-            shifts = real.disturbances(seed, len(stations.xy))
-            found = real.found_stations(IrScanLocalizer(config, 0, made), real.disturbed(stations, shifts))
-            before.append(np.hypot(*shifts.T))
-            after.append(real.errors(found, stations.xy))
-        say(f"stations {kind}, seed 0, before (cm): {np.round(100 * before[0], 1).tolist()}")
-        say(f"stations {kind}, seed 0, after, two sweeps each (cm): {np.round(100 * after[0], 1).tolist()}")
-        yield Row(f"ir_scan.stations.{kind}.before.mean", 100 * float(np.mean(before)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.after.mean", 100 * float(np.mean(after)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.after.max", 100 * float(np.max(after)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.left_out.mean", 100 * left_out(stations, config, still), "cm")
-
-
-def left_out(stations: real.Stations, config: IrScanConfig, still: IrScanConfig) -> float:
-    """Mean error (m) of stations that are matched on the map of the five others, over five seeds."""
-    errors = []
-    for k, xy in enumerate(stations.xy):
-        made = real.map_of(real.without(stations, k).events, still)
-        alone = real.without(stations, k, keep_only=True)
-        for seed in PAPER_RUNS:
-            shifts = real.disturbances(seed, len(stations.xy))
-            found = real.found_stations(IrScanLocalizer(config, 0, made), real.disturbed(alone, shifts))
-            errors.append(np.hypot(*(found - xy).T).mean())
-    return float(np.mean(errors))

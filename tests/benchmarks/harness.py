@@ -1,7 +1,8 @@
 """Benchmarks: every `bench_*.py` beside this file gives rows, `bounds.yaml` says what they may not exceed.
 
 Run with `make bench`, or `python -m tests.benchmarks.harness [NAME ...]` for single files. A file exposes
-`rows() -> Iterable[Row]`; a benchmark whose data is not there gives no rows and says so on stderr.
+`rows() -> Iterable[Row]`; a benchmark whose data is not there gives no rows and says so on stderr. One that gives any must
+give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ import importlib
 import math
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,18 +41,32 @@ class Row:
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
 
-def read_bounds(path: Path) -> dict[str, dict[str, float]]:
-    """`name: {at_most: x}` or `name: {at_least: x}`."""
+Bounds = Mapping[str, Mapping[str, float]]  # of one benchmark, by the name of the row
+
+
+def benchmarks() -> list[str]:
+    """The names of all benchmarks."""
+    return sorted(path.stem.removeprefix("bench_") for path in HERE.glob("bench_*.py"))
+
+
+def read_bounds(path: Path) -> dict[str, Bounds]:
+    """For each benchmark `row: {at_most: x}` or `row: {at_least: x}`."""
     document = yaml.safe_load(path.read_text()) or {}
-    for name, bound in document.items():
-        if not isinstance(bound, dict) or len(bound) != 1 or not {"at_most", "at_least"} >= set(bound):
-            raise ValueError(
-                f"{path}: {name}: expected {{at_most: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
-            )
+    for benchmark, bounds in document.items():
+        for name, bound in bounds.items():
+            if (
+                not isinstance(bound, dict)
+                or len(bound) != 1
+                or not {"at_most", "at_least"} >= set(bound)
+                or not all(isinstance(value, int | float) for value in bound.values())
+            ):
+                raise ValueError(
+                    f"{path}: {benchmark}: {name}: expected {{at_most: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
+                )
     return document
 
 
-def bounded(row: Row, bounds: dict[str, dict[str, float]]) -> Row:
+def bounded(row: Row, bounds: Bounds) -> Row:
     """The row with the bound that the file sets, which wins over the row's own."""
     if row.name not in bounds:
         return row
@@ -58,16 +74,29 @@ def bounded(row: Row, bounds: dict[str, dict[str, float]]) -> Row:
     return replace(row, bound=float(value), at_least=kind == "at_least")
 
 
-def measure(names: Sequence[str]) -> Iterator[Row]:
-    """The rows of the named files, in order; of all files without names."""
-    files = sorted(path.stem for path in HERE.glob("bench_*.py"))
-    chosen = [f"bench_{name.removeprefix('bench_')}" for name in names] or files
-    for file in chosen:
-        if file not in files:
-            raise SystemExit(f"no benchmark {file!r}; there are: {', '.join(files)}")
+def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str]]) -> list[str]:
+    """The bounds that no row has met, as `benchmark: row`, given the names of the rows that each benchmark has given.
+
+    A benchmark that has given none, or was not run, has nothing to meet; one that does not exist has lost its bounds.
+    """
+    return [
+        f"{benchmark}: {name}"
+        for benchmark, rows in bounds.items()
+        for name in rows
+        if benchmark not in benchmarks() or (found.get(benchmark) and name not in found[benchmark])
+    ]
+
+
+def measure(names: Sequence[str]) -> Iterator[tuple[str, Row]]:
+    """The rows of the named benchmarks, in order, each with its benchmark's name; of all benchmarks without names."""
+    known = benchmarks()
+    for name in [name.removeprefix("bench_") for name in names] or known:
+        if name not in known:
+            raise SystemExit(f"no benchmark {name!r}; there are: {', '.join(known)}")
         started = time.perf_counter()
-        yield from importlib.import_module(f"tests.benchmarks.{file}").rows()
-        say(f"{file}: {time.perf_counter() - started:.1f} s")
+        for row in importlib.import_module(f"tests.benchmarks.bench_{name}").rows():
+            yield name, row
+        say(f"{name}: {time.perf_counter() - started:.1f} s")
 
 
 def say(line: str) -> None:
@@ -88,11 +117,18 @@ def table(rows: Iterable[Row]) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure, print, and say by the exit code whether all bounds hold."""
+    """Measure, print, and say by the exit code whether all bounds hold, and whether each belongs to a row."""
     bounds = read_bounds(HERE / "bounds.yaml")
-    rows = [bounded(row, bounds) for row in measure(arguments)]
+    rows: list[Row] = []
+    found: defaultdict[str, set[str]] = defaultdict(set)
+    for benchmark, row in measure(arguments):
+        rows.append(bounded(row, bounds.get(benchmark, {})))
+        found[benchmark].add(row.name)
     print(table(rows))  # noqa: T201
-    return 0 if all(row.holds for row in rows) else 1
+    lost = without_row(bounds, found)
+    for bound in lost:
+        say(f"bounds.yaml: {bound}: no such row was measured; was it renamed?")
+    return 0 if not lost and all(row.holds for row in rows) else 1
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.benchmarks.harness import HERE, Row, bounded, read_bounds, table
+from tests.benchmarks import harness
+from tests.benchmarks.harness import HERE, Row, benchmarks, bounded, read_bounds, table, without_row
 
 
 def test_a_bound_holds_from_both_sides() -> None:
@@ -25,10 +26,49 @@ def test_the_file_sets_bounds_by_name() -> None:
 
 def test_a_malformed_bound_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "bounds.yaml"
-    file.write_text("a: 3\n")
-    with pytest.raises(ValueError, match="at_most"):
-        read_bounds(file)
+    for bound in ("3", "{at_most: 3, at_least: 1}", "{most: 3}", "{at_most: three}"):
+        file.write_text(f"b:\n  a: {bound}\n")
+        with pytest.raises(ValueError, match="at_most"):
+            read_bounds(file)
 
 
-def test_the_stored_bounds_are_well_formed() -> None:
-    assert read_bounds(HERE / "bounds.yaml")
+def test_the_stored_bounds_are_well_formed_and_belong_to_benchmarks() -> None:
+    bounds = read_bounds(HERE / "bounds.yaml")
+    assert bounds.keys() <= set(benchmarks())
+    assert all(bounds.values())
+
+
+def test_a_bound_without_its_row_is_told_where_the_benchmark_gave_others() -> None:
+    bounds = {"cli": {"a": {"at_most": 1.0}, "b": {"at_most": 1.0}}, "plan": {"c": {"at_most": 1.0}}}
+    assert without_row(bounds, {"cli": {"a"}}) == ["cli: b"]
+    assert without_row(bounds, {"cli": {"a", "b"}}) == []
+    assert without_row(bounds, {"cli": {"a", "b"}, "plan": set()}) == []
+    assert without_row({"gone": {"a": {"at_most": 1.0}}}, {}) == ["gone: a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "code", "says"),
+    [
+        ("cli.help", 0.5, 0, ""),
+        ("cli.help", 1.5, 1, "BROKEN"),
+        ("cli.helps", 0.5, 1, "bounds.yaml: cli: cli.help: no such row"),
+    ],
+)
+def test_a_broken_bound_or_one_without_its_row_ends_with_1(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    value: float,
+    code: int,
+    says: str,
+) -> None:
+    (tmp_path / "bounds.yaml").write_text("cli:\n  cli.help: {at_most: 0.8}\nplan:\n  x: {at_most: 1}\n")
+    (tmp_path / "bench_cli.py").touch()
+    (tmp_path / "bench_plan.py").touch()
+    monkeypatch.setattr(harness, "HERE", tmp_path)
+    monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [Row(name, value, "s")])
+    monkeypatch.setattr("tests.benchmarks.bench_plan.rows", list)
+    assert harness.main([]) == code
+    out, err = capsys.readouterr()
+    assert says in out + err
