@@ -20,6 +20,8 @@ from gridslam.run_config import load_run_config
 from gridslam.run_counts import merge_counts
 from tests.benchmarks.harness import Row
 
+ALONE = True
+
 
 def rows() -> Iterator[Row]:
     """Start-up of `--help`, and a run directory of a 100 m x 100 m map with 10,000 poses."""

@@ -18,6 +18,8 @@ from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from tests.benchmarks.harness import Row
 
+ALONE = True
+
 POSES = 7_000
 RELATIONS = 100_000
 

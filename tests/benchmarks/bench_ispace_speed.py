@@ -28,6 +28,8 @@ from gridslam.sensors.likelihood_field import distance_field, occupied_cells
 from tests.benchmarks.harness import Row
 from tests.conftest import REPOSITORY
 
+ALONE = True
+
 PARTICLES, BEAMS = 10_000, 60
 ROWS, COLS = 480, 640
 CONFIG = CamerasConfig()

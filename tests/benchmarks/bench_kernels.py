@@ -19,6 +19,8 @@ from tests.reference import log_odds as log_odds_twin
 from tests.reference import surfels as surfels_twin
 from tests.reference.segment_casting import cast_one
 
+ALONE = True
+
 Floats = NDArray[np.float64]
 Call = Callable[[], object]
 

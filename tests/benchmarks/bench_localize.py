@@ -30,6 +30,8 @@ from tests.benchmarks.real_places import data_dir, place
 from tests.methods.ispace_mcl.building import building
 from tests.reference.ray_traversal import cast_cell_by_cell
 
+ALONE = True
+
 Floats = NDArray[np.float64]
 
 PARTICLES = 10_000

@@ -17,6 +17,8 @@ from gridslam.logs import open_log
 from gridslam.logs.mcap_writer import McapWriter
 from tests.benchmarks.harness import Row
 
+ALONE = True
+
 SCANS, BEAMS = 20_000, 360
 READ = "import sys; from gridslam.logs import open_log; log = open_log(sys.argv[1]); print(sum(1 for _ in log.events()))"
 

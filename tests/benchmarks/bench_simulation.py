@@ -21,6 +21,8 @@ from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import load_world
 from tests.benchmarks.harness import Row
 
+ALONE = True
+
 SEEDS = 20
 LIDAR = ("sensors.lidar.rate_hz=10", "sensors.lidar.beams=360", "sensors.lidar.field_of_view_deg=360")
 

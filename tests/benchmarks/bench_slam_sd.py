@@ -17,6 +17,8 @@ from typing import Any
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir
 
+ALONE = True
+
 SEEDS = range(5)
 CONFIGS = {"final_stage": "slam-sd", "filter_alone": "paper/slam-sd"}
 

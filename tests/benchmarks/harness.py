@@ -1,22 +1,30 @@
 """Benchmarks: every `bench_*.py` beside this file gives rows, `bounds.yaml` says what they may not exceed.
 
-Run with `make bench`, or `python -m tests.benchmarks.harness [NAME ...]` for single files. A file exposes
-`rows() -> Iterable[Row]`; a benchmark whose data is not there gives no rows and says so on stderr. One that gives any must
-give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed.
+Run with `make bench`, or `python -m tests.benchmarks.harness [--jobs N] [NAME ...]` for single files. A file exposes
+`rows() -> Iterable[Row]`. One that says `ALONE = True` measures by the clock, and runs while nothing else does; the others
+share the cores, each in a process of its own. A benchmark whose data is not there gives no rows and says so on stderr. One that
+gives any must give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import math
+import multiprocessing
+import os
 import sys
 import time
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 
 import yaml
+
+from gridslam.core.threads import threads_each
 
 HERE = Path(__file__).resolve().parent
 
@@ -87,16 +95,38 @@ def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str
     ]
 
 
-def measure(names: Sequence[str]) -> Iterator[tuple[str, Row]]:
-    """The rows of the named benchmarks, in order, each with its benchmark's name; of all benchmarks without names."""
+def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Row]]:
+    """The rows of the named benchmarks, each with its benchmark's name; of all benchmarks without names.
+
+    First those that run alone, then the others on so many processes.
+    """
     known = benchmarks()
-    for name in [name.removeprefix("bench_") for name in names] or known:
+    chosen = [name.removeprefix("bench_") for name in names] or known
+    for name in chosen:
         if name not in known:
             raise SystemExit(f"no benchmark {name!r}; there are: {', '.join(known)}")
-        started = time.perf_counter()
-        for row in importlib.import_module(f"tests.benchmarks.bench_{name}").rows():
-            yield name, row
-        say(f"{name}: {time.perf_counter() - started:.1f} s")
+    alone = [name for name in chosen if jobs == 1 or getattr(module_of(name), "ALONE", False)]
+    for name in alone:
+        yield from ((name, row) for row in rows_of(name))
+    together = [name for name in chosen if name not in alone]
+    if together:
+        spawn = multiprocessing.get_context("spawn")
+        with threads_each(1), ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
+            for name, rows in zip(together, pool.map(rows_of, together), strict=True):
+                yield from ((name, row) for row in rows)
+
+
+def module_of(name: str) -> ModuleType:
+    """The module of a benchmark."""
+    return importlib.import_module(f"tests.benchmarks.bench_{name}")
+
+
+def rows_of(name: str) -> list[Row]:
+    """All rows of a benchmark; how long it took is said."""
+    started = time.perf_counter()
+    rows = list(module_of(name).rows())
+    say(f"{name}: {time.perf_counter() - started:.1f} s")
+    return rows
 
 
 def say(line: str) -> None:
@@ -118,10 +148,14 @@ def table(rows: Iterable[Row]) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Measure, print, and say by the exit code whether all bounds hold, and whether each belongs to a row."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.harness")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of a benchmark: absent, all")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    given = parser.parse_args(arguments)
     bounds = read_bounds(HERE / "bounds.yaml")
     rows: list[Row] = []
     found: defaultdict[str, set[str]] = defaultdict(set)
-    for benchmark, row in measure(arguments):
+    for benchmark, row in measure(given.names, given.jobs):
         rows.append(bounded(row, bounds.get(benchmark, {})))
         found[benchmark].add(row.name)
     print(table(rows))  # noqa: T201

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -69,6 +70,33 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
     monkeypatch.setattr(harness, "HERE", tmp_path)
     monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [Row(name, value, "s")])
     monkeypatch.setattr("tests.benchmarks.bench_plan.rows", list)
-    assert harness.main([]) == code
+    assert harness.main(["--jobs", "1"]) == code
     out, err = capsys.readouterr()
     assert says in out + err
+
+
+class _Pool:
+    """Does the work of a pool of processes in this one, when it is asked for."""
+
+    def __init__(self, jobs: int, mp_context: object) -> None:
+        self.jobs = jobs
+
+    def __enter__(self) -> _Pool:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+    def map(self, call: Callable[[str], list[Row]], names: Iterable[str]) -> Iterator[list[Row]]:
+        return map(call, names)
+
+
+@pytest.mark.parametrize(
+    ("jobs", "expected"), [(1, ["plan", "cli", "wean_hall"]), (2, ["cli", "plan", "wean_hall"])]
+)
+def test_a_benchmark_that_measures_by_the_clock_runs_before_the_others_share_the_cores(
+    monkeypatch: pytest.MonkeyPatch, jobs: int, expected: list[str]
+) -> None:
+    monkeypatch.setattr(harness, "rows_of", lambda name: [Row(name, 1.0, "s")])
+    monkeypatch.setattr(harness, "ProcessPoolExecutor", _Pool)
+    assert [name for name, _ in harness.measure(["plan", "bench_cli", "wean_hall"], jobs)] == expected
