@@ -227,6 +227,9 @@ class IspaceMclConfig(StrictModel):
         0.3, gt=0.0, lt=1.0, description="cells of at most this probability may hold the robot"
     )
     field_reach_m: float = Field(2.0, gt=0.0, description="distances to walls are kept up to here")
+    estimate: Literal["cluster", "mean"] = Field(
+        "cluster", description="the pose is the mean of the main cluster, or as the paper's of all particles"
+    )
     particles: ParticleConfig = ParticleConfig()
     motion: MotionConfig = MotionConfig()
     scan: ScanConfig = ScanConfig()

@@ -47,7 +47,10 @@ _JUMP_SCATTER = np.array([0.5, 0.5, 0.3])
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """What one scan came to; `spread_m` is the standard deviation of the position over all particles (figure 10)."""
+    """What one scan came to: the estimate as `estimate` of the config asks for it, and how sure the main cluster is.
+
+    `spread_m` is the standard deviation of the position over all particles (figure 10).
+    """
 
     belief: Belief
     assessment: Assessment
@@ -139,13 +142,14 @@ class Localizer:
                 if self._compete(belief, frames):
                     belief = self._cluster()
                     assessment = self._watch.assess(belief, beams)
-        count, spread = len(self.particles), moments(self.particles).spread_m
+        count, everything = len(self.particles), moments(self.particles)
         with self._timed("resample"):
             self._resample()
         if frames:
             with self._timed("propose"):
                 self._propose(frames, beams, belief)
-        return Update(belief, assessment, count, spread)
+        estimate = everything if self._config.estimate == "mean" else belief
+        return Update(estimate, assessment, count, everything.spread_m)
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

@@ -18,6 +18,7 @@ from gridslam.methods.ispace_mcl.config import (
     SearchConfig,
 )
 from gridslam.methods.ispace_mcl.method import IspaceMcl
+from gridslam.run_config import load_run_config
 from tests.methods.ispace_mcl.building import ROUND_TRIP, building, record
 
 MAP = building()
@@ -64,6 +65,19 @@ def test_a_wrong_start_pose_is_noticed_and_put_right(seed):
     assert result.counters["injections"] >= 1
     assert away[len(away) // 3 :].max() < 0.25
     assert result.series["confidence"].values[-1] > 0.7
+
+
+def test_the_papers_estimate_is_the_mean_of_all_particles_and_changes_nothing_else():
+    settings = {"start": START, "start_deviation": (1.0, 1.0, 0.5), "search": SearchConfig(enabled=False)}
+    cluster, mean = (run(IspaceMclConfig(estimate=e, **settings), log=LOG[:120]) for e in ("cluster", "mean"))
+    spread, spread_of_all = (mean.series[f"particle_spread{name}"].values for name in ("", "_all"))
+    assert np.array_equal(spread, spread_of_all)
+    assert np.array_equal(spread_of_all, cluster.series["particle_spread_all"].values)
+    assert cluster.series["particle_spread"].values[0] < 0.9 * spread[0]
+    assert np.array_equal(mean.series["confidence"].values, cluster.series["confidence"].values)
+    assert not np.array_equal(mean.trajectory.poses[0], cluster.trajectory.poses[0])
+    assert errors(mean, ROUND_TRIP[: len(mean.trajectory)])[0][-1] < 0.25
+    assert load_run_config("paper/ispace-mcl").method.estimate == "mean"
 
 
 def test_a_start_pose_off_the_map_is_refused():
