@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tests.papers.page import Experiment, Picture, Section
 from tests.papers.work import Found, Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 7.0
+PUBLISHED_RUNS, PUBLISHED_LARGEST_CM = 5, 19.4
 TEXT = """A small robot stops every 40 cm, sweeps three infrared rangers on servos, and maps a room of 4 x 3 m with
 seven boxes. The experiments are `configs/sweeps/ir-scan.yaml`, `ir-laps.yaml` and `ir-navigation.yaml`. The
 robot's start is known and nothing else is aligned."""
-MAPPING = """Error of the mapped walls: distance of every mapped wall cell (1 cm) to the nearest true wall; the
-paper's five runs, the mean over ours, the largest of all runs. `Laid over` puts the path on the true one first, as
-somebody does who lays a map over a plan."""
+MAPPING = """Error of the mapped walls: distance of every mapped wall cell (1 cm) to the nearest true wall. The paper made
+five runs; means are over all of ours, the largest error is that of the first five and of all. `Laid over` puts the path on
+the true one first, as somebody does who lays a map over a plan."""
 LAPS = """Error of the last position of six laps of four way points (47 m, 117 stops, 3 cm cells). The paper drives
 by a map made before: `on the true map`; the rows above it map while they drive."""
 FALLS_SHORT = "The paper's form misses the paper's {what} with nothing aligned."
-LONE = """ That is a cell or two in a single run, where wild readings beside each other agree; the paper's filter keeps
-them, the best settings do not."""
+LONE = """Of the paper's form {runs} of {all} runs {have} a cell or two as far as {largest:.0f} cm off, where wild readings
+beside each other agree: the paper's filter keeps them, the best settings do not."""
 
 LITTLE = """With our gyro the paper's matching changes little while mapping ({matched:.2g} cm, {gyro:.2g} cm
 without): it shifts by whole cells of 3 cm, more than there is to correct."""
@@ -38,17 +37,24 @@ def room(work: Work) -> Experiment:
     rows: list[tuple[object, ...]] = []
     for suffix, found in (("", known), (", laid over", laid)):
 
-        def figure(key: str, scale: float, of_all: str, config: str, found: Found = found) -> str:
-            values = scale * found.values(f"map.accuracy.{key}", "ir-room", config)
-            return f"{values.max() if of_all == 'max' else values.mean():.3g}"
+        def figure(key: str, scale: float, config: str, found: Found = found) -> str:
+            return f"{scale * found.mean(f'map.accuracy.{key}', 'ir-room', config):.3g}"
 
-        for name, published, key, scale, of_all in (
-            ("mean, cm", 3.376, "mean", 1e2, "mean"),
-            ("variance, cm2", 19.636, "var", 1e4, "mean"),
-            ("largest, cm", 19.4, "max", 1e2, "max"),
+        def largest(runs: int, config: str, found: Found = found) -> str:
+            return f"{100 * found.values('map.accuracy.max', 'ir-room', config)[:runs].max():.3g}"
+
+        for name, published, key, scale in (
+            ("mean, cm", 3.376, "mean", 1e2),
+            ("variance, cm2", 19.636, "var", 1e4),
         ):
-            ours = both(lambda c, k=key, s=scale, o=of_all, f=figure: f(k, s, o, c))
+            ours = both(lambda c, k=key, s=scale, f=figure: f(k, s, c))
             rows.append((name + suffix, None if suffix else published, *ours, seeds))
+        for runs, published in ((PUBLISHED_RUNS, PUBLISHED_LARGEST_CM), (len(found.seeds), None)):
+            if runs > len(found.seeds):
+                continue
+            ours = both(lambda c, r=runs, f=largest: f(r, c))
+            name = f"largest of {runs} runs, cm{suffix}"
+            rows.append((name, None if suffix else published, *ours, seeds_text(found.seeds[:runs])))
     pictures = [
         Picture(
             f"ir-{config}",
@@ -63,16 +69,21 @@ def room(work: Work) -> Experiment:
 
 
 def missed(found: Found) -> str:
-    """Which of the paper's three figures its form misses here."""
+    """Which of the paper's three figures its form misses here, and how far single cells are off in all runs."""
     values = {key: found.values(f"map.accuracy.{key}", "ir-room", "paper") for key in ("mean", "var", "max")}
+    far = 1e2 * values["max"] > PUBLISHED_LARGEST_CM
     checks = {
         "mean": 1e2 * values["mean"].mean() > 3.376,
         "variance": 1e4 * values["var"].mean() > 19.636,
-        "largest error": 1e2 * values["max"].max() > 19.4,
+        "largest error": bool(far[:PUBLISHED_RUNS].any()),
     }
     names = [name for name, is_missed in checks.items() if is_missed]
-    text = FALLS_SHORT.format(what=" and ".join(names)) if names else ""
-    return text + LONE if names == ["largest error"] and np.sum(1e2 * values["max"] > 19.4) == 1 else text
+    parts = [FALLS_SHORT.format(what=" and ".join(names))] if names else []
+    if far.any() and far.mean() <= 0.2:
+        runs = int(far.sum())
+        have = "has" if runs == 1 else "have"
+        parts.append(LONE.format(runs=runs, all=len(far), have=have, largest=1e2 * values["max"].max()))
+    return " ".join(parts)
 
 
 def laps(work: Work) -> Experiment:
