@@ -34,7 +34,7 @@ class DrawingConfig(StrictModel):
 class LocalizationConfig(StrictModel):
     """Monte Carlo localization in the drawing (paper section 4)."""
 
-    particles: int = Field(800, ge=50, le=100_000, description="number of particles while tracking")
+    particles: int = Field(2000, ge=50, le=100_000, description="number of particles while tracking")
     start_particles: int = Field(
         6000, ge=50, le=1_000_000, description="number at the start, pose and scale open"
     )
