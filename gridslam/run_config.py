@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 
 from gridslam.config.base import StrictModel
 from gridslam.config.builtin import read_config
-from gridslam.config.errors import config_error, nearest
+from gridslam.config.errors import config_error, nearest, short
 from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
@@ -100,12 +100,12 @@ def method_name(document: dict[str, Any], source: str) -> str:
         example = f"write method: {{name: {next(iter(known))}}}"
         raise ConfigError(f"{source}: method: this section is missing{hint}; {example}")
     if not isinstance(section, dict):
-        raise ConfigError(f"{source}: method: expected a section with keys, got {section!r}")
+        raise ConfigError(f"{source}: method: expected a section with keys, got {short(section)}")
     name = section.get("name")
     if not isinstance(name, str):
         raise ConfigError(f"{source}: method.name: this key is missing{nearest('', known)}")
     if name not in known:
-        raise ConfigError(f"{source}: method.name: no method {name!r}{nearest(name, known)}")
+        raise ConfigError(f"{source}: method.name: no method {short(name)}{nearest(name, known)}")
     return name
 
 

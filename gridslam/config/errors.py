@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -13,6 +14,9 @@ from pydantic_core import ErrorDetails
 from gridslam.core.errors import ConfigError
 
 MOST_SHOWN = 5
+LONGEST_VALUE = 60
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = LONGEST_VALUE + 1
 
 
 def config_error(
@@ -27,6 +31,12 @@ def config_error(
     if len(details) > MOST_SHOWN:
         lines.append(f"and {len(details) - MOST_SHOWN} more")
     return ConfigError(f"{source}: " + "; ".join(lines))
+
+
+def short(value: object) -> str:
+    """The value for a message. It is never written out in full: a few bytes of YAML can stand for very much."""
+    text = _SHORT.repr(value)
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
@@ -50,24 +60,19 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
     if kind == "missing":
         return f"{path}: this key is missing"
     if kind == "literal_error":
-        return f"{path}: expected {detail['ctx']['expected']}, got {_short(given)}"
+        return f"{path}: expected {detail['ctx']['expected']}, got {short(given)}"
     if kind == "union_tag_not_found":
         return f"{path}: the key {detail['ctx']['discriminator']} is missing"
     if kind == "union_tag_invalid":
         context = detail["ctx"]
         tag_key = context["discriminator"].strip("'")
-        return f"{path}.{tag_key}: expected {context['expected_tags']}, got {context['tag']!r}"
+        return f"{path}.{tag_key}: expected {context['expected_tags']}, got {short(context['tag'])}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{path}: expected a section with keys, got {_short(given)}"
+        return f"{path}: expected a section with keys, got {short(given)}"
     if kind == "value_error":
         return f"{path}: {detail['ctx']['error']}"
     message = detail["msg"][0].lower() + detail["msg"][1:]
-    return f"{path}: {message}, got {_short(given)}"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return f"{path}: {message}, got {short(given)}"
 
 
 def _meant(key: str, section: type[BaseModel] | None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from gridslam.config.errors import short
 from gridslam.config.yaml_file import parse_value
 from gridslam.core.errors import ConfigError
 
@@ -29,7 +30,7 @@ def apply_overrides(document: dict[str, Any], overrides: Iterable[str]) -> dict[
                 below = section[key] = {}
             if not isinstance(below, dict):
                 parent = ".".join(keys[: depth + 1])
-                raise ConfigError(f"--set {override}: {parent} is a value ({below!r}), not a section")
+                raise ConfigError(f"--set {override}: {parent} is a value ({short(below)}), not a section")
             section = below
         section[keys[-1]] = parse_value(text, f"--set {override}")
     return changed

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +13,34 @@ import yaml
 from gridslam.core.errors import ConfigError
 
 MAX_BYTES = 1_000_000
-MAX_ALIASES = 100
+MAX_REPEATED = 100_000  # values that a file holds by aliases
 MAX_DEPTH = 50
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """SafeLoader that refuses a key given twice (YAML would keep the last without a word) and alias bombs."""
+class _Loader(yaml.SafeLoader):
+    """SafeLoader that refuses what YAML would do without a word, or what would not end.
+
+    These are a key given twice (the last would count), tags (they make the document choose types), numbers that no
+    float can hold, and aliases that unfold to much more than was written, or without end.
+    """
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
-        self._aliases = 0
         self._depth = 0
 
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None:
+            _refuse_unfolding(node)
+        return node
+
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            self._aliases += 1
-            if self._aliases > MAX_ALIASES:
-                raise yaml.composer.ComposerError(problem=f"more than {MAX_ALIASES} aliases")
+        event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
+        tag = getattr(event, "tag", None)
+        if tag not in (None, "!"):
+            raise _error(f"the tag {tag!r}: tags are not taken", event)
         if self._depth > MAX_DEPTH:
-            raise yaml.composer.ComposerError(problem=f"nested deeper than {MAX_DEPTH}")
+            raise _error(f"nested deeper than {MAX_DEPTH}", event)
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -36,14 +48,49 @@ class _UniqueKeyLoader(yaml.SafeLoader):
             _refuse_repeated_keys(node)
         return node
 
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        value = super().construct_yaml_int(node)
+        if abs(value) > sys.float_info.max:
+            raise _error("a number too large for any use", node)
+        return int(value)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
+
+
+def _error(problem: str, place: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
+
+
+def _refuse_unfolding(root: yaml.Node) -> None:
+    """Walk the document as whoever copies it will, into every alias again; the budget ends the walk."""
+    seen: set[int] = set()
+    repeated = 0
+    left = [(root, 0)]
+    while left:
+        node, depth = left.pop()
+        if depth > MAX_DEPTH:
+            raise _error(f"nested deeper than {MAX_DEPTH} by its aliases", node)
+        for child in _children(node):
+            repeated += id(child) in seen
+            seen.add(id(child))
+            left.append((child, depth + 1))
+        if repeated > MAX_REPEATED:
+            raise _error(f"its aliases repeat more than {MAX_REPEATED} values", node)
+
+
+def _children(node: yaml.Node) -> Iterable[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        return itertools.chain.from_iterable(node.value)
+    return node.value if isinstance(node, yaml.SequenceNode) else ()
+
 
 def _refuse_repeated_keys(node: yaml.MappingNode) -> None:
     seen: set[tuple[str, str]] = set()
     for key, _ in node.value:
         if isinstance(key, yaml.ScalarNode):
             if (key.tag, key.value) in seen:
-                problem = f"the key {key.value!r} is given twice"
-                raise yaml.composer.ComposerError(problem=problem, problem_mark=key.start_mark)
+                raise _error(f"the key {key.value!r} is given twice", key)
             seen.add((key.tag, key.value))
 
 
@@ -77,11 +124,11 @@ def parse_mapping(text: str, source: str) -> dict[str, Any]:
 def parse_value(text: str, source: str) -> Any:
     """Any YAML value; ConfigError names the source and, for files, the line."""
     try:
-        return yaml.load(text, Loader=_UniqueKeyLoader)
+        return yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f", line {mark.line + 1}" if mark else ""
         raise ConfigError(f"{source}{where}: not valid YAML: {error.problem}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, ArithmeticError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise ConfigError(f"{source}: not valid YAML: {reason}") from None

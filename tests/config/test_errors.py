@@ -6,7 +6,7 @@ import pytest
 from pydantic import Field, ValidationError
 
 from gridslam.config.base import StrictModel
-from gridslam.config.errors import config_error, nearest
+from gridslam.config.errors import LONGEST_VALUE, config_error, nearest, short
 
 
 class Near(StrictModel):
@@ -79,6 +79,18 @@ def test_long_values_are_cut() -> None:
     with pytest.raises(ValidationError) as error:
         Inner.model_validate({"value": "x" * 1000})
     assert len(str(config_error(error.value, Inner, "file.yaml"))) < 200
+
+
+def test_a_value_that_unfolds_to_gigabytes_is_told_in_a_few_words() -> None:
+    value: list[object] = ["x"]
+    for _ in range(40):
+        value = [value] * 9
+    assert len(short(value)) <= LONGEST_VALUE
+
+
+def test_a_text_of_usual_length_is_told_in_full() -> None:
+    path = "a/folder/somewhere/with/a/file/in/it.yaml"
+    assert short(path) == repr(path)
 
 
 def test_nearest_lists_the_choices_where_none_is_near() -> None:

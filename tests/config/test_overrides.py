@@ -39,10 +39,11 @@ def test_an_override_of_a_shared_node_changes_one_place_only() -> None:
         ("=3", "expected key.path=value"),
         ("method..x=3", "expected key.path=value"),
         ("seed.x=3", "seed is a value (0), not a section"),
+        ("long.x=3", "long is a value ([0, 0, 0, 0, 0, 0, ...]), not a section"),
         ("seed=[1", "--set seed=[1"),
     ],
 )
 def test_a_malformed_override_is_refused_and_named(override: str, says: str) -> None:
     with pytest.raises(ConfigError) as error:
-        apply_overrides({"seed": 0}, [override])
+        apply_overrides({"seed": 0, "long": [0] * 1000}, [override])
     assert says in str(error.value)

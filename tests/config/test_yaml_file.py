@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gridslam.config.yaml_file import MAX_ALIASES, MAX_BYTES, parse_mapping, parse_value, read_yaml
+from gridslam.config.yaml_file import MAX_BYTES, MAX_REPEATED, parse_mapping, parse_value, read_yaml
 from gridslam.core.errors import ConfigError
 
 
@@ -27,7 +27,7 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
         ("a: 1\nb: 2\na: 3\n", "a.yaml, line 3: not valid YAML: the key 'a' is given twice"),
         ("m: {x: 1,\n x: 2}\n", "line 2: not valid YAML: the key 'x' is given twice"),
         ("- 1\n", "expected `key: value` lines, found list"),
-        ("a: !!python/object/apply:os.system [id]\n", "could not determine a constructor"),
+        ("a: !!python/object/apply:os.system [id]\n", "tags are not taken"),
         ("a: 1\n---\nb: 2\n", "not valid YAML"),
         ("a: \0\n", "not valid YAML"),
         ("[" * 10_000, "nested deeper"),
@@ -41,10 +41,56 @@ def test_what_is_no_mapping_is_refused_with_its_place(tmp_path: Path, text: str,
     assert says in str(error.value)
 
 
-def test_an_alias_bomb_is_refused_before_it_unfolds() -> None:
-    levels = [f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 30)}]" for i in range(1, 9)]
-    with pytest.raises(ConfigError, match=f"more than {MAX_ALIASES} aliases"):
-        parse_mapping("\n".join(["l0: &l0 [x]", *levels]), "bomb")
+def bomb(levels: int, aliases: int) -> str:
+    lines = [f"l{i}: &l{i} [{', '.join([f'*l{i - 1}'] * aliases)}]" for i in range(1, levels)]
+    return "\n".join(["l0: &l0 [x]", *lines])
+
+
+@pytest.mark.parametrize(("levels", "aliases"), [(9, 30), (12, 9), (30, 2)])
+def test_an_alias_bomb_is_refused_before_it_unfolds(levels: int, aliases: int) -> None:
+    with pytest.raises(ConfigError, match=f"repeat more than {MAX_REPEATED} values"):
+        parse_mapping(bomb(levels, aliases), "bomb")
+
+
+def test_aliases_may_repeat_what_is_small_as_often_as_wanted() -> None:
+    document = parse_mapping("a: &a {x: 1, y: [2, 3]}\nb: [" + "*a, " * 1000 + "]\n", "text")
+    assert document["b"] == [{"x": 1, "y": [2, 3]}] * 1000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "&d\nlog: *d\n",
+        "a: &x [*x]",
+        "a: &x {b: {c: [*x, *x]}}",
+        "a: &x {<<: *x}",
+        "l0: &l0 [x]\n" + "\n".join(f"l{i}: &l{i} [*l{i - 1}]" for i in range(1, 60)),
+    ],
+)
+def test_aliases_that_go_deep_or_round_in_a_circle_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="nested deeper than 50 by its aliases"):
+        parse_mapping(text, "circle")
+
+
+@pytest.mark.parametrize("kind", ["!!int", "!!float", "!!bool", "!!timestamp", "!!binary", "!!str", "!mine"])
+@pytest.mark.parametrize("value", ["''", "foo", "[]", "5"])
+def test_tags_are_refused_whatever_they_stand_at(kind: str, value: str) -> None:
+    with pytest.raises(ConfigError, match="tags are not taken"):
+        parse_mapping(f"a: 1\nb: {kind} {value}\n", "text")
+
+
+@pytest.mark.parametrize(
+    "value", [":".join(["1", *["59"] * 250]), "0x" + "f" * 6000, "9" * 5000, "1" + ":59" * 250 + ".5"]
+)
+def test_numbers_that_no_float_can_hold_are_refused(value: str) -> None:
+    with pytest.raises(ConfigError, match="text"):
+        parse_mapping(f"a: {value}\n", "text")
+
+
+@pytest.mark.parametrize("value", ["2020-13-45", "2020-02-30t10:00:00Z", "2020-01-01t10:00:00+99:99"])
+def test_dates_that_there_are_not_are_refused(value: str) -> None:
+    with pytest.raises(ConfigError, match="text"):
+        parse_mapping(f"a: {value}\n", "text")
 
 
 def test_a_merge_key_may_be_overridden_once() -> None:
