@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
-from gridslam.core.errors import LogError
+from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.csv_table import inside
 from gridslam.logs.ledger import Ledger
@@ -129,7 +130,10 @@ def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
 
 def _files_of(folder: Path) -> list[Path]:
     """The recordings that metadata.yaml names, all of them inside the folder."""
-    metadata = read_yaml(folder / "metadata.yaml").get("rosbag2_bagfile_information")
+    try:
+        metadata = read_yaml(folder / "metadata.yaml").get("rosbag2_bagfile_information")
+    except ConfigError as error:
+        raise LogError(str(error)) from None
     if not isinstance(metadata, dict):
         raise LogError(f"{folder / 'metadata.yaml'}: no rosbag2_bagfile_information in it")
     if metadata.get("compression_mode"):
@@ -141,6 +145,6 @@ def _files_of(folder: Path) -> list[Path]:
     for name in names:
         path = inside(folder, str(name))
         if path is None or not path.is_file():
-            raise LogError(f"{folder / 'metadata.yaml'}: {name!r} is no file in this folder")
+            raise LogError(f"{folder / 'metadata.yaml'}: {short(name)} is no file in this folder")
         files.append(path)
     return files

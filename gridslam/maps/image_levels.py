@@ -34,9 +34,9 @@ class ImageLevels:
 
 def read_levels(path: Path) -> ImageLevels:
     """Read an image; MapError when it is missing, damaged, of another format, empty or too large."""
-    if not path.is_file():
-        raise MapError(f"{path}: no such image file; correct `image:` in the map's YAML")
     try:
+        if not path.is_file():
+            raise MapError(f"{path}: no such image file; correct `image:` in the map's YAML")
         with warnings.catch_warnings():
             # Pillow's own warning comes at 89 million pixels, before ours can be given.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-
-from gridslam.core.errors import MapError
+from gridslam.config.errors import short
+from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import ConfigError, MapError
 
 Mode = Literal["trinary", "scale", "raw"]
 
 MODES: dict[str, Mode] = {"trinary": "trinary", "scale": "scale", "raw": "raw"}
-MAX_YAML_BYTES = 1_000_000
-MOST_SHOWN = 80
+LARGEST_M = 1e9  # of the origin: beyond it no centimetre is left in the arithmetic
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +36,10 @@ def read_map_yaml(path: Path) -> MapYaml:
     document = _read_mapping(path)
     image = _get(path, document, "image")
     if not isinstance(image, str) or not image or "\0" in image:
-        raise MapError(f"{path}: image: expected the name of an image file, got {_short(image)}")
+        raise MapError(f"{path}: image: expected the name of an image file, got {short(image)}")
     mode = document.get("mode", "trinary")
     if not isinstance(mode, str) or mode not in MODES:
-        raise MapError(f"{path}: mode: expected trinary, scale or raw, got {_short(mode)}")
+        raise MapError(f"{path}: mode: expected trinary, scale or raw, got {short(mode)}")
     resolution = _number(path, "resolution", _get(path, document, "resolution"))
     if not 1e-4 <= resolution <= 1e3:
         raise MapError(
@@ -49,8 +47,12 @@ def read_map_yaml(path: Path) -> MapYaml:
         )
     origin = _get(path, document, "origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f"{path}: origin: expected [x, y, yaw], got {_short(origin)}")
+        raise MapError(f"{path}: origin: expected [x, y, yaw], got {short(origin)}")
     x, y, yaw = (_number(path, f"origin[{i}]", value) for i, value in enumerate(origin))
+    if max(abs(x), abs(y), abs(yaw)) > LARGEST_M:
+        raise MapError(
+            f"{path}: origin: expected metres and radians up to {LARGEST_M:g}, got {short(origin)}"
+        )
     occupied = _number(path, "occupied_thresh", _get(path, document, "occupied_thresh"))
     free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
     if not free < occupied:
@@ -62,23 +64,9 @@ def _read_mapping(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise MapError(f"{path}: no such map; give the YAML file of a map_server map")
     try:
-        if path.stat().st_size > MAX_YAML_BYTES:
-            raise MapError(f"{path}: too large for a map's YAML file; give the YAML, not the image")
-        document = yaml.safe_load(path.read_bytes())
-    except OSError as error:
-        raise MapError(f"{path}: cannot be read ({error.strerror})") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise MapError(f"{path}: not a map's YAML file ({reason})") from None
-    if not isinstance(document, dict):
-        raise MapError(f"{path}: not a map's YAML file: expected keys image, resolution, origin, ...")
-    return document
-
-
-def _short(value: object) -> str:
-    """The value for a message: a few kB of YAML aliases can stand for gigabytes."""
-    text = reprlib.repr(value)
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]} ..."
+        return read_yaml(path)
+    except ConfigError as error:
+        raise MapError(f"{error}; expected a map's YAML file") from None
 
 
 def _get(path: Path, document: dict[str, Any], key: str) -> Any:
@@ -96,11 +84,11 @@ def _number(path: Path, key: str, value: Any) -> float:
             number = math.nan
         if math.isfinite(number):
             return number
-    raise MapError(f"{path}: {key}: expected a finite number, got {_short(value)}")
+    raise MapError(f"{path}: {key}: expected a finite number, got {short(value)}")
 
 
 def _negate(path: Path, document: dict[str, Any]) -> bool:
     value = _get(path, document, "negate")
     if isinstance(value, (bool, int)):
         return bool(value)
-    raise MapError(f"{path}: negate: expected 0 or 1, got {_short(value)}")
+    raise MapError(f"{path}: negate: expected 0 or 1, got {short(value)}")

@@ -85,6 +85,16 @@ def test_metadata_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> Non
         open_log(folder)
 
 
+@pytest.mark.parametrize(
+    "text", ["", "- a\n", "&a [*a]", "a: !!int ''", "a: [", "rosbag2_bagfile_information: 5\n"]
+)
+def test_metadata_that_is_none_is_an_unreadable_log(tmp_path: Path, text: str) -> None:
+    folder = rosbag2(tmp_path / "bag")
+    (folder / "metadata.yaml").write_text(text)
+    with pytest.raises(LogError, match=r"metadata\.yaml"):
+        open_log(folder)
+
+
 def ros1(path: Path) -> Path:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register({"tf2_msgs/msg/TFMessage": HUMBLE.fielddefs["tf2_msgs/msg/TFMessage"]})

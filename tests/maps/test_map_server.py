@@ -209,7 +209,13 @@ def test_the_image_may_lie_elsewhere_unless_it_must_be_inside(tmp_path: Path, im
         ("mode: trinary", "mode: [1]", "trinary, scale or raw"),
         ("negate: 0", "negate: perhaps", "negate"),
         ("free_thresh: 0.196", "free_thresh: 0.7", "not below"),
-        ("free_thresh: 0.196", "free_thresh: [[[", "not a map's YAML"),
+        ("free_thresh: 0.196", "free_thresh: [[[", "expected a map's YAML"),
+        ("free_thresh: 0.196", "free_thresh: !!float ''", "tags are not taken"),
+        ("free_thresh: 0.196", f"free_thresh: 0x{'f' * 6000}", "a number too large for any use"),
+        ("mode: trinary", "mode: trinary\nmode: scale", "the key 'mode' is given twice"),
+        ("[1, 2, 0]", "[1e308, 0, 0]", "origin: expected metres and radians up to 1e+09"),
+        ("[1, 2, 0]", "[0, 0, 1.0e+300]", "origin: expected metres and radians up to 1e+09"),
+        ("image: map.png", f"image: {'m' * 300}", "File name too long"),
     ],
 )
 def test_a_wrong_yaml_is_a_map_error_that_names_the_key(
