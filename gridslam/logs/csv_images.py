@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
+from gridslam.core.numpy_files import damage_as_value_error
 from gridslam.logs.cameras import opened_picture, unpack_picture
 
 _MOST_BYTES = 1 << 28
@@ -27,7 +28,8 @@ def read_floats(path: Path) -> NDArray[np.float32]:
     try:
         data = _bytes_of(path)
         if data.startswith(b"\x93NUMPY"):
-            values = np.load(io.BytesIO(data), allow_pickle=False)
+            with damage_as_value_error():
+                values = np.load(io.BytesIO(data), allow_pickle=False)
         else:
             with opened_picture(data, ("PNG",)) as picture:
                 raw = np.asarray(picture)

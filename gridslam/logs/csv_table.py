@@ -17,7 +17,7 @@ from gridslam.core.messages import Event
 from gridslam.logs.csv_events import BUILDERS, FILE_FAULTS
 from gridslam.logs.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.stamps import NS_PER_S, parse_stamp
+from gridslam.logs.stamps import END_NS, NS_PER_S, parse_stamp
 from gridslam.logs.streams import Skip
 from gridslam.logs.text import TextLines
 
@@ -232,7 +232,7 @@ class CsvTable:
                 count += 1
             else:
                 stamp = parse_stamp(fields[stamp_place], stamp_unit)
-            if stamp is None:
+            if stamp is None or stamp >= END_NS:
                 self._skip("bad_stamp", number)
                 continue
             yield Row(self, number, stamp, fields)

@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 from pydantic import Field, field_validator
 
 from gridslam.config.base import StrictModel
+from gridslam.logs.stamps import END_S, NS_PER_S
 
 CsvKind: TypeAlias = Literal[
     "scan",
@@ -41,6 +42,19 @@ Unit: TypeAlias = Literal[
 ]
 
 
+_LENGTHS = frozenset({"m", "cm", "mm"})
+_ANGLES = frozenset({"rad", "deg", "rad_clockwise", "deg_clockwise"})
+_TIMES = frozenset({"s", "ms", "us", "ns"})
+UNITS_OF: dict[str, frozenset[str]] = {
+    **dict.fromkeys(("stamp", "time_increment"), _TIMES),
+    **dict.fromkeys(("x", "y", "z", "r", "range", "range_min", "range_max", "baseline"), _LENGTHS),
+    **dict.fromkeys(("yaw", "bearing", "angle_min", "angle_increment", "left", "right"), _ANGLES),
+    "vx": _LENGTHS | {"m/s"},  # a length or an angle counts as one in a second
+    "wz": _ANGLES | {"rad/s", "deg/s"},
+}
+"""The units that a column may be in; columns that are not here have none."""
+
+
 class FrameMounting(StrictModel):
     """Pose of a frame: x, y, z (m) and either roll, pitch, yaw (rad) or a quaternion w, x, y, z."""
 
@@ -57,8 +71,8 @@ class FrameMounting(StrictModel):
 class RowStamps(StrictModel):
     """Stamps of a table without a time column: `start_s + row * period_s`."""
 
-    start_s: float = Field(0.0, ge=0.0)
-    period_s: float = Field(gt=0.0)
+    start_s: float = Field(0.0, ge=0.0, lt=END_S)
+    period_s: float = Field(ge=1.0 / NS_PER_S, lt=END_S)
 
 
 class CsvStream(StrictModel):
@@ -94,6 +108,15 @@ class CsvStream(StrictModel):
             )
         return value
 
+    @field_validator("units")
+    @classmethod
+    def _fitting_units(cls, value: dict[str, Unit]) -> dict[str, Unit]:
+        for name, unit in value.items():
+            fitting = UNITS_OF.get(name, frozenset())
+            if unit not in fitting:
+                raise ValueError(f"{name} in {unit}: expected {', '.join(sorted(fitting)) or 'no unit'}")
+        return value
+
 
 class CsvLayout(StrictModel):
     """A folder of CSV files. Without `streams`: the files with the default names."""
@@ -118,8 +141,8 @@ COLUMNS: dict[str, Columns] = {
         required=("angle_min", "angle_increment", "range_min", "range_max"),
         optional=("time_increment", "frame"),
     ),
-    "odom": Columns(required=_POSE, optional=("vx", "wz", "frame")),
-    "truth": Columns(required=_POSE, optional=("frame",)),
+    "odom": Columns(required=_POSE, optional=("vx", "wz", "frame", "child_frame")),
+    "truth": Columns(required=_POSE, optional=("frame", "child_frame")),
     "imu": Columns(required=("wz",), optional=("frame",)),
     "wheels": Columns(required=("left", "right"), optional=("frame",)),
     "range": Columns(required=("sensor", "bearing", "range", "range_min", "range_max")),

@@ -8,7 +8,8 @@ from __future__ import annotations
 from decimal import Decimal, InvalidOperation
 
 NS_PER_S = 1_000_000_000
-END_NS = (1 << 31) * NS_PER_S
+END_S = 1 << 31
+END_NS = END_S * NS_PER_S
 _UNIT_EXPONENT = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
 

@@ -229,6 +229,17 @@ def test_an_image_is_read_from_its_file_and_never_from_outside(tmp_path: Path) -
     assert (image.camera, image.frame_id) == ("left", "left")
 
 
+@pytest.mark.parametrize(
+    "header", [b"{'descr': '<f4', ", b"(" * 200, b'{"descr": """', b"{'a': 1}", b"5", b""]
+)
+def test_a_depth_file_with_a_damaged_header_costs_its_row(tmp_path: Path, header: bytes) -> None:
+    data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    (tmp_path / "a.npy").write_bytes(data)
+    with open_log(folder(tmp_path, depth="stamp,camera,file\n1,head,a.npy\n")) as log:
+        assert not any(isinstance(e, DepthImage) for e in log.events())
+        assert log.counters["skipped.depth.unreadable_image"] == 1
+
+
 def test_depths_come_as_millimetres_in_png_or_metres_in_npy(tmp_path: Path) -> None:
     Pillow.fromarray(np.array([[0, 1500]], np.uint16)).save(tmp_path / "a.png")
     np.save(tmp_path / "b.npy", np.array([[np.nan, 1.5]], np.float32))
@@ -268,11 +279,25 @@ def test_a_layout_that_does_not_fit_the_folder_is_refused(tmp_path: Path, layout
         ("streams: [{kind: odom, file: a.csv, columns: {z: up_down, w: a}}]", "no column 'w'"),
         ("streams: [{kind: odom, file: a.csv, units: {x: inch}}]", "units"),
         ("streams: !!python/object/apply:os.getcwd []", "not valid YAML"),
+        ("streams: [{kind: odom, file: a.csv, units: {stamp: mm}}]", "stamp in mm: expected ms, ns, s, us"),
+        ("streams: [{kind: odom, file: a.csv, units: {yaw: mm}}]", "yaw in mm: expected deg"),
+        ("streams: [{kind: fix, file: a.csv, units: {var_x: cm}}]", "var_x in cm: expected no unit"),
+        ("streams: [{kind: odom, file: a.csv, row_stamps: {start_s: 3.0e+9, period_s: 1}}]", "start_s"),
+        ("streams: [{kind: odom, file: a.csv, row_stamps: {period_s: 1.0e+300}}]", "period_s"),
+        ("streams: [{kind: odom, file: a.csv, row_stamps: {period_s: 1.0e-300}}]", "period_s"),
     ],
 )
 def test_a_layout_that_is_wrong_is_refused_with_its_key(tmp_path: Path, layout: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         open_log(folder(tmp_path, log=layout, odom=ODOM))
+
+
+def test_rows_beyond_the_last_stamp_that_a_log_can_hold_are_counted(tmp_path: Path) -> None:
+    layout = "streams: [{kind: odom, file: odom.csv, row_stamps: {start_s: 2147483646, period_s: 1}}]"
+    with open_log(folder(tmp_path, log=layout, odom="x,y,yaw\n" + "0,0,0\n" * 5)) as log:
+        stamps = [e.stamp_ns for e in log.events()]
+        assert stamps == [2147483646 * 10**9, 2147483647 * 10**9]
+        assert log.counters["skipped.odom.bad_stamp"] == 3
 
 
 def test_a_missing_column_is_named_with_the_line_to_write(tmp_path: Path) -> None:
