@@ -133,9 +133,12 @@ def _show(document: dict[str, Any]) -> None:
 
 
 def _row(stream: dict[str, Any]) -> tuple[object, ...]:
+    from gridslam.logs.stamps import NS_PER_S, parse_stamp
+
     rate = "-"
-    if stream["count"] > 1 and stream["first"] != stream["last"] and stream["first"] is not None:
-        rate = f"{(stream['count'] - 1) / (float(stream['last']) - float(stream['first'])):.1f}"
+    first, last = (parse_stamp(stream[key] or "") for key in ("first", "last"))
+    if first is not None and last is not None and first < last:
+        rate = f"{(stream['count'] - 1) * NS_PER_S / (last - first):.1f}"
     topic = f"{stream['topic']} ({stream['detail']})" if stream["detail"] else stream["topic"]
     return stream["kind"], topic, stream["type"], stream["count"], rate, stream["frame"], stream["steps_back"]
 

@@ -21,6 +21,8 @@ from gridslam.core.messages import (
 # A sweep may overlap itself a little (some lidars do), not go round twice.
 _WIDEST_SWEEP_RAD = 2.0 * math.pi * 1.05
 
+_FARTHEST_M = 1e9  # from frame to frame: what is composed of such steps is still a number
+
 
 def fault_of(event: Event) -> str | None:
     """Why the event cannot be used, as the last part of a counter's name; None when it can."""
@@ -72,6 +74,8 @@ def _fix(fix: PoseFix) -> str | None:
 def _transform(transform: Transform) -> str | None:
     if not all(map(math.isfinite, transform.translation_m)):
         return "not_finite"
+    if max(map(abs, transform.translation_m)) > _FARTHEST_M:
+        return "too_far"
     norm = math.sqrt(sum(c * c for c in transform.quat_wxyz))
     return None if math.isfinite(norm) and norm > 1e-6 else "not_finite"
 

@@ -171,7 +171,7 @@ class Log:
             for s in streams
             if s.constant is not None and s.child_frame != base
         ]
-        edges += self._source.static_edges
+        edges = mounting.usable([*edges, *self._source.static_edges], self._opening)
         tree = mounting.tree_of(edges)
         needed += [
             f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.mounting

@@ -6,11 +6,24 @@ from collections.abc import Iterable, Mapping
 
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
+from gridslam.logs.checks import fault_of
 from gridslam.logs.config import MountingConfig
 from gridslam.logs.ledger import Ledger
 from gridslam.logs.rotations import Rigid
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
+
+
+def usable(edges: Iterable[Transform], ledger: Ledger) -> list[Transform]:
+    """The transforms that are rigid motions of a robot's size; the ledger gets the others."""
+    found = []
+    for edge in edges:
+        fault = fault_of(edge)
+        if fault is None:
+            found.append(edge)
+        else:
+            ledger.skip("tf", fault, f"the transform {edge.frame_id}->{edge.child_frame_id}")
+    return found
 
 
 def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gridslam.cli.main import main
+from gridslam.core.messages import LaserScan, Odometry, Transform
+from gridslam.logs.mcap_writer import McapWriter
 from tests.logs.mutations import SCANS, sample_csv, sample_mcap
 
 
@@ -38,6 +42,36 @@ def test_info_as_json_keeps_every_digit_of_a_stamp(
     assert {s["topic"]: s["count"] for s in document["streams"]} == {"/odom": SCANS, "/scan": SCANS}
     assert document["mounting"][0]["translation_m"] == [0.2, 0.0, 0.1]
     assert document["is_lossy"] is False
+
+
+@pytest.mark.parametrize("x_m", [math.nan, math.inf, 1e308])
+def test_a_transform_to_nowhere_is_left_out_of_info_and_of_what_convert_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], x_m: float
+) -> None:
+    path = tmp_path / "a.mcap"
+    with McapWriter(path) as writer:
+        for parent, child in (("base_link", "mast"), ("mast", "laser")):
+            writer.write(Transform(0, parent, child, (x_m, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True))
+        writer.write(Odometry(10**9, "odom", 0.0, 0.0, 0.0))
+        writer.write(LaserScan(10**9, "laser", np.ones(9, np.float32), -1.0, 0.1, 0.05, 30.0))
+    code, out, _ = run(capsys, "info", path, "--json")
+    document = json.loads(out, parse_constant=str)
+    assert code == 0
+    assert sum(n for key, n in document["counters"].items() if key.startswith("skipped.tf.")) == 2
+    assert [m["translation_m"] for m in document["mounting"]] == [[0.0, 0.0, 0.0]]
+    assert run(capsys, "convert", path, tmp_path / "csv")[0] == 0
+    assert run(capsys, "info", tmp_path / "csv")[0] == 0
+
+
+def test_the_rate_of_messages_a_nanosecond_apart_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "odom.csv").write_text(
+        "stamp,x,y,yaw\n1700000000.000000001,0,0,0\n1700000000.000000002,0,0,0\n"
+    )
+    code, out, _ = run(capsys, "info", tmp_path)
+    assert code == 0
+    assert "1000000000.0" in out
 
 
 def test_strict_ends_with_3_on_a_cut_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

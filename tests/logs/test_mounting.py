@@ -12,7 +12,7 @@ from gridslam.core.messages import Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import MountingConfig
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.mounting import mount
+from gridslam.logs.mounting import mount, usable
 
 angle = st.floats(-3.1, 3.1)
 length = st.floats(-5.0, 5.0)
@@ -82,6 +82,27 @@ def test_a_camera_on_the_wall_hangs_on_its_own_root() -> None:
     edges = [edge("map", "bracket", (1, 2, 3), (0, 0, 0)), edge("bracket", "camera", (0, 0, 1), (0, 0, 0))]
     (mounted,) = mount(["camera"], edges, {}, "base", 0, Ledger())
     assert (mounted.frame_id, mounted.translation_m) == ("map", (1.0, 2.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("translation", "quat_wxyz", "reason"),
+    [
+        ((math.nan, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), "not_finite"),
+        ((0.0, math.inf, 0.0), (1.0, 0.0, 0.0, 0.0), "not_finite"),
+        ((0.0, 0.0, -1e308), (1.0, 0.0, 0.0, 0.0), "too_far"),
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), "not_finite"),
+        ((0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), "not_finite"),
+    ],
+)
+def test_transforms_that_are_no_rigid_motion_are_left_out_and_counted(
+    translation: tuple[float, float, float], quat_wxyz: tuple[float, float, float, float], reason: str
+) -> None:
+    good = edge("base", "laser", (1, 0, 0), (0, 0, 0))
+    wrong = Transform(0, "base", "camera", translation, quat_wxyz, is_static=True)
+    ledger = Ledger()
+    assert usable([wrong, good], ledger) == [good]
+    assert ledger.counters == {f"skipped.tf.{reason}": 1}
+    assert "base->camera" in ledger.problems[0]
 
 
 def test_a_cycle_of_frames_ends() -> None:
