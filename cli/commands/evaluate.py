@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 TRUTH_BESIDE = "truth"  # the folder that `gridslam explore` leaves in its run directory
+LARGEST_DELTA = 1e9  # frames, metres or seconds
 
 
 class AlignName(str, Enum):
@@ -186,16 +187,19 @@ def _options(
     from gridslam.evaluation.document import Options
     from gridslam.evaluation.pose_errors import Delta
     from gridslam.evaluation.run_files import run_command_of
+    from gridslam.logs.stamps import END_S
 
     if align is None:
         align = AlignName.se2 if run_command_of(path) in ("map", "explore") else AlignName.none
     if scale and align is not AlignName.se2:
         raise ConfigError("--scale: only --align se2 fits a scale")
     whole = unit is not DeltaUnitName.frames or delta.is_integer()
-    if not (math.isfinite(delta) and delta > 0.0 and whole):
-        raise ConfigError(f"--delta {delta:g}: expected a positive number, of frames a whole one")
-    if not math.isfinite(max_difference_s):
-        raise ConfigError(f"--max-difference {max_difference_s:g}: expected seconds")
+    if not (0.0 < delta <= LARGEST_DELTA and whole):
+        raise ConfigError(
+            f"--delta {delta:g}: expected a positive number up to {LARGEST_DELTA:g}, of frames a whole one"
+        )
+    if not max_difference_s <= END_S:
+        raise ConfigError(f"--max-difference {max_difference_s:g}: expected seconds up to {END_S:g}")
     return Options(
         align=align.value,
         with_scale=scale,

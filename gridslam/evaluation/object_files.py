@@ -18,7 +18,7 @@ def read_objects(path: Path) -> dict[str, MapObject]:
     Where an id has several rows (poses over time) the last one counts. Raises InputError, naming the line.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = csv.DictReader(stream)
             missing = {"id", "x", "y", "yaw"} - set(rows.fieldnames or ())
             if missing:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import codecs
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
+from gridslam.core.numpy_files import damage_as_value_error
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.files import read_trajectory
+from gridslam.maps.map_yaml import LARGEST_M
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
@@ -85,7 +88,7 @@ def _looks_like_trajectory(path: Path) -> bool:
             head = stream.read(_LONGEST_HEAD)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    for line in head.split(b"\n"):
+    for line in head.removeprefix(codecs.BOM_UTF8).split(b"\n"):
         words = line.partition(b"#")[0].replace(b",", b" ").split()
         if words:
             return _is_number(words[0]) or path.suffix.lower() in _TEXT_ENDINGS - {""}
@@ -102,15 +105,26 @@ def _is_number(word: bytes) -> bool:
 
 def read_probability(path: Path) -> OccupancyGrid | None:
     """The layer `probability` of layers.npz, None without it. Raises InputError for a damaged file."""
+    names = ("probability", "probability.origin", "probability.resolution")
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as layers:
+        with (
+            damage_as_value_error(),
+            path.open("rb") as stream,
+            np.load(stream, allow_pickle=False) as layers,
+        ):
             if "probability" not in layers:
                 return None
-            values = np.asarray(layers["probability"], dtype=np.float32)
-            x, y, yaw = np.asarray(layers["probability.origin"], dtype=np.float64)
-            resolution = float(layers["probability.resolution"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+            values, origin, resolution = (layers[name] for name in names)
+    except ValueError as error:
         raise InputError(f"{path}: not the layers of a run ({error}); run again") from None
-    if values.ndim != 2 or not resolution > 0.0:
+    if not (_are_numbers(values, 2) and _are_numbers(origin, 1) and _are_numbers(resolution, 0)):
         raise InputError(f"{path}: probability: expected rows and columns with a resolution; run again")
-    return OccupancyGrid(values, GridGeometry(resolution, (float(x), float(y)), float(yaw)))
+    is_sound = len(origin) == 3 and np.abs(origin).max() <= LARGEST_M and 1e-4 <= resolution <= 1e3
+    if not is_sound or (values < 0.0).any() or (values > 1.0).any():
+        raise InputError(f"{path}: probability: values, origin or resolution out of range; run again")
+    x, y, yaw = origin.astype(np.float64).tolist()
+    return OccupancyGrid(values.astype(np.float32), GridGeometry(float(resolution), (x, y), yaw))
+
+
+def _are_numbers(values: NDArray[np.generic], dimensions: int) -> bool:
+    return values.ndim == dimensions and values.dtype.kind in "fiu"

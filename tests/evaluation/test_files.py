@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -120,4 +121,65 @@ def test_the_probability_layer_reads_back_and_damage_is_an_input_error(tmp_path:
     assert np.array_equal(read.probability, values, equal_nan=True)
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match="run again"):
+        read_probability(path)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_number(tmp_path: Path) -> None:
+    bom = "\ufeff"
+    assert read_truth(write(tmp_path / "t.path", f"{bom}1 2 3 0\n2 3 3 0\n")).poses[0].tolist() == [2, 3, 0]
+    assert len(read_relations(write(tmp_path / "r", f"{bom}1 2 0.1 0 0 0 0 0\n"))) == 1
+    assert set(read_objects(write(tmp_path / "o.csv", f"{bom}id,x,y,yaw\na,1,2,3\n"))) == {"a"}
+
+
+LAYERS = {
+    "probability": np.full((20, 30), 0.5, np.float32),
+    "probability.origin": np.zeros(3),
+    "probability.resolution": np.float64(0.1),
+}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"probability": np.full((2, 2), 5.0)},
+        {"probability": np.full((2, 2), -np.inf)},
+        {"probability": np.full((2, 2), 0.5 + 0.5j)},
+        {"probability": np.full((2, 2), "a")},
+        {"probability": np.full(4, 0.5)},
+        {"probability.origin": np.array([np.nan, 0.0, 0.0])},
+        {"probability.origin": np.array([0.0, 1e300, 0.0])},
+        {"probability.origin": np.zeros(2)},
+        {"probability.origin": np.array("abc")},
+        {"probability.resolution": np.float64(1e-300)},
+        {"probability.resolution": np.float64(np.inf)},
+        {"probability.resolution": np.array([1.0, 2.0])},
+        {"probability.resolution": np.complex128(0.1)},
+    ],
+)
+def test_layers_that_are_no_map_are_an_unreadable_input(tmp_path: Path, wrong: dict[str, object]) -> None:
+    np.savez_compressed(tmp_path / "layers.npz", **{**LAYERS, **wrong})
+    with pytest.raises(InputError, match=r"layers\.npz"):
+        read_probability(tmp_path / "layers.npz")
+
+
+def test_layers_with_any_byte_changed_give_a_map_or_an_unreadable_input(tmp_path: Path) -> None:
+    path = tmp_path / "layers.npz"
+    np.savez_compressed(path, **LAYERS)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(0)
+    for place in range(len(whole)):
+        damaged = bytearray(whole)
+        damaged[place] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        try:
+            assert read_probability(path) is not None or damaged != whole
+        except InputError as error:
+            assert str(path) in str(error)
+
+
+def test_layers_whose_header_is_cut_are_an_unreadable_input(tmp_path: Path) -> None:
+    path = tmp_path / "layers.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("probability.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f4', ")
+    with pytest.raises(InputError, match=r"layers\.npz"):
         read_probability(path)
