@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +52,7 @@ def run(
     document = {
         "map": str(map_path),
         "r0": fit.r0,
-        "standard_error": fit.standard_error,
+        "standard_error": fit.standard_error if math.isfinite(fit.standard_error) else None,
         "r0_at_5cm": fit.r0_at_5cm,
         "continuation": fit.continuation,
         "occupied_share": fit.occupied_share,
@@ -63,5 +64,10 @@ def run(
     if as_json:
         console.emit_json(document)
         return
-    rows = [(key, f"{value:.6g}" if isinstance(value, float) else value) for key, value in document.items()]
-    console.emit_table(("measure", "value"), rows)
+    console.emit_table(("measure", "value"), [(key, _text(value)) for key, value in document.items()])
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -37,7 +37,8 @@ PathOutput = Annotated[
 ]
 Replace = Annotated[bool, typer.Option("--force", help="Replace the output that is there.")]
 Radius = Annotated[
-    float | None, typer.Option("--radius", metavar="M", help="Radius of a round robot (default 0.2).")
+    float | None,
+    typer.Option("--radius", metavar="M", help="Radius of a round robot, above 0 (default 0.2)."),
 ]
 Outline = Annotated[
     str | None,
@@ -99,7 +100,10 @@ def run(
 
     if radius is not None and footprint is not None:
         raise typer.BadParameter("give the radius or the corners, not both", param_hint="'--footprint'")
-    discs = cover_polygon(np.array(_corners(footprint))) if footprint else disc(radius or ROBOT_RADIUS_M)
+    if footprint is not None:
+        discs = cover_polygon(np.array(_corners(footprint)))
+    else:
+        discs = disc(ROBOT_RADIUS_M if radius is None else radius)
     options = PlanOptions(
         discs=discs,
         min_radius_m=min_radius,

@@ -24,8 +24,8 @@ class GridGeometry:
             local = local @ np.array([[cos, -sin], [sin, cos]])
         return np.asarray(np.floor(local[..., ::-1] / self.resolution_m), dtype=np.int64)
 
-    def centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Centres `(n, 2)` as (x, y) in the map frame of cells `(n, 2)` given as (row, col)."""
+    def centres(self, cells: NDArray[np.int64] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centres `(n, 2)` as (x, y) in the map frame of cells `(n, 2)` given as (row, col); half a cell less is a corner."""
         local = (np.asarray(cells, dtype=np.float64)[..., ::-1] + 0.5) * self.resolution_m
         if self.yaw_rad:
             cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)

@@ -125,6 +125,7 @@ def _kind(occupancy: OccupancyGrid, row: int, col: int) -> str:
 
 def _extent(occupancy: OccupancyGrid) -> str:
     rows, cols = occupancy.probability.shape
-    corners = occupancy.geometry.centres(np.array([[0, 0], [0, cols], [rows, 0], [rows, cols]]))
+    ends = np.array([[0, 0], [0, cols], [rows, 0], [rows, cols]])
+    corners = occupancy.geometry.centres(ends - 0.5)
     (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
     return f"it reaches from {x0:.2f},{y0:.2f} to {x1:.2f},{y1:.2f}"

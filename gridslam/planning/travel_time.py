@@ -13,6 +13,7 @@ from gridslam.planning.path import ArcLinePath, Kind, Segment
 
 Floats = NDArray[np.float64]
 
+LEAST_LIMIT, MOST_LIMIT = 1e-3, 1e3  # of speeds and accelerations
 NOTHING = 1e-9  # lengths (m) and angles (rad) that are none
 
 
@@ -29,8 +30,10 @@ class SpeedLimits:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ConfigError(f"{field.name} {value:g}: expected a positive number")
+            if not LEAST_LIMIT <= value <= MOST_LIMIT:
+                raise ConfigError(
+                    f"{field.name} {value:g}: expected a number from {LEAST_LIMIT:g} to {MOST_LIMIT:g}"
+                )
 
     @property
     def for_kernels(self) -> Floats:

@@ -73,6 +73,10 @@ def test_a_plan_is_written_with_its_picture_and_never_over_another(
         (["--start", "0,0,0", "--goal", "9,9,0"], 4, "goal 9,9: lies outside the map"),
         (["--start", "0,0,0", "--goal", "2.8,1.8,0"], 4, "lies in an unknown cell"),
         (["--start", "0,0,0", "--goal", "2,1", "--radius", "-1"], 2, "robot radius -1"),
+        (["--start", "0,0,0", "--goal", "2,1", "--radius", "0"], 2, "robot radius 0: expected a positive"),
+        (["--start", "0,0,0", "--goal", "2,1", "--footprint", ""], 2, "footprint: expected 3 to 100 corners"),
+        (["--start", "0,0,0", "--goal", "2,1", "--acceleration", "1e308"], 2, "from 0.001 to 1000"),
+        (["--start", "0,0,0", "--goal", "2,1", "--acceleration", "1e-300"], 2, "from 0.001 to 1000"),
         (["--start", "0,0,0", "--goal", "2,1", "--min-radius", "0"], 2, "turn on the spot"),
         (["--start", "0,0,0", "--goal", "2,1", "--speed", "nan"], 2, "top_speed_mps"),
         (["--start", "0,0,0", "--goal", "2,1", "--footprint", "1,1 2"], 2, "--footprint"),
@@ -108,3 +112,17 @@ def test_the_correlation_of_a_map_is_printed_and_drawn(
     assert document["resolution_m"] == 0.05
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["correlation", str(room), "-o", str(picture), "-q"]) == 2
+
+
+@pytest.mark.parametrize("samples", range(1, 6))
+def test_an_error_that_few_walks_do_not_tell_is_null(
+    room: Path, capsys: pytest.CaptureFixture[str], samples: int
+) -> None:
+    command = ["correlation", str(room), "--samples", str(samples), "-q"]
+    code = main([*command, "--json"])
+    assert code == main(command)
+    assert code in (0, 4)
+    out = capsys.readouterr().out
+    if code == 0:
+        document, _ = json.JSONDecoder(parse_constant=lambda name: pytest.fail(name)).raw_decode(out)
+        assert document["standard_error"] is None or document["standard_error"] >= 0.0

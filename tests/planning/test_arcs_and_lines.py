@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.planning.arcs_and_lines import Plan, PlanOptions, plan_path
 from gridslam.planning.footprint import cover_polygon, disc
+from gridslam.planning.travel_time import LEAST_LIMIT, MOST_LIMIT, SpeedLimits
 from gridslam.report.plan import SEGMENT_COLUMNS, segment_row
 from tests.benchmarks.bench_plan import random_pairs
 from tests.reference.path_checks import Squares, drive, escapes, largest_jump
@@ -144,7 +146,12 @@ def test_a_turned_map_gives_the_same_path_turned() -> None:
     ("start", "goal", "gap", "message"),
     [
         ((3.0, 1.0, 0.0), GOAL, 20, r"start 3,1: lies inside an obstacle"),
-        ((9.0, 1.0, 0.0), GOAL, 20, r"start 9,1: lies outside the map; it reaches from"),
+        (
+            (9.0, 1.0, 0.0),
+            GOAL,
+            20,
+            r"start 9,1: lies outside the map; it reaches from 0.00,0.00 to 6.00,4.00",
+        ),
         ((0.2, 1.0, 0.0), GOAL, 20, r"does not fit there: an obstacle at 0\.0\d,\S+ is 0\.15 m"),
         (START, GOAL, 6, r"the widest one is only 0\.30 m wide at (2\.[89]|3\.[01])\d*,3\.[78]\d"),
         (START, GOAL, 0, r"obstacles separate them"),
@@ -197,6 +204,24 @@ def test_start_and_goal_at_one_place_differ_in_heading_only() -> None:
 def test_options_that_make_no_sense_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(ConfigError):
         PlanOptions(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limit", [LEAST_LIMIT, MOST_LIMIT])
+@pytest.mark.parametrize("name", [field.name for field in fields(SpeedLimits)])
+def test_every_limit_that_is_taken_gives_times_that_are_numbers(name: str, limit: float) -> None:
+    plan = plan_path(
+        room(gap_cells=35), START, GOAL, PlanOptions(limits=replace(SpeedLimits(), **{name: limit}))
+    )
+    times, poses, speeds = plan.path.sampled(0.05)
+    assert np.isfinite(np.column_stack([times, poses, speeds])).all()
+    assert (np.diff(times) > 0.0).all()
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-300, 1e308, np.inf, np.nan])
+@pytest.mark.parametrize("name", [field.name for field in fields(SpeedLimits)])
+def test_a_limit_beyond_any_robot_is_refused(name: str, limit: float) -> None:
+    with pytest.raises(ConfigError, match=f"{name} .*: expected a number from 0.001 to 1000"):
+        replace(SpeedLimits(), **{name: limit})
 
 
 def test_the_same_question_has_the_same_answer() -> None:
