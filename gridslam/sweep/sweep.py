@@ -57,20 +57,20 @@ def run_sweep(
     """Do what is not done yet, and write the tables of all of it.
 
     `folder` is what the paths in the file are relative to, `run` does the work (`run_locally`, `run_on_cluster`),
-    `tell` gets a line for each finished run. Raises ConfigError: before anything is run, for what is wrong.
+    `tell` gets a line for each finished run. Raises ConfigError: before anything is run or written, for what is wrong.
     """
     settings = settings_of_sweep(sweep, folder)
-    with sweep_directory(output.resolve()) as directory:
+    directory, hashes = output.resolve(), Hashes()
+    worlds = list(simulations(sweep, folder, directory, hashes))
+    combinations = list(product(sweep.logs, settings))
+    # Runs on logs that are there are planned first: what is wrong with them is told before anything is simulated.
+    planned = {
+        place: run_job(sweep, folder, directory, entry, one, hashes)
+        for place, (entry, one) in enumerate(combinations)
+        if entry.world is None
+    }
+    with sweep_directory(directory):
         work = _Work(Records(directory), run, tell, stop)
-        hashes = Hashes()
-        worlds = list(simulations(sweep, folder, directory, hashes))
-        combinations = list(product(sweep.logs, settings))
-        # Runs on logs that are there are planned first: what is wrong with them is told before anything is simulated.
-        planned = {
-            place: run_job(sweep, folder, directory, entry, one, hashes)
-            for place, (entry, one) in enumerate(combinations)
-            if entry.world is None
-        }
         made = dict(zip([job.directory for job in worlds], work.do(worlds), strict=True))
         lost: dict[int, Outcome] = {}
         for place, (entry, one) in enumerate(combinations):

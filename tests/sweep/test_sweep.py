@@ -185,6 +185,7 @@ def test_what_is_wrong_is_told_before_anything_is_run(bench: Bench, changes: dic
     with pytest.raises(ConfigError, match=message):
         bench.run(**changes)
     assert bench.ran == []
+    assert not bench.output.exists()
 
 
 def test_a_folder_that_is_no_sweep_is_left_alone(bench: Bench) -> None:
