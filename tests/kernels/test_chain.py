@@ -115,13 +115,21 @@ def test_what_is_expected_behind_is_the_chain_run_on_from_the_first_hit() -> Non
     rng = np.random.default_rng(3)
     first, prior = rng.dirichlet(np.ones(7)), 0.25  # the last: nothing on the ray
     correlation = rng.uniform(0.5, 1.0, 6)
-    expected = np.zeros(6)
-    for hit in range(6):
-        p = 1.0
-        for k in range(hit, 6):
-            if k > hit:
-                p = p * (prior + correlation[k] * (1 - prior)) + (1 - p) * prior * (1 - correlation[k])
-            expected[k] += first[hit] * p
+    expected = reference.expected_behind(first[:6], correlation, prior)
     reached = 1.0 - np.concatenate([[0.0], np.cumsum(first)[:5]])
     found = expected_behind(reached[None], correlation[None], prior)[0]
     assert found[:5] == pytest.approx(expected[:5], abs=1e-12)  # the last cell's hit cannot be told from none
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_long_rays_are_the_sum_over_the_cells_that_may_be_the_first(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    prior, correlation, first = (
+        rng.uniform(0.01, 0.9, 50),
+        rng.uniform(-0.5, 1.0, 50),
+        rng.uniform(0.0, 3.0, 50),
+    )
+    found = likelihoods_of_rays(prior[None], correlation[None], first[None], np.array([0.3]), False)
+    expected = reference.likelihoods(prior, correlation, first, 0.3)
+    for ours, twin in zip(found, expected, strict=True):
+        np.testing.assert_allclose(ours[0], twin, rtol=1e-9, atol=1e-12)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
 from gridslam.kernels import scan_points
+from tests.reference import scan_points as twin
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(0, 60))
@@ -18,11 +19,8 @@ def test_points_are_the_usable_readings_through_the_mounting(seed: int, n: int) 
     mounting = rng.uniform(-1.0, 1.0, 3)
     points, beams = scan_points.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, mounting, np.zeros(3), 0.0)
     with np.errstate(invalid="ignore"):
-        usable = np.flatnonzero((ranges > 0.05) & (ranges < 30.0))
+        expected, usable = twin.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, mounting)
     np.testing.assert_array_equal(beams, usable)
-    angles = -1.5 + 0.05 * usable
-    r = ranges[usable].astype(np.float64)
-    expected = se2.transform_points(mounting, np.stack([r * np.cos(angles), r * np.sin(angles)], axis=1))
     np.testing.assert_allclose(points, expected, atol=1e-9)
 
 
@@ -58,6 +56,21 @@ def test_normals_of_a_wall_stand_on_it_and_face_the_lidar() -> None:
     points = np.stack([np.full(101, 2.0), 2.0 * np.tan(bearings)], axis=1)
     normals = scan_points.surface_normals(points, np.arange(101), np.zeros(2))
     np.testing.assert_allclose(normals, np.tile([-1.0, 0.0], (101, 1)), atol=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_normals_are_those_of_the_neighbours_covariance(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bearings = np.sort(rng.uniform(-3.0, 3.0, 120))
+    wall = np.minimum(
+        3.0 / np.maximum(np.abs(np.cos(bearings)), 0.1), 2.0 / np.maximum(np.abs(np.sin(bearings)), 0.1)
+    )
+    ranges = wall + rng.normal(0.0, 0.01, 120)
+    points = np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
+    beams, eye = np.cumsum(rng.integers(1, 9, 120)), rng.uniform(-0.2, 0.2, 2)
+    normals = scan_points.surface_normals(points, beams, eye)
+    np.testing.assert_allclose(normals, twin.surface_normals(points, beams, eye), atol=1e-6)
 
 
 def test_scattered_points_have_no_normal() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from gridslam.kernels.sight_lines import pass_beams
 from gridslam.planning.art_gallery import gallery_of
+from tests.reference import sight_lines as twin
 
 
 def room() -> tuple[np.ndarray, np.ndarray]:
@@ -61,3 +63,26 @@ def test_neighbouring_ends_are_joined_by_a_surface_where_they_are_near() -> None
         pass_beams(passed, hit, np.array([1.0, 1.0]), ends, np.ones(3, bool), 100.0, 1.5, joined)
         assert (hit[:6, 10] > 0).sum() == expected
         assert not hit[7:14, 10].any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_seen_is_what_rays_to_every_side_of_every_wall_reach(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    walls = rng.random((15, 18)) < 0.15
+    gallery = gallery_of(walls, ~walls)
+    row, col = np.argwhere(~walls)[rng.integers((~walls).sum())]
+    place = col + rng.uniform(0.2, 0.8), row + rng.uniform(0.2, 0.8)
+    seen = gallery.seen_from(np.array([place]), 9.0)[0]
+    assert set(gallery.cells[seen].tolist()) == twin.seen_walls(walls, ~walls, place, 9.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_beams_are_counted_as_their_twin_counts_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    passed, hit = np.zeros((30, 40), np.uint16), np.zeros((30, 40), np.uint16)
+    ends, origin = rng.uniform([-5.0, -5.0], [45.0, 35.0], (25, 2)), np.array([18.3, 14.6])
+    arguments = (origin, ends, rng.random(25) < 0.7, 16.0, 1.5, 12.0)
+    pass_beams(passed, hit, *arguments)
+    expected = twin.passed_and_hit((30, 40), *arguments)
+    np.testing.assert_array_equal(passed, expected[0])
+    np.testing.assert_array_equal(hit, expected[1])

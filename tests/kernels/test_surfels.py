@@ -122,6 +122,38 @@ def test_registration_finds_a_displacement_to_millimetres(x: float, y: float, ya
     assert np.linalg.eigvalsh(information).min() > 0.0
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_registration_takes_the_steps_of_its_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    surface, (points, normals) = room(150), room(23)
+    store, start = store_of(*surface), rng.uniform(-0.05, 0.05, 3)
+    surfaces: twin.Surfaces = {}
+    twin.insert(surfaces, *surface, CELL_M)
+    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
+    weak = np.diag([20.0, 20.0, 50.0])
+    pose, _, used = surfel_registration.register(
+        *of_map, points, normals, start, start, weak, 0.05, 0.4, 0.1, 6, 0.0
+    )
+    expected, count = twin.register(surfaces, points, normals, start, weak, 0.05, 0.4, 0.1, 6)
+    np.testing.assert_allclose(pose, expected, atol=1e-4)
+    assert abs(used - count) <= 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_yaw_found_is_the_one_at_which_most_points_lie_on_surfaces(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    surface, (points, normals) = room(150), room(23)
+    store, pose = store_of(*surface), np.array([0.02, -0.03, rng.uniform(-0.25, 0.25)])
+    surfaces: twin.Surfaces = {}
+    twin.insert(surfaces, *surface, CELL_M)
+    found = surfel_registration.search_yaw(
+        store.directory[0], store.pool, store.origin, CELL_M, points, normals, pose, 0.05, 6, 0.1, 0.3
+    )
+    turns = 0.05 * np.arange(-6, 7)
+    scores = twin.yaw_scores(surfaces, points, normals, pose, turns, 0.1, 0.3)
+    assert found[2] == pytest.approx(pose[2] + turns[int(np.argmax(scores))])
+
+
 def test_without_surfaces_the_prior_stands() -> None:
     store = TileStore(1, surfels.CHANNELS, CELL_M)
     prior = np.array([0.3, -0.2, 0.5])

@@ -48,3 +48,48 @@ def reached(
         total += mass
         clear += 0.0 if 1 in states[:cell] else mass
     return clear / total
+
+
+def likelihoods(
+    prior: Sequence[float], correlation: Sequence[float], first: Sequence[float], none: float
+) -> tuple[list[float], list[float], list[float]]:
+    """P(o | E_k) / P(o), P(o | not E_k) / P(o) and P(nothing before k is occupied | o), for rays too long to count through.
+
+    Summed over the cell that is the first occupied one; behind it each cell's P(E) follows from that of the one before.
+    """
+    n = len(prior)
+    masses, clear = [], 1.0  # P(o, first = k) for every k, then P(o, none is occupied)
+    occupied = [0.0] * n  # P(o, E_k)
+    for hit in range(n):
+        p = prior[hit]
+        if hit:
+            p -= joint(prior[hit - 1], prior[hit], correlation[hit])
+            p /= 1.0 - prior[hit - 1]
+        masses.append(first[hit] * clear * p)
+        clear *= 1.0 - p
+        chance = 1.0
+        for k in range(hit, n):
+            if k > hit:
+                both = joint(prior[k - 1], prior[k], correlation[k])
+                chance = chance * both / prior[k - 1] + (1 - chance) * (prior[k] - both) / (1 - prior[k - 1])
+            occupied[k] += masses[hit] * chance
+    masses.append(none * clear)
+    total = sum(masses)
+    return (
+        [mass / p / total for mass, p in zip(occupied, prior, strict=True)],
+        [(total - mass) / (1.0 - p) / total for mass, p in zip(occupied, prior, strict=True)],
+        [sum(masses[k:]) / total for k in range(n)],
+    )
+
+
+def expected_behind(first: Sequence[float], correlation: Sequence[float], prior: float) -> list[float]:
+    """P(E_k) when cell k is the first occupied one with probability `first[k]` and the chain goes on from there."""
+    expected = [0.0] * len(first)
+    for hit, mass in enumerate(first):
+        chance = 1.0
+        for k in range(hit, len(first)):
+            if k > hit:
+                r = correlation[k]
+                chance = chance * (prior + r * (1.0 - prior)) + (1.0 - chance) * prior * (1.0 - r)
+            expected[k] += mass * chance
+    return expected

@@ -58,3 +58,68 @@ def log_likelihood(
         e = sigma_m if found is None else float(found[1] @ (point - found[0]))
         total += math.log((1.0 - random_share) * math.exp(-0.5 * (e / sigma_m) ** 2) + random_share)
     return total
+
+
+def placed(pose: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Points and normals of the robot's frame, seen from a pose."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    turn = np.array([[c, -s], [s, c]])
+    return points @ turn.T + pose[:2], normals @ turn.T
+
+
+def register(
+    surfaces: Surfaces,
+    points: Floats,
+    normals: Floats,
+    start: Floats,
+    prior_information: Floats,
+    sigma_m: float,
+    reach_m: float,
+    final_reach_m: float,
+    iterations: int,
+) -> tuple[Floats, int]:
+    """Gauss-Newton on the distances of points from the lines of their nearest surfaces; the prior's mean is the start.
+
+    Weights after Geman and McClure; the reach is halved in every iteration. Returns the pose and how many points have counted.
+    """
+    pose, reach, used = start.copy(), reach_m, 0
+    for _ in range(iterations):
+        rows, errors = [], []
+        for point, normal in zip(*placed(pose, points, normals), strict=True):
+            found = nearest(surfaces, point, normal, reach)
+            if found is not None:
+                mean, n = found
+                arm = point - pose[:2]
+                rows.append([n[0], n[1], n[1] * arm[0] - n[0] * arm[1]])
+                errors.append(float(n @ (point - mean)))
+        J, e, used = np.reshape(rows, (-1, 3)), np.array(errors), len(errors)
+        weights = (1.0 + (e / sigma_m) ** 2) ** -2 / sigma_m**2
+        hessian = J.T @ (weights[:, None] * J) + prior_information
+        step = np.linalg.solve(hessian, -J.T @ (weights * e) - prior_information @ (pose - start))
+        pose = pose + step
+        if np.abs(step[:2]).max() < 1e-4 and abs(step[2]) < 1e-5 and reach <= final_reach_m:
+            break
+        reach = max(0.5 * reach, final_reach_m)
+    return pose, used
+
+
+def yaw_scores(
+    surfaces: Surfaces,
+    points: Floats,
+    normals: Floats,
+    pose: Floats,
+    turns: Floats,
+    sigma_m: float,
+    reach_m: float,
+) -> list[float]:
+    """How much of a scan lies on surfaces when the robot is turned by each of the angles."""
+    scores = []
+    for turn in turns:
+        total = 0.0
+        turned = np.array([pose[0], pose[1], pose[2] + turn])
+        for point, normal in zip(*placed(turned, points, normals), strict=True):
+            found = nearest(surfaces, point, normal, reach_m)
+            if found is not None:
+                total += math.exp(-0.5 * float(((point - found[0]) ** 2).sum()) / sigma_m**2)
+        scores.append(total)
+    return scores
