@@ -82,10 +82,9 @@ def test_one_scan_changes_a_cell_of_the_dense_map_once_and_a_hit_wins(
     log_odds.insert_scan_dense(
         values, touched, 1, eye, array, np.ones(len(array), np.bool_), HIT, MISS, LIMIT
     )
-    hits = {(int(np.floor(y)), int(np.floor(x))) for x, y in array}
-    crossed = {cell for x, y in array for cell in twin.crossed_cells(*eye, x, y)} - hits
+    cells: dict[tuple[int, int], float] = {}
+    twin.insert_once(cells, *eye.tolist(), [(x, y) for x, y in array.tolist()], HIT, MISS, LIMIT)
     expected = np.zeros((90, 90), np.float32)
-    for cells, step in ((hits, HIT), (crossed, MISS)):
-        for cell in cells:
-            expected[cell] = step
+    for cell, value in cells.items():
+        expected[cell] = value
     np.testing.assert_allclose(values, expected, atol=1e-6)

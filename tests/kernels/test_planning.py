@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from gridslam.kernels.planning_circles import chain_parts, travel_time
 from gridslam.kernels.planning_clearance import World, advance, is_free, wall_distance
 from gridslam.kernels.planning_dubins import WORDS, dubins_words
 from gridslam.kernels.planning_grid import cost_to_go
 from gridslam.planning.space import distance_field
+from tests.reference import planning_grid as twin
 
 Floats = NDArray[np.float64]
 RESOLUTION = 0.1
@@ -26,10 +25,7 @@ def world(seed: int, share: float = 0.03, radius: float = 0.2) -> World:
 
 
 def to_squares(blocked: NDArray[np.bool_], points: Floats) -> Floats:
-    """Distance (m) of points `(n, 2)` to the nearest blocked square, by looking at all."""
-    centres = (np.argwhere(blocked)[:, ::-1] + 0.5) * RESOLUTION
-    gaps = np.maximum(np.abs(points[:, None] - centres[None]) - 0.5 * RESOLUTION, 0.0)
-    return np.asarray(np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=1))
+    return twin.distance_to_squares(blocked, RESOLUTION, points)
 
 
 def test_the_field_is_the_distance_to_the_nearest_square() -> None:
@@ -108,24 +104,9 @@ def test_the_shortest_word_is_not_longer_than_any_of_many_other_chains() -> None
 def test_the_cost_to_go_is_that_of_a_graph_of_neighbours() -> None:
     here = world(3, share=0.05)
     needed, dread, shy = 0.1, 2.0, 0.3
-    rows, cols = here.blocked.shape
-    edges = []
-    for row in range(rows):
-        for col in range(cols):
-            for dr, dc in [(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)]:
-                r, c = row + dr, col + dc
-                if not (0 <= r < rows and 0 <= c < cols):
-                    continue
-                spare = here.field[2 * r + 1, 2 * c + 1] - needed
-                own = here.field[2 * row + 1, 2 * col + 1] - needed
-                between = here.field[row + r + 1, col + c + 1] - needed
-                if min(spare, own, between) >= 0.0:
-                    price = RESOLUTION * np.hypot(dr, dc) * (1.0 + dread * max(0.0, 1.0 - spare / shy))
-                    edges.append((row * cols + col, r * cols + c, price))
-    start, goal, price = np.array(edges).T
-    graph = coo_matrix((price, (start.astype(int), goal.astype(int))), shape=(rows * cols, rows * cols))
-    source = int(start[0])
-    expected = dijkstra(graph.tocsr(), indices=source).reshape(rows, cols)
+    spare = here.field[1::2, 1::2] - needed
+    source = int(np.flatnonzero(spare.ravel() >= 0.0)[0])
+    expected = twin.cost_to_go(here.field, RESOLUTION, needed, dread, shy, source)
     found = cost_to_go(here.field, RESOLUTION, needed, dread, shy, source, source, np.inf)
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
@@ -152,27 +133,12 @@ def test_circles_are_joined_by_their_tangents() -> None:
 
 
 def test_the_travel_time_is_that_of_driving_as_fast_as_allowed_in_small_steps() -> None:
-    # Twin: the highest speed under all limits on a fine grid of places, by relaxing forwards and backwards.
     rng = np.random.default_rng(9)
     for _ in range(20):
         parts = np.zeros((6, 6))
         parts[:, 3] = rng.uniform(0.05, 2.0, 6)
         parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
-        step = 2e-4
-        caps = np.concatenate(
-            [
-                np.full(round(length / step), min(1.0, *(np.sqrt(0.5 / k), 1.5 / k) if k else (1.0,)))
-                for length, k in zip(parts[:, 3], np.abs(parts[:, 4]), strict=True)
-            ]
-        )
-        squares = np.minimum(np.r_[caps, caps[-1]], np.r_[caps[0], caps]) ** 2
-        squares[0] = squares[-1] = 0.0
-        for i in range(1, len(squares)):
-            squares[i] = min(squares[i], squares[i - 1] + 2.0 * 0.5 * step)
-        for i in range(len(squares) - 2, -1, -1):
-            squares[i] = min(squares[i], squares[i + 1] + 2.0 * 0.5 * step)
-        speeds = np.sqrt(squares)
-        expected = (2.0 * step / (speeds[1:] + speeds[:-1])).sum()
+        expected = twin.travel_time(parts[:, 3], parts[:, 4], LIMITS[:5].tolist())
         assert travel_time(parts, LIMITS, np.empty(7)) == pytest.approx(expected, rel=2e-3)
 
 

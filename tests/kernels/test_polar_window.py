@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.polar_window import averaged_over_turns, priors_of_rays, window_of_rays
+from tests.reference import polar_window as twin
 
 
 def test_priors_are_those_of_the_cells_that_a_ray_meets() -> None:
@@ -15,18 +16,9 @@ def test_priors_are_those_of_the_cells_that_a_ray_meets() -> None:
     log_odds, eye, angles = rng.normal(size=(30, 40)), np.array([20.3, 14.6]), np.array([-2.0, 0.3, 1.1])
     priors, correlations = priors_of_rays(log_odds, eye, angles, 1.5, 8, -0.5, 0.8)
     for i, angle in enumerate(angles):
-        cells = [
-            (
-                math.floor(eye[1] + (1.5 + k) * math.sin(angle)),
-                math.floor(eye[0] + (1.5 + k) * math.cos(angle)),
-            )
-            for k in range(8)
-        ]
-        expected = [1.0 / (1.0 + math.exp(-(log_odds[c] - 0.5))) for c in cells]
+        expected, correlation = twin.priors_of_ray(log_odds, eye, angle, 1.5, 8, -0.5, 0.8)
         assert priors[i] == pytest.approx(expected, abs=1e-12)
-        for k in range(1, 8):
-            distance = math.hypot(cells[k][0] - cells[k - 1][0], cells[k][1] - cells[k - 1][1])
-            assert correlations[i, k] == pytest.approx(0.8**distance, abs=1e-12)
+        assert correlations[i, 1:] == pytest.approx(correlation, abs=1e-12)
 
 
 def test_every_cell_has_the_value_of_the_nearest_ray_at_its_range() -> None:
@@ -35,16 +27,9 @@ def test_every_cell_has_the_value_of_the_nearest_ray_at_its_range() -> None:
     bearings, reach = np.sort(rng.uniform(-0.6, 0.9, 7)), 0.12
     corner, first = np.array([-5.3, -8.2]), 2.0
     window = window_of_rays(polar, rest, bearings, reach, first, corner, 17, 20)
-    touched = 0
-    for row in range(17):
-        for col in range(20):
-            x, y = corner[0] + col, corner[1] + row
-            k = math.floor(math.hypot(x, y) - first)
-            off = np.abs(bearings - math.atan2(y, x))
-            expected = polar[:, off.argmin(), k] if 0 <= k < 12 and off.min() <= reach else rest
-            touched += expected is not rest
-            assert window[:, row, col] == pytest.approx(expected)
-    assert touched > 20
+    expected = twin.window_of_rays(polar, rest, bearings, reach, first, corner, 17, 20)
+    assert window == pytest.approx(expected)
+    assert (expected != rest[:, None, None]).any(axis=0).sum() > 20
 
 
 def test_a_window_behind_the_robot_goes_across_half_a_turn() -> None:
@@ -65,9 +50,5 @@ def test_the_mean_over_turns_is_that_of_turned_rays() -> None:
     )
     angles = np.linspace(-0.6, 0.6, 11)
     mean = averaged_over_turns(polar, rest, bearings, 0.06, turns, weights, angles)
-    for a, angle in enumerate(angles):
-        expected = np.zeros((2, 4))
-        for turn, weight in zip(turns, weights, strict=True):
-            off = np.abs(bearings + turn - angle)
-            expected += weight * (polar[:, off.argmin()] if off.min() <= 0.06 else rest[:, None])
-        assert mean[:, a] == pytest.approx(expected, abs=1e-12)
+    expected = twin.averaged_over_turns(polar, rest, bearings, 0.06, turns, weights, angles)
+    assert mean == pytest.approx(expected, abs=1e-12)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.kernels.raycast import cast_rays, free_squares
-from tests.reference.ray_traversal import cast_cell_by_cell
+from tests.reference.ray_traversal import cast_cell_by_cell, largest_free_square
 
 
 @settings(max_examples=150, deadline=None)
@@ -59,15 +59,4 @@ def test_free_squares_are_free_and_the_largest(seed, rows, cols):
     for quadrant in range(4):
         for r in range(rows):
             for c in range(cols):
-                side = int(squares[quadrant, r, c])
-                assert _is_free(occupied, r, c, quadrant, side)
-                assert not _is_free(occupied, r, c, quadrant, side + 1)
-
-
-def _is_free(occupied, r, c, quadrant, side):
-    """Whether the square of this side in the corner of which the cell lies is in the grid and free."""
-    r0 = r - side + 1 if quadrant // 2 else r
-    c0 = c - side + 1 if quadrant % 2 else c
-    if r0 < 0 or c0 < 0 or r0 + side > occupied.shape[0] or c0 + side > occupied.shape[1]:
-        return False
-    return not occupied[r0 : r0 + side, c0 : c0 + side].any()
+                assert squares[quadrant, r, c] == largest_free_square(occupied, r, c, quadrant)

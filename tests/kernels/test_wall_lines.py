@@ -52,18 +52,19 @@ def test_equations_of_a_pose_are_those_of_their_twin(seed: int) -> None:
     points = wall_points(rng, n) + rng.normal(0.0, 0.02, 2)
     arms, directions, variances = points - position, directions_of(rng, n), rng.uniform(1e-5, 1e-3, (n, 2))
     cells = np.floor(points[:, ::-1] / CELL_M).astype(np.int64)
-    hessian, gradient, near = np.zeros((3, 3)), np.zeros(3), 0
-    for k in range(n):
-        about = (np.abs(at - cells[k]) <= 1).all(axis=1)
-        found = twin.line(mapped[about], weights[about], LEAST, THICKEST)
-        if found is None:
-            continue
-        centre, normal = found
-        off = float((points[k] - centre) @ normal)
-        variance = twin.variance_along(normal, directions[k], variances[k]) + MAP_VARIANCE
-        J, w = twin.pose_jacobian(normal, arms[k]), twin.weight(off, variance, ROBUST)
-        hessian, gradient = hessian + w * np.outer(J, J), gradient + w * J * off
-        near += off**2 < 9.0 * variance
+    hessian, gradient, near = twin.equations_on_lines(
+        mapped,
+        weights,
+        CELL_M,
+        points,
+        arms,
+        directions,
+        variances,
+        LEAST,
+        THICKEST,
+        MAP_VARIANCE,
+        ROBUST,
+    )
     assert near > 5
     got = kernel.equations_on_lines(
         sums, cells, LEAST, THICKEST, arms, directions, variances, MAP_VARIANCE, ROBUST, position
@@ -83,39 +84,14 @@ def test_eliminating_the_walls_is_the_schur_complement_of_the_whole_problem(seed
     variances, bel = rng.uniform(1e-5, 1e-3, (n, 2)), rng.choice([0.5, 1.0], n)
     first, order = by_cell(points, CELL_M, 0.5)
     walls = len(first) - 1
-    J, off, weights = np.zeros((n, 3 * places + 2 * walls)), np.zeros(n), np.zeros(n)
-    for wall in range(walls):
-        members = order[first[wall] : first[wall + 1]]
-        found = twin.line(points[members], bel[members] / variances[members, 0], LEAST, THICKEST)
-        if found is None:
-            continue
-        centre, normal = found
-        for k in members:
-            off[k] = (points[k] - centre) @ normal
-            along = (points[k] - centre) @ np.array([normal[1], -normal[0]])
-            variance = twin.variance_along(normal, directions[k], variances[k]) + MAP_VARIANCE
-            weights[k] = 0.5 * bel[k] * twin.weight(off[k], variance, ROBUST)
-            J[k, 3 * place[k] : 3 * place[k] + 3] = twin.pose_jacobian(normal, arms[k])
-            J[k, 3 * places + 2 * wall : 3 * places + 2 * wall + 2] = -1.0, -along
+    arguments = (first, order, place, points, arms, directions, variances, bel)
+    settings = (LEAST, THICKEST, MAP_VARIANCE, ROBUST, places)
+    J, off, weights = twin.rows_of_walls(*arguments, *settings)
     assert np.count_nonzero(weights) > 50
     H, g = J.T @ (weights[:, None] * J), J.T @ (weights * off)
     p = 3 * places
     of_walls = np.linalg.inv(H[p:, p:] + np.eye(2 * walls))
-    equations = kernel.equations_of_walls(
-        first,
-        order,
-        place,
-        points,
-        arms,
-        directions,
-        variances,
-        bel,
-        LEAST,
-        THICKEST,
-        MAP_VARIANCE,
-        ROBUST,
-        places,
-    )
+    equations = kernel.equations_of_walls(*arguments, *settings)
     hessian, gradient = _eliminated(*equations)
     scale = np.abs(H[:p, :p]).max()
     assert np.allclose(hessian.toarray(), H[:p, :p] - H[:p, p:] @ of_walls @ H[p:, :p], atol=1e-9 * scale)

@@ -29,3 +29,12 @@ def correlate(
                 inside = (rows >= 0) & (rows < field.shape[0]) & (cols >= 0) & (cols < field.shape[1])
                 best = max(best, float(field[rows[inside], cols[inside]].astype(int).sum()) / len(points))
     return best
+
+
+def field_level(field: NDArray[np.uint8], level: int) -> NDArray[np.uint8]:
+    """At every cell the maximum of the field over the 2^level x 2^level cells from there on."""
+    size = 1 << level
+    padded = np.pad(field, ((0, size), (0, size)))
+    rows, cols = field.shape
+    shifts = [padded[r : r + rows, c : c + cols] for r in range(size) for c in range(size)]
+    return np.asarray(np.max(shifts, axis=0))

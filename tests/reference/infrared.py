@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.reference.log_odds import crossed_cells
+
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
 
@@ -65,3 +67,23 @@ def shifted_changes(values: Floats, cells: Cells, reach: int, row_shift: int, co
                 here = under(row + row_shift, col + col_shift)
                 squares[i, j] += (here - under(row + i - reach, col + j - reach)) ** 2
     return squares
+
+
+def count_crossed(crossed: Floats, starts: Floats, ends: Floats) -> None:
+    """crossed += 1 for all cells that each line passes, by cutting it at every grid line."""
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        for row, col in [*crossed_cells(*start, *end), (int(end[1] // 1), int(end[0] // 1))]:
+            if 0 <= row < crossed.shape[0] and 0 <= col < crossed.shape[1]:
+                crossed[row, col] += 1.0
+
+
+def add_spots(values: Floats, cells: Cells, spot: Floats, weights: Floats) -> None:
+    """values = max(values, weight * spot) about each cell."""
+    reach = len(spot) // 2
+    padded = np.pad(values, reach + int(np.abs(cells).max()) + 1)
+    corner = (len(padded) - len(values)) // 2 - reach
+    for (row, col), weight in zip(cells + corner, weights, strict=True):
+        under = padded[row : row + len(spot), col : col + len(spot)]
+        np.maximum(under, weight * spot, out=under)
+    inner = corner + reach
+    values[:] = padded[inner : inner + values.shape[0], inner : inner + values.shape[1]]

@@ -39,3 +39,20 @@ def insert(
             cells[cell] = min(max(cells.get(cell, 0.0) + miss, -limit), limit)
         end = math.floor(y1), math.floor(x1)
         cells[end] = min(max(cells.get(end, 0.0) + hit, -limit), limit)
+
+
+def insert_once(
+    cells: dict[tuple[int, int], float],
+    x0: float,
+    y0: float,
+    ends: list[tuple[float, float]],
+    hit: float,
+    miss: float,
+    limit: float,
+) -> None:
+    """The beams of one scan together: a cell is changed once, and a hit beats a miss."""
+    hits = {(math.floor(y), math.floor(x)) for x, y in ends}
+    crossed = {cell for end in ends for cell in crossed_cells(x0, y0, *end)} - hits
+    for changed, step in ((hits, hit), (crossed, miss)):
+        for cell in changed:
+            cells[cell] = min(max(cells.get(cell, 0.0) + step, -limit), limit)

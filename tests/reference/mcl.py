@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.reference.ray_traversal import cast_cell_by_cell
+
 
 def sum_over_points(
     field: NDArray[np.uint8],
@@ -38,3 +40,47 @@ def occupied_bins(poses: NDArray[np.float64], chosen: Sequence[int], cell_m: flo
     """Number of different bins."""
     sizes = (cell_m, cell_m, cell_rad)
     return len({tuple(math.floor(v / s) for v, s in zip(poses[i], sizes, strict=True)) for i in chosen})
+
+
+def sum_over_beams(
+    occupied: NDArray[np.bool_],
+    table: NDArray[np.float32],
+    cells_per_bin: float,
+    bearings: Sequence[float],
+    measured_bins: Sequence[int],
+    sensor: Sequence[float],
+    pose: Sequence[float],
+    reach: float,
+) -> float:
+    """Sum of table[measured bin, expected bin] over the beams, the expected ranges cast cell by cell."""
+    x, y, yaw = pose
+    sx = x + math.cos(yaw) * sensor[0] - math.sin(yaw) * sensor[1]
+    sy = y + math.sin(yaw) * sensor[0] + math.cos(yaw) * sensor[1]
+    total = 0.0
+    for bearing, row in zip(bearings, measured_bins, strict=True):
+        expected, _ = cast_cell_by_cell(occupied, sx, sy, yaw + sensor[2] + bearing, reach)
+        total += float(table[row, min(int(expected / cells_per_bin + 0.5), table.shape[1] - 1)])
+    return total
+
+
+def sum_over_segments(
+    field: NDArray[np.uint8],
+    occupied: NDArray[np.bool_],
+    table: NDArray[np.float32],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    tolerance: float,
+    pose: Sequence[float],
+) -> float:
+    """As `sum_over_points` for the ends of beams; one with a wall on its way takes the table's last entry."""
+    x, y, yaw = pose
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    total = 0.0
+    for start, end in zip(starts @ turn.T + (x, y), ends @ turn.T + (x, y), strict=True):
+        way = math.hypot(*(end - start)) - tolerance
+        angle = math.atan2(end[1] - start[1], end[0] - start[0])
+        row, col = math.floor(end[1]), math.floor(end[0])
+        inside = 0 <= row < field.shape[0] and 0 <= col < field.shape[1]
+        free = way <= 0.0 or cast_cell_by_cell(occupied, start[0], start[1], angle, way)[0] >= way
+        total += float(table[field[row, col] if inside and free else 255])
+    return total

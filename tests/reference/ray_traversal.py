@@ -27,3 +27,16 @@ def cast_cell_by_cell(
         else:
             row += 1 if dy > 0 else -1
     return reach, None
+
+
+def largest_free_square(occupied: NDArray[np.bool_], row: int, col: int, quadrant: int) -> int:
+    """Side of the largest free square in the grid in whose corner the cell lies, by trying one after the other."""
+    rows, cols = occupied.shape
+    side = 0
+    while True:
+        side += 1
+        r = row - side + 1 if quadrant // 2 else row
+        c = col - side + 1 if quadrant % 2 else col
+        inside = r >= 0 and c >= 0 and r + side <= rows and c + side <= cols
+        if not inside or occupied[r : r + side, c : c + side].any():
+            return side - 1
