@@ -114,16 +114,17 @@ def read_probability(path: Path) -> OccupancyGrid | None:
         ):
             if "probability" not in layers:
                 return None
-            values, origin, resolution = (layers[name] for name in names)
+            values, origin, resolution = (np.asarray(layers[name]) for name in names)
     except ValueError as error:
         raise InputError(f"{path}: not the layers of a run ({error}); run again") from None
     if not (_are_numbers(values, 2) and _are_numbers(origin, 1) and _are_numbers(resolution, 0)):
         raise InputError(f"{path}: probability: expected rows and columns with a resolution; run again")
-    is_sound = len(origin) == 3 and np.abs(origin).max() <= LARGEST_M and 1e-4 <= resolution <= 1e3
+    cell_m, corner = float(resolution), origin.astype(np.float64).tolist()
+    is_sound = len(corner) == 3 and all(abs(v) <= LARGEST_M for v in corner) and 1e-4 <= cell_m <= 1e3
     if not is_sound or (values < 0.0).any() or (values > 1.0).any():
         raise InputError(f"{path}: probability: values, origin or resolution out of range; run again")
-    x, y, yaw = origin.astype(np.float64).tolist()
-    return OccupancyGrid(values.astype(np.float32), GridGeometry(float(resolution), (x, y), yaw))
+    x, y, yaw = corner
+    return OccupancyGrid(values.astype(np.float32), GridGeometry(cell_m, (x, y), yaw))
 
 
 def _are_numbers(values: NDArray[np.generic], dimensions: int) -> bool:

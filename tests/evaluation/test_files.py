@@ -150,6 +150,7 @@ LAYERS = {
         {"probability.origin": np.array([0.0, 1e300, 0.0])},
         {"probability.origin": np.zeros(2)},
         {"probability.origin": np.array("abc")},
+        {"probability.origin": np.full(3, np.inf, np.float16)},
         {"probability.resolution": np.float64(1e-300)},
         {"probability.resolution": np.float64(np.inf)},
         {"probability.resolution": np.array([1.0, 2.0])},
@@ -177,9 +178,11 @@ def test_layers_with_any_byte_changed_give_a_map_or_an_unreadable_input(tmp_path
             assert str(path) in str(error)
 
 
-def test_layers_whose_header_is_cut_are_an_unreadable_input(tmp_path: Path) -> None:
+@pytest.mark.parametrize("array", [b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f4', ", b"no array", b""])
+def test_layers_with_a_damaged_array_are_an_unreadable_input(tmp_path: Path, array: bytes) -> None:
     path = tmp_path / "layers.npz"
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("probability.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '<f4', ")
+        for name in LAYERS:
+            archive.writestr(f"{name}.npy", array)
     with pytest.raises(InputError, match=r"layers\.npz"):
         read_probability(path)

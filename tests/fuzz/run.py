@@ -19,18 +19,26 @@ def fuzz(name: str, seconds: str) -> None:
     import atheris
 
     with atheris.instrument_imports(include=["gridslam"]):
-        from tests.fuzz.targets import check, seeds_of
+        from tests.fuzz.targets import WORDS, check, seeds_of
     folder = FOLDER / name
     corpus = folder / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
     for number, seed in enumerate(seeds_of(name)):
         (corpus / f"seed-{number}").write_bytes(seed)
+    words = FOLDER / "words.dict"
+    words.write_text("".join(f'"{_escaped(word)}"\n' for word in WORDS))
     options = [
+        f"-dict={words}",
         f"-max_total_time={seconds}", f"-rss_limit_mb={MOST_MEMORY_MB}", f"-timeout={LONGEST_S}", "-max_len=30000",
         f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0",
     ]  # fmt: skip
     atheris.Setup([sys.argv[0], *options, str(corpus)], lambda data: check(name, data))
     atheris.Fuzz()
+
+
+def _escaped(word: str) -> str:
+    """As the fuzzer's dictionaries have it."""
+    return "".join(f"\\x{byte:02x}" for byte in word.encode("latin-1"))
 
 
 def main(arguments: list[str]) -> int:
@@ -54,7 +62,7 @@ def main(arguments: list[str]) -> int:
         sys.stdout.write(f"{name:12} {'BUG' if done.returncode else 'ok':4} {runs:>9} inputs\n")
         if done.returncode != 0:
             failed.append(name)
-            sys.stdout.write("\n".join(lines[-25:]) + "\n")
+            sys.stdout.write("\n".join([*done.stdout.splitlines()[-15:], *lines[-25:]]) + "\n")
         sys.stdout.flush()
     return 1 if failed else 0
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.fuzz import targets
 
+OF_PARTS = {"mcap", "drawing", "yaml"}
+
 
 @pytest.fixture(autouse=True)
 def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
@@ -18,13 +20,13 @@ def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     targets.scratch.cache_clear()
 
 
-@pytest.mark.parametrize("name", sorted(set(targets.TARGETS) - {"mcap", "drawing"}))
+@pytest.mark.parametrize("name", sorted(set(targets.TARGETS) - OF_PARTS))
 def test_a_seed_is_accepted(name: str) -> None:
     for seed in targets.seeds_of(name):
         assert targets.check(name, seed)
 
 
-@pytest.mark.parametrize("name", ["mcap", "drawing"])
+@pytest.mark.parametrize("name", sorted(OF_PARTS))
 def test_no_seed_of_parts_is_a_bug_and_some_are_accepted(name: str) -> None:
     answers = [targets.check(name, seed) for seed in targets.seeds_of(name)]
     assert any(answers)
