@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.track import is_far
@@ -78,7 +76,7 @@ class HandmapSlam:
         self._key_scans: list[PreparedScan] = []
         self._key_drawing_poses: list[DrawingPose | None] = []
         self._counters: Counter[str] = Counter()
-        self._timings: dict[str, float] = defaultdict(float)
+        self._stopwatch = Stopwatch()
 
     @property
     def estimate(self) -> Estimate | None:
@@ -109,29 +107,31 @@ class HandmapSlam:
             self._take(placed)
         if not self._keys:
             return RunResult(Trajectory.empty(), counters=self._all_counters())
-        with self._timed("final_stage"):
+        with self._stopwatch.stage("final_stage"):
             finished = finish_map(
                 self._config, self._key_scans, np.array(self._track), np.array(self._keys, np.int64)
             )
-        seen = coverage_of(
-            self.drawn, self._key_scans, self._key_drawing_poses, self._config.localization.sigma_m
-        )
         updates = self._tracker.updates
+        with self._stopwatch.stage("tell"):
+            seen = coverage_of(
+                self.drawn, self._key_scans, self._key_drawing_poses, self._config.localization.sigma_m
+            )
+            picture = picture_of(self.drawn, updates, self._key_scans, self._key_drawing_poses)
         return RunResult(
             Trajectory(np.array(self._stamps, np.int64), finished.poses),
             occupancy=finished.occupancy,
             layers=drawing_layers(self.drawn, seen),
             tables={"lines": line_table(updates, self._observer)},
             series=series_of(updates),
-            pictures={"drawing": picture_of(self.drawn, updates, self._key_scans, self._key_drawing_poses)},
+            pictures={"drawing": picture},
             counters=self._all_counters(),
-            timings_s=dict(self._timings),
+            timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, seen), **self._own_measures(finished)},
         )
 
     def _take(self, placed: PlacedScan) -> None:
         """Track one scan in metres, then in the drawing."""
-        with self._timed("front_end"):
+        with self._stopwatch.stage("front_end"):
             scan, beam_ends = self._prepare(placed)
             lines: Segments | None = None
             if self._line_front_end is not None:
@@ -144,10 +144,10 @@ class HandmapSlam:
             self._stamps.append(scan.stamp_ns)
             self._track.append(self._front_end.pose.copy())
             self._last = placed
-        with self._timed("drawing"):
+        with self._stopwatch.stage("drawing"):
             self._tracker.take(scan, self._track[-1], len(self._track) - 1, beam_ends, lines)
         if self._is_key():
-            with self._timed("front_end"):
+            with self._stopwatch.stage("front_end"):
                 self._front_end.add_key_scan(scan)
             self._keys.append(len(self._track) - 1)
             self._key_scans.append(scan)
@@ -185,9 +185,3 @@ class HandmapSlam:
         return {
             k: int(v) for k, v in (self._counters + self._placing.counters + self._tracker.counters).items()
         }
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self._timings[stage] += time.perf_counter() - started

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter, deque
 from dataclasses import replace
 from typing import Protocol
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.kernels.start import start
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult
@@ -51,6 +51,7 @@ class IrScanMapper:
             deque()
         )  # scans that are not in the map yet, with their poses
         self._walls: WallMatcher | None = None
+        self._stopwatch = Stopwatch()
 
     @property
     def estimate(self) -> Estimate | None:
@@ -69,40 +70,39 @@ class IrScanMapper:
             self._visit(place)
         self._draw_waiting(0)
         config, places = self._config, self._tracker.places
-        started = time.perf_counter()
         poses = np.array([place.pose for place in places])
         if config.adjustment.enabled and len(places) > 1:
-            cell_m = config.adjustment.cell_m or window_of(scans_of(places))
-            poses = adjust(places, cell_m, config.adjustment.iterations, self._noise)
-            self._redraw_pos(poses)
-        adjusted = time.perf_counter()
-        made = self._pos.occupancy()
-        if config.drawing.kind == "surfaces":
-            made = draw_surfaces(
-                places, poses, config.drawing, self._noise, config.resolution_m, config.memory_limit_mb
-            )
-        drawn = time.perf_counter()
-        result = result_of(self._tracker, poses, made, is_smooth=config.adjustment.enabled)
-        timings = {
-            "adjust": adjusted - started,
-            "draw": drawn - adjusted,
-            "picture": time.perf_counter() - drawn,
-        }
+            with self._stopwatch.stage("adjust"):
+                cell_m = config.adjustment.cell_m or window_of(scans_of(places))
+                poses = adjust(places, cell_m, config.adjustment.iterations, self._noise)
+                self._redraw_pos(poses)
+        with self._stopwatch.stage("draw"):
+            made = self._pos.occupancy()
+            if config.drawing.kind == "surfaces":
+                made = draw_surfaces(
+                    places, poses, config.drawing, self._noise, config.resolution_m, config.memory_limit_mb
+                )
+        with self._stopwatch.stage("tell"):
+            result = result_of(self._tracker, poses, made, is_smooth=config.adjustment.enabled)
+        timings = dict(self._stopwatch.seconds)
         return replace(result, occupancy=made, layers={"pos": self._pos.layer()}, timings_s=timings)
 
     def _visit(self, place: Place) -> None:
         """Match the scan of a stop, correct its pose, and take the scan into the map."""
         ends = place.ends
         assert ends is not None
-        self._tracker.settle(place, self._match(ends, place))
+        with self._stopwatch.stage("match"):
+            match = self._match(ends, place)
+        self._tracker.settle(place, match)
         if not len(ends):
             return
-        self._waiting.append((ends, place.pose))
-        self._draw_waiting(self._delay)
-        if self._config.matching.kind == "search":
-            self._walls_for(ends).add(
-                ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0]
-            )
+        with self._stopwatch.stage("update_map"):
+            self._waiting.append((ends, place.pose))
+            self._draw_waiting(self._delay)
+            if self._config.matching.kind == "search":
+                self._walls_for(ends).add(
+                    ends.in_map(place.pose), ends.bel / self._noise.variances(ends.ranges_m)[0]
+                )
 
     def _match(self, ends: BeamEnds, place: Place) -> Match:
         matching = self._config.matching

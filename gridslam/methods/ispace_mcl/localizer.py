@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster, moments
 from gridslam.filters.resampling import AdaptiveSize, resample
@@ -114,48 +113,42 @@ class Localizer:
         else:
             self._density = DensityWeight(sightings)
         self.counters: Counter[str] = Counter()
-        self.timings_s: defaultdict[str, float] = defaultdict(float)
+        self.stopwatch = Stopwatch()
 
     def update(
         self, step: Floats, odometry: Floats, beams: Beams, broken: bool, frames: Sequence[Frame] = ()
     ) -> Update:
         """One round of the filter: motion since the last one `(3,)`, T_odom_base `(3,)`, the scan, and what cameras saw."""
         travel = float(np.hypot(step[0], step[1]))
-        with self._timed("propagate"):
+        with self.stopwatch.stage("propagate"):
             self._predict(step, broken)
         self._window.add(odometry, beams.mounting[:2], beams.points)
         self._since_search += travel
         if not self._is_started:
-            with self._timed("search"):
+            with self.stopwatch.stage("search"):
                 self._is_started = self._compete(None, frames)
-        with self._timed("weigh"):
+        with self.stopwatch.stage("weigh"):
             self._weigh(beams, all_moving(frames))
-        with self._timed("environment"):
+        with self.stopwatch.stage("environment"):
             self._weigh_by_cameras(frames)
-        with self._timed("assess"):
+        with self.stopwatch.stage("assess"):
             belief = self._cluster()
             assessment = self._watch.assess(belief, beams)
         self._agree(frames, belief)
         self._earn_trust(assessment, travel)
         if self._is_search_due(assessment):
-            with self._timed("search"):
+            with self.stopwatch.stage("search"):
                 if self._compete(belief, frames):
                     belief = self._cluster()
                     assessment = self._watch.assess(belief, beams)
         count, everything = len(self.particles), moments(self.particles)
-        with self._timed("resample"):
+        with self.stopwatch.stage("resample"):
             self._resample()
         if frames:
-            with self._timed("propose"):
+            with self.stopwatch.stage("propose"):
                 self._propose(frames, beams, belief)
         estimate = everything if self._config.estimate == "mean" else belief
         return Update(estimate, assessment, count, everything.spread_m)
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self.timings_s[stage] += time.perf_counter() - started
 
     def _weigh_by_cameras(self, frames: Sequence[Frame]) -> None:
         """The environment weight: relative likelihoods, or the paper's product of densities."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 
 import numpy as np
@@ -43,7 +42,6 @@ class IspaceMcl:
         self._occupancy = occupancy
         self._record = Record()
         self._counters: Counter[str] = Counter()
-        self._cameras_s = 0.0
         self._updated_at: Floats | None = None  # T_odom_base of the last update
         self._update: Update | None = None
         self._standing = 0
@@ -86,14 +84,16 @@ class IspaceMcl:
         if isinstance(event, CameraInfo):
             self._depth.add_info(event)
         if self._config.cameras.enabled:
-            started = time.perf_counter()
-            if isinstance(event, Image):
-                self._cameras.add_image(event)
-            elif isinstance(event, DepthImage):
-                self._cameras.add_depth(event)
-            elif isinstance(event, CameraInfo):
-                self._cameras.add_info(event)
-            self._cameras_s += time.perf_counter() - started
+            with self._localizer.stopwatch.stage("cameras"):
+                self._show_cameras(event)
+
+    def _show_cameras(self, event: Event) -> None:
+        if isinstance(event, Image):
+            self._cameras.add_image(event)
+        elif isinstance(event, DepthImage):
+            self._cameras.add_depth(event)
+        elif isinstance(event, CameraInfo):
+            self._cameras.add_info(event)
 
     def result(self) -> RunResult:
         """The trajectory, the table `localization` and the series of the report."""
@@ -112,7 +112,7 @@ class IspaceMcl:
             tables={"localization": self._record.table()},
             series=self._record.series(),
             counters=dict(counters),
-            timings_s={**self._localizer.timings_s, "cameras": self._cameras_s},
+            timings_s=dict(self._localizer.stopwatch.seconds),
             measures={**self._record.measures(), **self._camera_measures()},
         )
 

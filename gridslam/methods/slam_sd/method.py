@@ -5,10 +5,7 @@ Without tag reads this is a lidar SLAM.
 
 from __future__ import annotations
 
-import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +14,7 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, TagInventory, Transform
 from gridslam.core.random import random_stream
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.final_stage import Refinement, refine
 from gridslam.lidar_slam.front_end import FrontEnd
@@ -62,7 +60,7 @@ class SlamSd:
         self._key_scans: list[PreparedScan] = []
         self._diagnostics: dict[str, list[float]] = defaultdict(list)
         self._counters: Counter[str] = Counter()
-        self._timings: dict[str, float] = defaultdict(float)
+        self._stopwatch = Stopwatch()
 
     @property
     def estimate(self) -> Estimate | None:
@@ -97,7 +95,7 @@ class SlamSd:
             return RunResult(Trajectory.empty(), counters=self._all_counters())
         key_poses = self._particles.trajectory(self._particles.best)
         if self._objects is not None:
-            with self._timed("objects"):
+            with self._stopwatch.stage("objects"):
                 self._objects.finish(key_poses)
         measures: dict[str, object] = {
             "particles": config.particles,
@@ -113,7 +111,7 @@ class SlamSd:
         poses = spread_corrections(np.array(self._track), np.array(self._keys), key_poses)
         trajectory = Trajectory(np.array(self._stamps, np.int64), poses)
         objects = self._objects if self._objects is not None and self._objects.found else None
-        with self._timed("draw_map"):
+        with self._stopwatch.stage("draw_map"):
             explained = None if objects is None else objects.explained(self._key_scans, key_poses)
             static = draw_map(
                 self._key_scans, key_poses, resolution, config.map, config.memory_limit_mb, explained
@@ -124,14 +122,14 @@ class SlamSd:
             occupancy=static,
             series=self._series(),
             counters=self._all_counters(),
-            timings_s=dict(self._timings),
+            timings_s=dict(self._stopwatch.seconds),
             measures=measures,
         )
         return result if extra is None else with_objects(result, extra)
 
     def _refined(self, key_poses: Floats) -> tuple[Floats, dict[str, object]]:
         """The final stage's poses `(k, 3)` of the key scans, and what it tells of itself; what was moved ties nothing."""
-        with self._timed("final_stage"):
+        with self._stopwatch.stage("final_stage"):
             track = np.array(self._track)[self._keys]
             scans, landmarks = self._key_scans, None
             if self._objects is not None and self._objects.found:
@@ -158,7 +156,7 @@ class SlamSd:
 
     def _take(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan goes through the filter as well."""
-        with self._timed("front_end"):
+        with self._stopwatch.stage("front_end"):
             scan = self._prepare(placed)
             matched = self._front_end.track(scan, placed.odometry, placed.broken)
             self._counters["scan.unmatched"] += not matched.is_matched
@@ -171,10 +169,10 @@ class SlamSd:
             if is_key:
                 self._front_end.add_key_scan(scan)
         if is_key:
-            with self._timed("filter"):
+            with self._stopwatch.stage("filter"):
                 self._filter(scan)
         if is_key and self._objects is not None:
-            with self._timed("objects"):
+            with self._stopwatch.stage("objects"):
                 path = self._particles.trajectory(self._particles.best)
                 self._objects.add_key_scan(scan, self._track[-1], path)
                 weights = self._objects.weigh(self._particles.trajectories)
@@ -225,9 +223,3 @@ class SlamSd:
         if self._objects is not None:
             counters += self._objects.counters
         return {k: int(v) for k, v in counters.items()}
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self._timings[stage] += time.perf_counter() - started

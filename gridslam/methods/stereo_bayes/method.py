@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter, defaultdict, deque
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections import Counter, deque
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from gridslam.core.messages import (
     StereoPair,
     Transform,
 )
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult, Series, Table
@@ -47,7 +46,7 @@ class PoseTrack:
         self._stamps: list[int] = []
         self._beliefs: list[PoseBelief] = []
         self._counters: Counter[str] = Counter()
-        self._seconds: defaultdict[str, float] = defaultdict(float)
+        self._stopwatch = Stopwatch()
 
     @property
     def estimate(self) -> Estimate | None:
@@ -59,7 +58,7 @@ class PoseTrack:
     @property
     def timings_s(self) -> Mapping[str, float]:
         """Seconds spent in each stage so far."""
-        return self._seconds
+        return self._stopwatch.seconds
 
     def process(self, event: Event) -> None:
         """Odometry, fixes, stereo pairs or disparities, and the geometry of the head are used."""
@@ -115,7 +114,7 @@ class PoseTrack:
             self._use(frame, belief)
 
     def _frame(self, image: StereoPair | Disparity) -> Frame | None:
-        with self._timed("disparity"):
+        with self._stopwatch.stage("disparity"):
             if isinstance(image, Disparity):
                 if self._pose.is_visual:
                     self._skip(image, "no_motion")
@@ -132,12 +131,6 @@ class PoseTrack:
     def _skip(self, image: StereoPair | Disparity, reason: str) -> None:
         kind = "stereo" if isinstance(image, StereoPair) else "disparity"
         self._counters[f"skipped.{kind}.{reason}"] += 1
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self._seconds[stage] += time.perf_counter() - started
 
     def _trajectory(self) -> Trajectory:
         if not self._stamps:
@@ -180,14 +173,14 @@ class StereoBayes(PoseTrack):
             tables={"obstacles": self._obstacles(occupancy)},
             series=series,
             counters=self._all_counters(),
-            timings_s=dict(self._seconds),
+            timings_s=dict(self._stopwatch.seconds),
             measures={"correlation_r0": self._map.correlation.r0},
         )
 
     def _use(self, frame: Frame, belief: PoseBelief) -> None:
-        with self._timed("observe"):
+        with self._stopwatch.stage("observe"):
             rays = self._rays.read(frame.disparity, frame.head)
-        with self._timed("map"):
+        with self._stopwatch.stage("map"):
             covariance = belief.covariance if self._pose.is_fixed else np.zeros((3, 3))
             self._map.update(
                 belief.pose, covariance, rays, self._map.noise(float(self._config.disparity.disparities))
@@ -217,7 +210,7 @@ class StereoBayesPose(PoseTrack):
             self._trajectory(),
             series=self._series(),
             counters=self._all_counters(),
-            timings_s=dict(self._seconds),
+            timings_s=dict(self._stopwatch.seconds),
         )
 
     def _moved(self, stamp_ns: int) -> None:
