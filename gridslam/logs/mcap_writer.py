@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Literal
+from typing import Literal
 
-from gridslam.core.errors import ConfigError
+from gridslam.core.files import partial_file, put_file, remove_left_over
 from gridslam.core.messages import Event, Odometry
 from gridslam.logs import ros_encode
 from gridslam.logs.ros_types import humble
@@ -30,12 +29,9 @@ class McapWriter:
         from mcap.writer import CompressionType, Writer
 
         self._path = Path(path)
-        try:
-            handle, name = tempfile.mkstemp(prefix=f".{self._path.name}.", dir=self._path.parent)
-        except OSError as error:
-            raise ConfigError(f"{self._path}: cannot be written ({error.strerror})") from error
-        self._temporary = Path(name)
-        self._stream: IO[bytes] = os.fdopen(handle, "wb")
+        self._aside = ExitStack()
+        self._stream = self._aside.enter_context(partial_file(self._path))
+        remove_left_over(self._path)
         self._writer = Writer(
             self._stream, chunk_size=chunk_bytes, compression=CompressionType[compression.upper()]
         )
@@ -53,7 +49,7 @@ class McapWriter:
         if kind is None:
             self.close()
         else:
-            self.abandon()
+            self._aside.__exit__(kind, error, trace)
 
     def write(self, event: Event, topic: str | None = None) -> None:
         """Append one event, on `topic` or the usual one of its kind."""
@@ -79,22 +75,15 @@ class McapWriter:
         """Complete the file and give it its name."""
         if self._stream.closed:
             return
-        try:
+        with self._aside:
             finish: Callable[[], None] = self._writer.finish
             finish()
-            self._stream.close()
-            mask = os.umask(0)
-            os.umask(mask)
-            self._temporary.chmod(0o666 & ~mask)
-            self._temporary.replace(self._path)
-        except BaseException:
-            self.abandon()
-            raise
+            put_file(self._stream, self._path)
 
     def abandon(self) -> None:
         """Leave no file behind."""
-        self._stream.close()
-        self._temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # what a full disk did not take is given up anyway
+            self._aside.close()
 
     def _schema(self, name: str) -> int:
         if name not in self._schemas:

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
-import re
-import shutil
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import check_name, making, partial_folder, put_folder, refuse_to_replace
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
-STALE_AFTER_S = 60.0  # a folder is locked by its writer from its first moments on
 
 
-def check_free(directory: Path, force: bool) -> None:
+def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
     """ConfigError unless a run may be written here: nothing there, an empty folder, an old run and `force`.
 
+    An old run that holds one of the `inputs` of the new one is not replaced either.
     Asked before the run as well as after it, so that nobody waits for a map that cannot be saved.
     """
+    check_name(directory)
     if directory.is_symlink() and not directory.exists():
         raise ConfigError(f"{directory}: a symbolic link to nothing; give another output folder")
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
@@ -38,6 +35,7 @@ def check_free(directory: Path, force: bool) -> None:
         raise ConfigError(
             f"{directory}: exists; give another output folder, or --force to replace the run in it"
         )
+    refuse_to_replace(directory, inputs)
     _check_parent(directory)
 
 
@@ -60,55 +58,12 @@ def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
     """
     target = directory.resolve()
     check_free(target, force)
-    try:
+    with making(directory):
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
-    except OSError as error:
-        raise ConfigError(
-            f"{directory}: cannot be written ({error.strerror}); give another output folder"
-        ) from None
-    try:
-        with _locked(temporary):
-            _remove_left_over(target)
-            temporary.chmod(0o777 & ~_umask())
-            yield temporary
-            check_free(target, force)
-            _move_in(temporary, target)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[bool]:
-    """Hold the folder's lock, which the system gives up with the process, whatever ends it; False: another process holds it.
-
-    File systems without locks on folders count as locked by another.
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            yield False
-        else:
-            yield True
-    finally:
-        os.close(handle)
-
-
-def _remove_left_over(target: Path) -> None:
-    """Remove folders beside `target` that a killed process was writing for it, and old runs that it had moved aside."""
-    pattern = re.compile(rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}\.(partial|old)")
-    for folder in target.parent.iterdir():
-        match = pattern.fullmatch(folder.name)
-        if match is None or (match[1] == "old" and not target.exists()):
-            continue  # an old run that nothing has replaced yet may be all that there is
-        with suppress(OSError):
-            is_old = time.time() - folder.stat().st_mtime > STALE_AFTER_S
-            with _locked(folder) as is_left:
-                if is_old and is_left:
-                    shutil.rmtree(folder, ignore_errors=True)
+    with partial_folder(target) as folder:
+        yield folder
+        check_free(target, force)
+        put_folder(folder, target)
 
 
 def _check_parent(directory: Path) -> None:
@@ -120,25 +75,3 @@ def _check_parent(directory: Path) -> None:
         raise ConfigError(f"{directory}: cannot be made, for {above} is not a folder")
     if not os.access(above, os.W_OK | os.X_OK):
         raise ConfigError(f"{directory}: cannot be made, for {above} is not writable")
-
-
-def _move_in(temporary: Path, target: Path) -> None:
-    if not target.exists() or not any(target.iterdir()):
-        temporary.replace(target)  # a rename may replace an empty folder
-        return
-    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
-    target.replace(aside)
-    try:
-        temporary.replace(target)
-    except BaseException:
-        with suppress(OSError):
-            aside.replace(target)
-        raise
-    shutil.rmtree(aside, ignore_errors=True)
-
-
-def _umask() -> int:
-    """The process's umask, which can only be read by setting it."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

@@ -160,3 +160,17 @@ def test_only_left_overs_of_the_same_place_are_removed(tmp_path: Path) -> None:
     with new_run_directory(tmp_path / "out", force=True) as folder:
         write_marked(folder, "newer")
     assert ".out.hgfedcba.old" not in {p.name for p in tmp_path.iterdir()}  # a run stands in its place
+
+
+def test_a_name_without_room_for_the_temporary_one_is_refused_before_the_run(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="longer than"):
+        check_free(tmp_path / ("x" * 250), force=False)
+
+
+def test_a_run_that_holds_an_input_of_the_new_one_is_not_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    with new_run_directory(target) as folder:
+        write_marked(folder, "old")
+    with pytest.raises(ConfigError, match=r"log\.mcap, which is read"):
+        check_free(target, True, [target / "log.mcap"])
+    check_free(target, True, [tmp_path / "log.mcap"])
