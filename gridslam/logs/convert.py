@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Transform
 from gridslam.logs.log import Log
 from gridslam.logs.stamps import NS_PER_S
@@ -36,8 +37,10 @@ def convert_log(
     """Write a log's streams, the truth too.
 
     `start_s` and `end_s` count from the log's first stamp, both included. Mountings are always written.
-    Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists.
+    Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists;
+    with `force` where it is no log of its format, or the log that is read.
     """
+    refuse_to_replace(output, [log.path])
     if start_s is not None and end_s is not None and not start_s <= end_s:
         raise ConfigError(f"--start {start_s:g} --end {end_s:g}: the end lies before the start")
     streams = [info for info in log.streams if info.used or info.kind == "truth"]

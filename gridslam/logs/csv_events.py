@@ -65,7 +65,7 @@ def _odometry(table: CsvTable, rows: list[Row]) -> Event:
         _yaw(row),
         row.number("vx", math.nan),
         row.number("wz", math.nan),
-        table.stream.child_frame or "base_link",
+        row.text("child_frame", table.stream.child_frame or "base_link"),
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gridslam.core.errors import LogError
 from gridslam.core.messages import (
     CameraInfo,
     DepthImage,
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from gridslam.logs.csv_writer import CsvFolderWriter
 
 
+_UNREADABLE = frozenset("\0\r\n")
+
+
 def _number(value: float) -> str:
     """The shortest text that gives the same float64 again; empty for NaN."""
     return "" if math.isnan(value) else repr(float(value))
@@ -36,6 +40,26 @@ def _number(value: float) -> str:
 def _single(value: float) -> str:
     """The shortest text that gives the same float32 again."""
     return str(np.float32(value))
+
+
+def _name(value: str) -> str:
+    """A name as it is. LogError for one that would not read back: a line is a row, and fields are stripped."""
+    if value.encode(errors="ignore").decode().strip() != value or not _UNREADABLE.isdisjoint(value):
+        raise LogError(
+            f"the name {value!r} cannot be written to a CSV file, where line breaks and blanks at the ends get lost; "
+            "name the output OUT.mcap"
+        )
+    return value
+
+
+def frame_field(frame: str) -> str:
+    """A frame where each row of a stream names its own. LogError for one that would not read back."""
+    if not frame:
+        raise LogError(
+            "messages with and without a frame in one stream cannot be written to a CSV file; "
+            "name the output OUT.mcap"
+        )
+    return _name(frame)
 
 
 def _scan(writer: CsvFolderWriter, scan: LaserScan) -> list[list[str]]:
@@ -67,7 +91,7 @@ def _wheels(writer: CsvFolderWriter, ticks: WheelTicks) -> list[list[str]]:
 
 def _range(writer: CsvFolderWriter, r: Range) -> list[list[str]]:
     limits = [_single(v) for v in (r.range_m, r.range_min_m, r.range_max_m)]
-    return [[r.frame_id, _number(r.bearing_rad), *limits]]
+    return [[_name(r.frame_id), _number(r.bearing_rad), *limits]]
 
 
 def _fix(writer: CsvFolderWriter, fix: PoseFix) -> list[list[str]]:
@@ -77,35 +101,43 @@ def _fix(writer: CsvFolderWriter, fix: PoseFix) -> list[list[str]]:
 
 
 def _tags(writer: CsvFolderWriter, tags: TagInventory) -> list[list[str]]:
+    antenna, frame = _name(tags.antenna), _name(tags.frame_id)
     if not tags.tag_ids:
-        return [[tags.antenna, "", "", tags.frame_id]]
+        return [[antenna, "", "", frame]]
+    if not all(tags.tag_ids):
+        raise LogError(
+            f"antenna {antenna!r} read a tag without an id, which a CSV file takes for an empty inventory; "
+            "name the output OUT.mcap"
+        )
     reads = zip(tags.tag_ids, tags.rssi_dbm, strict=True)
-    return [[tags.antenna, tag, _single(rssi), tags.frame_id] for tag, rssi in reads]
+    return [[antenna, _name(tag), _single(rssi), frame] for tag, rssi in reads]
 
 
 def _image(writer: CsvFolderWriter, image: Image) -> list[list[str]]:
     name = writer.picture("image", image, write_pixels, image.pixels, ".png")
-    return [[image.camera, name, image.frame_id]]
+    return [[_name(image.camera), name, _name(image.frame_id)]]
 
 
 def _depth(writer: CsvFolderWriter, depth: DepthImage) -> list[list[str]]:
     name = writer.picture("depth", depth, write_floats, depth.depth_m, ".npy")
-    return [[depth.camera, name, depth.frame_id]]
+    return [[_name(depth.camera), name, _name(depth.frame_id)]]
 
 
 def _disparity(writer: CsvFolderWriter, d: Disparity) -> list[list[str]]:
     name = writer.picture("disparity", d, write_floats, d.disparity_px, ".npy")
-    return [[d.camera, name, _single(d.focal_px), _single(d.baseline_m), d.frame_id]]
+    return [[_name(d.camera), name, _single(d.focal_px), _single(d.baseline_m), _name(d.frame_id)]]
 
 
 def _camera_info(writer: CsvFolderWriter, info: CameraInfo) -> list[list[str]]:
     numbers = [_number(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
     distortion = [_number(float(v)) for v in info.D[:14]] + [""] * (14 - len(info.D))
-    return [[info.camera, str(info.width_px), str(info.height_px), *numbers, *distortion, info.frame_id]]
+    size = [str(info.width_px), str(info.height_px)]
+    return [[_name(info.camera), *size, *numbers, *distortion, _name(info.frame_id)]]
 
 
 def _transform(writer: CsvFolderWriter, t: Transform) -> list[list[str]]:
-    return [[t.frame_id, t.child_frame_id, *(_number(v) for v in (*t.translation_m, *t.quat_wxyz))]]
+    edge = (_name(t.frame_id), _name(t.child_frame_id))
+    return [[*edge, *(_number(v) for v in (*t.translation_m, *t.quat_wxyz))]]
 
 
 ROWS: dict[str, Callable[[CsvFolderWriter, Any], list[list[str]]]] = {

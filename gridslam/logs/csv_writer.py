@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-import shutil
-import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import re
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -14,54 +14,49 @@ from typing import IO, Any
 import yaml
 
 from gridslam.core.errors import ConfigError, LogError
-from gridslam.core.messages import (
-    Event,
-    Image,
-    Odometry,
-    StereoPair,
-    Transform,
-)
-from gridslam.logs.csv_rows import ROWS
+from gridslam.core.files import check_name, partial_folder, put_folder
+from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
+from gridslam.logs.csv_rows import ROWS, frame_field
 from gridslam.logs.csv_source import LAYOUT_FILE
 from gridslam.logs.layout import COLUMNS
 from gridslam.logs.stamps import END_NS, format_stamp
 from gridslam.logs.streams import KIND_OF_EVENT
 from gridslam.logs.write import TRUTH_TOPIC
 
-_MANY_FRAMES = frozenset({"tags", "image", "depth", "disparity", "camera_info"})
+_FRAMES = ("frame", "child_frame")  # columns that a table has where its rows name their frames
+_PICTURES = ("image", "depth", "disparity")
+# Kinds whose rows name their frames in any case; those of the others do where the frames of a stream differ.
+_ROWS_NAME_FRAMES = frozenset({"tags", *_PICTURES, "camera_info", "range", "tf"})
 
 
 @dataclass(slots=True)
 class _File:
     """One open CSV file and what log.yaml will say of it."""
 
+    path: Path
     stream: IO[str]
     writer: Any
     layout: dict[str, str]
-    columns: int = 0
-    rows: int = 0
-
-
-@dataclass(slots=True)
-class _Files:
-    """The files written so far, by what makes a stream of its own: kind, topic and frames."""
-
-    by_key: dict[tuple[str, ...], _File] = field(default_factory=dict)
-    names: set[str] = field(default_factory=set)
+    frames: dict[str, str]  # those of the first row, by column
+    place: int  # of the frames among the columns
+    rows_name_frames: bool = False
+    last_round: tuple[int, str] | None = None  # stamp and antenna, where the last row is a tag's
 
 
 class CsvFolderWriter:
-    """Events in, one folder out, which has its name only when `close` succeeds; same events, same bytes."""
+    """Events in, one folder out, which has its name only when `close` succeeds; same events, same bytes.
+
+    Raises ConfigError as `check_csv_free` does. LogError for an event that would not read back as it is.
+    """
 
     def __init__(self, path: str | Path, force: bool = False) -> None:
-        self._path = Path(path)
+        self._path = Path(path).resolve()
         self._force = force
-        try:
-            self._folder = Path(tempfile.mkdtemp(prefix=f".{self._path.name}.", dir=self._path.parent))
-        except OSError as error:
-            raise ConfigError(f"{self._path}: cannot be written ({error.strerror})") from error
-        self._folder.chmod(0o755)
-        self._files = _Files()
+        check_csv_free(Path(path), force)
+        self._aside = ExitStack()
+        self._folder = self._aside.enter_context(partial_folder(self._path))
+        self._files: dict[tuple[str, ...], _File] = {}
+        self._names: set[str] = set()
         self._mounting: dict[str, dict[str, object]] = {}
         self._base_frame = ""
         self._closed = False
@@ -75,7 +70,8 @@ class CsvFolderWriter:
         if kind is None:
             self.close()
         else:
-            self.abandon()
+            self._closed = True
+            self._aside.__exit__(kind, error, trace)
 
     def write(self, event: Event, topic: str | None = None) -> None:
         """Append one event. `topic` keeps two streams of one kind apart."""
@@ -101,43 +97,28 @@ class CsvFolderWriter:
         """Complete the folder and give it its name."""
         if self._closed:
             return
-        try:
-            for file in self._files.by_key.values():
+        self._closed = True
+        with self._aside:
+            for file in self._files.values():
                 file.stream.close()
             layout: dict[str, object] = {"version": 1}
             if self._base_frame:
                 layout["base_frame"] = self._base_frame
-            layout["streams"] = [file.layout for file in self._files.by_key.values()]
+            layout["streams"] = [file.layout for file in self._files.values()]
             if self._mounting:
                 layout["mounting"] = self._mounting
             text = yaml.safe_dump(
                 layout, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
             )
             (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
-            self._put_in_place()
-            self._closed = True
-        except BaseException:
-            self.abandon()
-            raise
+            check_csv_free(self._path, self._force)
+            put_folder(self._folder, self._path)
 
     def abandon(self) -> None:
         """Leave nothing behind."""
-        for file in self._files.by_key.values():
-            file.stream.close()
         self._closed = True
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-    def _put_in_place(self) -> None:
-        if not self._force and self._path.exists():
-            raise ConfigError(f"{self._path}: exists already; choose another name or give --force")
-        if self._path.is_dir() and not self._path.is_symlink():
-            old = self._folder.with_name(self._folder.name + ".old")
-            self._path.rename(old)
-            self._folder.rename(self._path)
-            shutil.rmtree(old)
-        else:
-            self._path.unlink(missing_ok=True)
-            self._folder.rename(self._path)
+        with suppress(OSError):  # what a full disk did not take is given up anyway
+            self._aside.close()
 
     def _mount(self, transform: Transform) -> None:
         x, y, z = transform.translation_m
@@ -146,44 +127,57 @@ class CsvFolderWriter:
         self._mounting[transform.child_frame_id] = entry
 
     def _append(self, kind: str, event: Any, topic: str | None) -> None:
-        frames = () if kind in _MANY_FRAMES or kind in ("range", "tf") else (event.frame_id,)
-        if kind in ("odom", "truth"):
-            frames += (event.child_frame_id,)
-        elif kind == "tf":
-            frames += (event.frame_id, event.child_frame_id)
-        key = (kind, topic or "", *frames)
-        file = self._files.by_key.get(key)
+        edge = (event.frame_id, event.child_frame_id) if kind == "tf" else ()
+        key = (kind, topic or "", *edge)
+        file = self._files.get(key)
         if file is None:
-            file = self._open(kind, event, topic)
-            self._files.by_key[key] = file
-        file.rows += 1
-        for row in ROWS[kind](self, event):
-            file.writer.writerow([format_stamp(event.stamp_ns), *row])
+            file = self._files[key] = self._open(kind, event, topic)
+        if isinstance(event, TagInventory):
+            _refuse_to_join(file, event)
+        frames = _frames(kind, event)
+        if frames != file.frames and not file.rows_name_frames:
+            self._name_frames(file)
+        for fields in ROWS[kind](self, event):
+            row = [format_stamp(event.stamp_ns), *fields]
+            if file.rows_name_frames:
+                row[file.place : file.place] = map(frame_field, frames.values())
+            file.writer.writerow(row)
 
     def _open(self, kind: str, event: Any, topic: str | None) -> _File:
         name, number = f"{kind}.csv", 1
-        while name in self._files.names:
+        while name in self._names:
             number += 1
             name = f"{kind}_{number}.csv"
-        self._files.names.add(name)
-        layout = {"kind": kind, "file": name}
-        if topic:
-            layout["topic"] = topic
-        if kind not in _MANY_FRAMES and kind not in ("range", "tf"):
-            layout["frame"] = event.frame_id
-        if kind in ("odom", "truth"):
-            layout["child_frame"] = event.child_frame_id
-            if kind == "odom" and not self._base_frame:
-                self._base_frame = event.child_frame_id
-        stream = (self._folder / name).open("w", encoding="utf-8", newline="")
-        writer = csv.writer(stream, lineterminator="\n")
-        header = ["stamp", *COLUMNS[kind].required, *(c for c in COLUMNS[kind].optional if c != "frame")]
-        if kind in _MANY_FRAMES:
-            header.append("frame")
+        self._names.add(name)
+        frames = _frames(kind, event)
+        if kind == "odom" and not self._base_frame:
+            self._base_frame = event.child_frame_id
+        path = self._folder / name
+        stream = self._aside.enter_context(path.open("w", encoding="utf-8", newline=""))
+        layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), **frames}
+        columns = ["stamp", *COLUMNS[kind].required, *(c for c in COLUMNS[kind].optional if c not in _FRAMES)]
+        file = _File(path, stream, csv.writer(stream, lineterminator="\n"), layout, frames, len(columns))
+        if kind in _ROWS_NAME_FRAMES and "frame" in COLUMNS[kind].optional:
+            columns.append("frame")
         if kind == "scan":
-            header += [f"r{i}" for i in range(len(event.ranges_m))]
-        writer.writerow(header)
-        return _File(stream, writer, layout)
+            columns += [f"r{i}" for i in range(len(event.ranges_m))]
+        file.writer.writerow(columns)
+        return file
+
+    def _name_frames(self, file: _File) -> None:
+        """Write a file anew with its frames as columns, for from here on they differ."""
+        file.stream.close()
+        before = file.path.rename(file.path.with_suffix(".before"))
+        file.stream = self._aside.enter_context(file.path.open("w", encoding="utf-8", newline=""))
+        file.writer = csv.writer(file.stream, lineterminator="\n")
+        with before.open(encoding="utf-8", newline="") as rows:
+            fields: Iterable[str] = file.frames
+            for row in csv.reader(rows):
+                row[file.place : file.place] = fields
+                file.writer.writerow(row)
+                fields = [frame_field(frame) for frame in file.frames.values()]
+        before.unlink()
+        file.rows_name_frames = True
 
     def picture(
         self, kind: str, event: Any, write: Callable[[Path, Any], None], pixels: Any, suffix: str
@@ -198,3 +192,50 @@ class CsvFolderWriter:
             name = f"{event.stamp_ns:019d}_{number}{suffix}"
         write(folder / name, pixels)
         return f"{folder.name}/{name}"
+
+
+def check_csv_free(path: Path, force: bool) -> None:
+    """ConfigError unless a folder may be written here: nothing there, or what this writer has written and `force`."""
+    check_name(path)
+    if not path.exists():
+        return
+    if not force:
+        raise ConfigError(f"{path}: exists already; choose another name or give --force")
+    if not path.is_dir() or not _is_written(path):
+        raise ConfigError(
+            f"{path}: exists and is no folder of {LAYOUT_FILE} and CSV files that gridslam wrote, so it is never "
+            "replaced; choose another name"
+        )
+
+
+def _is_written(folder: Path) -> bool:
+    """Whether a folder is empty, or holds log.yaml and else only what the writer makes."""
+    entries = list(folder.iterdir())
+    return not entries or ((folder / LAYOUT_FILE).is_file() and all(map(_is_part, entries)))
+
+
+def _is_part(entry: Path) -> bool:
+    if entry.is_dir() and not entry.is_symlink():
+        pictures = all(file.is_file() and file.suffix in (".png", ".npy") for file in entry.iterdir())
+        return pictures and entry.name.startswith(tuple(f"{kind}_" for kind in _PICTURES))
+    table = re.fullmatch(r"(\w+?)(_\d+)?\.csv", entry.name)
+    return entry.is_file() and (entry.name == LAYOUT_FILE or (table is not None and table[1] in COLUMNS))
+
+
+def _frames(kind: str, event: Any) -> dict[str, str]:
+    """An event's frames by column, where its row does not name them in any case."""
+    if kind in _ROWS_NAME_FRAMES:
+        return {}
+    frames = {"frame": event.frame_id}
+    return {**frames, "child_frame": event.child_frame_id} if kind in ("odom", "truth") else frames
+
+
+def _refuse_to_join(file: _File, inventory: TagInventory) -> None:
+    """LogError for a second inventory that would read back as a part of the one before."""
+    this = (inventory.stamp_ns, inventory.antenna) if inventory.tag_ids else None
+    if this is not None and this == file.last_round:
+        raise LogError(
+            f"two inventories of antenna {inventory.antenna!r} with stamp {format_stamp(inventory.stamp_ns)}: "
+            "rows of one stamp and antenna are one inventory in a CSV file; name the output OUT.mcap"
+        )
+    file.last_round = this

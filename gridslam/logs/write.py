@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Protocol
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import check_file_free
 from gridslam.core.messages import Event, Odometry
 
 TRUTH_TOPIC = "/ground_truth"
@@ -39,19 +40,18 @@ class LogWriter(Protocol):
 def open_writer(path: str | Path, force: bool = False) -> LogWriter:
     """The writer for a path.
 
-    Raises ConfigError where something is there already, unless `force` replaces it, and for the ending of a
-    format that is only read.
+    Raises ConfigError where something is there already, unless it is a log of this format and `force` replaces it, and for
+    the ending of a format that is only read.
     """
     path = Path(path)
     if path.suffix in _READ_ONLY_FORMATS:
         raise ConfigError(
             f"{path}: {path.suffix} is not written; name a file OUT.mcap or a folder for CSV files"
         )
-    if path.exists() and not force:
-        raise ConfigError(f"{path}: exists already; choose another name or give --force")
     if path.suffix == ".mcap":
         from gridslam.logs.mcap_writer import McapWriter
 
+        check_file_free(path, force)
         return McapWriter(path)
     from gridslam.logs.csv_writer import CsvFolderWriter
 

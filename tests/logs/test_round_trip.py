@@ -36,6 +36,7 @@ from tests.logs.mutations import fingerprint, sample_events
 NO_SHRINKING = (Phase.explicit, Phase.reuse, Phase.generate)
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 number = st.floats(allow_nan=False, allow_infinity=False, width=64)
+metres = st.floats(-1e9, 1e9)
 angle = st.floats(-math.pi, math.pi).map(canonical_yaw)
 single = st.floats(width=32, allow_nan=False, allow_infinity=False)
 positive = st.floats(0.0009765625, 1000.0, width=32)
@@ -126,7 +127,7 @@ others = {
         stamps,
         st.just("odom"),
         st.just("wheel"),
-        st.tuples(number, number, number),
+        st.tuples(metres, metres, metres),
         angle.map(lambda yaw: (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))),
     ),
 }
