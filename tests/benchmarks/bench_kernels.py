@@ -1,66 +1,85 @@
-"""Every mapping kernel beside its slow twin on the same input, warm, in one process: how many times faster it is.
+"""The kernels of lidar mapping beside their slow twins: how many times faster they are.
 
-The localization kernels have the same in bench_localize.py.
+Those of localization, infrared, stereo and planning are in the other bench_kernels_*.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gridslam.kernels import correlation, log_odds, scan_points, segments, surfel_likelihood, surfels
+from gridslam.kernels import (
+    correlation,
+    log_odds,
+    scan_points,
+    segments,
+    surfel_likelihood,
+    surfel_registration,
+    surfels,
+)
 from gridslam.maps.tiled import TileStore
-from tests.benchmarks.bench_localize import best_ms
 from tests.benchmarks.harness import Row
+from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
 from tests.reference import correlation as correlation_twin
 from tests.reference import log_odds as log_odds_twin
+from tests.reference import scan_points as scan_twin
 from tests.reference import surfels as surfels_twin
 from tests.reference.segment_casting import cast_one
 
 ALONE = True
-
-Floats = NDArray[np.float64]
-Call = Callable[[], object]
 
 CELL_M = 0.2
 HIT, MISS, LIMIT = 0.9, -0.4, 2.0
 
 
 def rows() -> Iterator[Row]:
-    """Milliseconds of a call for information, the factor with its bound."""
+    """From a scan's ranges to its place in the maps, and the simulator's rays."""
     rng = np.random.default_rng(0)
-    for name, at_least, (kernel, twin) in (
-        ("scan_to_points", 1.5, scan_conversion(rng)),
-        ("insert_beams", 100.0, beam_insertion(rng)),
-        ("insert_surfels", 50.0, surface_insertion(rng)),
-        ("log_likelihood", 1000.0, surface_likelihood(rng)),
-        ("correlate", 100.0, correlative_search(rng)),
-        ("cast_segments", 100.0, segment_casting(rng)),
-    ):
-        ours = best_ms(kernel)
-        yield Row(f"kernels.{name}", ours, "ms")
-        yield Row(f"kernels.{name}.over_twin", best_ms(twin, 2) / ours, "x", at_least, at_least=True)
+    return rows_of_pairs(
+        (
+            ("scan_to_points", 1.5, scan_conversion(rng)),
+            ("surface_normals", 250.0, normals_of_walls(rng)),
+            ("insert_beams", 100.0, beam_insertion(rng)),
+            ("insert_scan_dense", 200.0, dense_insertion(rng)),
+            ("insert_surfels", 50.0, surface_insertion(rng)),
+            ("log_likelihood", 1000.0, surface_likelihood(rng)),
+            ("register", 500.0, registration(rng)),
+            ("search_yaw", 300.0, turn_search(rng)),
+            ("field_pyramid", 0.5, field_levels(rng)),
+            ("correlate", 100.0, correlative_search(rng)),
+            ("cast_segments", 100.0, segment_casting(rng)),
+        )
+    )
 
 
-def scan_conversion(rng: np.random.Generator) -> tuple[Call, Call]:
+def scan_conversion(rng: np.random.Generator) -> Pair:
     """A scan of 720 beams to points, against numpy."""
     ranges = rng.uniform(0.5, 20.0, 720).astype(np.float32)
     ranges[rng.random(720) < 0.1] = np.inf
     mounting = np.array([0.2, 0.1, 0.3])
+    scan = (ranges, -3.1, 0.0086, 0.05, 30.0, mounting)
+    return (
+        lambda: scan_points.scan_to_points(*scan, np.zeros(3), 0.0),
+        lambda: scan_twin.scan_to_points(*scan),
+    )
 
-    def numpy_twin() -> Floats:
-        keep = np.flatnonzero((ranges > 0.05) & (ranges < 30.0))
-        angles, r = -3.1 + 0.0086 * keep, ranges[keep].astype(np.float64)
-        cos, sin = np.cos(mounting[2]), np.sin(mounting[2])
-        x, y = r * np.cos(angles), r * np.sin(angles)
-        return np.stack([mounting[0] + cos * x - sin * y, mounting[1] + sin * x + cos * y], axis=1)
 
-    def kernel() -> object:
-        return scan_points.scan_to_points(ranges, -3.1, 0.0086, 0.05, 30.0, mounting, np.zeros(3), 0.0)
+def room(n: int) -> tuple[Floats, Floats]:
+    """A scan of n beams in a room of 6 x 4 m: points and their normals."""
+    bearings = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    beam = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    to_walls = np.array([3.0, 2.0]) / np.maximum(np.abs(beam), 1e-9)
+    normals = -np.sign(beam) * (to_walls == to_walls.min(axis=1, keepdims=True))
+    return beam * to_walls.min(axis=1)[:, None], normals
 
-    return kernel, numpy_twin
+
+def normals_of_walls(rng: np.random.Generator) -> Pair:
+    """Normals of a scan of 360 beams in a room."""
+    points = room(360)[0] + rng.normal(0.0, 0.01, (360, 2))
+    scan = (points, np.arange(360), np.zeros(2))
+    return lambda: scan_points.surface_normals(*scan), lambda: scan_twin.surface_normals(*scan)
 
 
 def around(rng: np.random.Generator, n: int, reach_m: float) -> Floats:
@@ -69,7 +88,7 @@ def around(rng: np.random.Generator, n: int, reach_m: float) -> Floats:
     return np.stack([range_m * np.cos(angle), range_m * np.sin(angle)], axis=1)
 
 
-def beam_insertion(rng: np.random.Generator) -> tuple[Call, Call]:
+def beam_insertion(rng: np.random.Generator) -> Pair:
     """A scan of 180 beams into a tiled map of 5 cm cells."""
     points, eye, pose = around(rng, 180, 8.0), np.array([0.013, 0.017]), np.zeros(3)
     store = TileStore(1, 1, 0.05)
@@ -84,13 +103,30 @@ def beam_insertion(rng: np.random.Generator) -> tuple[Call, Call]:
     return kernel, lambda: log_odds_twin.insert({}, *(eye / 0.05), in_cells, HIT, MISS, LIMIT)
 
 
+def dense_insertion(rng: np.random.Generator) -> Pair:
+    """A scan of 180 beams into a grid of 400 x 400 cells, each changed once."""
+    ends = around(rng, 180, 8.0) / 0.05 + 200.0
+    values, touched, hits = (
+        np.zeros((400, 400), np.float32),
+        np.zeros((400, 400), np.int32),
+        np.ones(180, bool),
+    )
+    eye, in_cells = np.array([200.3, 200.4]), [(x, y) for x, y in ends.tolist()]
+    numbers = itertools.count(1)
+
+    def kernel() -> object:
+        return log_odds.insert_scan_dense(values, touched, next(numbers), eye, ends, hits, HIT, MISS, LIMIT)
+
+    return kernel, lambda: log_odds_twin.insert_once({}, *eye.tolist(), in_cells, HIT, MISS, LIMIT)
+
+
 def surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
     """Points all around, with random normals."""
     angle = rng.uniform(-np.pi, np.pi, n)
     return around(rng, n, 8.0), np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def surface_insertion(rng: np.random.Generator) -> tuple[Call, Call]:
+def surface_insertion(rng: np.random.Generator) -> Pair:
     """The 180 points of a scan into a surface map."""
     points, normals = surfaces(rng, 180)
     store = TileStore(1, surfels.CHANNELS, CELL_M)
@@ -104,7 +140,7 @@ def surface_insertion(rng: np.random.Generator) -> tuple[Call, Call]:
     return kernel, lambda: surfels_twin.insert({}, points, normals, CELL_M)
 
 
-def surface_likelihood(rng: np.random.Generator) -> tuple[Call, Call]:
+def surface_likelihood(rng: np.random.Generator) -> Pair:
     """The likelihood of a scan of 180 points in a surface map of 2000."""
     surface, (points, normals) = surfaces(rng, 2000), surfaces(rng, 180)
     store, free = TileStore(1, surfels.CHANNELS, CELL_M), TileStore(1, 1, CELL_M)
@@ -123,7 +159,52 @@ def surface_likelihood(rng: np.random.Generator) -> tuple[Call, Call]:
     return kernel, lambda: surfels_twin.log_likelihood(in_twin, points, normals, 0.06, 0.3, 0.1)
 
 
-def correlative_search(rng: np.random.Generator) -> tuple[Call, Call]:
+def room_map() -> tuple[TileStore, surfels_twin.Surfaces]:
+    """The surface map of the room, and the twin's."""
+    surface, in_twin = room(1500), surfels_twin.Surfaces()
+    store = TileStore(1, surfels.CHANNELS, CELL_M)
+    store.own_end_points(np.array([0]), np.zeros((1, 3)), surface[0])
+    surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), *surface)
+    surfels_twin.insert(in_twin, *surface, CELL_M)
+    return store, in_twin
+
+
+def registration(rng: np.random.Generator) -> Pair:
+    """A scan of 180 points in the map of a room, 10 cm and 3 degrees off."""
+    store, in_twin = room_map()
+    scan, start, prior = room(180), rng.uniform(-0.1, 0.1, 3) * [1.0, 1.0, 0.5], np.diag([20.0, 20.0, 50.0])
+    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
+    settings = (0.05, 0.4, 0.1, 6)
+
+    def kernel() -> object:
+        return surfel_registration.register(*of_map, *scan, start, start, prior, *settings, 0.0)
+
+    return kernel, lambda: surfels_twin.register(in_twin, *scan, start, prior, *settings)
+
+
+def turn_search(rng: np.random.Generator) -> Pair:
+    """The best of 13 turns of a scan of 180 points."""
+    store, in_twin = room_map()
+    scan, pose = room(180), np.array([0.02, -0.03, rng.uniform(-0.2, 0.2)])
+    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
+
+    def kernel() -> object:
+        return surfel_registration.search_yaw(*of_map, *scan, pose, 0.05, 6, 0.1, 0.3)
+
+    turns = 0.05 * np.arange(-6, 7)
+    return kernel, lambda: surfels_twin.yaw_scores(in_twin, *scan, pose, turns, 0.1, 0.3)
+
+
+def field_levels(rng: np.random.Generator) -> Pair:
+    """Three levels of maxima over a field of 160 x 160 cells, against numpy."""
+    field = rng.integers(0, 256, (160, 160)).astype(np.uint8)
+    return (
+        lambda: correlation.field_pyramid(field, 3),
+        lambda: [correlation_twin.field_level(field, level) for level in range(3)],
+    )
+
+
+def correlative_search(rng: np.random.Generator) -> Pair:
     """A search window of 1 x 1 m and +-6 degrees over a smooth field, by branch and bound against all poses."""
     margin, levels = 8, 3
     field = np.zeros((160, 160), np.uint8)
@@ -138,7 +219,7 @@ def correlative_search(rng: np.random.Generator) -> tuple[Call, Call]:
     return kernel, lambda: correlation_twin.correlate(field, origin, 0.1, points, start, 0.5, 0.05, 2)
 
 
-def segment_casting(rng: np.random.Generator) -> tuple[Call, Call]:
+def segment_casting(rng: np.random.Generator) -> Pair:
     """200 rays among 100 walls of the simulator."""
     walls = rng.uniform(-5.0, 5.0, (100, 4))
     grid = (-5.1, -5.1, 0.5, 21, 21)

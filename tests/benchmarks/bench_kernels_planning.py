@@ -1,0 +1,147 @@
+"""The kernels of planning and exploring beside their slow twins, on a map of 60 x 80 cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gridslam.kernels import planning_clearance as clearance
+from gridslam.kernels.fast_marching import arrival_costs
+from gridslam.kernels.planning_circles import travel_time
+from gridslam.kernels.planning_grid import cost_to_go
+from gridslam.kernels.shortest_tour import exact_tour
+from gridslam.kernels.sight_lines import pass_beams
+from gridslam.kernels.wheel_window import free_ways
+from gridslam.planning.art_gallery import gallery_of
+from gridslam.planning.space import distance_field
+from tests.benchmarks.harness import Row
+from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
+from tests.reference import planning as twin
+from tests.reference import planning_grid as grid_twin
+from tests.reference import sight_lines as sight_twin
+
+ALONE = True
+
+SHAPE, RESOLUTION_M, RADIUS_M = (60, 80), 0.1, 0.2
+LIMITS = np.array([1.0, 0.5, 1.5, 0.5, 0.5, 2.0])  # speed, lateral, turn rate, up, down, turn acceleration
+
+
+def rows() -> Iterator[Row]:
+    """Costs, clearances, tours, sight, and times."""
+    rng = np.random.default_rng(0)
+    return rows_of_pairs(
+        (
+            ("arrival_costs", 200.0, arrival(rng)),
+            ("cost_to_go", 60.0, cost(rng)),
+            ("is_free", 30.0, drives(rng)),
+            ("travel_time", 15000.0, times(rng)),
+            ("exact_tour", 500.0, tour(rng)),
+            ("sees_faces", 100.0, sight(rng)),
+            ("pass_beams", 150.0, beams(rng)),
+            ("free_ways", 2000.0, ways(rng)),
+        )
+    )
+
+
+def arrival(rng: np.random.Generator) -> Pair:
+    """Fast marching over 30 x 40 cells, against sweeps until nothing changes."""
+    price = rng.uniform(1.0, 4.0, (30, 40))
+    price[rng.random(price.shape) < 0.1] = np.inf
+    price[15, 20] = 1.0
+    in_single, source = price.astype(np.float32), np.array([15 * 40 + 20])
+    return (
+        lambda: arrival_costs(in_single, source, -1, np.inf),
+        lambda: twin.eikonal_by_sweeps(price, [(15, 20)]),
+    )
+
+
+def world(rng: np.random.Generator) -> clearance.World:
+    """A map with obstacles, and a round robot."""
+    blocked = rng.random(SHAPE) < 0.01
+    discs = np.array([[0.0, 0.0, RADIUS_M]])
+    return clearance.World(distance_field(blocked, RESOLUTION_M), blocked, RESOLUTION_M, discs, 0.005)
+
+
+def cost(rng: np.random.Generator) -> Pair:
+    """The shortest ways from everywhere, against scipy's on the graph of all cells."""
+    field = world(rng).field
+    goal = int(np.flatnonzero(field[1::2, 1::2].ravel() > 0.3)[0])
+    setting = (field, RESOLUTION_M, 0.1, 2.0, 0.3, goal)
+    return lambda: cost_to_go(*setting, goal, np.inf), lambda: grid_twin.cost_to_go(*setting)
+
+
+def drives(rng: np.random.Generator) -> Pair:
+    """Whether an arc of 1.5 m is free, against all squares' distances from a hundred places on it; 50 arcs."""
+    here = world(rng)
+    poses = rng.uniform([1.0, 1.0, -np.pi], [7.0, 5.0, np.pi], (50, 3))
+    curvatures = rng.uniform(-2.0, 2.0, 50)
+
+    def sampled() -> list[bool]:
+        free = []
+        for pose, curvature in zip(poses, curvatures, strict=True):
+            ways = np.linspace(0.0, 1.5, 100)
+            places = np.array([clearance.advance(*pose, way, curvature)[:2] for way in ways])
+            distances = grid_twin.distance_to_squares(here.blocked, RESOLUTION_M, places)
+            free.append(bool(distances.min() >= RADIUS_M))
+        return free
+
+    def kernel() -> list[bool]:
+        return [
+            clearance.is_free(here, *pose, 1.5, curvature)
+            for pose, curvature in zip(poses, curvatures, strict=True)
+        ]
+
+    return kernel, sampled
+
+
+def times(rng: np.random.Generator) -> Pair:
+    """The time of a path of six arcs and lines, against small steps."""
+    parts = np.zeros((6, 6))
+    parts[:, 3] = rng.uniform(0.05, 2.0, 6)
+    parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
+    speeds, limits = np.empty(7), LIMITS[:5].tolist()
+    return (
+        lambda: travel_time(parts, LIMITS, speeds),
+        lambda: grid_twin.travel_time(parts[:, 3], parts[:, 4], limits),
+    )
+
+
+def tour(rng: np.random.Generator) -> Pair:
+    """The shortest of all ways through eight places."""
+    places = rng.uniform(0.0, 10.0, (8, 2))
+    distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    return lambda: exact_tour(distances), lambda: twin.shortest_tour_length(distances)
+
+
+def sight(rng: np.random.Generator) -> Pair:
+    """The walls that five places see."""
+    walls = rng.random(SHAPE) < 0.03
+    gallery, free = gallery_of(walls, ~walls), np.argwhere(~walls)
+    places = free[rng.integers(len(free), size=5), ::-1] + 0.4
+    return (
+        lambda: gallery.seen_from(places, 50.0),
+        lambda: [sight_twin.seen_walls(walls, ~walls, (x, y), 50.0) for x, y in places.tolist()],
+    )
+
+
+def beams(rng: np.random.Generator) -> Pair:
+    """What a scan of 180 beams says of the cells."""
+    bearings, ranges = np.linspace(-np.pi, np.pi, 180, endpoint=False), rng.uniform(5.0, 30.0, 180)
+    ends = np.stack([ranges * np.cos(bearings) + 40.2, ranges * np.sin(bearings) + 30.3], axis=1)
+    scan = (np.array([40.2, 30.3]), ends, rng.random(180) < 0.9, 100.0, 1.5, 3.0)
+    passed, hit = np.zeros(SHAPE, np.uint16), np.zeros(SHAPE, np.uint16)
+    return lambda: pass_beams(passed, hit, *scan), lambda: sight_twin.passed_and_hit(SHAPE, *scan)
+
+
+def ways(rng: np.random.Generator) -> Pair:
+    """How far 20 pairs of wheel speeds may be driven among 100 points, against driving in steps of a millimetre."""
+    obstacles = rng.uniform(-2.0, 2.0, (100, 2))
+    obstacles = obstacles[np.hypot(*obstacles.T) > 0.5]
+    speeds = rng.uniform(0.1, 0.6, (20, 2))
+    return (
+        lambda: free_ways(speeds, obstacles, 0.4, 0.25, 2.0),
+        lambda: [
+            twin.way_until_touch(left, right, obstacles, 0.4, 0.25, 2.0) for left, right in speeds.tolist()
+        ],
+    )
