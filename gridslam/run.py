@@ -149,6 +149,7 @@ def _run(
     refuse_missing_inputs(config.method_name, further)
     with timing_compilation() as clock, open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
+        truth = log.truth()  # first: what is wrong with it is to be said before the log is gone through
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
         opened = clock.now()
@@ -159,7 +160,6 @@ def _run(
         result = method.result()
         finished = clock.now()
         interrupted = fed.stopped or stop()
-        truth = log.truth()
         inputs = {**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}}
         return Run(
             command=command,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.core.errors import ConfigError, LogError
+from gridslam.core.errors import ConfigError, InputError, LogError
 from gridslam.methods import registry
 from gridslam.methods.registry import MethodEntry
 from gridslam.run import Progress, Run, run_localize, run_map
@@ -61,6 +61,63 @@ def test_the_truth_is_on_record_and_never_shown_to_the_method(run_small: RunSmal
     assert run.truth is not None
     assert len(run.truth) == 60
     assert "truth" not in run.counts.streams
+
+
+def with_truth(log: Path, folder: Path, tum: str) -> Path:
+    """A copy of a log with its truth in a file beside it."""
+    shutil.copytree(log, folder / "log")
+    (folder / "log" / "truth.csv").unlink()
+    (folder / "log.truth").mkdir()
+    (folder / "log.truth" / "trajectory.tum").write_text(tum, encoding="utf-8")
+    return folder / "log"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "2 0 0",
+        "2 nan 0 0 0 0 0 1",
+        "2 0 inf 0 0 0 0 1",
+        "2 1e200 0 0 0 0 0 1",
+        "2 0 0 0 0 0 0 0",
+        "soon 0 0 0 0 0 0 1",
+    ],
+)
+def test_a_wrong_line_of_the_truth_ends_the_run_before_the_log_is_gone_through(
+    run_small: RunSmall, small_log: Path, tmp_path: Path, line: str
+) -> None:
+    log = with_truth(small_log, tmp_path, f"1 0 0 0 0 0 0 1\n{line}\n")
+    with pytest.raises(InputError, match=r"trajectory\.tum:2: "):
+        run_small(log, fail="bug")  # at the first scan
+
+
+@pytest.mark.parametrize(
+    "tum", ["\ufeff1 2 3 0 0 0 0 1\n", "1 2 3 0\n", "# t x y\n1 2 3 0 0 0 0 1 # c\n", "1,2,3,0,0,0,0,1\n"]
+)
+def test_the_truth_beside_a_log_takes_what_evaluate_takes(
+    run_small: RunSmall, small_log: Path, tmp_path: Path, tum: str
+) -> None:
+    truth = run_small(with_truth(small_log, tmp_path, tum)).truth
+    assert truth is not None
+    assert truth.poses.tolist() == [[2.0, 3.0, 0.0]]
+
+
+def test_true_poses_of_a_stream_that_cannot_be_used_are_left_out_and_counted(
+    run_small: RunSmall, small_log: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "log"
+    shutil.copytree(small_log, log)
+    rows = (log / "truth.csv").read_text().splitlines()
+    for number, pose in ((3, "1e200,0,0"), (5, "nan,0,0"), (6, "0,-inf,0"), (9, "here,0,0")):
+        rows[number] = f"{rows[number].partition(',')[0]},{pose}"
+    (log / "truth.csv").write_text("\n".join(rows))
+    run = run_small(log)
+    assert run.truth is not None
+    assert len(run.truth) == 56
+    skipped = {"truth.too_far": 1, "truth.not_finite": 2, "truth.unreadable_row": 1}
+    assert {key: n for key, n in run.counts.skipped_by_reason.items() if "truth" in key} == skipped
+    assert [line for line in run.problems if "4 true poses cannot be used" in line]
+    assert run.status == "complete"  # the method has lost nothing
 
 
 def test_the_clock_covers_reading_and_processing(run_small: RunSmall) -> None:

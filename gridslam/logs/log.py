@@ -9,14 +9,15 @@ from types import TracebackType
 
 import numpy as np
 
-from gridslam.core.messages import Event, Transform
+from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import checks, mounting, ordering
 from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
 from gridslam.logs.delivery import as_truth, deliver
 from gridslam.logs.ledger import Ledger
-from gridslam.logs.streams import SILENT, RecordedStream, Source, StreamInfo
+from gridslam.logs.streams import SILENT, RecordedStream, Skip, Source, StreamInfo
+from gridslam.logs.tum import LARGEST_M, read_trajectory
 
 _MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "stereo", "depth", "disparity", "camera_info"})
 
@@ -35,6 +36,7 @@ class Log:
         self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
         self._delivery = Ledger()
         self._opening = Ledger()
+        self._truth = Ledger()
         self._static = self._mount()
         self._note_disorder()
 
@@ -121,24 +123,33 @@ class Log:
         yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, ledger)
 
     def truth(self) -> Trajectory | None:
-        """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either."""
+        """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
+
+        Poses of the topic that cannot be used are counted. Raises InputError: a line of the file is wrong.
+        """
         index = self._choice.truth
         if index is None:
             return self._truth_beside()
+        self._truth = ledger = Ledger()
+        stream = self._source.streams[index]
         stamps, poses = [], []
-        schedule = [index] * len(self._source.streams[index].stamps_ns)
-        for _, event in self._source.read(frozenset({index}), schedule):
+        for _, event in self._source.read(frozenset({index}), [index] * len(stream.stamps_ns)):
             pose = as_truth(event)
-            if pose is not None and checks.fault_of(pose) is None:
+            fault = _fault_of_truth(event, pose)
+            if pose is not None and fault is None:
                 stamps.append(pose.stamp_ns)
                 poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
+            else:
+                ledger.count(f"skipped.truth.{fault}")
+        if left_out := sum(ledger.counters.values()):
+            ledger.note(
+                f"{stream.label}: {left_out} true poses cannot be used, and errors are measured without them"
+            )
         return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64).reshape(-1, 3))
 
     def _truth_beside(self) -> Trajectory | None:
-        from gridslam.logs.tum import read_tum
-
         file = self.path.parent / f"{self.path.name.removesuffix('.mcap')}.truth" / "trajectory.tum"
-        return read_tum(file) if file.is_file() else None
+        return read_trajectory(file) if file.is_file() else None
 
     @property
     def _is_sorted(self) -> bool:
@@ -200,7 +211,16 @@ class Log:
         total = Ledger()
         for part in (self._opening, self._source.ledger, self._delivery):
             total.absorb(part, self._concerned)
+        total.absorb(self._truth)
         return total
+
+
+def _fault_of_truth(event: Event | Skip, pose: Odometry | None) -> str | None:
+    """Why a message is no true pose; None when it is one."""
+    if pose is None:
+        return event.reason if isinstance(event, Skip) else "undecodable"
+    is_far = max(abs(pose.x_m), abs(pose.y_m)) > LARGEST_M
+    return checks.fault_of(pose) or ("too_far" if is_far else None)
 
 
 def _disorder_note(stream: RecordedStream, steps: int, is_sorted: bool) -> str:

@@ -1,36 +1,88 @@
-"""TUM trajectory files: `t x y z qx qy qz qw`, one pose a line, `#` begins a comment."""
+"""Trajectories as text, one pose a line; `#` begins a comment. A wrong line is named, never skipped."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from gridslam.core.errors import InputError
-from gridslam.core.messages import canonical_yaw
+from gridslam.core.poses import yaw_of_quaternion
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import parse_stamp
 
+MAX_BYTES = 1 << 30
+LARGEST_M = 1e9  # beyond it no centimetre is left in the arithmetic
+_TUM_WORDS, _PLANAR_WORDS = 8, 4
+_TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
 
-def read_tum(path: Path) -> Trajectory:
-    """The trajectory in the plane. InputError names the line that is wrong."""
-    stamps, poses = [], []
+
+def read_trajectory(path: Path) -> Trajectory:
+    """Lines `t x y z qx qy qz qw` (TUM) or `t x y yaw` in the file's order; stamps exact to the nanosecond.
+
+    Raises InputError: the file is unreadable or has no pose, or a line is wrong (the message names it).
+    """
+    stamps: list[int] = []
+    numbers: list[list[float]] = []
+    width = 0
+    for place, words in lines_of(path, _TRAJECTORY_LINE):
+        width = width or len(words)
+        if len(words) not in (_TUM_WORDS, _PLANAR_WORDS) or len(words) != width:
+            raise InputError(f"{place}: {len(words)} numbers; expected {_TRAJECTORY_LINE}")
+        stamps.append(stamp_in(place, words[0]))
+        values = numbers_in(place, words[1:])
+        if width == _TUM_WORDS and not math.hypot(*values[3:]) > 0.0:
+            raise InputError(f"{place}: the quaternion is zero; expected a rotation")
+        numbers.append(values)
+    if not stamps:
+        raise InputError(f"{path}: no pose in it; expected lines {_TRAJECTORY_LINE}")
+    table = np.array(numbers)
+    yaw = table[:, 2]
+    if width == _TUM_WORDS:
+        yaw = yaw_of_quaternion(table[:, [6, 3, 4, 5]])
+    return Trajectory(np.array(stamps, np.int64), np.column_stack([table[:, :2], yaw]))
+
+
+def lines_of(path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
+    """The place (file and line number) and the words of each line that is not empty; `#` begins a comment.
+
+    Raises InputError: the file cannot be read.
+    """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a trajectory ({error})") from error
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        stamp = parse_stamp(words[0])
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB; expected lines {expected}")
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file; expected lines {expected}") from None
+    for number, line in enumerate(text.split("\n"), start=1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if words:
+            yield f"{path}:{number}", words
+
+
+def stamp_in(place: str, word: str) -> int:
+    """The stamp of a word. Raises InputError with its place."""
+    stamp = parse_stamp(word)
+    if stamp is None:
+        raise InputError(f"{place}: {word[:40]!r} is no stamp; expected seconds between 0 and 2^31")
+    return stamp
+
+
+def numbers_in(place: str, words: list[str]) -> list[float]:
+    """The numbers of words, none infinite or beyond reason. Raises InputError with their place."""
+    values = []
+    for word in words:
         try:
-            x, y, _, qx, qy, qz, qw = (float(w) for w in words[1:])
+            value = float(word)
         except ValueError:
-            stamp = None
-        if stamp is None:
-            raise InputError(f"{path} line {number}: expected t x y z qx qy qz qw")
-        stamps.append(stamp)
-        poses.append((x, y, canonical_yaw(yaw_of((qw, qx, qy, qz)))))
-    return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64).reshape(-1, 3))
+            value = math.nan
+        if not abs(value) <= LARGEST_M:
+            raise InputError(
+                f"{place}: {word[:40]!r} is no number up to {LARGEST_M:g}; correct the line or leave it out"
+            )
+        values.append(value)
+    return values

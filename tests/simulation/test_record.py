@@ -15,7 +15,7 @@ import yaml
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.evaluation.object_files import read_objects
 from gridslam.logs import open_log
-from gridslam.logs.tum import read_tum
+from gridslam.logs.tum import read_trajectory
 from gridslam.maps.map_server import load_map
 from gridslam.simulation.preview import draw_world
 from gridslam.simulation.record import record_world
@@ -59,7 +59,7 @@ def test_a_log_and_its_truth_are_readable(world_file: Path, tmp_path: Path, name
         kinds = [type(event).__name__ for event in log.events()]
     assert {"LaserScan", "Odometry", "Imu", "WheelTicks", "TagInventory", "PoseFix"} <= set(kinds)
     assert kinds.count("LaserScan") == done.messages["LaserScan"]
-    truth = read_tum(tmp_path / "log.truth" / "trajectory.tum")
+    truth = read_trajectory(tmp_path / "log.truth" / "trajectory.tum")
     assert truth.poses[0] == pytest.approx([1, 1, 0])
     assert np.hypot(*(truth.poses[-1, :2] - [1, 2])) < 0.3
     assert load_map(tmp_path / "log.truth" / "map.yaml").probability.shape == (120, 160)
