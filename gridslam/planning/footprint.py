@@ -12,6 +12,7 @@ Floats = NDArray[np.float64]
 FINENESS = 0.05  # of the outline's smaller extent: the raster's pitch and how far discs stand out of it
 MOST_SAMPLES = 120  # along the larger extent
 MOST_CORNERS = 100
+FARTHEST_M = 1e3
 
 
 def disc(radius_m: float) -> Floats:
@@ -50,8 +51,13 @@ def cover_polygon(corners: Floats) -> Floats:
 
 def _counter_clockwise(corners: Floats) -> Floats:
     corners = np.asarray(corners, dtype=np.float64)
-    if corners.ndim != 2 or not 3 <= len(corners) <= MOST_CORNERS or not np.isfinite(corners).all():
-        raise ConfigError(f"footprint: expected 3 to {MOST_CORNERS} corners x,y in metres")
+    is_sound = (
+        corners.ndim == 2 and 3 <= len(corners) <= MOST_CORNERS and (np.abs(corners) <= FARTHEST_M).all()
+    )
+    if not is_sound:
+        raise ConfigError(
+            f"footprint: expected 3 to {MOST_CORNERS} corners x,y in metres, within {FARTHEST_M:g} m"
+        )
     edges = np.roll(corners, -1, axis=0) - corners
     after = np.roll(edges, -1, axis=0)
     bends = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]

@@ -46,6 +46,7 @@ def test_every_point_of_the_outline_is_covered_and_little_else(name: str) -> Non
         [(0.3, 0.2), (-0.2, 0.2), (0.0, 0.0), (-0.2, -0.2)],
         [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)],
         [(float("nan"), 0.0), (1.0, 0.0), (0.0, 1.0)],
+        [(1e300, 0.0), (0.0, 1e300), (-1e300, -1e300)],
     ],
 )
 def test_outlines_that_are_not_convex_about_the_origin_are_refused(
