@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import logging
@@ -62,7 +63,7 @@ def complain(line: str) -> None:
     try:
         sys.stderr.write(f"gridslam: {line}\n")
         sys.stderr.flush()
-    except BrokenPipeError:
+    except OSError:  # nobody reads it, or its disk is full: the exit code says the rest
         sys.stderr = None
 
 
@@ -85,8 +86,22 @@ def silence_stdout() -> None:
 
 
 def emit_json(document: Mapping[str, Any] | Sequence[Any]) -> None:
-    """The result as one JSON document."""
-    emit(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
+    """The result as one JSON document. What stdout cannot take as UTF-8 is written as JSON's own escapes."""
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+    if not _is_utf8(text):
+        text = json.dumps(document, indent=2, allow_nan=False)
+    emit(text)
+
+
+def _is_utf8(text: str) -> bool:
+    """Whether the text would leave as valid UTF-8: a file's name need not be text."""
+    if codecs.lookup(getattr(sys.stdout, "encoding", None) or "utf-8").name != "utf-8":
+        return False
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def emit_table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import io
 import json
 import logging
+import sys
 
 import pytest
 
@@ -36,6 +38,18 @@ def test_json_is_one_document_that_every_reader_takes(capsys: pytest.CaptureFixt
     assert json.loads(out) == {"name": "Flur-Gänge", "n": [1, 2.5, None]}
     with pytest.raises(ValueError, match="JSON"):
         console.emit_json({"n": float("nan")})
+
+
+def test_json_escapes_what_stdout_cannot_take_as_utf8(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    console.emit_json({"path": "caf\udce9"})
+    assert capsys.readouterr().out == '{\n  "path": "caf\\udce9"\n}\n'
+    for encoding in ("ascii", "latin-1"):
+        out = io.BytesIO()
+        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(out, encoding))
+        console.emit_json({"path": "é图"})
+        assert json.loads(out.getvalue().decode("utf-8")) == {"path": "é图"}
 
 
 def test_remarks_go_to_stderr_and_not_with_quiet(capsys: pytest.CaptureFixture[str]) -> None:

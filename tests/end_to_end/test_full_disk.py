@@ -41,6 +41,8 @@ def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "File too large" in done.stderr
+    assert str(folder / "out") in done.stderr
+    assert ".partial" not in done.stderr
     assert sorted(path.name for path in folder.iterdir()) == []
 
 
@@ -63,6 +65,13 @@ def test_a_full_standard_output_is_told(program: Program, small_log: Path) -> No
     assert done.returncode == 2
     assert "No space left on device" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_standard_error_leaves_the_exit_code_as_it_is(program: Program, tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = program("info", tmp_path / "nope", stderr=full, capture_output=False, stdout=-1)
+    assert (done.returncode, done.stdout) == (3, "")
 
 
 @pytest.mark.parametrize("place", ["/dev/full", "/proc/gridslam-out", "/dev/null/out"])
