@@ -44,7 +44,8 @@ class RunOptions:
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
     """Run, write, print. Exits with 130 when interrupted, with 3 when the log was lossy under --strict."""
-    check_free(options.output, options.force)
+    read = [options.log, *options.inputs.values(), *([map_path] if map_path else [])]
+    check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:

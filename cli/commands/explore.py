@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -76,6 +75,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Let a simulated robot explore a world by a drawing of it, and map it."""
+    from gridslam.core.files import partial_folder
     from gridslam.core.threads import limit_threads
     from gridslam.report.directory import check_free
     from gridslam.report.write import write_run
@@ -86,7 +86,7 @@ def run(
     from ..interruption import stop_on_signals
     from ..running import start_override
 
-    check_free(output, force)
+    check_free(output, force, [drawing])
     overrides = [*(override or ())]
     if start_in_drawing is not None:
         overrides.append(start_override(start_in_drawing, "--start-in-drawing"))
@@ -101,12 +101,9 @@ def run(
         console.say("compiling kernels, once per installation: about a minute")
 
     inputs = read_inputs({"drawing": drawing})
-    output.resolve().parent.mkdir(parents=True, exist_ok=True)
-    with (
-        tempfile.TemporaryDirectory(prefix=f".{output.name}.", dir=output.resolve().parent) as aside,
-        stop_on_signals() as stop,
-    ):
-        folder = Path(aside)
+    target = output.resolve()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with partial_folder(target) as folder, stop_on_signals() as stop:
         with console.progress_bar("explore") as show, telling_of_compilation(tell):
             done = explore(settings, place, path, inputs, folder, show, stop, longest)
         for problem in done.run.problems:

@@ -41,7 +41,7 @@ Preview = Annotated[
 WorldSeed = Annotated[
     int | None, typer.Option("--seed", min=0, help="Seed of all noise; wins over the file.")
 ]
-Replace = Annotated[bool, typer.Option("--force", help="Replace the log that is there.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace the log, and the picture, that is there.")]
 
 
 def run(
@@ -54,10 +54,13 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Write the log that a robot would have recorded in a world, with the truth beside it."""
+    from gridslam.core.files import check_file_free
     from gridslam.simulation.world_config import load_world
 
     if output is None and preview is None:
         raise typer.BadParameter("nothing to do: give -o LOG, or --preview PNG", param_hint="'-o'")
+    if preview is not None:
+        check_file_free(preview, force)
     place, path = load_world(world, override or (), seed)
     document: dict[str, object] = {}
     if preview is not None:
