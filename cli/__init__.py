@@ -1,1 +1,24 @@
 """The command line: the one part that prints, and that turns errors into exit codes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from contextlib import suppress
+
+INTERRUPTED = 130
+
+
+def run() -> None:
+    """The entry point of the program. Ctrl-C and SIGTERM are told in one line from the first moments on."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        from .main import main
+
+        code = main(sys.argv[1:])
+    except KeyboardInterrupt:  # while the program was being loaded, or was ending
+        with suppress(OSError):
+            os.write(2, b"gridslam: error: interrupted\n")
+        code = INTERRUPTED
+    sys.exit(code)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +12,8 @@ import typer
 import gridslam
 from gridslam.core.errors import GridslamError
 
-from . import console
+from . import INTERRUPTED, console
+from . import run as run  # programs written for this place find it here
 from .commands import (
     config,
     convert,
@@ -30,7 +30,8 @@ from .commands import (
 from .commands import map as map_command
 from .options import common
 
-BUG, INTERRUPTED, USAGE, METHOD = 70, 130, 2, 4
+BUG, USAGE, METHOD = 70, 2, 4
+NOTHING_WRITTEN = "interrupted; nothing was written"
 
 # Typer bundles a copy of click: this is the base of all its usage errors.
 UsageProblem: type[Exception] = typer.BadParameter.__mro__[2]
@@ -75,11 +76,6 @@ def main_options(
         raise typer.Exit(USAGE)
 
 
-def run() -> None:
-    """The entry point of the program."""
-    sys.exit(main(sys.argv[1:]))
-
-
 def main(arguments: Sequence[str]) -> int:
     """Run one command line; returns the exit code, having said in one line on stderr what went wrong.
 
@@ -96,7 +92,7 @@ def main(arguments: Sequence[str]) -> int:
     except UsageProblem as error:
         return _fail(_usage_message(error), USAGE)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted; nothing was written", INTERRUPTED)
+        return _fail(NOTHING_WRITTEN, INTERRUPTED)
     except MemoryError:
         return _fail("out of memory: take coarser cells, fewer particles or a shorter log", METHOD)
     except BrokenPipeError:
@@ -105,6 +101,8 @@ def main(arguments: Sequence[str]) -> int:
     except OSError as error:  # a full disk, a missing right: nothing that the program could have done better
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}", USAGE)
     except Exception as error:
+        if _was_interrupted(error):
+            return _fail(NOTHING_WRITTEN, INTERRUPTED)
         return _fail(f"internal error, please report it with the command: {_place_of(error)}", BUG)
 
 
@@ -113,6 +111,13 @@ def _fail(message: str, code: int) -> int:
         console.complain(traceback.format_exc())
     console.complain(f"error: {' '.join(message.split())}")
     return code
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: compiled code that it breaks off ends with an error of its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _usage_message(error: Exception) -> str:

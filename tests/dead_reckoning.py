@@ -119,7 +119,7 @@ def register() -> MappingProxyType[str, MethodEntry]:
 
 def main() -> None:
     """The program with the test method registered."""
-    from gridslam.cli.main import run
+    from gridslam.cli import run
 
     registry.METHODS = register()
     run()

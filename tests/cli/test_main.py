@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -108,6 +109,20 @@ def test_a_second_ctrl_c_says_that_nothing_was_written(
     assert (code, out) == (130, "")
     assert "interrupted; nothing was written" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_within_compiled_code_is_no_bug(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("a result with an exception set") from error  # what the interpreter makes of it
+
+    monkeypatch.setattr("gridslam.cli.running.run_map", interrupted)
+    code, _, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out")
+    assert (code, err) == (130, "gridslam: error: interrupted; nothing was written\n")
 
 
 def test_a_log_whose_name_is_not_text_can_be_mapped(
@@ -239,7 +254,36 @@ def test_a_preview_alone_as_json_is_one_document(cli: Cli, tmp_path: Path) -> No
     assert code == 0
     assert json.loads(out) == {"preview": str(picture)}
     assert picture.exists()
-    assert cli("simulate", "office", "--preview", picture)[:2] == (0, "")
+    assert cli("simulate", "office", "--preview", picture, "--force")[:2] == (0, "")
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+def test_a_preview_replaces_a_file_with_force_and_nothing_else(
+    cli: Cli, tmp_path: Path, force: tuple[str, ...]
+) -> None:
+    place = tmp_path / "place"
+    place.mkdir() if force else place.write_text("mine")
+    code, out, err = cli("simulate", "office", "--preview", place, *force)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"gridslam: error: {place}: exists")
+    assert place.is_dir() if force else place.read_text() == "mine"
+
+
+@pytest.mark.parametrize("given", ["log", "map"])
+def test_a_run_that_holds_what_the_next_one_reads_is_not_replaced_by_it(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, given: str
+) -> None:
+    output = tmp_path / "out"
+    assert cli("map", small_log, "-c", config_file, "-o", output)[0] == 0
+    shutil.copytree(small_log, output / "log")
+    inputs = (
+        ("map", output / "log") if given == "log" else ("localize", small_log, "--map", output / "map.yaml")
+    )
+    code, _, err = cli(*inputs, "-c", config_file, "-o", output, "--force")
+    assert code == 2
+    assert "which is read" in err
+    assert (output / "map.yaml").exists()
+    assert (output / "log" / "scan.csv").exists()
 
 
 @pytest.mark.parametrize(

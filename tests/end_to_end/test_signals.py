@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import program_command
+from gridslam.logs import write_log
+from gridslam.report.directory import new_run_directory
+from tests.conftest import REPOSITORY, program_command
 
 
 @pytest.fixture
@@ -72,3 +77,67 @@ def test_a_reader_that_went_away_costs_neither_result_nor_exit_code(
     assert "Traceback" not in err
     assert "Exception" not in err
     assert (tmp_path / "out" / "report.json").exists()
+
+
+@contextmanager
+def writing(output: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """A command that has begun to write beside `output`."""
+    command = program_command(*arguments)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            while process.poll() is None and not list(output.parent.glob(f".{output.name}.*")):
+                time.sleep(0.01)
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["out", "out.mcap"])
+def test_a_signal_ends_a_simulation_in_one_line_and_leaves_nothing(
+    tmp_path: Path, name: str, number: signal.Signals
+) -> None:
+    output = tmp_path / name
+    with writing(output, "simulate", "office", "-o", output, "-q") as process:
+        time.sleep(0.5)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    assert err == "gridslam: error: interrupted; nothing was written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_exploration_leaves_is_removed_by_the_next_run(tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    drawing = REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"
+    with writing(output, "explore", "hand-corridor-20", "--drawing", drawing, "-o", output) as process:
+        process.kill()
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
+    with new_run_directory(output):
+        pass
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_what_a_killed_writer_leaves_is_removed_by_the_next(tmp_path: Path) -> None:
+    output = tmp_path / "out.mcap"
+    with writing(output, "simulate", "office", "-o", output) as process:
+        process.kill()
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
+    write_log(output, [])
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_ctrl_c_while_the_program_is_loaded_is_one_line() -> None:
+    code = (
+        "import sys\n"
+        "class Press:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Press())\n"
+        "from gridslam.cli import run; run()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "gridslam: error: interrupted\n")
+    assert '\ngridslam = "gridslam.cli:run"\n' in (REPOSITORY / "pyproject.toml").read_text()
