@@ -114,15 +114,20 @@ def test_the_correlation_of_a_map_is_printed_and_drawn(
     assert main(["correlation", str(room), "-o", str(picture), "-q"]) == 2
 
 
-@pytest.mark.parametrize("samples", range(1, 6))
+@pytest.mark.parametrize("samples", [1, 2])
 def test_an_error_that_few_walks_do_not_tell_is_null(
     room: Path, capsys: pytest.CaptureFixture[str], samples: int
 ) -> None:
-    command = ["correlation", str(room), "--samples", str(samples), "-q"]
-    code = main([*command, "--json"])
-    assert code == main(command)
-    assert code in (0, 4)
-    out = capsys.readouterr().out
-    if code == 0:
-        document, _ = json.JSONDecoder(parse_constant=lambda name: pytest.fail(name)).raw_decode(out)
-        assert document["standard_error"] is None or document["standard_error"] >= 0.0
+    command = [
+        "correlation",
+        str(room),
+        "--samples",
+        str(samples),
+        "--seed",
+        "18",
+        "-q",
+    ]  # its likelihood is flat
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["standard_error"] is None
+    assert main(command) == 0
+    assert any(line.split() == ["standard_error", "-"] for line in capsys.readouterr().out.splitlines())
