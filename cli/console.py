@@ -22,10 +22,11 @@ SHOW_EVERY_S = 0.1
 
 @dataclass(slots=True)
 class Settings:
-    """What the options --quiet and --debug, common to all commands, have chosen."""
+    """What the options --quiet and --debug, common to all commands, have chosen; whether stderr was written to."""
 
     quiet: bool = False
     debug: bool = False
+    has_spoken: bool = False
 
 
 settings = Settings()
@@ -58,6 +59,7 @@ def say(line: str) -> None:
 
 def complain(line: str) -> None:
     """A line on stderr, also with --quiet."""
+    settings.has_spoken = True
     if sys.stderr is None:
         return
     try:

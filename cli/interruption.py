@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish to stop: what is known so far is still written."""
+"""Ctrl-C and SIGTERM as a wish to stop, for commands that end at a place of their own choice."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from . import console
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[Callable[[], bool]]:
+def stop_on_signals(
+    answer: str = "stopping; what is known so far is written (a second signal drops it)",
+) -> Iterator[Callable[[], bool]]:
     """A function that tells whether to stop. A second signal ends the command at once, without a result."""
     asked = False
 
@@ -20,7 +22,7 @@ def stop_on_signals() -> Iterator[Callable[[], bool]]:
         if asked:
             raise KeyboardInterrupt
         asked = True
-        console.say("stopping; what is known so far is written (a second signal drops it)")
+        console.say(answer)
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

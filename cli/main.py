@@ -83,9 +83,12 @@ def main(arguments: Sequence[str]) -> int:
     """
     console.settings.quiet = False
     console.settings.debug = "--debug" in arguments
+    console.settings.has_spoken = False
     console.start()
     try:
         code = app(args=list(arguments), prog_name="gridslam", standalone_mode=False)
+        if code == INTERRUPTED and not console.settings.has_spoken:  # typer, while it reads the command line
+            raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except GridslamError as error:
         return _fail(str(error), error.exit_code)

@@ -90,10 +90,20 @@ def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:
     from gridslam.run import Progress
     from gridslam.simulation.record import record_world
 
+    from ..interruption import stop_on_signals
+
     def tell() -> None:
         console.say("compiling the ray caster, once per installation: some seconds")
 
-    with console.progress_bar("simulate") as show, telling_of_compilation(tell):
-        return record_world(
-            world, folder, output, force, lambda share: show(Progress(round(share * STEPS), STEPS, 0))
-        )
+    with (
+        console.progress_bar("simulate") as show,
+        telling_of_compilation(tell),
+        stop_on_signals("stopping; half a log is not kept") as stop,
+    ):
+
+        def go_on(share: float) -> None:
+            if stop():
+                raise KeyboardInterrupt
+            show(Progress(round(share * STEPS), STEPS, 0))
+
+        return record_world(world, folder, output, force, go_on)

@@ -125,6 +125,11 @@ def test_ctrl_c_within_compiled_code_is_no_bug(
     assert (code, err) == (130, "gridslam: error: interrupted; nothing was written\n")
 
 
+def test_ctrl_c_that_typer_answers_is_told_as_any_other(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gridslam.cli.main.app", lambda **_: 130)
+    assert cli("info", "log") == (130, "", "gridslam: error: interrupted; nothing was written\n")
+
+
 def test_a_log_whose_name_is_not_text_can_be_mapped(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
 ) -> None:
