@@ -40,13 +40,13 @@ def rows() -> Iterator[Row]:
     return rows_of_pairs(
         (
             ("scan_to_points", 1.5, scan_conversion(rng)),
-            ("surface_normals", 250.0, normals_of_walls(rng)),
+            ("surface_normals", 200.0, normals_of_walls(rng)),
             ("insert_beams", 100.0, beam_insertion(rng)),
-            ("insert_scan_dense", 200.0, dense_insertion(rng)),
+            ("insert_scan_dense", 150.0, dense_insertion(rng)),
             ("insert_surfels", 50.0, surface_insertion(rng)),
             ("log_likelihood", 1000.0, surface_likelihood(rng)),
-            ("register", 500.0, registration(rng)),
-            ("search_yaw", 300.0, turn_search(rng)),
+            ("register", 250.0, registration(rng)),
+            ("search_yaw", 200.0, turn_search(rng)),
             ("field_pyramid", 0.5, field_levels(rng)),
             ("correlate", 100.0, correlative_search(rng)),
             ("cast_segments", 100.0, segment_casting(rng)),

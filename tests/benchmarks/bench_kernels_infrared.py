@@ -28,15 +28,15 @@ def rows() -> Iterator[Row]:
     rng = np.random.default_rng(0)
     return rows_of_pairs(
         (
-            ("add_readings", 200.0, drawing(rng)),
-            ("count_crossed", 250.0, crossing(rng)),
-            ("add_spots", 40.0, spots(rng)),
-            ("shifted_sums", 1500.0, shifting(rng)),
-            ("shifted_changes", 1000.0, changing(rng)),
-            ("pooled_sums", 40.0, pooling(rng)),
-            ("equations_on_lines", 700.0, pose_on_lines(rng)),
-            ("equations_of_walls", 800.0, places_and_walls(rng)),
-            ("wheel_gyro", 50.0, wheels(rng)),
+            ("add_readings", 150.0, drawing(rng)),
+            ("count_crossed", 150.0, crossing(rng)),
+            ("add_spots", 30.0, spots(rng)),
+            ("shifted_sums", 600.0, shifting(rng)),
+            ("shifted_changes", 600.0, changing(rng)),
+            ("pooled_sums", 30.0, pooling(rng)),
+            ("equations_on_lines", 400.0, pose_on_lines(rng)),
+            ("equations_of_walls", 90.0, places_and_walls(rng)),
+            ("wheel_gyro", 40.0, wheels(rng)),
         )
     )
 

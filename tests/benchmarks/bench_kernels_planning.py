@@ -32,14 +32,14 @@ def rows() -> Iterator[Row]:
     rng = np.random.default_rng(0)
     return rows_of_pairs(
         (
-            ("arrival_costs", 200.0, arrival(rng)),
-            ("cost_to_go", 60.0, cost(rng)),
-            ("is_free", 30.0, drives(rng)),
-            ("travel_time", 15000.0, times(rng)),
+            ("arrival_costs", 150.0, arrival(rng)),
+            ("cost_to_go", 40.0, cost(rng)),
+            ("is_free", 25.0, drives(rng)),
+            ("travel_time", 10000.0, times(rng)),
             ("exact_tour", 500.0, tour(rng)),
-            ("sees_faces", 100.0, sight(rng)),
-            ("pass_beams", 150.0, beams(rng)),
-            ("free_ways", 2000.0, ways(rng)),
+            ("sees_faces", 70.0, sight(rng)),
+            ("pass_beams", 100.0, beams(rng)),
+            ("free_ways", 1500.0, ways(rng)),
         )
     )
 

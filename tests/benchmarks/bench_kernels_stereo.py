@@ -29,14 +29,14 @@ def rows() -> Iterator[Row]:
     return rows_of_pairs(
         (
             ("measure_columns", 6.0, columns(rng)),
-            ("priors_of_rays", 20.0, priors(rng)),
-            ("likelihoods_of_rays", 900.0, likelihoods(rng)),
-            ("expected_behind", 300.0, expectations(rng)),
-            ("told_across", 0.5, messages(rng)),
-            ("averaged_over_turns", 25.0, turns(rng)),
-            ("window_of_rays", 60.0, window(rng)),
-            ("tell_cells", 0.3, cells(rng)),
-            ("follow_runs", 100.0, runs(rng)),
+            ("priors_of_rays", 10.0, priors(rng)),
+            ("likelihoods_of_rays", 250.0, likelihoods(rng)),
+            ("expected_behind", 50.0, expectations(rng)),
+            ("told_across", 0.2, messages(rng)),
+            ("averaged_over_turns", 15.0, turns(rng)),
+            ("window_of_rays", 40.0, window(rng)),
+            ("tell_cells", 0.25, cells(rng)),
+            ("follow_runs", 60.0, runs(rng)),
         )
     )
 
