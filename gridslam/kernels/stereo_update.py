@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled_parallel
+from gridslam.kernels.compiled import compiled
 
 Floats = NDArray[np.float64]
 
 _MOST_CORRELATION = 0.999
 
 
-@compiled_parallel
 def told_across(
     occupied: Floats, empty: Floats, bearings: Floats, ranges: Floats, correlation: float, share: float
 ) -> tuple[Floats, Floats]:
@@ -23,19 +21,30 @@ def told_across(
     at the same range on neighbouring rays correlate by `correlation` to the power of their distance in cells. One round of
     messages between pairs: P(o' | E) = P(E'|E) P(o'|E') + P(not E'|E) P(o'|not E'), with prior 1/2, to the power of `share`.
     """
+    decay = np.log(max(correlation, 1e-300))
+    r = np.exp(decay * np.abs(np.diff(bearings))[:, None] * ranges)  # numpy's is faster than the compiler's
+    told: tuple[Floats, Floats] = _told(occupied, empty, np.minimum(r, _MOST_CORRELATION), share)
+    return told
+
+
+@compiled
+def _told(occupied: Floats, empty: Floats, r: Floats, share: float) -> tuple[Floats, Floats]:
+    """`told_across` with the correlations `r` `(m - 1, n)` of each ray with the next one."""
     m, n = occupied.shape
     if_occupied, if_empty = np.ones((m, n)), np.ones((m, n))
-    decay = np.log(max(correlation, 1e-300))
-    for i in prange(m):
-        for j in (i - 1, i + 1):
-            if 0 <= j < m:
-                gap = decay * abs(bearings[i] - bearings[j])
-                for k in range(n):
-                    r = min(np.exp(gap * ranges[k]), _MOST_CORRELATION)
-                    mean = 0.5 * (occupied[j, k] + empty[j, k])
-                    half = 0.5 * r * (occupied[j, k] - empty[j, k])
-                    if_occupied[i, k] *= mean + half
-                    if_empty[i, k] *= mean - half
+    for i in range(m - 1):
+        for k in range(n):
+            half = 0.5 * r[i, k]
+            mean, off = 0.5 * (occupied[i, k] + empty[i, k]), half * (occupied[i, k] - empty[i, k])
+            if_occupied[i + 1, k] *= mean + off
+            if_empty[i + 1, k] *= mean - off
+            mean, off = (
+                0.5 * (occupied[i + 1, k] + empty[i + 1, k]),
+                half * (occupied[i + 1, k] - empty[i + 1, k]),
+            )
+            if_occupied[i, k] *= mean + off
+            if_empty[i, k] *= mean - off
+    for i in range(m):
         for k in range(n):
             if share == 0.5:  # much faster than a power
                 if_occupied[i, k], if_empty[i, k] = np.sqrt(if_occupied[i, k]), np.sqrt(if_empty[i, k])
@@ -46,7 +55,7 @@ def told_across(
     return if_occupied, if_empty
 
 
-@compiled_parallel
+@compiled
 def tell_cells(
     values: Floats,
     told: Floats,
@@ -64,7 +73,7 @@ def tell_cells(
     alone counts as far as a ray has come there. Log odds stay within `limit`, probabilities within `least`.
     """
     _, rows, cols = told.shape
-    for row in prange(rows):
+    for row in range(rows):
         for col in range(cols):
             if_occupied, if_empty, reached = told[0, row, col], told[1, row, col], told[2, row, col]
             if if_occupied == if_empty and reached == 0.0:

@@ -32,10 +32,10 @@ def rows() -> Iterator[Row]:
             ("priors_of_rays", 10.0, priors(rng)),
             ("likelihoods_of_rays", 250.0, likelihoods(rng)),
             ("expected_behind", 50.0, expectations(rng)),
-            ("told_across", 0.2, messages(rng)),
+            ("told_across", 1.0, messages(rng)),
             ("averaged_over_turns", 15.0, turns(rng)),
             ("window_of_rays", 40.0, window(rng)),
-            ("tell_cells", 0.25, cells(rng)),
+            ("tell_cells", 0.4, cells(rng)),
             ("follow_runs", 60.0, runs(rng)),
         )
     )
