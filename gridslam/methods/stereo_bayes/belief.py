@@ -135,7 +135,7 @@ class BeliefMap:
                 occupied,
                 empty,
                 rays.bearings,
-                lattice.first + 0.5 + np.arange(self._count),
+                np.asarray(lattice.first + 0.5 + np.arange(self._count), np.float64),
                 self.correlation.per_cell(config.resolution_m),
                 config.correlation.across_rays,
             )
