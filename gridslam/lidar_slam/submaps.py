@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import correlation, surfels
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.maps.distances import distances_to
 from gridslam.maps.tiled import TileStore
 
 Floats = NDArray[np.float64]
@@ -84,9 +84,7 @@ def likelihood_pyramid(
         cells = np.floor(se2.transform_points(pose, scan.surface) / resolution_m).astype(np.int64) + half
         inside = ((cells >= margin) & (cells < 2 * half - margin)).all(axis=1)
         occupied[cells[inside, 1], cells[inside, 0]] = True
-    distance = resolution_m * cv2.distanceTransform(
-        (~occupied).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )
+    distance = resolution_m * distances_to(occupied)
     field = np.rint(255.0 * np.exp(-0.5 * (distance / sigma_m) ** 2)).astype(np.uint8)
     corner = np.array([-half * resolution_m, -half * resolution_m])
     return LikelihoodPyramid(correlation.field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)

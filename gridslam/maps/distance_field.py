@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 
 OCCUPIED_FROM = 0.5
@@ -20,14 +19,7 @@ def distance_to_occupied(
     off. In a map without walls the distance is infinite, or `max_distance_m`.
     Source: Felzenszwalb and Huttenlocher 2012, as OpenCV's precise distance transform.
     """
-    distance_m = _distance_cells(grid.probability > occupied_from) * np.float32(grid.geometry.resolution_m)
+    distance_m = distances_to(grid.probability > occupied_from) * np.float32(grid.geometry.resolution_m)
     if max_distance_m is not None:
         distance_m = np.minimum(distance_m, np.float32(max_distance_m))
     return GridLayer(distance_m, grid.geometry)
-
-
-def _distance_cells(walls: NDArray[np.bool_]) -> NDArray[np.float32]:
-    if not walls.any():
-        return np.full(walls.shape, np.inf, np.float32)
-    distance = cv2.distanceTransform(np.asarray(~walls, dtype=np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance, dtype=np.float32)

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.maps.distances import distances_to
+
 Mask = NDArray[np.bool_]
 
 THIN = 3.0  # a colour whose widest spot is so much narrower than the other's is that of the strokes
@@ -195,9 +197,7 @@ def _distance(mask: Mask) -> NDArray[np.float32]:
     """Distance of each pixel of the mask to the nearest one that is not."""
     if mask.all():
         return np.full(mask.shape, np.hypot(*mask.shape), np.float32)
-    return np.asarray(
-        cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32
-    )
+    return distances_to(~mask)
 
 
 def _labels(mask: Mask) -> NDArray[np.int32]:

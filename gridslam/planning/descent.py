@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +28,6 @@ class Shyness:
     least: float
     wished: float
     dread: float
-
-
-def distances_to(blocked: Cells) -> NDArray[np.float32]:
-    """Distance `(rows, cols)` from each cell's centre to that of the nearest blocked one."""
-    if not blocked.any():
-        return np.full(blocked.shape, np.inf, np.float32)
-    distance = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance, dtype=np.float32)
 
 
 def prices(distance: NDArray[np.float32], shyness: Shyness) -> NDArray[np.float32]:

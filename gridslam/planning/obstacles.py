@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass, fields
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 OCCUPIED_FROM = 0.9
@@ -70,9 +70,9 @@ def close_passages(obstacles: Cells, resolution_m: float, robot_radius_m: float 
     margin = int(np.ceil(radius)) + 1
     padded = np.pad(obstacles, margin)
     stands = (
-        _distance_to(padded) > radius + 0.5
+        distances_to(padded) > radius + 0.5
     )  # the disc touches the obstacle's edge, half a cell from its centre
-    covered = _distance_to(stands) <= radius if stands.any() else np.zeros_like(padded)
+    covered = distances_to(stands) <= radius if stands.any() else np.zeros_like(padded)
     return np.asarray((padded | ~covered)[margin:-margin, margin:-margin] | obstacles)
 
 
@@ -176,9 +176,3 @@ def _gaps(
 def _neighbours(grid: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Every cell but the last along an axis, and the one after it."""
     return np.delete(grid, -1, axis), np.delete(grid, 0, axis)
-
-
-def _distance_to(cells: Cells) -> NDArray[np.float32]:
-    """Distance in cells between centres to the nearest of the given cells."""
-    distance = cv2.distanceTransform(np.asarray(~cells, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance, dtype=np.float32)

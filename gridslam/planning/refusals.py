@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import MethodError
+from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.space import Space
 
@@ -95,7 +96,7 @@ def _widest_way(space: Space, start: Floats, goal: Floats) -> tuple[float, Float
     _, whole = cv2.connectedComponents(np.asarray(space.field > low, np.uint8), connectivity=8)
     here = parts == parts[ends[0]] if parts[ends[0]] else _only(parts.shape, ends[0])
     beyond = ((parts > 0) & ~here & (whole == whole[ends[0]])) | _only(parts.shape, ends[1])
-    ways = np.where(whole == whole[ends[0]], _away_from(here) + _away_from(beyond), np.inf)
+    ways = np.where(whole == whole[ends[0]], distances_to(here) + distances_to(beyond), np.inf)
     row, col = np.unravel_index(int(np.argmin(ways)), ways.shape)
     return 2.0 * low, np.array([col, row]) * 0.5 * space.resolution_m
 
@@ -104,11 +105,6 @@ def _only(shape: tuple[int, ...], place: tuple[int, int]) -> NDArray[np.bool_]:
     mask = np.zeros(shape, np.bool_)
     mask[place] = True
     return mask
-
-
-def _away_from(places: NDArray[np.bool_]) -> NDArray[np.float32]:
-    distance = cv2.distanceTransform(np.asarray(~places, np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance, dtype=np.float32)
 
 
 def _joined(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int]) -> bool:

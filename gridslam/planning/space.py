@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.planning_clearance import World, is_free
+from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.planning.obstacles import obstacle_cells
 
@@ -109,5 +110,4 @@ def distance_field(blocked: NDArray[np.bool_], resolution_m: float) -> NDArray[n
     squares = np.zeros((2 * rows + 1, 2 * cols + 1), np.uint8)
     squares[1::2, 1::2] = blocked
     squares = cv2.dilate(squares, np.ones((3, 3), np.uint8))
-    distance = cv2.distanceTransform(1 - squares, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(distance, dtype=np.float32) * np.float32(0.5 * resolution_m)
+    return distances_to(squares > 0) * np.float32(0.5 * resolution_m)

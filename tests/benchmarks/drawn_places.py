@@ -17,13 +17,14 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Odometry
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.map_errors import wall_distances
+from gridslam.maps.distances import distances_to
 from gridslam.maps.drawing import Drawing, drawn_map, load_drawing
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.method import HandmapSlam
-from gridslam.planning.descent import Shyness, cost_to_go, distances_to, prices, steepest_way
+from gridslam.planning.descent import Shyness, cost_to_go, prices, steepest_way
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map

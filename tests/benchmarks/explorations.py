@@ -26,10 +26,10 @@ from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.association import associate
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.explore import Explored, explore
+from gridslam.maps.distances import distances_to
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.art_gallery import gallery_of, scatter
-from gridslam.planning.descent import distances_to
 from gridslam.run import read_inputs
 from gridslam.run_config import load_run_config
 from gridslam.simulation.shapes import Box, Wall

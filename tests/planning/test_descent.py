@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gridslam.planning.descent import Shyness, cost_to_go, distances_to, prices, steepest_way
+from gridslam.maps.distances import distances_to
+from gridslam.planning.descent import Shyness, cost_to_go, prices, steepest_way
 
 
 def test_a_path_keeps_its_distance_where_there_is_room() -> None:

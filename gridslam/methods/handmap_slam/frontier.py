@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels.raycast import free_squares
 from gridslam.kernels.sight_lines import pass_beams, wall_faces
+from gridslam.maps.distances import distances_to
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.pathfinder import FoundPath, find_path_to_cells, passable_prices
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
@@ -210,8 +211,7 @@ def unseen_beside(free: Cells, blocked: Cells, least_cells: int) -> Cells:
 
 def _candidates(passable: Cells, hidden: Cells, reach: float, offset: NDArray[np.int64]) -> NDArray[np.int64]:
     """Passable cells `(k, 2)` (row, col) within reach of unseen ones, every third of each axis of the whole grid."""
-    away = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    cells = np.argwhere(passable & (away <= reach))
+    cells = np.argwhere(passable & (distances_to(hidden) <= reach))
     return np.asarray(cells[((cells + offset[::-1]) % EVERY == 0).all(axis=1)])
 
 

@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.maps.distances import distances_to
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid, plan_grid
 from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
 from gridslam.methods.handmap_slam.seen_scans import SeenScan
 from gridslam.planning.art_gallery import Gallery, choose_observation_points, gallery_of
-from gridslam.planning.descent import Shyness, cost_to_go, distances_to, prices
+from gridslam.planning.descent import Shyness, cost_to_go, prices
 from gridslam.planning.tour import plan_tour, way_lengths
 
 Floats = NDArray[np.float64]

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.maps.distances import distances_to
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
 from gridslam.methods.handmap_slam.planning_config import PathConfig
-from gridslam.planning.descent import Shyness, cost_to_go, distances_to, prices, steepest_way
+from gridslam.planning.descent import Shyness, cost_to_go, prices, steepest_way
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]

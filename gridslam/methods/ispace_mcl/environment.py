@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from gridslam.core import poses as se2
 from gridslam.filters.kernel_density import kernel_density
 from gridslam.filters.particles import Particles
 from gridslam.kernels.mcl import systematic
+from gridslam.maps.distances import distances_to
 from gridslam.methods.ispace_mcl.camera_config import CamerasConfig, DensityConfig, SightingConfig
 from gridslam.sensors.fixed_camera import Sighting
 
@@ -173,7 +173,7 @@ def distance_to(cells: Floats, places: Floats, cell_m: float, reach_m: float) ->
     if not len(cells):
         return np.full(len(places), reach_m)
     grid, origin = _raster(cells, cell_m, int(np.ceil(reach_m / cell_m)))
-    distances = cv2.distanceTransform(grid, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
+    distances = distances_to(grid == 0) * cell_m
     index, inside = _indices(places, origin, cell_m, grid.shape)
     return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], reach_m), reach_m)
 
