@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Program
+from tests.conftest import REPOSITORY, Program
 
 VOLATILE = {"report.json", "report.html"}
 
@@ -62,3 +62,24 @@ def test_another_seed_gives_other_bytes(
     one, two = (reproducible_files(tmp_path / seed) for seed in ("1", "2"))
     assert one["spread.csv"] != two["spread.csv"]
     assert one["trajectory.tum"] == two["trajectory.tum"]
+
+
+@pytest.mark.parametrize(
+    ("verb", "method", "given"),
+    [
+        ("map", "slam-sd", ()),
+        ("map", "handmap-slam", ("--drawing", "configs/worlds/drawings/corridor.png")),
+        ("map", "ir-scan", ()),
+        ("localize", "ispace-mcl", ("--map", "sample_logs/ispace-mcl.truth/map.yaml")),
+        ("map", "stereo-bayes", ()),
+    ],
+)
+def test_the_number_of_threads_changes_no_byte(
+    program: Program, tmp_path: Path, verb: str, method: str, given: tuple[str, ...]
+) -> None:
+    for jobs in ("1", "2"):
+        log = REPOSITORY / "sample_logs" / f"{method}.mcap"
+        files = [str(REPOSITORY / word) if "/" in word else word for word in given]
+        done = program(verb, log, "-c", method, *files, "--jobs", jobs, "-o", tmp_path / jobs)
+        assert done.returncode == 0, done.stderr
+    assert reproducible_files(tmp_path / "1") == reproducible_files(tmp_path / "2")
