@@ -44,6 +44,21 @@ def _line(sums: Floats, least_points: float, thickest_m: float) -> tuple[bool, f
 
 
 @compiled
+def _sum_up(sums: Floats, members: Ints, points: Floats, weights: Floats) -> None:
+    """Let `sums` `(7,)` be those of the `members` `(k,)` of all points `(n, 2)` with their weights `(n,)`."""
+    sums[:] = 0.0
+    for k in members:
+        w, x, y = weights[k], points[k, 0], points[k, 1]
+        sums[0] += 1.0
+        sums[1] += w
+        sums[2] += w * x
+        sums[3] += w * y
+        sums[4] += w * x * x
+        sums[5] += w * x * y
+        sums[6] += w * y * y
+
+
+@compiled
 def _weight(off: float, variance: float, robust_sigmas: float) -> float:
     """Inverse variance, less for points far off (Geman and McClure)."""
     return 1.0 / variance / (1.0 + off * off / variance / (robust_sigmas * robust_sigmas)) ** 2
@@ -121,18 +136,9 @@ def equations_of_walls(
     by_place, gradients = np.zeros((places, 3, 3)), np.zeros((places, 3))
     of_walls, wall_gradients = np.zeros((walls, 3)), np.zeros((walls, 2))
     mixed, mixed_place, counts = np.zeros((most, 2, 3)), np.zeros(most, np.int64), np.zeros(walls, np.int64)
-    sums, jacobian, pair = np.empty(7), np.empty(3), -1
+    sums, jacobian, pair, weights = np.empty(7), np.empty(3), -1, bel / variances[:, 0]
     for wall in range(walls):
-        sums[:] = 0.0
-        for k in order[first[wall] : first[wall + 1]]:
-            w, x, y = bel[k] / variances[k, 0], points[k, 0], points[k, 1]
-            sums[0] += 1.0
-            sums[1] += w
-            sums[2] += w * x
-            sums[3] += w * y
-            sums[4] += w * x * x
-            sums[5] += w * x * y
-            sums[6] += w * y * y
+        _sum_up(sums, order[first[wall] : first[wall + 1]], points, weights)
         is_wall, x, y, nx, ny = _line(sums, least_points, thickest_m)
         if not is_wall:
             continue
