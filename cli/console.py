@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gridslam.run import Progress
+    from gridslam.runs.run import Progress
 
 SHOW_EVERY_S = 0.1
 

@@ -16,8 +16,8 @@ from gridslam.report.directory import check_free
 from gridslam.report.document import flatten
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
-from gridslam.run import Command, Run, Stop, read_inputs, run_localize, run_map
-from gridslam.run_config import RunConfig, load_run_config
+from gridslam.runs.run import Command, Run, Stop, read_inputs, run_localize, run_map
+from gridslam.runs.run_config import RunConfig, load_run_config
 
 from . import console
 from .interruption import stop_on_signals

@@ -25,7 +25,7 @@ def write_small_log(folder: Path, scans: int = 60, beams: int = 90) -> Path:
         scan.append(f"{stamp},{-np.pi!r},{2 * np.pi / beams!r},0.05,20.0,{ranges}")
     (folder / "odom.csv").write_text("\n".join(odom) + "\n")
     (folder / "scan.csv").write_text("\n".join(scan) + "\n")
-    (folder / "log.yaml").write_text("mounting: {laser: {x: 0.0, y: 0.0, yaw: 0.0}}\n")
+    (folder / "log.yaml").write_text("extrinsics: {laser: {x: 0.0, y: 0.0, yaw: 0.0}}\n")
     (folder / "truth.csv").write_text("\n".join(odom) + "\n")
     return folder
 

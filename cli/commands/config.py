@@ -30,7 +30,7 @@ def show(
     """Print a configuration with every default filled in."""
     import yaml
 
-    from gridslam.run_config import load_run_config
+    from gridslam.runs.run_config import load_run_config
 
     document = load_run_config(config, override or (), seed).model_dump(mode="json", exclude_none=True)
     if as_json:
@@ -41,7 +41,7 @@ def show(
 
 def schema() -> None:
     """Print the JSON schema of configurations, for editors."""
-    from gridslam.run_config import run_config_schema
+    from gridslam.runs.run_config import run_config_schema
 
     console.emit_json(run_config_schema())
 
@@ -54,7 +54,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check configurations; the first that is wrong ends the command with 2."""
-    from gridslam.run_config import load_run_config
+    from gridslam.runs.run_config import load_run_config
 
     valid = []
     for name in configs:

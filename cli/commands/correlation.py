@@ -38,14 +38,14 @@ def run(
     """Fit the correlation of neighbouring cells, r0 of stereo-bayes, to a known map."""
     from gridslam.core.errors import ConfigError
     from gridslam.core.files import write_atomic
-    from gridslam.maps.correlation import fit_correlation
     from gridslam.maps.load import load_any_map
+    from gridslam.maps.occupancy_correlation import fit_correlation
 
     if output is not None and output.exists() and not force:
         raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
     fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
     if output is not None:
-        from gridslam.report.correlation import correlation_picture
+        from gridslam.report.run_length_plot import correlation_picture
 
         output.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(output, correlation_picture(fit, map_path.name))

@@ -14,7 +14,7 @@ from ..options import AsJson, Force, Jobs, Output, Seed
 from .simulate import WorldName
 
 if TYPE_CHECKING:
-    from gridslam.explore import Explored
+    from gridslam.runs.explore import Explored
 
 FAILED = 4
 EXPLORING = built_in_with(lambda entry: entry.explorer)
@@ -79,8 +79,8 @@ def run(
     from gridslam.core.threads import limit_threads
     from gridslam.report.directory import check_free
     from gridslam.report.write import write_run
-    from gridslam.run import read_inputs
-    from gridslam.run_config import load_run_config
+    from gridslam.runs.run import read_inputs
+    from gridslam.runs.run_config import load_run_config
     from gridslam.simulation.world_config import load_world
 
     from ..interruption import stop_on_signals
@@ -94,8 +94,8 @@ def run(
     place, path = load_world(world, world_override or (), world_seed)
     if jobs is not None:
         limit_threads(jobs)
-    from gridslam.explore import LOG_NAME, TRUTH_NAME, explore
     from gridslam.kernels.compiling import telling_of_compilation
+    from gridslam.runs.explore import LOG_NAME, TRUTH_NAME, explore
 
     def tell() -> None:
         console.say("compiling kernels, once per installation: about a minute")

@@ -91,14 +91,14 @@ def describe(log: Log) -> dict[str, Any]:
         "duration_s": (max(ends) - min(starts)) / 1e9 if starts else 0.0,
         "base_frame": log.base_frame,
         "streams": streams,
-        "mounting": [
+        "extrinsics": [
             {
                 "parent": t.frame_id,
                 "frame": t.child_frame_id,
                 "translation_m": t.translation_m,
                 "quat_wxyz": t.quat_wxyz,
             }
-            for t in log.mountings
+            for t in log.sensor_extrinsics
         ],
         "counters": log.counters,
         "problems": log.problems,
@@ -123,10 +123,11 @@ def _show(document: dict[str, Any]) -> None:
     )
     if len(rows) > MOST_ROWS:
         console.emit(f"and {len(rows) - MOST_ROWS} more; --json shows all")
-    if document["mounting"]:
+    if document["extrinsics"]:
         console.emit("")
         console.emit_table(
-            ("mounted", "on", "x m", "y m", "z m", "yaw deg"), [_mounting(m) for m in document["mounting"]]
+            ("mounted", "on", "x m", "y m", "z m", "yaw deg"),
+            [_extrinsics(m) for m in document["extrinsics"]],
         )
     for problem in document["problems"]:
         console.say(f"note: {problem}")
@@ -143,11 +144,11 @@ def _row(stream: dict[str, Any]) -> tuple[object, ...]:
     return stream["kind"], topic, stream["type"], stream["count"], rate, stream["frame"], stream["steps_back"]
 
 
-def _mounting(mounting: dict[str, Any]) -> tuple[object, ...]:
+def _extrinsics(extrinsics: dict[str, Any]) -> tuple[object, ...]:
     import math
 
     from gridslam.logs.rotations import yaw_of
 
-    x, y, z = (f"{v:.3f}" for v in mounting["translation_m"])
-    yaw = math.degrees(yaw_of(tuple(mounting["quat_wxyz"])))
-    return mounting["frame"], mounting["parent"], x, y, z, f"{yaw:.2f}"
+    x, y, z = (f"{v:.3f}" for v in extrinsics["translation_m"])
+    yaw = math.degrees(yaw_of(tuple(extrinsics["quat_wxyz"])))
+    return extrinsics["frame"], extrinsics["parent"], x, y, z, f"{yaw:.2f}"

@@ -87,7 +87,7 @@ def run(
 def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:
     """The recording, with a progress bar and a word when the ray caster has to be compiled first."""
     from gridslam.kernels.compiling import telling_of_compilation
-    from gridslam.run import Progress
+    from gridslam.runs.run import Progress
     from gridslam.simulation.record import record_world
 
     from ..interruption import stop_on_signals

@@ -10,7 +10,7 @@ from ..options import AsJson
 
 def run(as_json: AsJson = False) -> None:
     """Compile the kernels ahead of the first run."""
-    from gridslam.warm_up import warm_up
+    from gridslam.runs.warm_up import warm_up
 
     started = time.perf_counter()
     warm_up()

@@ -48,7 +48,7 @@ def readonly(values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """T_parent_child: the pose of the child frame in the parent frame (static ones give a sensor's mounting)."""
+    """T_parent_child: the pose of the child frame in the parent frame (static ones give a sensor's extrinsics)."""
 
     stamp_ns: int
     frame_id: str  # parent
@@ -115,7 +115,7 @@ class WheelTicks:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """One reading of a single-beam ranger at a servo bearing (0 = the sensor's mounting direction)."""
+    """One reading of a single-beam ranger at a servo bearing (0 = the sensor's extrinsics direction)."""
 
     stamp_ns: int
     frame_id: str  # also the sensor's name
@@ -126,7 +126,7 @@ class Range:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseFix:
+class AbsolutePose:
     """An absolute pose in the map frame from outside, with its covariance `(3, 3)` over x, y, yaw."""
 
     stamp_ns: int
@@ -209,7 +209,7 @@ Event: TypeAlias = (
     | Imu
     | WheelTicks
     | Range
-    | PoseFix
+    | AbsolutePose
     | Image
     | StereoPair
     | Disparity

@@ -23,28 +23,28 @@ def scan_to_points(
     angle_increment_rad: float,
     range_min_m: float,
     range_max_m: float,
-    mounting: NDArray[np.float64],
+    extrinsics: NDArray[np.float64],
     twist: NDArray[np.float64],
     time_increment_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Returned beams as points `(m, 2)` in the robot's frame at the stamp of the scan, and their beam indices `(m,)`.
 
-    A beam counts when range_min_m < range < range_max_m (NaN fails both). `mounting` is T_base_laser `(3,)`; `twist` is the
+    A beam counts when range_min_m < range < range_max_m (NaN fails both). `extrinsics` is T_base_laser `(3,)`; `twist` is the
     robot's velocity (vx, vy, wz) `(3,)` during the sweep, by which beam i, measured i * time_increment_s later, is undone.
     """
     n = ranges_m.shape[0]
     points = np.empty((n, 2))
     beams = np.empty(n, np.int64)
     m = 0
-    cos_m, sin_m = np.cos(mounting[2]), np.sin(mounting[2])
+    cos_m, sin_m = np.cos(extrinsics[2]), np.sin(extrinsics[2])
     for i in range(n):
         r = float(ranges_m[i])
         if not (r > range_min_m and r < range_max_m):
             continue
         angle = angle_min_rad + i * angle_increment_rad
         lx, ly = r * np.cos(angle), r * np.sin(angle)
-        x = mounting[0] + cos_m * lx - sin_m * ly
-        y = mounting[1] + sin_m * lx + cos_m * ly
+        x = extrinsics[0] + cos_m * lx - sin_m * ly
+        y = extrinsics[1] + sin_m * lx + cos_m * ly
         if time_increment_s != 0.0:
             dt = i * time_increment_s
             yaw = twist[2] * dt

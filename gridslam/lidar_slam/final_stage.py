@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, optimise
-from gridslam.kernels import correlation, surfel_registration
+from gridslam.kernels import correlative_matching, surfel_registration
 from gridslam.lidar_slam.config import FinalStageConfig
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.submaps import Span, build_submaps, likelihood_pyramid, spans_of
@@ -151,7 +151,7 @@ def _search_loops(
         chosen = [points.points[points.first[k] : points.first[k + 1]] for k in keys]
         first = np.zeros(len(keys) + 1, np.int64)
         np.cumsum([len(c) for c in chosen], out=first[1:])
-        found, scores = correlation.correlate_all(
+        found, scores = correlative_matching.correlate_all(
             pyramid.levels,
             pyramid.origin_xy_m,
             pyramid.resolution_m,

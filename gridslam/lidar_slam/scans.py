@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core.messages import LaserScan
 from gridslam.kernels import scan_points
 from gridslam.lidar_slam.config import ScanConfig
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
@@ -35,12 +35,14 @@ class PreparedScan:
         return self.points[chosen], self.normals[chosen]
 
 
-def prepare_scan(scan: LaserScan, mounting: Mounting, twist: Floats, config: ScanConfig) -> PreparedScan:
+def prepare_scan(
+    scan: LaserScan, extrinsics: LidarExtrinsics, twist: Floats, config: ScanConfig
+) -> PreparedScan:
     """Points of the robot's frame with normals; `twist` (vx, vy, wz) `(3,)` undoes the robot's motion during the sweep.
 
     Readings outside the limits of the sensor and of the config, NaN and infinities give no point.
     """
-    sign = -1.0 if mounting.flipped else 1.0
+    sign = -1.0 if extrinsics.flipped else 1.0
     sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
     points, beams = scan_points.scan_to_points(
         scan.ranges_m,
@@ -48,11 +50,11 @@ def prepare_scan(scan: LaserScan, mounting: Mounting, twist: Floats, config: Sca
         sign * scan.angle_increment_rad,
         max(config.min_range_m, scan.range_min_m),
         min(config.max_range_m, sensor_max),
-        mounting.pose,
+        extrinsics.pose,
         twist,
         scan.time_increment_s,
     )
-    viewpoint = np.ascontiguousarray(mounting.pose[:2])
+    viewpoint = np.ascontiguousarray(extrinsics.pose[:2])
     normals = scan_points.surface_normals(points, beams, viewpoint)
     kept = scan_points.thin_out(points, config.spacing_m, config.max_points)
     thin, thin_normals = points[kept], normals[kept]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import correlation, surfels
+from gridslam.kernels import correlative_matching, surfels
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.distances import distances_to
 from gridslam.maps.tiled import TileStore
@@ -87,4 +87,4 @@ def likelihood_pyramid(
     distance = resolution_m * distances_to(occupied)
     field = np.rint(255.0 * np.exp(-0.5 * (distance / sigma_m) ** 2)).astype(np.uint8)
     corner = np.array([-half * resolution_m, -half * resolution_m])
-    return LikelihoodPyramid(correlation.field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)
+    return LikelihoodPyramid(correlative_matching.field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)

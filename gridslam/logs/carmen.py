@@ -28,7 +28,7 @@ from gridslam.logs.carmen_lines import (
     odometry_in,
 )
 from gridslam.logs.config import LogConfig
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream, Skip
 from gridslam.logs.text import TextLines, packing_of
 
@@ -60,12 +60,12 @@ class CarmenSource:
 
     def __init__(self, path: Path, config: LogConfig) -> None:
         self.files = [path]
-        self.ledger = Ledger()
+        self.message_counts = MessageCounts()
         self.compression = packing_of(path)
         self.static_edges: list[Transform] = []
         self.streams: list[RecordedStream] = []
         self._config = config.carmen
-        self._lines = TextLines(path, self.ledger, config.limits.line_mb << 20)
+        self._lines = TextLines(path, self.message_counts, config.limits.line_mb << 20)
         self._parsed: dict[int, LaserLine] = {}
         self._scan_of: dict[bytes, int] = {}
         self._odometry_of: dict[bytes, int] = {}
@@ -108,7 +108,7 @@ class CarmenSource:
             if word in LASERS:
                 laser = laser_line(word, line)
                 if isinstance(laser, str):
-                    self.ledger.skip("scan", laser, where)
+                    self.message_counts.skip("scan", laser, where)
                 else:
                     _note_laser(found.setdefault(word, _Survey()), laser)
                     readings += len(laser.ranges)
@@ -117,13 +117,13 @@ class CarmenSource:
             elif word == b"ODOM":
                 read = odom_line(line)
                 if isinstance(read, str):
-                    self.ledger.skip("odom", read, where)
+                    self.message_counts.skip("odom", read, where)
                 else:
                     odom.append(read.stamp_ns)
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
             elif word and not word.startswith(b"#") and word not in OTHERS:
-                self.ledger.count("unused.other")
+                self.message_counts.count("unused.other")
         for word, survey in found.items():
             self._add_laser(word, survey, front_offset)
         self._add_odometry(found, odom)
@@ -154,7 +154,7 @@ class CarmenSource:
         elif main is not None:
             source, stamps = main, found[main].stamps
             if odom:
-                self.ledger.count("unused.odom", len(odom))
+                self.message_counts.count("unused.odom", len(odom))
         else:
             return
         self._odometry_of[source] = len(self.streams)

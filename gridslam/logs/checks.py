@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from gridslam.core.messages import (
+    AbsolutePose,
     Event,
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     Transform,
     WheelTicks,
@@ -65,7 +65,7 @@ def _range(reading: Range) -> str | None:
     return None if reading.range_max_m > max(reading.range_min_m, 0.0) else "bad_range_limits"
 
 
-def _fix(fix: PoseFix) -> str | None:
+def _fix(fix: AbsolutePose) -> str | None:
     if not (np.isfinite(fix.pose).all() and np.isfinite(fix.covariance).all()):
         return "not_finite"
     return "bad_covariance" if (np.diag(fix.covariance) < 0.0).any() else None
@@ -86,6 +86,6 @@ _CHECKS: dict[type, Callable[..., str | None]] = {
     Imu: _imu,
     WheelTicks: _wheels,
     Range: _range,
-    PoseFix: _fix,
+    AbsolutePose: _fix,
     Transform: _transform,
 }

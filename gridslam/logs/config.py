@@ -27,7 +27,7 @@ StreamKind: TypeAlias = Literal[
 ]
 
 
-class MountingConfig(StrictModel):
+class ExtrinsicsConfig(StrictModel):
     """T_base_sensor: a sensor's place on the robot (turned by roll, then pitch, then yaw, axes fixed)."""
 
     x: float = Field(0.0, description="forward of the base, m")
@@ -75,7 +75,7 @@ class LogConfig(StrictModel):
         None, description="within a stream: as recorded (default), or sorted by stamp"
     )
     base_frame: str | None = Field(None, description="absent: the odometry's child frame, else base_link")
-    mounting: dict[str, MountingConfig] = Field(
+    extrinsics: dict[str, ExtrinsicsConfig] = Field(
         default_factory=dict, description="by sensor frame; wins over tf_static"
     )
     wheels: WheelsConfig = WheelsConfig()

@@ -36,7 +36,7 @@ def convert_log(
 ) -> Conversion:
     """Write a log's streams, the truth too.
 
-    `start_s` and `end_s` count from the log's first stamp, both included. Mountings are always written.
+    `start_s` and `end_s` count from the log's first stamp, both included. Extrinsics are always written.
     Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists;
     with `force` where it is no log of its format, or the log that is read.
     """

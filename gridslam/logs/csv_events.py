@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -17,7 +18,6 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     TagInventory,
     Transform,
@@ -111,7 +111,7 @@ def _fix(table: CsvTable, rows: list[Row]) -> Event:
     covariance = np.array(
         [[row.number("var_x"), xy, xt], [xy, row.number("var_y"), yt], [xt, yt, row.number("var_yaw")]]
     )
-    return PoseFix(
+    return AbsolutePose(
         row.stamp_ns,
         table.frame_of(row),
         readonly(pose, np.float64),

@@ -10,6 +10,7 @@ import numpy as np
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -17,7 +18,6 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     TagInventory,
     Transform,
@@ -94,7 +94,7 @@ def _range(writer: CsvFolderWriter, r: Range) -> list[list[str]]:
     return [[_name(r.frame_id), _number(r.bearing_rad), *limits]]
 
 
-def _fix(writer: CsvFolderWriter, fix: PoseFix) -> list[list[str]]:
+def _fix(writer: CsvFolderWriter, fix: AbsolutePose) -> list[list[str]]:
     c = fix.covariance
     values = [*fix.pose, c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
     return [[_number(float(v)) for v in values]]

@@ -16,7 +16,7 @@ from gridslam.logs import rotations
 from gridslam.logs.config import LogConfig
 from gridslam.logs.csv_table import CsvTable, inside
 from gridslam.logs.layout import DEFAULT_FILES, CsvLayout, CsvStream
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream, Skip
 
 LAYOUT_FILE = "log.yaml"
@@ -32,7 +32,7 @@ class CsvSource:
     order: Literal["recorded", "stamp"] = "recorded"
 
     def __init__(self, folder: Path, config: LogConfig) -> None:
-        self.ledger = Ledger()
+        self.message_counts = MessageCounts()
         self.streams: list[RecordedStream] = []
         self.static_edges: list[Transform] = []
         self.files: list[Path] = []
@@ -41,7 +41,7 @@ class CsvSource:
         for stream in layout.streams if "streams" in layout.model_fields_set else _found_streams(folder):
             self._add(folder, stream, config.limits.line_mb << 20)
         self.base_frame = layout.base_frame
-        self._add_mountings(layout)
+        self._add_extrinsics(layout)
 
     def close(self) -> None:
         """Nothing stays open between passes."""
@@ -73,7 +73,7 @@ class CsvSource:
             raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
         if not path.is_file():
             raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
-        table = CsvTable(folder, path, stream, self.ledger, line_limit_bytes)
+        table = CsvTable(folder, path, stream, self.message_counts, line_limit_bytes)
         stamps, frames = table.survey()
         child = (stream.child_frame or "base_link") if stream.kind == "odom" else ""
         detail = ""
@@ -86,9 +86,9 @@ class CsvSource:
         if path not in self.files:
             self.files.append(path)
 
-    def _add_mountings(self, layout: CsvLayout) -> None:
+    def _add_extrinsics(self, layout: CsvLayout) -> None:
         base = layout.base_frame or next((s.child_frame for s in self.streams if s.child_frame), "base_link")
-        for frame, m in layout.mounting.items():
+        for frame, m in layout.extrinsics.items():
             rotation = m.quat_wxyz or rotations.from_euler(m.roll, m.pitch, m.yaw)
             self.static_edges.append(
                 Transform(0, m.parent or base, frame, (m.x, m.y, m.z), rotation, is_static=True)

@@ -16,7 +16,7 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
 from gridslam.logs.csv_events import BUILDERS, FILE_FAULTS
 from gridslam.logs.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.stamps import END_NS, NS_PER_S, parse_stamp
 from gridslam.logs.streams import Skip
 from gridslam.logs.text import TextLines
@@ -83,7 +83,12 @@ class CsvTable:
     """A stream of one file. `survey` comes first; `events` gives one entry per stamp of the survey."""
 
     def __init__(
-        self, folder: Path, path: Path, stream: CsvStream, ledger: Ledger, line_limit_bytes: int
+        self,
+        folder: Path,
+        path: Path,
+        stream: CsvStream,
+        message_counts: MessageCounts,
+        line_limit_bytes: int,
     ) -> None:
         self.stream = stream
         self.path = path
@@ -93,15 +98,15 @@ class CsvTable:
         self.convert: dict[str, Callable[[float], float]] = {}
         self.first_range = 0
         self._folder = folder
-        self._ledger = ledger
-        self._lines = TextLines(path, ledger, line_limit_bytes)
+        self._message_counts = message_counts
+        self._lines = TextLines(path, message_counts, line_limit_bytes)
         self._counting = False
         self._width = 0
         self._period_ns, self._start_ns = self._row_clock()
         self._read_header()
 
     def survey(self) -> tuple[array[int], dict[str, None]]:
-        """Stamps of all events and the frames in use; enters unusable rows in the ledger."""
+        """Stamps of all events and the frames in use; enters unusable rows in the message_counts."""
         stamps = array("q")
         frames: dict[str, None] = {}
         fixed = self.stream.kind != "range" and "frame" not in self.places
@@ -259,7 +264,7 @@ class CsvTable:
 
     def _skip(self, reason: str, line: int) -> None:
         if self._counting:
-            self._ledger.skip(self.stream.kind, reason, f"{self.path.name} line {line}")
+            self._message_counts.skip(self.stream.kind, reason, f"{self.path.name} line {line}")
 
 
 def inside(folder: Path, name: str) -> Path | None:

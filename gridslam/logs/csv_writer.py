@@ -57,7 +57,7 @@ class CsvFolderWriter:
         self._folder = self._aside.enter_context(partial_folder(self._path))
         self._files: dict[tuple[str, ...], _File] = {}
         self._names: set[str] = set()
-        self._mounting: dict[str, dict[str, object]] = {}
+        self._extrinsics: dict[str, dict[str, object]] = {}
         self._base_frame = ""
         self._closed = False
 
@@ -105,8 +105,8 @@ class CsvFolderWriter:
             if self._base_frame:
                 layout["base_frame"] = self._base_frame
             layout["streams"] = [file.layout for file in self._files.values()]
-            if self._mounting:
-                layout["mounting"] = self._mounting
+            if self._extrinsics:
+                layout["extrinsics"] = self._extrinsics
             text = yaml.safe_dump(
                 layout, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
             )
@@ -124,7 +124,7 @@ class CsvFolderWriter:
         x, y, z = transform.translation_m
         entry: dict[str, object] = {"x": x, "y": y, "z": z, "quat_wxyz": list(transform.quat_wxyz)}
         entry["parent"] = transform.frame_id
-        self._mounting[transform.child_frame_id] = entry
+        self._extrinsics[transform.child_frame_id] = entry
 
     def _append(self, kind: str, event: Any, topic: str | None) -> None:
         edge = (event.frame_id, event.child_frame_id) if kind == "tf" else ()

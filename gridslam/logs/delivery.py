@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import Event, Image, Odometry, PoseFix, Transform, canonical_yaw
+from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, Transform, canonical_yaw
 from gridslam.logs import checks, ordering, rotations
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Skip, Source
 
@@ -19,9 +19,9 @@ def deliver(
     kind_of: dict[int, str],
     by_stamp: bool,
     limit_bytes: int,
-    ledger: Ledger,
+    message_counts: MessageCounts,
 ) -> Iterator[tuple[str, Event]]:
-    """(topic, event) of the chosen streams, merged by stamp; what cannot be used is entered in the ledger.
+    """(topic, event) of the chosen streams, merged by stamp; what cannot be used is entered in the message_counts.
 
     Raises LogError when the log is no longer what it was when it was opened.
     """
@@ -32,9 +32,9 @@ def deliver(
         ranks,
         _size_of,
         limit_bytes,
-        lambda i: _note_late(ledger, kind_of[i]),
+        lambda i: _note_late(message_counts, kind_of[i]),
     )
-    count, left = ledger.counters, len(schedule)
+    count, left = message_counts.counters, len(schedule)
     keys = {i: f"read.{kind}" for i, kind in kind_of.items()}
     special = {i for i, kind in kind_of.items() if kind != streams[i].kind or kind == "truth"}
     pairing = Pairing()
@@ -42,24 +42,24 @@ def deliver(
         left -= 1
         topic = streams[index].topic
         if isinstance(event, Skip):
-            ledger.skip(kind_of[index], event.reason, event.where)
+            message_counts.skip(kind_of[index], event.reason, event.where)
             continue
         if index in special:
-            joined = _special(event, topic, pairing, ledger)
+            joined = _special(event, topic, pairing, message_counts)
             if joined is None:
                 continue
             event = joined
         count[keys[index]] += 1
         yield topic, event
     for image in pairing.rest():
-        ledger.skip("stereo", "no_partner", f"{image.camera} stamp {image.stamp_ns}")
+        message_counts.skip("stereo", "no_partner", f"{image.camera} stamp {image.stamp_ns}")
     if left > 0:
         raise LogError(f"{path}: changed while it was read ({left} messages are gone); run again")
 
 
-def _note_late(ledger: Ledger, kind: str) -> None:
-    ledger.count(f"late.{kind}")
-    ledger.note(
+def _note_late(message_counts: MessageCounts, kind: str) -> None:
+    message_counts.count(f"late.{kind}")
+    message_counts.note(
         f"some {kind} messages come out of order: raise log.limits.reorder_mb to hold more of them back"
     )
 
@@ -75,7 +75,7 @@ def odometry_of(transform: Transform) -> Odometry:
 
 def as_truth(event: Event | Skip) -> Odometry | None:
     """The true pose that a message tells; None for anything else."""
-    if isinstance(event, PoseFix):
+    if isinstance(event, AbsolutePose):
         x, y, yaw = (float(v) for v in event.pose)
         return Odometry(event.stamp_ns, event.frame_id, x, y, yaw)
     return event if isinstance(event, Odometry) else None
@@ -103,17 +103,17 @@ def _checked(
             yield index, event
 
 
-def _special(event: Event, topic: str, pairing: Pairing, ledger: Ledger) -> Event | None:
+def _special(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:
     """Odometry for a transform and for a true pose; for an image the pair that it completes, if it does."""
     if isinstance(event, Transform):
         return odometry_of(event)
-    if isinstance(event, PoseFix):
+    if isinstance(event, AbsolutePose):
         return as_truth(event)
     if not isinstance(event, Image):
         return event
     pair, alone = pairing.add(event, topic)
     if alone is not None:
-        ledger.skip("stereo", "no_partner", f"{topic} stamp {alone.stamp_ns}")
+        message_counts.skip("stereo", "no_partner", f"{topic} stamp {alone.stamp_ns}")
     return pair
 
 

@@ -55,7 +55,7 @@ UNITS_OF: dict[str, frozenset[str]] = {
 """The units that a column may be in; columns that are not here have none."""
 
 
-class FrameMounting(StrictModel):
+class FrameExtrinsics(StrictModel):
     """Pose of a frame: x, y, z (m) and either roll, pitch, yaw (rad) or a quaternion w, x, y, z."""
 
     x: float = 0.0
@@ -124,7 +124,7 @@ class CsvLayout(StrictModel):
     version: Literal[1] = 1
     base_frame: str | None = None
     streams: list[CsvStream] = Field(default_factory=list)
-    mounting: dict[str, FrameMounting] = Field(default_factory=dict)
+    extrinsics: dict[str, FrameExtrinsics] = Field(default_factory=dict)
 
 
 class Columns(StrictModel):

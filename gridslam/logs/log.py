@@ -11,11 +11,11 @@ import numpy as np
 
 from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs import checks, mounting, ordering
+from gridslam.logs import checks, extrinsics, ordering
 from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
 from gridslam.logs.delivery import as_truth, deliver
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import SILENT, RecordedStream, Skip, Source, StreamInfo
 from gridslam.logs.tum import LARGEST_M, read_trajectory
 
@@ -34,9 +34,9 @@ class Log:
         self._choice: Choice = choose(source.streams, config, kinds, source.base_frame)
         # What is wrong with streams that nobody asked for is no loss; tf matters to all.
         self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
-        self._delivery = Ledger()
-        self._opening = Ledger()
-        self._truth = Ledger()
+        self._delivery = MessageCounts()
+        self._opening = MessageCounts()
+        self._truth = MessageCounts()
         self._static = self._mount()
         self._note_disorder()
 
@@ -63,7 +63,7 @@ class Log:
         return self._choice.base_frame
 
     @property
-    def mountings(self) -> list[Transform]:
+    def sensor_extrinsics(self) -> list[Transform]:
         """The static transforms with which `events()` begins: one per sensor frame in use."""
         return list(self._static)
 
@@ -112,15 +112,15 @@ class Log:
 
         `with_truth` adds the true poses, for writing the log anew.
         """
-        self._delivery = ledger = Ledger()
+        self._delivery = message_counts = MessageCounts()
         for transform in self._static:
-            ledger.counters["read.mounting"] += 1
+            message_counts.counters["read.extrinsics"] += 1
             yield "/tf_static", transform
         kind_of = dict(self._choice.kind_of)
         if with_truth and self._choice.truth is not None:
             kind_of[self._choice.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
-        yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, ledger)
+        yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts)
 
     def truth(self) -> Trajectory | None:
         """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
@@ -130,7 +130,7 @@ class Log:
         index = self._choice.truth
         if index is None:
             return self._truth_beside()
-        self._truth = ledger = Ledger()
+        self._truth = message_counts = MessageCounts()
         stream = self._source.streams[index]
         stamps, poses = [], []
         for _, event in self._source.read(frozenset({index}), [index] * len(stream.stamps_ns)):
@@ -140,9 +140,9 @@ class Log:
                 stamps.append(pose.stamp_ns)
                 poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
             else:
-                ledger.count(f"skipped.truth.{fault}")
-        if left_out := sum(ledger.counters.values()):
-            ledger.note(
+                message_counts.count(f"skipped.truth.{fault}")
+        if left_out := sum(message_counts.counters.values()):
+            message_counts.note(
                 f"{stream.label}: {left_out} true poses cannot be used, and errors are measured without them"
             )
         return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64).reshape(-1, 3))
@@ -182,15 +182,15 @@ class Log:
             for s in streams
             if s.constant is not None and s.child_frame != base
         ]
-        edges = mounting.usable([*edges, *self._source.static_edges], self._opening)
-        tree = mounting.tree_of(edges)
+        edges = extrinsics.usable([*edges, *self._source.static_edges], self._opening)
+        tree = extrinsics.tree_of(edges)
         needed += [
-            f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.mounting
+            f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.extrinsics
         ]
         first = min(
             (min(streams[i].stamps_ns) for i in self._choice.kind_of if streams[i].stamps_ns), default=0
         )
-        return mounting.mount(needed, edges, self._config.mounting, base, first, self._opening)
+        return extrinsics.mount(needed, edges, self._config.extrinsics, base, first, self._opening)
 
     def _note_disorder(self) -> None:
         for index, kind in self._choice.kind_of.items():
@@ -207,9 +207,9 @@ class Log:
             if stream.stamps_ns:
                 self._opening.count(f"unused.{stream.kind}", len(stream.stamps_ns))
 
-    def _account(self) -> Ledger:
-        total = Ledger()
-        for part in (self._opening, self._source.ledger, self._delivery):
+    def _account(self) -> MessageCounts:
+        total = MessageCounts()
+        for part in (self._opening, self._source.message_counts, self._delivery):
             total.absorb(part, self._concerned)
         total.absorb(self._truth)
         return total

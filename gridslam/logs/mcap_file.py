@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import IO
 
 from gridslam.core.errors import LogError
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -40,6 +39,7 @@ from gridslam.logs.mcap_records import (
     text,
     unpack,
 )
+from gridslam.logs.message_counts import MessageCounts
 
 _SEARCH_BLOCK = 1 << 20
 
@@ -49,7 +49,7 @@ class McapFile:
     """An MCAP file. `messages` goes through it from start to end; the first time it keeps the account."""
 
     path: Path
-    ledger: Ledger
+    message_counts: MessageCounts
     limit_bytes: int
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class McapFile:
             yield message
         if not self._surveyed and self._expected is not None and number < self._expected:
             missing = self._expected - number
-            self.ledger.note(f"{self.path.name}: {missing} of {self._expected} messages are missing")
+            self.message_counts.note(f"{self.path.name}: {missing} of {self._expected} messages are missing")
         self._surveyed = True
 
     def _messages(self) -> Iterator[tuple[int, bytes]]:
@@ -89,7 +89,9 @@ class McapFile:
                 body = at + RECORD.size
                 if opcode == DATA_END and length == 4 and all(offset < at for offset in self._chunk_offsets):
                     if not self._complete:
-                        self.ledger.note(f"{self.path.name}: the index at its end is missing; no message is")
+                        self.message_counts.note(
+                            f"{self.path.name}: the index at its end is missing; no message is"
+                        )
                     break
                 if body + length > self._size or not self._belongs_here(stream, opcode, length):
                     at = self._resume(stream, at)
@@ -130,7 +132,7 @@ class McapFile:
             yield from self._records(data, at)
 
     def _unpack(self, stream: IO[bytes], at: int, length: int) -> bytes | None:
-        """The chunk's records, or None (and a line in the ledger) where they cannot be had."""
+        """The chunk's records, or None (and a line in the message_counts) where they cannot be had."""
         data, fault = None, "chunk_of_impossible_size"
         if CHUNK_HEAD.size + 8 <= length <= self.limit_bytes:
             body = exactly(stream, length)
@@ -275,11 +277,11 @@ class McapFile:
     def _note_end(self, at: int) -> None:
         """The records ended without the mark of a complete file."""
         if not self._complete:
-            self.ledger.lose(
+            self.message_counts.lose(
                 "end_of_file", f"{self.path.name} byte {at} (cut, or the recorder was not stopped)"
             )
 
     def _lose(self, what: str, at: int) -> None:
-        """Enter damage in the ledger, on the first pass only."""
+        """Enter damage in the message_counts, on the first pass only."""
         if not self._surveyed:
-            self.ledger.lose(what, f"{self.path.name} byte {at}")
+            self.message_counts.lose(what, f"{self.path.name} byte {at}")

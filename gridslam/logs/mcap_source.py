@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from gridslam.logs.config import LogConfig
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_file import McapFile
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros_source import RosSource
 
 
 def open_mcap(path: Path, config: LogConfig) -> RosSource:
     """Open and survey an MCAP file."""
-    ledger = Ledger()
-    file = McapFile(path, ledger, config.limits.chunk_mb << 20)
-    source = RosSource(file, [path], config, ledger, "MCAP")
+    message_counts = MessageCounts()
+    file = McapFile(path, message_counts, config.limits.chunk_mb << 20)
+    source = RosSource(file, [path], config, message_counts, "MCAP")
     source.compression = ", ".join(sorted(file.compressions)) or "none"
     return source

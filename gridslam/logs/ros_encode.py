@@ -10,6 +10,7 @@ import numpy as np
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -18,7 +19,6 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     StereoPair,
     TagInventory,
@@ -114,7 +114,7 @@ def _range(reading: Range, topic: str | None) -> list[Encoded]:
     return servos + _one(topic, "sensor_msgs/msg/Range", reading, body)
 
 
-def _fix(fix: PoseFix, topic: str | None) -> list[Encoded]:
+def _fix(fix: AbsolutePose, topic: str | None) -> list[Encoded]:
     full = np.zeros((6, 6))
     full[np.ix_([0, 1, 5], [0, 1, 5])] = fix.covariance
     body = _yaw_pose(_begin(fix), float(fix.pose[0]), float(fix.pose[1]), float(fix.pose[2]))
@@ -198,7 +198,7 @@ _ENCODERS: dict[type, Callable[[Any, str | None], list[Encoded]]] = {
     Imu: _imu,
     WheelTicks: _wheels,
     Range: _range,
-    PoseFix: _fix,
+    AbsolutePose: _fix,
     Image: _image,
     StereoPair: _stereo,
     DepthImage: _depth,

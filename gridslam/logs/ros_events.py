@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -16,7 +17,6 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     TagInventory,
     Transform,
@@ -99,7 +99,7 @@ def fix(message: Any, topic: str) -> Event:
     planar = full[np.ix_([0, 1, 5], [0, 1, 5])]
     planar = 0.5 * (planar + planar.T)  # publishers round the two halves differently
     values = np.array([pose.position.x, pose.position.y, _yaw(pose.orientation)])
-    return PoseFix(*_stamp(message), readonly(values, np.float64), readonly(planar, np.float64))
+    return AbsolutePose(*_stamp(message), readonly(values, np.float64), readonly(planar, np.float64))
 
 
 def pose(message: Any, topic: str) -> Event:

@@ -11,8 +11,8 @@ from typing import Literal, Protocol
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.config import LogConfig
 from gridslam.logs.joints import NoServoAngleError, Servos
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_records import Channel, Schema
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros_decoder import DECODING_ERRORS, ChannelDecoder
 from gridslam.logs.rotations import normalise
 from gridslam.logs.streams import RecordedStream, Skip, printable
@@ -47,14 +47,14 @@ class RosSource:
         container: Container,
         files: list[Path],
         config: LogConfig,
-        ledger: Ledger,
+        message_counts: MessageCounts,
         name: str,
         compression: str = "",
     ) -> None:
         self.format = name
         self.compression = compression
         self.files = files
-        self.ledger = ledger
+        self.message_counts = message_counts
         self.streams: list[RecordedStream] = []
         self._static: dict[str, Transform] = {}
         self._container = container
@@ -124,7 +124,7 @@ class RosSource:
         still = [frame for frame in rangers if frame not in self._servos]
         idle = [name for name in servos if name not in rangers]
         if still and idle:
-            self.ledger.note(
+            self.message_counts.note(
                 f"{self.files[0].name}: no joint or tf turns the rangers {', '.join(still)}: they count as fixed, looking "
                 f"straight ahead; a servo is found by its ranger's frame, and the joints {', '.join(idle)} have no ranger"
             )
@@ -136,12 +136,12 @@ class RosSource:
             seen[channel] = number = seen.get(channel, 0) + 1
             decoder = self._decoders.get(channel) or self._new_decoder(channel, data)
             if decoder is None:
-                self.ledger.skip(
+                self.message_counts.skip(
                     "unknown", "no_channel", f"{self.files[0].name} message {number} of channel {channel}"
                 )
                 continue
             if decoder.fault:
-                self.ledger.skip(decoder.kind, decoder.fault, f"{decoder.topic} ({decoder.type})")
+                self.message_counts.skip(decoder.kind, decoder.fault, f"{decoder.topic} ({decoder.type})")
                 continue
             try:
                 if decoder.is_tf:
@@ -149,7 +149,7 @@ class RosSource:
                 elif decoder.stream is not None:
                     self._survey_message(decoder, data, number)
             except DECODING_ERRORS:
-                self.ledger.skip(decoder.kind, "undecodable", f"{decoder.topic} message {number}")
+                self.message_counts.skip(decoder.kind, "undecodable", f"{decoder.topic} message {number}")
 
     def _survey_message(self, decoder: ChannelDecoder, data: bytes, number: int) -> None:
         stream = self.streams[decoder.stream or 0]
@@ -158,7 +158,7 @@ class RosSource:
             return
         head = decoder.head(data)
         if head is None:
-            self.ledger.skip(decoder.kind, "bad_stamp", f"{decoder.topic} message {number}")
+            self.message_counts.skip(decoder.kind, "bad_stamp", f"{decoder.topic} message {number}")
             return
         stamp, frame = head
         stream.stamps_ns.append(stamp)
@@ -175,13 +175,13 @@ class RosSource:
                 self._static[transform.child_frame_id] = transform
                 continue
             if transform.stamp_ns < 0:
-                self.ledger.skip("tf", "bad_stamp", f"{decoder.topic} message {number}")
+                self.message_counts.skip("tf", "bad_stamp", f"{decoder.topic} message {number}")
                 continue
             key = (decoder.topic, transform.frame_id, transform.child_frame_id)
             rotation = normalise(transform.quat_wxyz)
             value = None if rotation is None else (transform.translation_m, rotation)
             if key not in self._tf_streams and len(self._tf_streams) >= _MOST_EDGES:
-                self.ledger.skip("tf", "too_many_frames", f"{decoder.topic} message {number}")
+                self.message_counts.skip("tf", "too_many_frames", f"{decoder.topic} message {number}")
                 continue
             if key not in self._tf_streams:
                 self._tf_streams[key] = len(self.streams)

@@ -10,8 +10,8 @@ from typing import Any
 
 from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_records import Channel, Schema
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros_source import RosSource
 from gridslam.logs.ros_types import humble
 
@@ -21,13 +21,13 @@ _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.err
 class Ros1Bag:
     """The messages of a .bag file by their time of arrival."""
 
-    def __init__(self, path: Path, ledger: Ledger) -> None:
+    def __init__(self, path: Path, message_counts: MessageCounts) -> None:
         from rosbags.rosbag1 import Reader, ReaderError
 
         self.path = path
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
-        self._ledger = ledger
+        self._message_counts = message_counts
         self._surveyed = False
         try:
             with Reader(path) as reader:
@@ -53,7 +53,7 @@ class Ros1Bag:
                     yield connection.id, self._to_cdr(raw, connection.msgtype)
         except (ReaderError, *_DAMAGE) as error:
             if not self._surveyed:
-                self._ledger.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
+                self._message_counts.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
         self._surveyed = True
 
     def _to_cdr(self, raw: bytes, name: str) -> bytes:
@@ -82,5 +82,5 @@ def _types_of(connections: Iterable[Any]) -> Any:
 
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:
     """Open and survey a ROS 1 bag."""
-    ledger = Ledger()
-    return RosSource(Ros1Bag(path, ledger), [path], config, ledger, "ROS 1 bag", "none")
+    message_counts = MessageCounts()
+    return RosSource(Ros1Bag(path, message_counts), [path], config, message_counts, "ROS 1 bag", "none")

@@ -12,9 +12,9 @@ from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.csv_table import inside
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_file import McapFile
 from gridslam.logs.mcap_records import Channel, Schema
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros_source import Container, RosSource
 from gridslam.logs.ros_types import full_name
 
@@ -24,11 +24,11 @@ _SQLITE_MAGIC = b"SQLite format 3\0"
 class Db3File:
     """The messages of a .db3 file, in the order in which they were written."""
 
-    def __init__(self, path: Path, ledger: Ledger, limit_bytes: int) -> None:
+    def __init__(self, path: Path, message_counts: MessageCounts, limit_bytes: int) -> None:
         self.path = path
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
-        self._ledger = ledger
+        self._message_counts = message_counts
         self._limit = limit_bytes
         self._surveyed = False
         try:
@@ -53,10 +53,12 @@ class Db3File:
                     if isinstance(data, bytes) and len(data) <= self._limit:
                         yield channel, data
                     elif not self._surveyed:
-                        self._ledger.lose("too_large_record", f"{self.path.name} message {read}")
+                        self._message_counts.lose("too_large_record", f"{self.path.name} message {read}")
         except sqlite3.Error as error:
             if not self._surveyed:
-                self._ledger.lose("rest_of_database", f"{self.path.name} after message {read} ({error})")
+                self._message_counts.lose(
+                    "rest_of_database", f"{self.path.name} after message {read} ({error})"
+                )
         self._surveyed = True
 
     def _connect(self) -> sqlite3.Connection:
@@ -109,7 +111,7 @@ class Recordings:
 
 def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
     """Open and survey a rosbag2 folder or a single .db3 file."""
-    ledger = Ledger()
+    message_counts = MessageCounts()
     limit_bytes = config.limits.chunk_mb << 20
     files = _files_of(path) if path.is_dir() else [path]
     parts: list[Container] = []
@@ -117,10 +119,12 @@ def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
         with file.open("rb") as stream:
             is_database = stream.read(len(_SQLITE_MAGIC)) == _SQLITE_MAGIC
         parts.append(
-            Db3File(file, ledger, limit_bytes) if is_database else McapFile(file, ledger, limit_bytes)
+            Db3File(file, message_counts, limit_bytes)
+            if is_database
+            else McapFile(file, message_counts, limit_bytes)
         )
     container = parts[0] if len(parts) == 1 else Recordings(parts)
-    source = RosSource(container, files, config, ledger, "rosbag2", "none")
+    source = RosSource(container, files, config, message_counts, "rosbag2", "none")
     if path.is_dir():
         source.files.append(path / "metadata.yaml")
     packed = [name for part in parts if isinstance(part, McapFile) for name in part.compressions]

@@ -1,4 +1,4 @@
-"""Rigid motions of space as (translation, quaternion) in plain floats, for mountings."""
+"""Rigid motions of space as (translation, quaternion) in plain floats, for sensor_extrinsics."""
 
 from __future__ import annotations
 

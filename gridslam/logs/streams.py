@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -17,13 +18,12 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     TagInventory,
     Transform,
     WheelTicks,
 )
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
 
 # At equal stamps, streams are delivered in this order: what a scan needs comes before it.
@@ -52,7 +52,7 @@ KIND_OF_EVENT: dict[type, str] = {
     Imu: "imu",
     WheelTicks: "wheels",
     Range: "range",
-    PoseFix: "fix",
+    AbsolutePose: "fix",
     TagInventory: "tags",
     Image: "image",
     DepthImage: "depth",
@@ -128,7 +128,7 @@ class Source(Protocol):
     base_frame: str | None
     streams: list[RecordedStream]
     files: list[Path]
-    ledger: Ledger
+    message_counts: MessageCounts
 
     @property
     def static_edges(self) -> list[Transform]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from io import BufferedIOBase
 from pathlib import Path
 
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 
 _KEPT_BYTES = (
     96 << 20
@@ -47,11 +47,11 @@ def beginning(path: Path, size: int = 1 << 16) -> bytes:
 
 
 class TextLines:
-    """Numbered lines, to be gone through as often as needed. Damage is entered in the ledger once."""
+    """Numbered lines, to be gone through as often as needed. Damage is entered in the message_counts once."""
 
-    def __init__(self, path: Path, ledger: Ledger, line_limit_bytes: int) -> None:
+    def __init__(self, path: Path, message_counts: MessageCounts, line_limit_bytes: int) -> None:
         self.path = path
-        self._ledger = ledger
+        self._message_counts = message_counts
         self._limit = line_limit_bytes
         self._kept: list[bytes] | None = None
         self._entered: set[tuple[str, int]] = set()
@@ -96,7 +96,7 @@ class TextLines:
                 yield line.rstrip(b"\r\n")
 
     def _lose(self, what: str, number: int, where: str) -> None:
-        """Enter damage in the ledger, the same damage once whatever the number of passes."""
+        """Enter damage in the message_counts, the same damage once whatever the number of passes."""
         if (what, number) not in self._entered:
             self._entered.add((what, number))
-            self._ledger.lose(what, f"{self.path.name} {where}")
+            self._message_counts.lose(what, f"{self.path.name} {where}")

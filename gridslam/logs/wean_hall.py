@@ -18,7 +18,7 @@ from gridslam.core.poses import between
 from gridslam.logs import rotations
 from gridslam.logs.carmen_lines import beam_angles
 from gridslam.logs.config import LogConfig
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.stamps import parse_stamp
 from gridslam.logs.streams import RecordedStream, Skip
 from gridslam.logs.text import TextLines, packing_of
@@ -46,12 +46,12 @@ class WeanHallSource:
 
     def __init__(self, path: Path, config: LogConfig) -> None:
         self.files = [path]
-        self.ledger = Ledger()
+        self.message_counts = MessageCounts()
         self.compression = packing_of(path)
         self.static_edges: list[Transform] = []
         self._range_max = as_float32(config.carmen.range_max_m or _NO_RETURN_M)
         self._field_of_view_deg = config.carmen.field_of_view_deg
-        self._lines = TextLines(path, self.ledger, config.limits.line_mb << 20)
+        self._lines = TextLines(path, self.message_counts, config.limits.line_mb << 20)
         odometry = RecordedStream(
             "odom", "O", "Wean Hall odometry", "", array("q"), {"odom": None}, child_frame="base_link"
         )
@@ -98,7 +98,7 @@ class WeanHallSource:
             read = _line(words)
             if isinstance(read, str):
                 stream = "scan" if words[0] == b"L" else "odom"
-                self.ledger.skip(stream, read, f"{self._lines.path.name} line {number}")
+                self.message_counts.skip(stream, read, f"{self._lines.path.name} line {number}")
                 continue
             stamp, values = read
             self.streams[0].stamps_ns.append(stamp)

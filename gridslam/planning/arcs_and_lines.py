@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.core.poses import wrap_angle
-from gridslam.kernels.planning_circles import parts_are_free
-from gridslam.kernels.planning_clearance import pose_clearance
-from gridslam.kernels.planning_grid import cost_to_go, descend, pull_taut
-from gridslam.kernels.planning_search import EXHAUSTED, FOUND, Query, search_poses
+from gridslam.kernels.planning.circles import parts_are_free
+from gridslam.kernels.planning.clearance import pose_clearance
+from gridslam.kernels.planning.grid import cost_to_go, descend, pull_taut
+from gridslam.kernels.planning.search import EXHAUSTED, FOUND, Query, search_poses
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.footprint import disc
 from gridslam.planning.obstacles import OCCUPIED_FROM, ROBOT_RADIUS_M

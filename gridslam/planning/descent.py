@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.fast_marching import arrival_costs, descend_costs
+from gridslam.kernels.planning.fast_marching import arrival_costs, descend_costs
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import wrap_angle
-from gridslam.kernels.planning_circles import chain_parts, least_time
-from gridslam.kernels.planning_shortcut import shortcut
+from gridslam.kernels.planning.circles import chain_parts, least_time
+from gridslam.kernels.planning.shortcut import shortcut
 from gridslam.planning.space import Space
 from gridslam.planning.travel_time import NOTHING, SpeedLimits, parts_of, time_of
 

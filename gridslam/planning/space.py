@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.planning_clearance import World, is_free
+from gridslam.kernels.planning.clearance import World, is_free
 from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.planning.obstacles import obstacle_cells

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.fast_marching import arrival_costs
-from gridslam.kernels.shortest_tour import exact_tour, improved_tour
+from gridslam.kernels.planning.fast_marching import arrival_costs
+from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
 
 Floats = NDArray[np.float64]
 

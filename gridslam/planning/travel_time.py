@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError
-from gridslam.kernels.planning_circles import part_time, travel_time
+from gridslam.kernels.planning.circles import part_time, travel_time
 from gridslam.planning.path import ArcLinePath, Kind, Segment
 
 Floats = NDArray[np.float64]

@@ -16,7 +16,7 @@ from gridslam.logs.stamps import format_stamp
 from gridslam.report.directory import REPORT_FORMAT
 from gridslam.report.environment import made_with, peak_memory_mb
 from gridslam.report.errors_over_time import errors_of
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 FORMAT_VERSION = 1
 

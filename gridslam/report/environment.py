@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import gridslam
-from gridslam.run_config import MadeWith
+from gridslam.runs.run_config import MadeWith
 
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "opencv-python-headless", "pillow")
 

@@ -12,7 +12,7 @@ from gridslam.evaluation.alignment import Align, find_alignment
 from gridslam.evaluation.association import associate
 from gridslam.evaluation.pose_errors import PoseErrors, absolute_errors
 from gridslam.evaluation.statistics import Statistics, statistics
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from gridslam.core.files import write_atomic
 from gridslam.report.document import flatten
 from gridslam.report.errors_over_time import errors_of
 from gridslam.report.plots import Line, time_plot
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 TEMPLATE = "report.html.j2"
 

@@ -11,8 +11,8 @@ from pydantic import BaseModel
 
 from gridslam.core.files import write_atomic
 from gridslam.report.environment import made_with
-from gridslam.run import Run
-from gridslam.run_config import RunConfig
+from gridslam.runs.run import Run
+from gridslam.runs.run_config import RunConfig
 
 HEADER = """\
 # {command}

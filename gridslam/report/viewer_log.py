@@ -20,7 +20,7 @@ from gridslam.logs.ros_encode import Encoded, encode
 from gridslam.methods import registry
 from gridslam.methods.base import Table
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 SHOWN = frozenset({"scan", "range", "odom"})  # odom names the base frame; pictures need not be unpacked again
 MOST_PATH_POSES = 10_000
@@ -58,9 +58,9 @@ def _messages(run: Run, log: Log) -> Iterator[Encoded]:
 
 def _standing(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
     """What holds all along, with the first stamp."""
-    for mounting in log.mountings:
-        if mounting.frame_id != mounting.child_frame_id:
-            yield from encode(_at(mounting, start_ns))
+    for extrinsics in log.sensor_extrinsics:
+        if extrinsics.frame_id != extrinsics.child_frame_id:
+            yield from encode(_at(extrinsics, start_ns))
     if run.occupancy is not None and run.occupancy.probability.size:
         yield occupancy_grid("/map", start_ns, run.occupancy)
     for name, further in sorted(run.result.maps.items()):
@@ -73,9 +73,14 @@ def _standing(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
         yield object_markers(objects, start_ns)
 
 
-def _at(mounting: Transform, stamp_ns: int) -> Transform:
+def _at(extrinsics: Transform, stamp_ns: int) -> Transform:
     return Transform(
-        stamp_ns, mounting.frame_id, mounting.child_frame_id, mounting.translation_m, mounting.quat_wxyz, True
+        stamp_ns,
+        extrinsics.frame_id,
+        extrinsics.child_frame_id,
+        extrinsics.translation_m,
+        extrinsics.quat_wxyz,
+        True,
     )
 
 

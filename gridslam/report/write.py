@@ -21,7 +21,7 @@ from gridslam.report.layers import write_layers
 from gridslam.report.run_yaml import write_run_yaml
 from gridslam.report.text_files import write_table, write_tum
 from gridslam.report.viewer_log import write_viewer_log
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 
 def write_run(

@@ -83,7 +83,7 @@ class BeamModel:
                 self._mixture.bin_m / step,
                 beams.bearings,
                 bins,
-                beams.mounting / (step, step, 1.0),
+                beams.extrinsics / (step, step, 1.0),
                 poses_in_cells(self._caster.geometry, poses),
                 beams.reach_m / step,
             )
@@ -99,6 +99,6 @@ def range_difference_log_likelihood(
     caster: RangeCaster, beams: Beams, poses: Floats, sigma_m: float
 ) -> Floats:
     """-(1 / (2 sigma^2)) (1 / L) sum (z - zhat)^2 `(n,)` over L beams, both clipped at the reach (ispace-mcl, eqs. 3 and 4)."""
-    expected = caster.ranges(poses, beams.bearings, beams.mounting, beams.reach_m)
+    expected = caster.ranges(poses, beams.bearings, beams.extrinsics, beams.reach_m)
     off = expected - beams.ranges.astype(np.float32)
     return np.asarray(-0.5 / sigma_m**2 * np.mean(off * off, axis=1, dtype=np.float64))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import DepthImage, LaserScan, readonly
 from gridslam.sensors.fixed_camera import Pinhole
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
@@ -29,11 +29,11 @@ class DepthBand:
     reach_m: float
 
 
-def planar_mounting(pinhole: Pinhole) -> Mounting:
+def planar_extrinsics(pinhole: Pinhole) -> LidarExtrinsics:
     """Where the camera sits in the robot's plane, and where it looks (its axis, seen from above)."""
     forward = pinhole.rotation[:, 2]
     yaw = float(np.arctan2(forward[1], forward[0]))
-    return Mounting(np.array([pinhole.position[0], pinhole.position[1], yaw]))
+    return LidarExtrinsics(np.array([pinhole.position[0], pinhole.position[1], yaw]))
 
 
 def depth_scan(depth: DepthImage, pinhole: Pinhole, band: DepthBand) -> LaserScan:
@@ -47,9 +47,9 @@ def depth_scan(depth: DepthImage, pinhole: Pinhole, band: DepthBand) -> LaserSca
     known = np.isfinite(depths) & (depths > 0.0)
     points = pinhole.to_map(rows[known], cols[known], depths[known])
     points = points[(points[:, 2] > band.low_m) & (points[:, 2] < band.high_m)]
-    mounting = planar_mounting(pinhole).pose
-    off = points[:, :2] - mounting[:2]
-    bearings = np.arctan2(off[:, 1], off[:, 0]) - mounting[2]
+    extrinsics = planar_extrinsics(pinhole).pose
+    off = points[:, :2] - extrinsics[:2]
+    bearings = np.arctan2(off[:, 1], off[:, 0]) - extrinsics[2]
     bearings -= 2.0 * np.pi * np.rint(bearings / (2.0 * np.pi))
     half = _half_view(pinhole, depth.depth_m.shape[1])
     beams = max(depth.depth_m.shape[1] // _COLUMNS_PER_BEAM, 2)

@@ -30,14 +30,14 @@ class Pinhole:
     position: Floats
 
     @staticmethod
-    def of(info: CameraInfo, mounting: Transform) -> Pinhole:
+    def of(info: CameraInfo, extrinsics: Transform) -> Pinhole:
         """From the calibration message and the static transform of the optical frame."""
         K = info.K
         return Pinhole(
             (float(K[0, 0]), float(K[1, 1])),
             (float(K[0, 2]), float(K[1, 2])),
-            rotation_matrix(mounting.quat_wxyz),
-            np.array(mounting.translation_m),
+            rotation_matrix(extrinsics.quat_wxyz),
+            np.array(extrinsics.translation_m),
         )
 
     def to_map(self, rows: NDArray[np.int64], cols: NDArray[np.int64], depth_m: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
@@ -32,13 +32,14 @@ class RangeNoise:
 class InfraredScan:
     """The samples of one stop (paper section 2.4), sensor after sensor, each sensor's in the order in which they were taken.
 
-    `sensor` `(n,)` counts the `names`; `bearing_rad` is the servo's angle; `range_m` and its limits are as recorded. `mountings`
+    `sensor` `(n,)` counts the `names`; `bearing_rad` is the servo's angle; `range_m` and its limits are as recorded.
+    `sensor_extrinsics`
     are those of the sensors.
     """
 
     stamp_ns: int
     names: tuple[str, ...]
-    mountings: tuple[Mounting, ...]
+    sensor_extrinsics: tuple[LidarExtrinsics, ...]
     sensor: NDArray[np.int64]
     bearing_rad: Floats
     range_m: Floats
@@ -58,7 +59,7 @@ class InfraredScan:
 
     def directions(self) -> Floats:
         """Headings of the beams `(n,)` in the robot's frame."""
-        sense = np.array([-1.0 if m.flipped else 1.0 for m in self.mountings])
+        sense = np.array([-1.0 if m.flipped else 1.0 for m in self.sensor_extrinsics])
         return np.asarray(self._poses()[self.sensor, 2] + sense[self.sensor] * self.bearing_rad)
 
     def ends(self) -> Floats:
@@ -69,7 +70,7 @@ class InfraredScan:
         return np.asarray(self.origins() + steps)
 
     def _poses(self) -> Floats:
-        return np.array([m.pose for m in self.mountings]).reshape(-1, 3)
+        return np.array([m.pose for m in self.sensor_extrinsics]).reshape(-1, 3)
 
 
 def reliability(scan: InfraredScan, neighbour_m: float) -> Floats:

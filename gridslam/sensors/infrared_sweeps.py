@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import Range
 from gridslam.sensors.infrared import InfraredScan
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ class SweepAssembler:
         self._last_value: dict[str, float] = {}  # of the scan before, by sensor
         self._most_sensors = 0
         self.counters: Counter[str] = Counter()
-        self.mountings: dict[str, Mounting] = {}
+        self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
 
     def add(self, reading: Range, mark: int, travelled_m: float, turned_rad: float) -> OpenedScan | None:
         """Take in a reading; returns the scan before it when this one begins a new scan.
@@ -141,7 +141,7 @@ class SweepAssembler:
             self._last_value[name] = track.readings[-1].range_m
         self._most_sensors = max(self._most_sensors, len(tracks))
         self.counters["scan.missing_sensor"] += len(tracks) < self._most_sensors
-        scan = scan_of(self._last_ns, kept, self.mountings)
+        scan = scan_of(self._last_ns, kept, self.sensor_extrinsics)
         self.counters["scan.one_sample"] += len(scan) == 1
         return OpenedScan(scan, self._mark, self._first_ns)
 
@@ -212,9 +212,9 @@ def wild_bearings(bearings: Floats) -> NDArray[np.bool_]:
 
 
 def scan_of(
-    stamp_ns: int, readings: Mapping[str, list[Range]], mountings: Mapping[str, Mounting]
+    stamp_ns: int, readings: Mapping[str, list[Range]], sensor_extrinsics: Mapping[str, LidarExtrinsics]
 ) -> InfraredScan:
-    """Readings by sensor as one scan; a sensor without a mounting sits at the robot's centre."""
+    """Readings by sensor as one scan; a sensor without a extrinsics sits at the robot's centre."""
     names = tuple(readings)
     flat = [(k, r) for k, name in enumerate(names) for r in readings[name]]
     values = np.array(
@@ -223,7 +223,7 @@ def scan_of(
     return InfraredScan(
         stamp_ns,
         names,
-        tuple(mountings.get(name, Mounting(np.zeros(3))) for name in names),
+        tuple(sensor_extrinsics.get(name, LidarExtrinsics(np.zeros(3))) for name in names),
         np.array([k for k, _ in flat], np.int64),
         *(np.ascontiguousarray(column) for column in values.T),
     )

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Mounting:
+class LidarExtrinsics:
     """How a lidar sits on the robot: `pose` is T_base_laser `(3,)`; a `flipped` one hangs upside down."""
 
     pose: Floats
@@ -25,7 +25,7 @@ class Mounting:
 class Beams:
     """The usable beams of one scan.
 
-    `ranges` (m) and `bearings` (rad, about the vertical, in the frame of the mounting) `(n,)`; `returned` `(n,)` is False where
+    `ranges` (m) and `bearings` (rad, about the vertical, in the frame of the extrinsics) `(n,)`; `returned` `(n,)` is False where
     nothing came back within the sensor's reach. `points` `(m, 2)` are the ends of the returned beams in the robot's frame.
     """
 
@@ -33,7 +33,7 @@ class Beams:
     bearings: Floats
     returned: NDArray[np.bool_]
     points: Floats
-    mounting: Floats
+    extrinsics: Floats
     reach_m: float
     unreadable: int  # NaN, negative, or below the least range
 
@@ -48,27 +48,27 @@ class Beams:
         points = self.points[order[chosen[returned]]]
         bearings = self.bearings[chosen]
         return Beams(
-            self.ranges[chosen], bearings, returned, points, self.mounting, self.reach_m, self.unreadable
+            self.ranges[chosen], bearings, returned, points, self.extrinsics, self.reach_m, self.unreadable
         )
 
 
-def mounting_of(transform: Transform) -> Mounting:
-    """The planar mounting of a lidar from its static transform: x, y, yaw, and whether its z axis points down."""
+def extrinsics_of(transform: Transform) -> LidarExtrinsics:
+    """The planar extrinsics of a lidar from its static transform: x, y, yaw, and whether its z axis points down."""
     w, x, y, z = transform.quat_wxyz
     flipped = 1.0 - 2.0 * (x * x + y * y) < 0.0
     # The heading of the sensor's own x axis; Euler yaw would be half a turn off for some upside-down quaternions.
     yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    return Mounting(np.array([transform.translation_m[0], transform.translation_m[1], yaw]), flipped)
+    return LidarExtrinsics(np.array([transform.translation_m[0], transform.translation_m[1], yaw]), flipped)
 
 
-def beams_of(scan: LaserScan, mounting: Mounting, min_range_m: float, max_range_m: float) -> Beams:
+def beams_of(scan: LaserScan, extrinsics: LidarExtrinsics, min_range_m: float, max_range_m: float) -> Beams:
     """The beams of a scan, with readings below the least range and NaN left out.
 
     Readings at or beyond the reach (the smaller of `max_range_m` and the sensor's own), and infinities, are beams without return.
     """
     ranges: Floats = scan.ranges_m.astype(np.float64)
     angles: Floats = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(ranges), dtype=np.float64)
-    if mounting.flipped:
+    if extrinsics.flipped:
         angles = -angles
     least = max(min_range_m, scan.range_min_m)
     reach = min(max_range_m, scan.range_max_m) if scan.range_max_m > 0.0 else max_range_m
@@ -79,5 +79,5 @@ def beams_of(scan: LaserScan, mounting: Mounting, min_range_m: float, max_range_
     lengths: Floats = np.minimum(ranges[usable], reach)
     back = returned[usable]
     ends = np.stack([np.cos(bearings[back]), np.sin(bearings[back])], axis=1) * lengths[back, None]
-    points = se2.transform_points(mounting.pose, ends)
-    return Beams(lengths, bearings, back, points, mounting.pose, reach, int(len(ranges) - usable.sum()))
+    points = se2.transform_points(extrinsics.pose, ends)
+    return Beams(lengths, bearings, back, points, extrinsics.pose, reach, int(len(ranges) - usable.sum()))

@@ -23,13 +23,13 @@ class RangeCaster:
     geometry: GridGeometry
 
     def ranges(
-        self, poses: Floats, bearings: Floats, mounting: Floats, reach_m: float
+        self, poses: Floats, bearings: Floats, extrinsics: Floats, reach_m: float
     ) -> NDArray[np.float32]:
         """Ranges (m) `(n, b)` along bearings `(b,)` of a sensor mounted at T_base_sensor `(3,)` on robots at poses `(n, 3)`.
 
         Where nothing is hit within the reach, the reach.
         """
-        sensors = poses_in_cells(self.geometry, se2.compose(poses, mounting))
+        sensors = poses_in_cells(self.geometry, se2.compose(poses, extrinsics))
         step = self.geometry.resolution_m
         return np.asarray(cast_rays(self.squares, sensors, bearings, reach_m / step)) * np.float32(step)
 

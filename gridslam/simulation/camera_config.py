@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat
 
-from gridslam.simulation.sensor_config import Mounting, Stream
+from gridslam.simulation.sensor_config import SensorExtrinsics, Stream
 from gridslam.simulation.shapes import NotNegative, Share
 
 
 class Camera(Stream):
-    """A pinhole camera that looks along its mounting's x axis; pixels have normal noise of `noise_levels` (of 255)."""
+    """A pinhole camera that looks along its extrinsics's x axis; pixels have normal noise of `noise_levels` (of 255)."""
 
     name: str = Field(min_length=1, pattern="^[A-Za-z][A-Za-z0-9_]*$")
-    mounting: Mounting = Mounting(z=0.6)
+    extrinsics: SensorExtrinsics = SensorExtrinsics(z=0.6)
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     width_px: Annotated[int, Field(ge=16, le=4096)] = 320
     height_px: Annotated[int, Field(ge=16, le=4096)] = 240
@@ -41,7 +41,7 @@ class RgbdCamera(Camera):
 
 
 class StereoCamera(Camera):
-    """Two rectified grey cameras: the mounting is the left one's, the right one is `baseline_m` to its right."""
+    """Two rectified grey cameras: the extrinsics is the left one's, the right one is `baseline_m` to its right."""
 
     kind: Literal["stereo"] = "stereo"
     baseline_m: PositiveFloat = 0.12

@@ -16,7 +16,7 @@ from gridslam.simulation.mesh import Mesh, joined, moving_mesh, robot_mesh, stan
 from gridslam.simulation.mounts import planar
 from gridslam.simulation.renderer import Renderer, View
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.sensor_config import Mounting
+from gridslam.simulation.sensor_config import SensorExtrinsics
 from gridslam.simulation.timing import Schedule
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ GREY = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 class CameraSensor:
-    """One camera with its own schedule. `is_fixed`: the mounting is in the map frame, and the robot is in view."""
+    """One camera with its own schedule. `is_fixed`: the extrinsics is in the map frame, and the robot is in view."""
 
     def __init__(
         self,
@@ -56,10 +56,10 @@ class CameraSensor:
 
     def mount(self, stamp_ns: int, parent: str) -> Transform:
         """T_parent_optical: x right, y down, z along the view."""
-        mounting = self._config.mounting
-        forward, left, up = axes(mounting, 0.0).T
+        extrinsics = self._config.extrinsics
+        forward, left, up = axes(extrinsics, 0.0).T
         quat = _quaternion(np.column_stack([-left, -up, forward]))
-        return Transform(stamp_ns, parent, self.frame, (mounting.x, mounting.y, mounting.z), quat, True)
+        return Transform(stamp_ns, parent, self.frame, (extrinsics.x, extrinsics.y, extrinsics.z), quat, True)
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The pictures of this step."""
@@ -84,10 +84,10 @@ class CameraSensor:
 
     def _view(self, mesh: Mesh, robot: DrivenRobot, to_the_right_m: float = 0.0) -> View:
         base = np.zeros(3) if self._is_fixed else robot.pose
-        mounting = self._config.mounting
-        x, y, _ = se2.compose(base, planar(mounting)).tolist()
-        rotation = axes(mounting, float(base[2]))
-        position = np.array([x, y, mounting.z]) - to_the_right_m * rotation[:, 1]
+        extrinsics = self._config.extrinsics
+        x, y, _ = se2.compose(base, planar(extrinsics)).tolist()
+        rotation = axes(extrinsics, float(base[2]))
+        position = np.array([x, y, extrinsics.z]) - to_the_right_m * rotation[:, 1]
         return self._renderer.render(mesh, position, rotation)
 
     def _rgbd(self, config: RgbdCamera, stamp: int, mesh: Mesh, robot: DrivenRobot) -> list[Event]:
@@ -144,9 +144,9 @@ def _beside_edges(depth: Array) -> NDArray[np.bool_]:
     return shadow
 
 
-def axes(mounting: Mounting, base_yaw_rad: float) -> Array:
+def axes(extrinsics: SensorExtrinsics, base_yaw_rad: float) -> Array:
     """Forward, left, up of a camera as columns `(3, 3)`; pitch is positive downwards."""
-    yaw, pitch = base_yaw_rad + math.radians(mounting.yaw_deg), math.radians(mounting.pitch_deg)
+    yaw, pitch = base_yaw_rad + math.radians(extrinsics.yaw_deg), math.radians(extrinsics.pitch_deg)
     cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     return np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])
 

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, PoseFix, readonly
+from gridslam.core.messages import AbsolutePose, Event, readonly
 from gridslam.simulation.drive import DrivenRobot
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.sensor_config import Fixes
@@ -22,7 +22,7 @@ class FixSource:
         self._config = config
         self._rng = rng
         self._schedule = Schedule(config, start_ns, rng, phase=0.7)
-        self._waiting: deque[tuple[int, PoseFix]] = deque()
+        self._waiting: deque[tuple[int, AbsolutePose]] = deque()
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The fixes that arrive at this step."""
@@ -46,7 +46,7 @@ class FixSource:
         pose[2] = float(se2.wrap_angle(pose[2]))
         stamp = self._schedule.stamp_ns(now_ns)
         if stamp is not None:
-            fix = PoseFix(
+            fix = AbsolutePose(
                 stamp, config.frame, readonly(pose, np.float64), readonly(np.diag(sigma**2), np.float64)
             )
             self._waiting.append((now_ns + round(1e9 * config.delay_s), fix))

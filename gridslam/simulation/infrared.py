@@ -70,7 +70,7 @@ def read_ranges(
 ) -> Array:
     """Readings `(n,)` at servo bearings `(n,)` of a robot that stands at `pose`."""
     n = len(bearings)
-    sensor = se2.compose(pose, planar(config.mounting))
+    sensor = se2.compose(pose, planar(config.extrinsics))
     turned = sensor[2] + bearings + math.radians(config.servo_deviation_deg) * rng.standard_normal(n)
     reach = SEES_TO * config.range_max_m
     middle = scene.cast(_rays(sensor, turned), reach, time_s)

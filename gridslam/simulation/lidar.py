@@ -47,7 +47,7 @@ class LidarSensor:
         """Ranges `(beams,)` of one sweep, infinite where nothing came back."""
         config = self.config
         times: Array = np.asarray(begun_s + self._between_s * np.arange(config.beams), np.float64)
-        poses = se2.compose(robot.poses_at(times), planar(config.mounting))
+        poses = se2.compose(robot.poses_at(times), planar(config.extrinsics))
         middle_s = begun_s + 0.5 * config.sweep_s
         hits = scene.cast(_rays(poses, self.bearings), config.range_max_m, middle_s)
         ranges = self._mixed(hits.ranges_m, poses, scene, middle_s)

@@ -34,7 +34,11 @@ def draw_world(world: World, folder: Path, output: Path) -> None:
         axes.plot(*np.array(person.path).T, color="tab:red", linestyle=":", linewidth=1)
     for camera in world.fixed_cameras:
         _draw_arrow(
-            axes, camera.mounting.x, camera.mounting.y, math.radians(camera.mounting.yaw_deg), "tab:purple"
+            axes,
+            camera.extrinsics.x,
+            camera.extrinsics.y,
+            math.radians(camera.extrinsics.yaw_deg),
+            "tab:purple",
         )
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")

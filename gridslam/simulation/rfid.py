@@ -62,7 +62,7 @@ def mean_power_db(
     config: Antenna, pose: NDArray[np.float64], tags: NDArray[np.float64], scene: Scene, time_s: float
 ) -> NDArray[np.float64]:
     """Power above the reader's threshold `(n,)`, before fading, from tags at poses `(n, 3)`."""
-    antenna = se2.compose(pose, planar(config.mounting))
+    antenna = se2.compose(pose, planar(config.extrinsics))
     way = tags[:, :2] - antenna[:2]
     distance = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.05)
     direction = np.arctan2(way[:, 1], way[:, 0])

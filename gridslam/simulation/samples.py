@@ -26,11 +26,11 @@ _SMALL = (
     "depth_noise_per_m2: 0.001, depth_resolution_m: 0.02"
 )
 _FIXED = ", ".join(
-    f"{{name: ispace{k}, kind: rgbd, mounting: {{x: {x}, y: 1.3, z: 2.4, pitch_deg: 28}}, {_SMALL}}}"
+    f"{{name: ispace{k}, kind: rgbd, extrinsics: {{x: {x}, y: 1.3, z: 2.4, pitch_deg: 28}}, {_SMALL}}}"
     for k, x in enumerate((1.0, 10.5, 20.0), start=1)
 )
 _STEREO = (
-    "[{name: stereo, kind: stereo, rate_hz: 1, mounting: {x: 0.1, y: 0.06, z: 0.6}, "
+    "[{name: stereo, kind: stereo, rate_hz: 1, extrinsics: {x: 0.1, y: 0.06, z: 0.6}, "
     "width_px: 240, height_px: 180, focal_px: 195, baseline_m: 0.12, noise_levels: 0.4}]"
 )
 SAMPLES = (

@@ -116,7 +116,7 @@ def ranges_from(pose: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDA
 def scripted_log(
     laps: int = 2, beams: int = 180, seed: int = 0, noise: Noise | None = None
 ) -> Iterator[tuple[Event, Odometry | None]]:
-    """Events in order, each odometry with the true pose of its moment; first the laser's mounting."""
+    """Events in order, each odometry with the true pose of its moment; first the laser's extrinsics."""
     noise = noise or Noise()
     rng = random_stream(seed, "scripted log")
     bearings = np.linspace(-np.pi / 2, np.pi / 2, beams)

@@ -14,7 +14,7 @@ from gridslam.config.base import StrictModel
 from gridslam.simulation.shapes import NotNegative, Share
 
 
-class Mounting(StrictModel):
+class SensorExtrinsics(StrictModel):
     """A sensor's place on the robot."""
 
     x: float = 0.0
@@ -43,7 +43,7 @@ class Lidar(Stream):
     """
 
     frame: str = "laser"
-    mounting: Mounting = Mounting()
+    extrinsics: SensorExtrinsics = SensorExtrinsics()
     beams: Annotated[int, Field(ge=2, le=10_000)] = 360
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
     range_min_m: PositiveFloat = 0.1
@@ -101,7 +101,7 @@ class Infrared(StrictModel):
     """
 
     name: str = Field(min_length=1)
-    mounting: Mounting = Mounting()
+    extrinsics: SensorExtrinsics = SensorExtrinsics()
     range_min_m: PositiveFloat = 0.1
     range_max_m: PositiveFloat = 0.8
     from_deg: float = -60.0
@@ -126,7 +126,7 @@ class Antenna(Stream):
     """
 
     name: str = Field(min_length=1)
-    mounting: Mounting = Mounting()
+    extrinsics: SensorExtrinsics = SensorExtrinsics()
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     gain_db: float = 9.0
     half_power_deg: PositiveFloat = 70.0

@@ -66,10 +66,10 @@ class Simulator:
     def mounts(self) -> list[Transform]:
         """The static transforms of all sensors."""
         sensors, stamp = self.world.sensors, self.world.start_ns
-        mounted = [(sensors.lidar.mounting, sensors.lidar.frame)] if sensors.lidar else []
-        mounted += [(ranger.mounting, ranger.name) for ranger in sensors.infrared]
-        mounted += [(antenna.mounting, antenna.name) for antenna in sensors.antennas]
-        transforms = [static_transform(mounting, frame, stamp) for mounting, frame in mounted]
+        mounted = [(sensors.lidar.extrinsics, sensors.lidar.frame)] if sensors.lidar else []
+        mounted += [(ranger.extrinsics, ranger.name) for ranger in sensors.infrared]
+        mounted += [(antenna.extrinsics, antenna.name) for antenna in sensors.antennas]
+        transforms = [static_transform(extrinsics, frame, stamp) for extrinsics, frame in mounted]
         transforms += [camera.mount(stamp, BASE_FRAME) for camera in self._cameras]
         return transforms + [camera.mount(stamp, MAP_FRAME) for camera in self._fixed_cameras]
 

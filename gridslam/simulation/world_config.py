@@ -52,7 +52,7 @@ class World(StrictModel):
     doors: tuple[Door, ...] = ()
     objects: tuple[TaggedObject, ...] = ()
     people: tuple[Person, ...] = ()
-    fixed_cameras: tuple[RgbdCamera, ...] = ()  # their mountings are in the map frame
+    fixed_cameras: tuple[RgbdCamera, ...] = ()  # their sensor_extrinsics are in the map frame
     robot: Robot
     sensors: Sensors = Sensors()
     truth: TruthMap = TruthMap()

@@ -12,7 +12,7 @@ from gridslam.config.builtin import builtin_names
 from gridslam.core.errors import ConfigError
 from gridslam.methods import registry
 from gridslam.report.run_yaml import settings_of
-from gridslam.run_config import load_run_config
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.world_config import builtin_worlds, load_world
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes, content_key, program_key

@@ -80,8 +80,8 @@ def _run(job: RunJob, stop: Stop) -> Outcome:
 def _make(job: RunJob, stop: Stop) -> dict[str, float]:
     """The run directory; returns the seconds of its parts. Raises KeyboardInterrupt when it was told to stop."""
     from gridslam.report.write import write_run
-    from gridslam.run import read_inputs, run_localize, run_map
-    from gridslam.run_config import validate_run_config
+    from gridslam.runs.run import read_inputs, run_localize, run_map
+    from gridslam.runs.run_config import validate_run_config
 
     config = validate_run_config(job.settings, job.label)
     inputs = read_inputs(job.inputs)

@@ -15,9 +15,9 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.base import RunResult, Series
 from gridslam.report.write import write_run
-from gridslam.run import Run
-from gridslam.run_config import load_run_config
-from gridslam.run_counts import merge_counts
+from gridslam.runs.run import Run
+from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_counts import merge_counts
 from tests.benchmarks.harness import Row
 
 ALONE = True

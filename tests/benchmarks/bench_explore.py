@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.shortest_tour import exact_tour, improved_tour
+from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
 from gridslam.maps.drawing import drawn_map, load_drawing
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.pathfinder import find_path, passable_prices

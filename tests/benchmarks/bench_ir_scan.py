@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.run_config import load_run_config
+from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.infrared_drives import Drive, Scores, drive, localized, mapped
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.run import run_localize
-from gridslam.run_config import load_run_config
+from gridslam.runs.run import run_localize
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import World
 from tests.benchmarks.harness import Row, say
@@ -94,7 +94,7 @@ def world_of(map_path: Path, grid: OccupancyGrid, reach_m: float, length_m: floa
                 "wheels": {"error_deviation": 0.005, "slip_deviation": 0.03, "turn_slip": 0.02},
             },
             "sensors": {
-                "lidar": {"rate_hz": 5, "beams": 240, "range_max_m": reach_m, "mounting": {"x": 0.05}},
+                "lidar": {"rate_hz": 5, "beams": 240, "range_max_m": reach_m, "extrinsics": {"x": 0.05}},
                 "odometry": {"rate_hz": 20},
             },
         }

@@ -1,4 +1,4 @@
-"""The kernels of lidar mapping beside their slow twins: how many times faster they are.
+"""The kernels of lidar mapping beside their slow reference implementations: how many times faster they are.
 
 Those of localization, infrared, stereo and planning are in the other bench_kernels_*.py.
 """
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gridslam.kernels import (
-    correlation,
+    correlative_matching,
     log_odds,
     scan_points,
     segments,
@@ -22,10 +22,10 @@ from gridslam.kernels import (
 from gridslam.maps.tiled import TileStore
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
-from tests.reference import correlation as correlation_twin
-from tests.reference import log_odds as log_odds_twin
-from tests.reference import scan_points as scan_twin
-from tests.reference import surfels as surfels_twin
+from tests.reference import correlative_matching as correlation_reference
+from tests.reference import log_odds as log_odds_reference
+from tests.reference import scan_points as scan_reference
+from tests.reference import surfels as surfels_reference
 from tests.reference.segment_casting import cast_one
 
 ALONE = True
@@ -58,11 +58,11 @@ def scan_conversion(rng: np.random.Generator) -> Pair:
     """A scan of 720 beams to points, against numpy."""
     ranges = rng.uniform(0.5, 20.0, 720).astype(np.float32)
     ranges[rng.random(720) < 0.1] = np.inf
-    mounting = np.array([0.2, 0.1, 0.3])
-    scan = (ranges, -3.1, 0.0086, 0.05, 30.0, mounting)
+    extrinsics = np.array([0.2, 0.1, 0.3])
+    scan = (ranges, -3.1, 0.0086, 0.05, 30.0, extrinsics)
     return (
         lambda: scan_points.scan_to_points(*scan, np.zeros(3), 0.0),
-        lambda: scan_twin.scan_to_points(*scan),
+        lambda: scan_reference.scan_to_points(*scan),
     )
 
 
@@ -79,7 +79,7 @@ def normals_of_walls(rng: np.random.Generator) -> Pair:
     """Normals of a scan of 360 beams in a room."""
     points = room(360)[0] + rng.normal(0.0, 0.01, (360, 2))
     scan = (points, np.arange(360), np.zeros(2))
-    return lambda: scan_points.surface_normals(*scan), lambda: scan_twin.surface_normals(*scan)
+    return lambda: scan_points.surface_normals(*scan), lambda: scan_reference.surface_normals(*scan)
 
 
 def around(rng: np.random.Generator, n: int, reach_m: float) -> Floats:
@@ -100,7 +100,7 @@ def beam_insertion(rng: np.random.Generator) -> Pair:
             store.directory[0], store.pool, store.origin, 0.05, pose, eye, points, HIT, MISS, LIMIT
         )
 
-    return kernel, lambda: log_odds_twin.insert({}, *(eye / 0.05), in_cells, HIT, MISS, LIMIT)
+    return kernel, lambda: log_odds_reference.insert({}, *(eye / 0.05), in_cells, HIT, MISS, LIMIT)
 
 
 def dense_insertion(rng: np.random.Generator) -> Pair:
@@ -117,7 +117,7 @@ def dense_insertion(rng: np.random.Generator) -> Pair:
     def kernel() -> object:
         return log_odds.insert_scan_dense(values, touched, next(numbers), eye, ends, hits, HIT, MISS, LIMIT)
 
-    return kernel, lambda: log_odds_twin.insert_once({}, *eye.tolist(), in_cells, HIT, MISS, LIMIT)
+    return kernel, lambda: log_odds_reference.insert_once({}, *eye.tolist(), in_cells, HIT, MISS, LIMIT)
 
 
 def surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
@@ -137,7 +137,7 @@ def surface_insertion(rng: np.random.Generator) -> Pair:
             store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), points, normals
         )
 
-    return kernel, lambda: surfels_twin.insert({}, points, normals, CELL_M)
+    return kernel, lambda: surfels_reference.insert({}, points, normals, CELL_M)
 
 
 def surface_likelihood(rng: np.random.Generator) -> Pair:
@@ -146,8 +146,8 @@ def surface_likelihood(rng: np.random.Generator) -> Pair:
     store, free = TileStore(1, surfels.CHANNELS, CELL_M), TileStore(1, 1, CELL_M)
     store.own_end_points(np.array([0]), np.zeros((1, 3)), surface[0])
     surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), *surface)
-    in_twin: surfels_twin.Surfaces = {}
-    surfels_twin.insert(in_twin, *surface, CELL_M)
+    in_reference: surfels_reference.Surfaces = {}
+    surfels_reference.insert(in_reference, *surface, CELL_M)
     of_maps = (store.directory[0], store.pool, store.origin, CELL_M)
     of_free = (free.directory[0], free.pool, free.origin, CELL_M)
 
@@ -156,22 +156,22 @@ def surface_likelihood(rng: np.random.Generator) -> Pair:
             *of_maps, np.zeros(2), points, normals, np.zeros(3), 0.06, 0.3, 0.1, *of_free
         )
 
-    return kernel, lambda: surfels_twin.log_likelihood(in_twin, points, normals, 0.06, 0.3, 0.1)
+    return kernel, lambda: surfels_reference.log_likelihood(in_reference, points, normals, 0.06, 0.3, 0.1)
 
 
-def room_map() -> tuple[TileStore, surfels_twin.Surfaces]:
-    """The surface map of the room, and the twin's."""
-    surface, in_twin = room(1500), surfels_twin.Surfaces()
+def room_map() -> tuple[TileStore, surfels_reference.Surfaces]:
+    """The surface map of the room, and the reference's."""
+    surface, in_reference = room(1500), surfels_reference.Surfaces()
     store = TileStore(1, surfels.CHANNELS, CELL_M)
     store.own_end_points(np.array([0]), np.zeros((1, 3)), surface[0])
     surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), *surface)
-    surfels_twin.insert(in_twin, *surface, CELL_M)
-    return store, in_twin
+    surfels_reference.insert(in_reference, *surface, CELL_M)
+    return store, in_reference
 
 
 def registration(rng: np.random.Generator) -> Pair:
     """A scan of 180 points in the map of a room, 10 cm and 3 degrees off."""
-    store, in_twin = room_map()
+    store, in_reference = room_map()
     scan, start, prior = room(180), rng.uniform(-0.1, 0.1, 3) * [1.0, 1.0, 0.5], np.diag([20.0, 20.0, 50.0])
     of_map = (store.directory[0], store.pool, store.origin, CELL_M)
     settings = (0.05, 0.4, 0.1, 6)
@@ -179,12 +179,12 @@ def registration(rng: np.random.Generator) -> Pair:
     def kernel() -> object:
         return surfel_registration.register(*of_map, *scan, start, start, prior, *settings, 0.0)
 
-    return kernel, lambda: surfels_twin.register(in_twin, *scan, start, prior, *settings)
+    return kernel, lambda: surfels_reference.register(in_reference, *scan, start, prior, *settings)
 
 
 def turn_search(rng: np.random.Generator) -> Pair:
     """The best of 13 turns of a scan of 180 points."""
-    store, in_twin = room_map()
+    store, in_reference = room_map()
     scan, pose = room(180), np.array([0.02, -0.03, rng.uniform(-0.2, 0.2)])
     of_map = (store.directory[0], store.pool, store.origin, CELL_M)
 
@@ -192,15 +192,15 @@ def turn_search(rng: np.random.Generator) -> Pair:
         return surfel_registration.search_yaw(*of_map, *scan, pose, 0.05, 6, 0.1, 0.3)
 
     turns = 0.05 * np.arange(-6, 7)
-    return kernel, lambda: surfels_twin.yaw_scores(in_twin, *scan, pose, turns, 0.1, 0.3)
+    return kernel, lambda: surfels_reference.yaw_scores(in_reference, *scan, pose, turns, 0.1, 0.3)
 
 
 def field_levels(rng: np.random.Generator) -> Pair:
     """Three levels of maxima over a field of 160 x 160 cells, against numpy."""
     field = rng.integers(0, 256, (160, 160)).astype(np.uint8)
     return (
-        lambda: correlation.field_pyramid(field, 3),
-        lambda: [correlation_twin.field_level(field, level) for level in range(3)],
+        lambda: correlative_matching.field_pyramid(field, 3),
+        lambda: [correlation_reference.field_level(field, level) for level in range(3)],
     )
 
 
@@ -211,12 +211,16 @@ def correlative_search(rng: np.random.Generator) -> Pair:
     walls = rng.integers(margin, 160 - margin, (400, 2))
     field[walls[:, 0], walls[:, 1]] = 255
     points = (walls[:60, ::-1] + 0.5) * 0.1 - 8.0
-    pyramid, origin, start = correlation.field_pyramid(field, levels), np.array([-8.0, -8.0]), np.zeros(3)
+    pyramid, origin, start = (
+        correlative_matching.field_pyramid(field, levels),
+        np.array([-8.0, -8.0]),
+        np.zeros(3),
+    )
 
     def kernel() -> object:
-        return correlation.correlate(pyramid, origin, 0.1, points, start, 0.5, 0.05, 2, 0.0)
+        return correlative_matching.correlate(pyramid, origin, 0.1, points, start, 0.5, 0.05, 2, 0.0)
 
-    return kernel, lambda: correlation_twin.correlate(field, origin, 0.1, points, start, 0.5, 0.05, 2)
+    return kernel, lambda: correlation_reference.correlate(field, origin, 0.1, points, start, 0.5, 0.05, 2)
 
 
 def segment_casting(rng: np.random.Generator) -> Pair:

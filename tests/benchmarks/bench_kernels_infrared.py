@@ -1,4 +1,4 @@
-"""The kernels of ir-scan beside their slow twins: readings into grids, matching, lines of walls, wheels and gyro."""
+"""The kernels of ir-scan beside their reference implementations: grids, matching, wall lines, wheels and gyro."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gridslam.methods.ir_scan.lines import moments
 from gridslam.motion.wheel_gyro import WheelGyroNoise
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
-from tests.reference import infrared as twin
-from tests.reference import wall_lines as lines_twin
-from tests.reference import wheel_gyro as wheels_twin
+from tests.reference import infrared as reference
+from tests.reference import wall_lines as lines_reference
+from tests.reference import wheel_gyro as wheels_reference
 
 ALONE = True
 
@@ -55,7 +55,7 @@ def drawing(rng: np.random.Generator) -> Pair:
     readings = [((a, b), (c, d)) for (a, b), (c, d) in zip(starts.tolist(), ends.tolist(), strict=True)]
     return (
         lambda: infrared.add_readings(pos, starts, ends, bel),
-        lambda: [twin.add_reading(pos, *reading, 0.5) for reading in readings],
+        lambda: [reference.add_reading(pos, *reading, 0.5) for reading in readings],
     )
 
 
@@ -65,7 +65,7 @@ def crossing(rng: np.random.Generator) -> Pair:
     starts = np.full((READINGS, 2), 0.5 * CELLS + 0.41)
     return (
         lambda: infrared.count_crossed(crossed, starts, ends),
-        lambda: twin.count_crossed(crossed, starts, ends),
+        lambda: reference.count_crossed(crossed, starts, ends),
     )
 
 
@@ -75,7 +75,7 @@ def spots(rng: np.random.Generator) -> Pair:
     cells, weights = ends_in_cells(rng), rng.random(READINGS)
     return (
         lambda: infrared.add_spots(values, cells, spot, weights),
-        lambda: twin.add_spots(values, cells, spot, weights),
+        lambda: reference.add_spots(values, cells, spot, weights),
     )
 
 
@@ -84,7 +84,7 @@ def shifting(rng: np.random.Generator) -> Pair:
     values, cells = rng.standard_normal((CELLS, CELLS)), ends_in_cells(rng)
     return (
         lambda: infrared.shifted_sums(values, cells, REACH),
-        lambda: twin.shifted_sums(values, cells, REACH),
+        lambda: reference.shifted_sums(values, cells, REACH),
     )
 
 
@@ -93,7 +93,7 @@ def changing(rng: np.random.Generator) -> Pair:
     values, cells = rng.standard_normal((CELLS, CELLS)), ends_in_cells(rng)
     return (
         lambda: infrared.shifted_changes(values, cells, REACH, -2, 3),
-        lambda: twin.shifted_changes(values, cells, REACH, -2, 3),
+        lambda: reference.shifted_changes(values, cells, REACH, -2, 3),
     )
 
 
@@ -102,7 +102,7 @@ def pooling(rng: np.random.Generator) -> Pair:
     values, cells = rng.standard_normal((CELLS, CELLS, 7)), ends_in_cells(rng)
     return (
         lambda: wall_lines.pooled_sums(values, cells, 2),
-        lambda: lines_twin.pooled_sums(values, cells, 2),
+        lambda: lines_reference.pooled_sums(values, cells, 2),
     )
 
 
@@ -134,7 +134,7 @@ def pose_on_lines(rng: np.random.Generator) -> Pair:
             sums, cells, least, thickest, arms, *beams, variance, robust, position
         )
 
-    return kernel, lambda: lines_twin.equations_on_lines(
+    return kernel, lambda: lines_reference.equations_on_lines(
         mapped, weights, cell_m, points, arms, *beams, *WALLS
     )
 
@@ -152,7 +152,7 @@ def places_and_walls(rng: np.random.Generator) -> Pair:
     )
 
     def in_full() -> object:
-        J, off, weights = lines_twin.rows_of_walls(*problem, *WALLS, 20)
+        J, off, weights = lines_reference.rows_of_walls(*problem, *WALLS, 20)
         return J.T @ (weights[:, None] * J), J.T @ (weights * off)
 
     return lambda: wall_lines.equations_of_walls(*problem, *WALLS, 20), in_full
@@ -172,7 +172,7 @@ def wheels(rng: np.random.Generator) -> Pair:
     def step_by_step() -> object:
         x, P = np.zeros(4), np.diag([0.0, 0.0, 0.0, 4e-4])
         for increment in increments:
-            x, P = wheels_twin.step(x, P, increment, variances)
+            x, P = wheels_reference.step(x, P, increment, variances)
         return x, P
 
     return kernel, step_by_step

@@ -1,4 +1,4 @@
-"""The kernels of localization and of the tagged objects beside their slow twins.
+"""The kernels of localization and of the tagged objects beside their slow reference implementations.
 
 bench_localize.py holds weighting, resampling and ray casting against numpy's best as well, on whole maps with 10,000 particles.
 """
@@ -16,9 +16,9 @@ from gridslam.kernels.beam import sum_over_beams
 from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
-from tests.reference import drawn_field as drawn_twin
-from tests.reference import mcl as twin
-from tests.reference import object_weights as objects_twin
+from tests.reference import drawn_field as drawn_reference
+from tests.reference import mcl as reference
+from tests.reference import object_weights as objects_reference
 from tests.reference.kernel_density import density_at
 from tests.reference.ray_traversal import cast_cell_by_cell, largest_free_square
 
@@ -103,7 +103,7 @@ def weights_by_points(occupied: NDArray[np.bool_], rng: np.random.Generator) -> 
     in_single = points.astype(np.float32)
     return (
         lambda: likelihood_field.sum_over_points(field, table, in_single, poses),
-        lambda: [twin.sum_over_points(field, table, points, pose) for pose in poses],
+        lambda: [reference.sum_over_points(field, table, points, pose) for pose in poses],
     )
 
 
@@ -115,7 +115,7 @@ def weights_by_segments(occupied: NDArray[np.bool_], rng: np.random.Generator) -
     starts = np.zeros_like(ends)
     return (
         lambda: likelihood_field.sum_over_segments(field, squares, table, starts, ends, 1.5, 0.0, poses),
-        lambda: [twin.sum_over_segments(field, occupied, table, starts, ends, 1.5, p) for p in poses],
+        lambda: [reference.sum_over_segments(field, occupied, table, starts, ends, 1.5, p) for p in poses],
     )
 
 
@@ -126,7 +126,7 @@ def weights_by_beams(occupied: NDArray[np.bool_], rng: np.random.Generator) -> P
     scan, poses = (table, 1.0, bearings, measured, np.array([0.7, -0.4, 0.3])), poses_in(occupied, rng)
     return (
         lambda: sum_over_beams(squares, *scan, poses, REACH),
-        lambda: [twin.sum_over_beams(occupied, *scan, pose, REACH) for pose in poses],
+        lambda: [reference.sum_over_beams(occupied, *scan, pose, REACH) for pose in poses],
     )
 
 
@@ -149,7 +149,7 @@ def weights_in_a_drawing(rng: np.random.Generator) -> Pair:
     states, drawing = np.column_stack([places, rest]), (field, 0.1, table, 30.0, points)
     return (
         lambda: drawn_field.sum_over_stretched_points(*drawing, states),
-        lambda: [drawn_twin.sum_over_stretched_points(*drawing, state) for state in states],
+        lambda: [drawn_reference.sum_over_stretched_points(*drawing, state) for state in states],
     )
 
 
@@ -157,7 +157,7 @@ def resampling(rng: np.random.Generator) -> Pair:
     """Systematic resampling of 1000 particles."""
     weights = rng.random(1000) ** 4
     as_list = weights.tolist()
-    return lambda: mcl.systematic(weights, 1000, 0.4), lambda: twin.systematic(as_list, 1000, 0.4)
+    return lambda: mcl.systematic(weights, 1000, 0.4), lambda: reference.systematic(as_list, 1000, 0.4)
 
 
 def counting(rng: np.random.Generator) -> Pair:
@@ -165,7 +165,7 @@ def counting(rng: np.random.Generator) -> Pair:
     poses, chosen = rng.normal(0.0, 1.0, (5000, 3)), rng.integers(0, 5000, 5000)
     return (
         lambda: mcl.occupied_bins(poses, chosen, 0.25, 0.175),
-        lambda: twin.occupied_bins(poses, chosen.tolist(), 0.25, 0.175),
+        lambda: reference.occupied_bins(poses, chosen.tolist(), 0.25, 0.175),
     )
 
 
@@ -195,7 +195,7 @@ def gains_of_outlines(rng: np.random.Generator) -> Pair:
     scan = (BOX, *beams_around(rng, 60), np.where(rng.random(60) < 0.5, np.inf, 0.02), 0.02, 0.05, 0.3)
     return (
         lambda: object_weights.outline_gains(poses, *scan),
-        lambda: [objects_twin.outline_gain(pose, *scan) for pose in poses],
+        lambda: [objects_reference.outline_gain(pose, *scan) for pose in poses],
     )
 
 
@@ -204,7 +204,7 @@ def faces_of_an_outline(rng: np.random.Generator) -> Pair:
     beams, ranges = beams_around(rng, 200)
     return (
         lambda: object_weights.distances_behind(BOX, beams, ranges),
-        lambda: [objects_twin.face_met(BOX, beam) for beam in beams],
+        lambda: [objects_reference.face_met(BOX, beam) for beam in beams],
     )
 
 
@@ -213,7 +213,7 @@ def points_of_an_outline(rng: np.random.Generator) -> Pair:
     points = rng.uniform(-0.5, 0.5, (500, 2))
     return (
         lambda: object_weights.mark_points_on(points, BOX, 0.05, np.zeros(500, np.bool_)),
-        lambda: [objects_twin.is_on(point, BOX, 0.05) for point in points],
+        lambda: [objects_reference.is_on(point, BOX, 0.05) for point in points],
     )
 
 
@@ -230,5 +230,5 @@ def visibility_of_tags(rng: np.random.Generator) -> Pair:
         )
 
     return kernel, lambda: [
-        objects_twin.read_probability(tag, antenna, False, model) for tag in tags for antenna in antennas
+        objects_reference.read_probability(tag, antenna, False, model) for tag in tags for antenna in antennas
     ]

@@ -1,4 +1,4 @@
-"""The kernels of planning and exploring beside their slow twins, on a map of 60 x 80 cells."""
+"""The kernels of planning and exploring beside their slow reference implementations, on a map of 60 x 80 cells."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gridslam.kernels import planning_clearance as clearance
-from gridslam.kernels.fast_marching import arrival_costs
-from gridslam.kernels.planning_circles import travel_time
-from gridslam.kernels.planning_grid import cost_to_go
-from gridslam.kernels.shortest_tour import exact_tour
+from gridslam.kernels.planning import clearance
+from gridslam.kernels.planning.circles import travel_time
+from gridslam.kernels.planning.fast_marching import arrival_costs
+from gridslam.kernels.planning.grid import cost_to_go
+from gridslam.kernels.planning.shortest_tour import exact_tour
 from gridslam.kernels.sight_lines import pass_beams
 from gridslam.kernels.wheel_window import free_ways
 from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
-from tests.reference import planning as twin
-from tests.reference import planning_grid as grid_twin
-from tests.reference import sight_lines as sight_twin
+from tests.reference import planning as reference
+from tests.reference import planning_grid as grid_reference
+from tests.reference import sight_lines as sight_reference
 
 ALONE = True
 
@@ -52,7 +52,7 @@ def arrival(rng: np.random.Generator) -> Pair:
     in_single, source = price.astype(np.float32), np.array([15 * 40 + 20])
     return (
         lambda: arrival_costs(in_single, source, -1, np.inf),
-        lambda: twin.eikonal_by_sweeps(price, [(15, 20)]),
+        lambda: reference.eikonal_by_sweeps(price, [(15, 20)]),
     )
 
 
@@ -68,7 +68,7 @@ def cost(rng: np.random.Generator) -> Pair:
     field = world(rng).field
     goal = int(np.flatnonzero(field[1::2, 1::2].ravel() > 0.3)[0])
     setting = (field, RESOLUTION_M, 0.1, 2.0, 0.3, goal)
-    return lambda: cost_to_go(*setting, goal, np.inf), lambda: grid_twin.cost_to_go(*setting)
+    return lambda: cost_to_go(*setting, goal, np.inf), lambda: grid_reference.cost_to_go(*setting)
 
 
 def drives(rng: np.random.Generator) -> Pair:
@@ -82,7 +82,7 @@ def drives(rng: np.random.Generator) -> Pair:
         for pose, curvature in zip(poses, curvatures, strict=True):
             ways = np.linspace(0.0, 1.5, 100)
             places = np.array([clearance.advance(*pose, way, curvature)[:2] for way in ways])
-            distances = grid_twin.distance_to_squares(here.blocked, RESOLUTION_M, places)
+            distances = grid_reference.distance_to_squares(here.blocked, RESOLUTION_M, places)
             free.append(bool(distances.min() >= RADIUS_M))
         return free
 
@@ -103,7 +103,7 @@ def times(rng: np.random.Generator) -> Pair:
     speeds, limits = np.empty(7), LIMITS[:5].tolist()
     return (
         lambda: travel_time(parts, LIMITS, speeds),
-        lambda: grid_twin.travel_time(parts[:, 3], parts[:, 4], limits),
+        lambda: grid_reference.travel_time(parts[:, 3], parts[:, 4], limits),
     )
 
 
@@ -111,7 +111,7 @@ def tour(rng: np.random.Generator) -> Pair:
     """The shortest of all ways through eight places."""
     places = rng.uniform(0.0, 10.0, (8, 2))
     distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
-    return lambda: exact_tour(distances), lambda: twin.shortest_tour_length(distances)
+    return lambda: exact_tour(distances), lambda: reference.shortest_tour_length(distances)
 
 
 def sight(rng: np.random.Generator) -> Pair:
@@ -121,7 +121,7 @@ def sight(rng: np.random.Generator) -> Pair:
     places = free[rng.integers(len(free), size=5), ::-1] + 0.4
     return (
         lambda: gallery.seen_from(places, 50.0),
-        lambda: [sight_twin.seen_walls(walls, ~walls, (x, y), 50.0) for x, y in places.tolist()],
+        lambda: [sight_reference.seen_walls(walls, ~walls, (x, y), 50.0) for x, y in places.tolist()],
     )
 
 
@@ -131,7 +131,7 @@ def beams(rng: np.random.Generator) -> Pair:
     ends = np.stack([ranges * np.cos(bearings) + 40.2, ranges * np.sin(bearings) + 30.3], axis=1)
     scan = (np.array([40.2, 30.3]), ends, rng.random(180) < 0.9, 100.0, 1.5, 3.0)
     passed, hit = np.zeros(SHAPE, np.uint16), np.zeros(SHAPE, np.uint16)
-    return lambda: pass_beams(passed, hit, *scan), lambda: sight_twin.passed_and_hit(SHAPE, *scan)
+    return lambda: pass_beams(passed, hit, *scan), lambda: sight_reference.passed_and_hit(SHAPE, *scan)
 
 
 def ways(rng: np.random.Generator) -> Pair:
@@ -142,6 +142,7 @@ def ways(rng: np.random.Generator) -> Pair:
     return (
         lambda: free_ways(speeds, obstacles, 0.4, 0.25, 2.0),
         lambda: [
-            twin.way_until_touch(left, right, obstacles, 0.4, 0.25, 2.0) for left, right in speeds.tolist()
+            reference.way_until_touch(left, right, obstacles, 0.4, 0.25, 2.0)
+            for left, right in speeds.tolist()
         ],
     )

@@ -1,4 +1,4 @@
-"""The kernels of stereo-bayes beside their slow twins, on a frame of 60 rays with 60 cells each."""
+"""The kernels of stereo-bayes beside their slow reference implementations, on a frame of 60 rays with 60 cells each."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
 from gridslam.kernels.stereo_columns import measure_columns
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
-from tests.reference import chain as chain_twin
-from tests.reference import polar_window as window_twin
-from tests.reference import stereo_columns as columns_twin
-from tests.reference import stereo_update as update_twin
+from tests.reference import chain as chain_reference
+from tests.reference import polar_window as window_reference
+from tests.reference import stereo_columns as columns_reference
+from tests.reference import stereo_update as update_reference
 from tests.reference.occupancy_runs import follow_run
 
 ALONE = True
@@ -47,7 +47,7 @@ def columns(rng: np.random.Generator) -> Pair:
     disparity[rng.random(disparity.shape) < 0.3] = np.nan
     slope = np.repeat(np.linspace(0.3, -0.3, 240, dtype=np.float32)[:, None], 320, axis=1)
     image = (disparity, slope, 30.0, 0.6, 0.1, 1.5, 5, 64.0, np.maximum(0.8 * np.arange(129), 10.0), 0.3)
-    return lambda: measure_columns(*image, False), lambda: columns_twin.measure_columns(*image)
+    return lambda: measure_columns(*image, False), lambda: columns_reference.measure_columns(*image)
 
 
 def priors(rng: np.random.Generator) -> Pair:
@@ -56,7 +56,7 @@ def priors(rng: np.random.Generator) -> Pair:
     along = (1.5, CELLS, -0.5, 0.8)
     return (
         lambda: polar_window.priors_of_rays(log_odds, eye, BEARINGS, *along),
-        lambda: [window_twin.priors_of_ray(log_odds, eye, float(b), *along) for b in BEARINGS],
+        lambda: [window_reference.priors_of_ray(log_odds, eye, float(b), *along) for b in BEARINGS],
     )
 
 
@@ -72,7 +72,7 @@ def likelihoods(rng: np.random.Generator) -> Pair:
     ]
     return (
         lambda: chain.likelihoods_of_rays(prior, correlation, first, none, False),
-        lambda: [chain_twin.likelihoods(*ray) for ray in rays],
+        lambda: [chain_reference.likelihoods(*ray) for ray in rays],
     )
 
 
@@ -83,14 +83,14 @@ def expectations(rng: np.random.Generator) -> Pair:
     rays = list(zip(first[:, :-1].tolist(), correlation.tolist(), strict=True))
     return (
         lambda: chain.expected_behind(reached, correlation, 0.25),
-        lambda: [chain_twin.expected_behind(*ray, 0.25) for ray in rays],
+        lambda: [chain_reference.expected_behind(*ray, 0.25) for ray in rays],
     )
 
 
 def messages(rng: np.random.Generator) -> Pair:
     """Messages between neighbouring rays, against numpy."""
     frame = (*rng.uniform(0.2, 3.0, (2, RAYS, CELLS)), BEARINGS, np.arange(2.0, 2.0 + CELLS), 0.8, 0.5)
-    return lambda: stereo_update.told_across(*frame), lambda: update_twin.told_across(*frame)
+    return lambda: stereo_update.told_across(*frame), lambda: update_reference.told_across(*frame)
 
 
 def turns(rng: np.random.Generator) -> Pair:
@@ -100,7 +100,7 @@ def turns(rng: np.random.Generator) -> Pair:
     angles = np.linspace(-0.7, 0.7, 80)
     return (
         lambda: polar_window.averaged_over_turns(*frame, angles),
-        lambda: window_twin.averaged_over_turns(*frame, angles),
+        lambda: window_reference.averaged_over_turns(*frame, angles),
     )
 
 
@@ -110,7 +110,7 @@ def window(rng: np.random.Generator) -> Pair:
     cells = (np.array([0.3, -40.2]), 80, 65)
     return (
         lambda: polar_window.window_of_rays(*rays, *cells),
-        lambda: window_twin.window_of_rays(*rays, *cells),
+        lambda: window_reference.window_of_rays(*rays, *cells),
     )
 
 
@@ -122,7 +122,7 @@ def cells(rng: np.random.Generator) -> Pair:
     changed = values.copy()
     return (
         lambda: stereo_update.tell_cells(changed, *frame),
-        lambda: update_twin.told_cells(values, *frame),
+        lambda: update_reference.told_cells(values, *frame),
     )
 
 

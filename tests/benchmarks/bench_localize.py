@@ -1,6 +1,6 @@
 """Speed of the particle filter's steps with 10,000 particles, warm, against numpy on the same machine in the same run.
 
-Milliseconds are for information; what is bounded is the factor over the numpy twin, which holds on a busy machine as well.
+Milliseconds are for information; what is bounded is the factor over the numpy reference, which holds on a busy machine as well.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
     model = BeamModel(caster, MIXTURE)
     for spread, poses in (("everywhere", everywhere), ("together", together)):
         weigh = best_ms(lambda p=poses: field.sums(table, beams.points, p))
-        twin = best_ms(lambda p=poses: numpy_sums(field, table, beams.points, p), 3)
+        reference = best_ms(lambda p=poses: numpy_sums(field, table, beams.points, p), 3)
         label = f"localize.{name}.{spread}"
         yield Row(f"{label}.field", weigh, "ms")
-        yield Row(f"{label}.field.over_numpy", twin / weigh, "x", 5.0, at_least=True)
+        yield Row(f"{label}.field.over_numpy", reference / weigh, "x", 5.0, at_least=True)
         yield Row(f"{label}.beam", best_ms(lambda p=poses: model.log_likelihood(beams, p), 7), "ms")
     bearings = np.linspace(-np.pi, np.pi, 100, endpoint=False)
     cast = best_ms(lambda: caster.ranges(everywhere, bearings, np.zeros(3), REACH_M), 5)
@@ -97,9 +97,9 @@ def resampling_rows() -> Iterator[Row]:
     poses = rng.normal(0.0, (0.3, 0.3, 0.1), (PARTICLES, 3))
     particles = Particles.even(poses).reweighted(rng.normal(0.0, 1.0, PARTICLES))
     ours = best_ms(lambda: resample(particles, SIZE, rng))
-    twin = best_ms(lambda: numpy_resample(particles, rng))
+    reference = best_ms(lambda: numpy_resample(particles, rng))
     yield Row("localize.resampling", ours, "ms")
-    yield Row("localize.resampling.over_numpy", twin / ours, "x", 2.0, at_least=True)
+    yield Row("localize.resampling.over_numpy", reference / ours, "x", 2.0, at_least=True)
 
 
 def best_ms(call: Callable[[], object], times: int = 15) -> float:

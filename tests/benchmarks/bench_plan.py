@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import MethodError
-from gridslam.kernels.planning_grid import cost_to_go
-from gridslam.maps.correlation import fit_correlation
+from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.occupancy_correlation import fit_correlation
 from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
 from gridslam.planning.footprint import disc
 from gridslam.planning.space import make_space

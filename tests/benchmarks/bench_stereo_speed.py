@@ -9,7 +9,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from gridslam.core.messages import CameraInfo, Event, Odometry, PoseFix, StereoPair, Transform
+from gridslam.core.messages import AbsolutePose, CameraInfo, Event, Odometry, StereoPair, Transform
 from gridslam.methods.stereo_bayes.method import StereoBayes
 from tests.benchmarks.harness import Row
 from tests.benchmarks.stereo_trials import config_of
@@ -30,7 +30,7 @@ def rows(frames: int = 20) -> Iterator[Row]:
             started, before = time.perf_counter(), dict(method.timings_s)
         stamp = 10**9 + (k + 3) * 10**8
         method.process(Odometry(stamp, "odom", 0.01 * k, 0.0, 0.002 * k))
-        method.process(PoseFix(stamp, "map", np.array([0.01 * k, 0.0, 0.002 * k]), 1e-3 * np.eye(3)))
+        method.process(AbsolutePose(stamp, "map", np.array([0.01 * k, 0.0, 0.002 * k]), 1e-3 * np.eye(3)))
         method.process(replace(pair, stamp_ns=stamp))
     took = time.perf_counter() - started
     yield Row("stereo_bayes.speed.pairs", frames / took, "1/s")
@@ -41,7 +41,7 @@ def rows(frames: int = 20) -> Iterator[Row]:
 
 
 def stereo_head() -> Iterator[Event]:
-    """Mounting and calibration of a head with 640 x 480 pixels, and a first pose."""
+    """LidarExtrinsics and calibration of a head with 640 x 480 pixels, and a first pose."""
     yield Transform(0, "base_link", "optical", (0.0, 0.0, 0.6), (0.5, -0.5, 0.5, -0.5), is_static=True)
     K = np.array([[520.0, 0.0, 319.5], [0.0, 520.0, 239.5], [0.0, 0.0, 1.0]])
     for shift in (0.0, -520.0 * 0.12):

@@ -19,7 +19,7 @@ from gridslam.maps.wean import load_wean_map
 from gridslam.methods.base import RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from gridslam.sensors.lidar_beams import beams_of, mounting_of
+from gridslam.sensors.lidar_beams import beams_of, extrinsics_of
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir, events_of
 
@@ -101,10 +101,10 @@ def seconds_until_held(away: NDArray[np.float64], stamps: NDArray[np.int64]) -> 
 def draw(grid: OccupancyGrid, events: list[Event], result: RunResult, path: Path) -> Path:
     """Map, path coloured by confidence, and the end points of every sixth scan."""
     poses = dict(zip(result.trajectory.stamps_ns.tolist(), result.trajectory.poses, strict=True))
-    (mounting,) = [mounting_of(event) for event in events if isinstance(event, Transform)]
+    (extrinsics,) = [extrinsics_of(event) for event in events if isinstance(event, Transform)]
     scans = [event for event in events if isinstance(event, LaserScan)][::6]
     points = np.concatenate(
-        [se2.transform_points(poses[s.stamp_ns], beams_of(s, mounting, 0.1, 20.0).points) for s in scans]
+        [se2.transform_points(poses[s.stamp_ns], beams_of(s, extrinsics, 0.1, 20.0).points) for s in scans]
     )
     known = np.argwhere(~np.isnan(grid.probability)) * grid.geometry.resolution_m
     (bottom, left), (top, right) = known.min(axis=0), known.max(axis=0)

@@ -25,13 +25,13 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.association import associate
 from gridslam.evaluation.map_errors import wall_distances
-from gridslam.explore import Explored, explore
 from gridslam.maps.distances import distances_to
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.art_gallery import gallery_of, scatter
-from gridslam.run import read_inputs
-from gridslam.run_config import load_run_config
+from gridslam.runs.explore import Explored, explore
+from gridslam.runs.run import read_inputs
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.shapes import Box, Wall
 from gridslam.simulation.world_config import World, load_world, validate_world
 from tests.benchmarks.harness import say

@@ -43,7 +43,7 @@ def fuzz_cuts(folder: Path, count: int, seed: int = 1) -> Iterator[Reading]:
             reading = read(path)
             expected = whole_chunk_messages(whole, place)
             got = sum(reading.events.values())
-            expected = max(expected - 1, 0)  # the mounting is in the first chunk
+            expected = max(expected - 1, 0)  # the extrinsics is in the first chunk
             assert got == expected or (reading.error and not expected), (compression, place, got, expected)
             assert reading.is_lossy or got == total, (compression, place)
             yield reading

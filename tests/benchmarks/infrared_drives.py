@@ -73,7 +73,7 @@ def in_reach(
     seen = np.zeros(walls.probability.shape, bool)
     for pose in poses:
         for ranger in world.sensors.infrared:
-            sensor = se2.compose(pose, planar(ranger.mounting))
+            sensor = se2.compose(pose, planar(ranger.extrinsics))
             sweep = (
                 np.arange(np.radians(ranger.from_deg), np.radians(ranger.to_deg), REACH_STEP_RAD) + sensor[2]
             )

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import Event, PoseFix, readonly
+from gridslam.core.messages import AbsolutePose, Event, readonly
 from gridslam.logs.config import LogConfig
 from gridslam.logs.open import open_log
 from gridslam.maps.occupancy import OccupancyGrid
@@ -62,10 +62,10 @@ class Stations:
 
 def read_stations(folder: Path) -> Stations:
     """The log in data/infrared."""
-    config = LogConfig.model_validate({"csv": LAYOUT, "mounting": {"tf_luna": {"yaw": np.pi / 2}}})
+    config = LogConfig.model_validate({"csv": LAYOUT, "extrinsics": {"tf_luna": {"yaw": np.pi / 2}}})
     with open_log(folder / "infrared", config, ("range", "fix")) as log:
         events = list(log.events())
-    fixes = np.array([event.pose[:2] for event in events if isinstance(event, PoseFix)])
+    fixes = np.array([event.pose[:2] for event in events if isinstance(event, AbsolutePose)])
     first = np.r_[True, (np.diff(fixes, axis=0) != 0.0).any(axis=1)]
     return Stations(events, fixes[first])
 
@@ -99,7 +99,7 @@ def disturbed(stations: Stations, shifts: Floats, known: frozenset[int] = frozen
     """The events with every station told `shifts` off, and told to be uncertain; `known` stations stay as they are."""
     events: list[Event] = []
     for event in stations.events:
-        if isinstance(event, PoseFix):
+        if isinstance(event, AbsolutePose):
             k = station_of(stations, event)
             if k not in known:
                 pose = event.pose + np.append(shifts[k], 0.0)
@@ -115,14 +115,14 @@ def without(stations: Stations, left_out: int, keep_only: bool = False) -> Stati
     """The log without one station; or that station alone."""
     kept, here = [], -1
     for event in stations.events:
-        if isinstance(event, PoseFix):
+        if isinstance(event, AbsolutePose):
             here = station_of(stations, event)
         if here < 0 or (here == left_out) == keep_only:
             kept.append(event)
     return Stations(kept, stations.xy)
 
 
-def station_of(stations: Stations, fix: PoseFix) -> int:
+def station_of(stations: Stations, fix: AbsolutePose) -> int:
     """Which station a fix tells of."""
     return int(np.argmin(np.hypot(*(stations.xy - fix.pose[:2]).T)))
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gridslam.evaluation.association import associate
 from gridslam.evaluation.localization import judge_localization
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.run import Run, run_localize
-from gridslam.run_config import load_run_config
+from gridslam.runs.run import Run, run_localize
+from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.ispace_worlds import log_of
 
 CONFIGS: Mapping[str, tuple[str, Sequence[str]]] = {

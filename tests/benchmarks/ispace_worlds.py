@@ -107,7 +107,7 @@ def cover(rng: np.random.Generator, document: Things) -> None:
     camera = document["fixed_cameras"][0] | {"width_px": 160, "height_px": 120, "focal_px": 120.0}
     views = [(0.1, 0), (7.5, 0), (7.5, 180), (15.0, 0), (15.0, 180), (22.5, 0), (22.5, 180), (29.9, 180)]
     document["fixed_cameras"] = [
-        camera | {"name": f"ispace{k + 1}", "mounting": camera["mounting"] | {"x": x, "yaw_deg": yaw}}
+        camera | {"name": f"ispace{k + 1}", "extrinsics": camera["extrinsics"] | {"x": x, "yaw_deg": yaw}}
         for k, (x, yaw) in enumerate(views)
     ]
 

@@ -67,7 +67,7 @@ def write_street(data: Path, folder: Path) -> Path:
         "  - {kind: image, file: left.csv, frame: camera}\n"
         "  - {kind: image, file: right.csv, frame: camera}\n"
         "  - {kind: camera_info, file: camera_info.csv, frame: camera}\n"
-        f"mounting:\n  camera: {{x: 0, z: {CAMERA_HEIGHT_M}, quat_wxyz: {QUAT}}}\n"
+        f"extrinsics:\n  camera: {{x: 0, z: {CAMERA_HEIGHT_M}, quat_wxyz: {QUAT}}}\n"
     )
     return folder
 

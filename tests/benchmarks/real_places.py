@@ -14,7 +14,7 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan
 from gridslam.logs import open_log
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.sensors.lidar_beams import Mounting, beams_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of
 from tests.benchmarks.harness import say
 
 CELL_M = 0.05
@@ -69,7 +69,7 @@ def map_of(scans: list[LaserScan], poses: NDArray[np.float64]) -> OccupancyGrid:
     hits, misses = np.zeros(rows * cols), np.zeros(rows * cols)
     shares = np.arange(int(2 * REACH_M / CELL_M)) / (2 * REACH_M / CELL_M)
     for scan, pose in zip(scans, poses, strict=True):
-        ends = se2.transform_points(pose, beams_of(scan, Mounting(np.zeros(3)), 0.1, REACH_M).points)
+        ends = se2.transform_points(pose, beams_of(scan, LidarExtrinsics(np.zeros(3)), 0.1, REACH_M).points)
         lengths = np.hypot(*(ends - pose[:2]).T)
         ways = pose[:2] + (ends - pose[:2])[:, None] * (shares * REACH_M / lengths[:, None])[..., None]
         inside = shares * REACH_M < (lengths - CELL_M)[:, None]

@@ -22,9 +22,9 @@ from gridslam.methods.registry import METHODS
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.frames import Frame
 from gridslam.methods.stereo_bayes.method import StereoBayes
-from gridslam.motion.pose_fix_filter import PoseBelief
-from gridslam.run import feed
-from gridslam.run_config import load_run_config
+from gridslam.motion.absolute_pose_filter import PoseBelief
+from gridslam.runs.run import feed
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import World, load_world
 from tests.benchmarks.stereo_rooms import footprint, outlines_of
@@ -39,7 +39,7 @@ CAMERA = {
     "name": "stereo",
     "kind": "stereo",
     "rate_hz": 2,
-    "mounting": {"x": 0.1, "y": 0.06, "z": 0.6},
+    "extrinsics": {"x": 0.1, "y": 0.06, "z": 0.6},
     "width_px": 320,
     "height_px": 240,
     "focal_px": 260.0,

@@ -18,8 +18,8 @@ from gridslam.maps.preview import render_map
 from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import Rays, range_edges
-from gridslam.run import run_map
-from gridslam.run_config import load_run_config
+from gridslam.runs.run import run_map
+from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.harness import say
 from tests.benchmarks.kitti import STREET, true_path, write_street
 from tests.benchmarks.real_places import data_dir

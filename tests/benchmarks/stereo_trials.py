@@ -20,7 +20,7 @@ from gridslam.evaluation.map_errors import intersection_over_union, log_loss, sa
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import RayReader, Rays
-from gridslam.run_config import load_run_config
+from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.stereo_drives import Drive, drive_of, with_false_matches
 from tests.benchmarks.stereo_models import Believed, Model, Plain
 from tests.benchmarks.stereo_rooms import (

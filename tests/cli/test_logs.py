@@ -40,7 +40,7 @@ def test_info_as_json_keeps_every_digit_of_a_stamp(
     assert document["start"] == "1700000000.123456789"
     assert document["duration_s"] == pytest.approx(9.900000007)
     assert {s["topic"]: s["count"] for s in document["streams"]} == {"/odom": SCANS, "/scan": SCANS}
-    assert document["mounting"][0]["translation_m"] == [0.2, 0.0, 0.1]
+    assert document["extrinsics"][0]["translation_m"] == [0.2, 0.0, 0.1]
     assert document["is_lossy"] is False
 
 
@@ -58,7 +58,7 @@ def test_a_transform_to_nowhere_is_left_out_of_info_and_of_what_convert_writes(
     document = json.loads(out, parse_constant=str)
     assert code == 0
     assert sum(n for key, n in document["counters"].items() if key.startswith("skipped.tf.")) == 2
-    assert [m["translation_m"] for m in document["mounting"]] == [[0.0, 0.0, 0.0]]
+    assert [m["translation_m"] for m in document["extrinsics"]] == [[0.0, 0.0, 0.0]]
     assert run(capsys, "convert", path, tmp_path / "csv")[0] == 0
     assert run(capsys, "info", tmp_path / "csv")[0] == 0
 

@@ -14,7 +14,7 @@ from gridslam.config.overrides import apply_overrides
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.core.errors import ConfigError
 from gridslam.methods import registry
-from gridslam.run_config import method_name, run_config_model, validate_run_config
+from gridslam.runs.run_config import method_name, run_config_model, validate_run_config
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12)
 anything = st.recursive(

@@ -13,7 +13,7 @@ import pytest
 
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.methods.registry import METHODS
-from gridslam.run_config import validate_run_config
+from gridslam.runs.run_config import validate_run_config
 from tests.conftest import REPOSITORY
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gridslam.run import Run, run_localize
-from gridslam.run_config import load_run_config
+from gridslam.runs.run import Run, run_localize
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world, truth_folder
 from tests.simulation.places import room
 
@@ -17,7 +17,7 @@ pytest.importorskip("embreex", reason="cameras need the extra sim")
 
 CAMERA: dict[str, Any] = {
     "name": "eye", "kind": "rgbd", "rate_hz": 2.0, "width_px": 112, "height_px": 84, "focal_px": 75.0, "depth_max_m": 10,
-    "mounting": {"x": 0.1, "y": 2.5, "z": 2.5, "pitch_deg": 28}, "latency_s": 0.03, "jitter_s": 0.005,
+    "extrinsics": {"x": 0.1, "y": 2.5, "z": 2.5, "pitch_deg": 28}, "latency_s": 0.03, "jitter_s": 0.005,
 }  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.maps.tag_database import load_tag_database
 from gridslam.report.layers import write_layers
-from gridslam.run_config import validate_run_config
+from gridslam.runs.run_config import validate_run_config
 from gridslam.simulation.world_config import validate_world
 from gridslam.sweep.config import load_sweep
 from tests.logs.mutations import sample_carmen, sample_mcap
@@ -53,7 +53,7 @@ version: 1
 streams:
   - {kind: odom, file: odom.csv, units: {stamp: ms, yaw: deg}, columns: &c {x: x}}
   - {kind: truth, file: odom.csv, columns: *c, row_stamps: {start_s: 2, period_s: 0.5}}
-mounting: {laser: {x: 0.1, yaw: 3.1}}
+extrinsics: {laser: {x: 0.1, yaw: 3.1}}
 """
 METADATA = "rosbag2_bagfile_information: {version: 5, relative_file_paths: [a.mcap]}\n"
 YAMLS = (

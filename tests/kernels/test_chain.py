@@ -131,5 +131,5 @@ def test_long_rays_are_the_sum_over_the_cells_that_may_be_the_first(seed: int) -
     )
     found = likelihoods_of_rays(prior[None], correlation[None], first[None], np.array([0.3]), False)
     expected = reference.likelihoods(prior, correlation, first, 0.3)
-    for ours, twin in zip(found, expected, strict=True):
-        np.testing.assert_allclose(ours[0], twin, rtol=1e-9, atol=1e-12)
+    for ours, row in zip(found, expected, strict=True):
+        np.testing.assert_allclose(ours[0], row, rtol=1e-9, atol=1e-12)

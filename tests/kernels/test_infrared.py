@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels import infrared as kernel
-from tests.reference import infrared as twin
+from tests.reference import infrared as reference
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -22,7 +22,7 @@ def test_a_reading_is_drawn_as_its_twin_draws_it(seed: int) -> None:
         pos, expected = np.zeros((60, 60)), np.zeros((60, 60))
         a, b = start - low, end - low
         kernel.add_readings(pos, a[None], b[None], np.array([0.5]))
-        twin.add_reading(expected, tuple(a.tolist()), tuple(b.tolist()), 0.5)
+        reference.add_reading(expected, tuple(a.tolist()), tuple(b.tolist()), 0.5)
         assert np.allclose(pos, expected, atol=1e-12)
 
 
@@ -44,9 +44,9 @@ def test_shifted_sums_are_those_of_their_twins(seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.standard_normal((12, 17))
     cells = rng.integers(-6, 22, (30, 2))
-    assert np.allclose(kernel.shifted_sums(values, cells, 4), twin.shifted_sums(values, cells, 4))
+    assert np.allclose(kernel.shifted_sums(values, cells, 4), reference.shifted_sums(values, cells, 4))
     changes = kernel.shifted_changes(values, cells, 4, -2, 3)
-    assert np.allclose(changes, twin.shifted_changes(values, cells, 4, -2, 3))
+    assert np.allclose(changes, reference.shifted_changes(values, cells, 4, -2, 3))
 
 
 def test_lines_count_the_cells_that_they_pass() -> None:
@@ -54,7 +54,7 @@ def test_lines_count_the_cells_that_they_pass() -> None:
     starts, ends = rng.uniform(0, 20, (30, 2)), rng.uniform(0, 20, (30, 2))
     crossed, expected = np.zeros((20, 20)), np.zeros((20, 20))
     kernel.count_crossed(crossed, starts, ends)
-    twin.count_crossed(expected, starts, ends)
+    reference.count_crossed(expected, starts, ends)
     assert np.array_equal(crossed, expected)
 
 
@@ -66,10 +66,10 @@ def test_spots_keep_the_highest_level_and_end_at_the_border() -> None:
     assert values[2:].sum() == 0.0
 
 
-def test_spots_are_those_of_their_twin() -> None:
+def test_spots_are_those_of_their_reference() -> None:
     rng = np.random.default_rng(2)
     values, cells = rng.random((20, 25)), rng.integers(-3, 28, (40, 2))
     spot, weights, expected = rng.random((5, 5)), rng.uniform(0.2, 1.5, 40), values.copy()
     kernel.add_spots(values, cells, spot, weights)
-    twin.add_spots(expected, cells, spot, weights)
+    reference.add_spots(expected, cells, spot, weights)
     assert np.allclose(values, expected)

@@ -1,4 +1,4 @@
-"""Insertion of beams against its slow twin."""
+"""Insertion of beams against its slow reference."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gridslam.kernels import log_odds
 from gridslam.maps.tiled import TileStore
-from tests.reference import log_odds as twin
+from tests.reference import log_odds as reference
 
 HIT, MISS, LIMIT = 0.9, -0.4, 2.0
 
@@ -41,7 +41,7 @@ def test_every_crossed_cell_gets_a_miss_and_every_end_a_hit(
     eye: tuple[float, float], points: list[tuple[float, float]]
 ) -> None:
     expected: dict[tuple[int, int], float] = {}
-    twin.insert(expected, *eye, points, HIT, MISS, LIMIT)
+    reference.insert(expected, *eye, points, HIT, MISS, LIMIT)
     found = as_cells(inserted(eye, points))
     expected = {cell: value for cell, value in expected.items() if abs(value) > 1e-6}
     found = {cell: value for cell, value in found.items() if abs(value) > 1e-6}
@@ -83,7 +83,7 @@ def test_one_scan_changes_a_cell_of_the_dense_map_once_and_a_hit_wins(
         values, touched, 1, eye, array, np.ones(len(array), np.bool_), HIT, MISS, LIMIT
     )
     cells: dict[tuple[int, int], float] = {}
-    twin.insert_once(cells, *eye.tolist(), [(x, y) for x, y in array.tolist()], HIT, MISS, LIMIT)
+    reference.insert_once(cells, *eye.tolist(), [(x, y) for x, y in array.tolist()], HIT, MISS, LIMIT)
     expected = np.zeros((90, 90), np.float32)
     for cell, value in cells.items():
         expected[cell] = value

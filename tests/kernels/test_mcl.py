@@ -1,4 +1,4 @@
-"""Resampling and counting of bins against their plain twins."""
+"""Resampling and counting of bins against their plain reference implementations."""
 
 from __future__ import annotations
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gridslam.kernels.planning_circles import chain_parts, travel_time
-from gridslam.kernels.planning_clearance import World, advance, is_free, wall_distance
-from gridslam.kernels.planning_dubins import WORDS, dubins_words
-from gridslam.kernels.planning_grid import cost_to_go
+from gridslam.kernels.planning.circles import chain_parts, travel_time
+from gridslam.kernels.planning.clearance import World, advance, is_free, wall_distance
+from gridslam.kernels.planning.dubins import WORDS, dubins_words
+from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.planning.space import distance_field
-from tests.reference import planning_grid as twin
+from tests.reference import planning_grid as reference
 
 Floats = NDArray[np.float64]
 RESOLUTION = 0.1
@@ -25,7 +25,7 @@ def world(seed: int, share: float = 0.03, radius: float = 0.2) -> World:
 
 
 def to_squares(blocked: NDArray[np.bool_], points: Floats) -> Floats:
-    return twin.distance_to_squares(blocked, RESOLUTION, points)
+    return reference.distance_to_squares(blocked, RESOLUTION, points)
 
 
 def test_the_field_is_the_distance_to_the_nearest_square() -> None:
@@ -106,7 +106,7 @@ def test_the_cost_to_go_is_that_of_a_graph_of_neighbours() -> None:
     needed, dread, shy = 0.1, 2.0, 0.3
     spare = here.field[1::2, 1::2] - needed
     source = int(np.flatnonzero(spare.ravel() >= 0.0)[0])
-    expected = twin.cost_to_go(here.field, RESOLUTION, needed, dread, shy, source)
+    expected = reference.cost_to_go(here.field, RESOLUTION, needed, dread, shy, source)
     found = cost_to_go(here.field, RESOLUTION, needed, dread, shy, source, source, np.inf)
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
@@ -138,7 +138,7 @@ def test_the_travel_time_is_that_of_driving_as_fast_as_allowed_in_small_steps() 
         parts = np.zeros((6, 6))
         parts[:, 3] = rng.uniform(0.05, 2.0, 6)
         parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
-        expected = twin.travel_time(parts[:, 3], parts[:, 4], LIMITS[:5].tolist())
+        expected = reference.travel_time(parts[:, 3], parts[:, 4], LIMITS[:5].tolist())
         assert travel_time(parts, LIMITS, np.empty(7)) == pytest.approx(expected, rel=2e-3)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.polar_window import averaged_over_turns, priors_of_rays, window_of_rays
-from tests.reference import polar_window as twin
+from tests.reference import polar_window as reference
 
 
 def test_priors_are_those_of_the_cells_that_a_ray_meets() -> None:
@@ -16,7 +16,7 @@ def test_priors_are_those_of_the_cells_that_a_ray_meets() -> None:
     log_odds, eye, angles = rng.normal(size=(30, 40)), np.array([20.3, 14.6]), np.array([-2.0, 0.3, 1.1])
     priors, correlations = priors_of_rays(log_odds, eye, angles, 1.5, 8, -0.5, 0.8)
     for i, angle in enumerate(angles):
-        expected, correlation = twin.priors_of_ray(log_odds, eye, angle, 1.5, 8, -0.5, 0.8)
+        expected, correlation = reference.priors_of_ray(log_odds, eye, angle, 1.5, 8, -0.5, 0.8)
         assert priors[i] == pytest.approx(expected, abs=1e-12)
         assert correlations[i, 1:] == pytest.approx(correlation, abs=1e-12)
 
@@ -27,7 +27,7 @@ def test_every_cell_has_the_value_of_the_nearest_ray_at_its_range() -> None:
     bearings, reach = np.sort(rng.uniform(-0.6, 0.9, 7)), 0.12
     corner, first = np.array([-5.3, -8.2]), 2.0
     window = window_of_rays(polar, rest, bearings, reach, first, corner, 17, 20)
-    expected = twin.window_of_rays(polar, rest, bearings, reach, first, corner, 17, 20)
+    expected = reference.window_of_rays(polar, rest, bearings, reach, first, corner, 17, 20)
     assert window == pytest.approx(expected)
     assert (expected != rest[:, None, None]).any(axis=0).sum() > 20
 
@@ -50,5 +50,5 @@ def test_the_mean_over_turns_is_that_of_turned_rays() -> None:
     )
     angles = np.linspace(-0.6, 0.6, 11)
     mean = averaged_over_turns(polar, rest, bearings, 0.06, turns, weights, angles)
-    expected = twin.averaged_over_turns(polar, rest, bearings, 0.06, turns, weights, angles)
+    expected = reference.averaged_over_turns(polar, rest, bearings, 0.06, turns, weights, angles)
     assert mean == pytest.approx(expected, abs=1e-12)

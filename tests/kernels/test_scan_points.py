@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
 from gridslam.kernels import scan_points
-from tests.reference import scan_points as twin
+from tests.reference import scan_points as reference
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(0, 60))
@@ -16,10 +16,10 @@ from tests.reference import scan_points as twin
 def test_points_are_the_usable_readings_through_the_mounting(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     ranges = rng.choice([0.02, 0.5, 3.0, 29.0, 31.0, np.nan, np.inf, -1.0], n).astype(np.float32)
-    mounting = rng.uniform(-1.0, 1.0, 3)
-    points, beams = scan_points.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, mounting, np.zeros(3), 0.0)
+    extrinsics = rng.uniform(-1.0, 1.0, 3)
+    points, beams = scan_points.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, extrinsics, np.zeros(3), 0.0)
     with np.errstate(invalid="ignore"):
-        expected, usable = twin.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, mounting)
+        expected, usable = reference.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, extrinsics)
     np.testing.assert_array_equal(beams, usable)
     np.testing.assert_allclose(points, expected, atol=1e-9)
 
@@ -70,7 +70,7 @@ def test_normals_are_those_of_the_neighbours_covariance(seed: int) -> None:
     points = np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
     beams, eye = np.cumsum(rng.integers(1, 9, 120)), rng.uniform(-0.2, 0.2, 2)
     normals = scan_points.surface_normals(points, beams, eye)
-    np.testing.assert_allclose(normals, twin.surface_normals(points, beams, eye), atol=1e-6)
+    np.testing.assert_allclose(normals, reference.surface_normals(points, beams, eye), atol=1e-6)
 
 
 def test_scattered_points_have_no_normal() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from gridslam.kernels.sight_lines import pass_beams
 from gridslam.planning.art_gallery import gallery_of
-from tests.reference import sight_lines as twin
+from tests.reference import sight_lines as reference
 
 
 def room() -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +73,7 @@ def test_what_is_seen_is_what_rays_to_every_side_of_every_wall_reach(seed: int) 
     row, col = np.argwhere(~walls)[rng.integers((~walls).sum())]
     place = col + rng.uniform(0.2, 0.8), row + rng.uniform(0.2, 0.8)
     seen = gallery.seen_from(np.array([place]), 9.0)[0]
-    assert set(gallery.cells[seen].tolist()) == twin.seen_walls(walls, ~walls, place, 9.0)
+    assert set(gallery.cells[seen].tolist()) == reference.seen_walls(walls, ~walls, place, 9.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,6 +83,6 @@ def test_beams_are_counted_as_their_twin_counts_them(seed: int) -> None:
     ends, origin = rng.uniform([-5.0, -5.0], [45.0, 35.0], (25, 2)), np.array([18.3, 14.6])
     arguments = (origin, ends, rng.random(25) < 0.7, 16.0, 1.5, 12.0)
     pass_beams(passed, hit, *arguments)
-    expected = twin.passed_and_hit((30, 40), *arguments)
+    expected = reference.passed_and_hit((30, 40), *arguments)
     np.testing.assert_array_equal(passed, expected[0])
     np.testing.assert_array_equal(hit, expected[1])

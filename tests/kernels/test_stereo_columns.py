@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.stereo_columns import MATCHED, measure_columns
-from tests.reference import stereo_columns as twin
+from tests.reference import stereo_columns as reference
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -20,7 +20,7 @@ def test_bins_have_the_most_frequent_disparity_of_what_stands_there(seed: int) -
     extent = np.maximum(0.8 * np.arange(65), 6.0)
     arguments = (disparity, slope, 30.0, 0.6, 0.1, 1.5, 5, 32.0, extent, 0.3)
     found, status = measure_columns(*arguments, False)
-    expected = twin.measure_columns(*arguments)
+    expected = reference.measure_columns(*arguments)
     assert status.tolist() == [kind for _, kind in expected]
-    assert {MATCHED, twin.UNKNOWN} <= set(status.tolist())
+    assert {MATCHED, reference.UNKNOWN} <= set(status.tolist())
     np.testing.assert_allclose(found, [value for value, _ in expected], rtol=1e-9)

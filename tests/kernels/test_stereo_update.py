@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.stereo_update import tell_cells, told_across
-from tests.reference import stereo_update as twin
+from tests.reference import stereo_update as reference
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 1.0])
@@ -15,7 +15,7 @@ def test_neighbouring_rays_pass_messages_through_their_correlation(share: float)
     occupied, empty = rng.uniform(0.2, 3.0, (2, 6, 9))
     bearings, ranges = np.sort(rng.uniform(-0.3, 0.3, 6)), np.arange(2.0, 11.0)
     found = told_across(occupied, empty, bearings, ranges, 0.8, share)
-    if_occupied, if_empty = twin.told_across(occupied, empty, bearings, ranges, 0.8, share)
+    if_occupied, if_empty = reference.told_across(occupied, empty, bearings, ranges, 0.8, share)
     assert found[0] == pytest.approx(if_occupied, abs=1e-12)
     assert found[1] == pytest.approx(if_empty, abs=1e-12)
 
@@ -33,6 +33,6 @@ def test_cells_change_by_the_likelihood_ratio_and_behind_surfaces_up_to_what_is_
     told = np.concatenate([rng.uniform(0.1, 5.0, (2, 8, 7)), rng.random((3, 8, 7))])
     told[:, 0] = np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:, None]  # cells that no ray meets
     weight, prior, limit, least = 0.4, -1.2, 4.0, 1e-3
-    expected = twin.told_cells(values, told, weight, prior, limit, least, once)
+    expected = reference.told_cells(values, told, weight, prior, limit, least, once)
     tell_cells(values, told, weight, prior, limit, least, once)
     assert values == pytest.approx(expected, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Surface maps against their slow twin, and registration in a room."""
+"""Surface maps against their slow reference, and registration in a room."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels import surfel_likelihood, surfel_registration, surfels
 from gridslam.maps.tiled import TileStore
-from tests.reference import surfels as twin
+from tests.reference import surfels as reference
 
 Floats = NDArray[np.float64]
 CELL_M = 0.2
@@ -34,11 +34,11 @@ def random_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
 
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 400))
 @settings(max_examples=40, deadline=None)
-def test_cells_hold_the_running_means_of_the_twin(seed: int, n: int) -> None:
+def test_cells_hold_the_running_means_of_the_reference(seed: int, n: int) -> None:
     points, normals = random_surfaces(np.random.default_rng(seed), n)
     store = store_of(points, normals)
-    expected: twin.Surfaces = {}
-    twin.insert(expected, points, normals, CELL_M)
+    expected: reference.Surfaces = {}
+    reference.insert(expected, points, normals, CELL_M)
     values, (row, col) = store.dense(0)
     found = {(int(r) + row, int(c) + col): values[r, c] for r, c in np.argwhere(values[..., 0] > 0)}
     assert found.keys() == expected.keys()
@@ -48,10 +48,10 @@ def test_cells_hold_the_running_means_of_the_twin(seed: int, n: int) -> None:
 
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
-def test_the_likelihood_is_that_of_the_twin(seed: int) -> None:
+def test_the_likelihood_is_that_of_the_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     store, expected = store_of(*(surface := random_surfaces(rng, 60))), {}
-    twin.insert(expected, *surface, CELL_M)
+    reference.insert(expected, *surface, CELL_M)
     points, normals = random_surfaces(rng, 25)
     free = TileStore(1, 1, CELL_M)
     found = surfel_likelihood.log_likelihood(
@@ -71,7 +71,9 @@ def test_the_likelihood_is_that_of_the_twin(seed: int) -> None:
         free.origin,
         CELL_M,
     )
-    assert found == pytest.approx(twin.log_likelihood(expected, points, normals, 0.06, 0.3, 0.1), abs=2e-3)
+    assert found == pytest.approx(
+        reference.log_likelihood(expected, points, normals, 0.06, 0.3, 0.1), abs=2e-3
+    )
 
 
 def room(n: int) -> tuple[Floats, Floats]:
@@ -123,18 +125,18 @@ def test_registration_finds_a_displacement_to_millimetres(x: float, y: float, ya
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_registration_takes_the_steps_of_its_twin(seed: int) -> None:
+def test_registration_takes_the_steps_of_its_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface, (points, normals) = room(150), room(23)
     store, start = store_of(*surface), rng.uniform(-0.05, 0.05, 3)
-    surfaces: twin.Surfaces = {}
-    twin.insert(surfaces, *surface, CELL_M)
+    surfaces: reference.Surfaces = {}
+    reference.insert(surfaces, *surface, CELL_M)
     of_map = (store.directory[0], store.pool, store.origin, CELL_M)
     weak = np.diag([20.0, 20.0, 50.0])
     pose, _, used = surfel_registration.register(
         *of_map, points, normals, start, start, weak, 0.05, 0.4, 0.1, 6, 0.0
     )
-    expected, count = twin.register(surfaces, points, normals, start, weak, 0.05, 0.4, 0.1, 6)
+    expected, count = reference.register(surfaces, points, normals, start, weak, 0.05, 0.4, 0.1, 6)
     np.testing.assert_allclose(pose, expected, atol=1e-4)
     assert abs(used - count) <= 1
 
@@ -144,13 +146,13 @@ def test_the_yaw_found_is_the_one_at_which_most_points_lie_on_surfaces(seed: int
     rng = np.random.default_rng(seed)
     surface, (points, normals) = room(150), room(23)
     store, pose = store_of(*surface), np.array([0.02, -0.03, rng.uniform(-0.25, 0.25)])
-    surfaces: twin.Surfaces = {}
-    twin.insert(surfaces, *surface, CELL_M)
+    surfaces: reference.Surfaces = {}
+    reference.insert(surfaces, *surface, CELL_M)
     found = surfel_registration.search_yaw(
         store.directory[0], store.pool, store.origin, CELL_M, points, normals, pose, 0.05, 6, 0.1, 0.3
     )
     turns = 0.05 * np.arange(-6, 7)
-    scores = twin.yaw_scores(surfaces, points, normals, pose, turns, 0.1, 0.3)
+    scores = reference.yaw_scores(surfaces, points, normals, pose, turns, 0.1, 0.3)
     assert found[2] == pytest.approx(pose[2] + turns[int(np.argmax(scores))])
 
 

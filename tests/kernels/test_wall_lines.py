@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gridslam.kernels import wall_lines as kernel
 from gridslam.methods.ir_scan.adjustment import _eliminated, by_cell
 from gridslam.methods.ir_scan.lines import moments
-from tests.reference import wall_lines as twin
+from tests.reference import wall_lines as reference
 
 Floats = NDArray[np.float64]
 
@@ -34,15 +34,15 @@ def wall_points(rng: np.random.Generator, n: int) -> Floats:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_pooled_sums_are_those_of_their_twin(seed: int) -> None:
+def test_pooled_sums_are_those_of_their_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     channels, cells = rng.standard_normal((12, 17, 3)), rng.integers(-6, 22, (30, 2))
-    assert np.allclose(kernel.pooled_sums(channels, cells, 2), twin.pooled_sums(channels, cells, 2))
+    assert np.allclose(kernel.pooled_sums(channels, cells, 2), reference.pooled_sums(channels, cells, 2))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_equations_of_a_pose_are_those_of_their_twin(seed: int) -> None:
-    """The map's points lie in cells; the twin fits its lines to the points themselves."""
+def test_equations_of_a_pose_are_those_of_their_reference(seed: int) -> None:
+    """The map's points lie in cells; the reference fits its lines to the points themselves."""
     rng = np.random.default_rng(seed)
     mapped, weights = wall_points(rng, 300), rng.uniform(0.5, 2.0, 300)
     at = np.floor(mapped[:, ::-1] / CELL_M).astype(np.int64)
@@ -52,7 +52,7 @@ def test_equations_of_a_pose_are_those_of_their_twin(seed: int) -> None:
     points = wall_points(rng, n) + rng.normal(0.0, 0.02, 2)
     arms, directions, variances = points - position, directions_of(rng, n), rng.uniform(1e-5, 1e-3, (n, 2))
     cells = np.floor(points[:, ::-1] / CELL_M).astype(np.int64)
-    hessian, gradient, near = twin.equations_on_lines(
+    hessian, gradient, near = reference.equations_on_lines(
         mapped,
         weights,
         CELL_M,
@@ -76,7 +76,7 @@ def test_equations_of_a_pose_are_those_of_their_twin(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_eliminating_the_walls_is_the_schur_complement_of_the_whole_problem(seed: int) -> None:
-    """The twin writes one row for each point over all poses and all walls' offsets and tilts."""
+    """The reference writes one row for each point over all poses and all walls' offsets and tilts."""
     rng = np.random.default_rng(seed)
     n, places = 400, 5
     points, place = wall_points(rng, n), np.sort(rng.integers(0, places, n))
@@ -86,7 +86,7 @@ def test_eliminating_the_walls_is_the_schur_complement_of_the_whole_problem(seed
     walls = len(first) - 1
     arguments = (first, order, place, points, arms, directions, variances, bel)
     settings = (LEAST, THICKEST, MAP_VARIANCE, ROBUST, places)
-    J, off, weights = twin.rows_of_walls(*arguments, *settings)
+    J, off, weights = reference.rows_of_walls(*arguments, *settings)
     assert np.count_nonzero(weights) > 50
     H, g = J.T @ (weights[:, None] * J), J.T @ (weights * off)
     p = 3 * places

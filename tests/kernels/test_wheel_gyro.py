@@ -4,7 +4,7 @@ import numpy as np
 
 from gridslam.kernels import wheel_gyro as kernel
 from gridslam.motion.wheel_gyro import WheelGyroNoise
-from tests.reference import wheel_gyro as twin
+from tests.reference import wheel_gyro as reference
 
 
 def test_the_filter_is_its_twin_on_random_motion_with_and_without_gyro() -> None:
@@ -25,7 +25,7 @@ def test_the_filter_is_its_twin_on_random_motion_with_and_without_gyro() -> None
     kernel.advance(state, covariance, increments, variances, path)
     x, P = np.zeros(4), np.diag([0.0, 0.0, 0.0, 4e-4])
     for increment, pose in zip(increments, path, strict=True):
-        x, P = twin.step(x, P, increment, variances)
+        x, P = reference.step(x, P, increment, variances)
         assert np.allclose(pose, x[:3], atol=1e-9)
     assert np.allclose(state, x, atol=1e-9)
     assert np.allclose(covariance, P, rtol=1e-6, atol=1e-12)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gridslam.core.messages import LaserScan
 from gridslam.lidar_slam.config import ScanConfig
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 from tests.methods.slam_sd import hall
 
 Floats = NDArray[np.float64]
@@ -30,4 +30,4 @@ def scan_at(pose: Floats, index: int = 0, reach_m: float = 30.0) -> PreparedScan
         range_max_m=reach_m,
         ranges_m=ranges.astype(np.float32),
     )
-    return prepare_scan(scan, Mounting(np.zeros(3)), np.zeros(3), ScanConfig())
+    return prepare_scan(scan, LidarExtrinsics(np.zeros(3)), np.zeros(3), ScanConfig())

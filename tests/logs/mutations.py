@@ -26,7 +26,7 @@ SECONDS = 10  # longest time that reading one of these small logs may take
 
 
 def sample_events(scans: int = SCANS, beams: int = BEAMS, seed: int = 0) -> Iterator[Event]:
-    """A mounting, then odometry and a scan ten times a second."""
+    """A extrinsics, then odometry and a scan ten times a second."""
     random_numbers = np.random.default_rng(seed)
     start_ns = 1_700_000_000_123_456_789
     yield Transform(start_ns, "base_link", "laser", (0.2, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0), is_static=True)
@@ -81,7 +81,7 @@ def fingerprint(event: Event) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What came of reading a log: its events' fingerprints (without mountings), or the error that refused it."""
+    """What came of reading a log: its events' fingerprints (without sensor_extrinsics), or the error that refused it."""
 
     events: Counter[bytes]
     scans: int

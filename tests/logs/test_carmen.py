@@ -61,12 +61,12 @@ def test_a_flaser_line_gives_its_odometry_and_then_its_scan(tmp_path: Path) -> N
 
 def test_robotlaser_says_its_own_geometry_and_speed(tmp_path: Path) -> None:
     with open_log(written(tmp_path, ROBOTLASER.format(time=3)), kinds=["scan", "odom"]) as log:
-        mounting, odometry, scan = log.events()
+        extrinsics, odometry, scan = log.events()
     assert (scan.angle_min_rad, scan.angle_increment_rad) == pytest.approx((-1.5707963, 1.0471976))
     assert scan.range_max_m == np.float32(81.83)
     assert len(scan.ranges_m) == 4
     assert (odometry.x_m, odometry.vx_mps, odometry.wz_radps) == (1.0, 0.3, 0.1)
-    assert mounting.translation_m == (0.5, 0.0, 0.0)  # laser at 1.5, robot at 1.0
+    assert extrinsics.translation_m == (0.5, 0.0, 0.0)  # laser at 1.5, robot at 1.0
 
 
 def test_odom_lines_give_way_to_the_odometry_of_the_scans(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_the_default_files_need_no_layout(tmp_path: Path) -> None:
     )
     with open_log(path) as log:
         names = [type(e).__name__ for e in log.events() if not isinstance(e, Transform)]
-        assert names == ["Imu", "WheelTicks", "Odometry", "LaserScan", "LaserScan", "PoseFix", "Range"]
+        assert names == ["Imu", "WheelTicks", "Odometry", "LaserScan", "LaserScan", "AbsolutePose", "Range"]
         truth = log.truth()
         assert truth is not None
         assert truth.poses.tolist() == [[9, 9, 0]]
@@ -105,7 +105,7 @@ streams:
     invalid: [0]
     invalid_from: 8000
     frame: lidar
-mounting:
+extrinsics:
   lidar: {x: 0.5, yaw: 1.5707963267948966}
 """
     path = folder(
@@ -115,7 +115,7 @@ mounting:
         scan="stamp,angle_min,angle_increment,range_min,range_max,d0,d1,d2,d3\n2,-90,90,0.1,7,1000,0,8000,65535\n",
     )
     with open_log(path, kinds=["scan", "odom"]) as log:
-        mounting, odometry, scan = log.events()
+        extrinsics, odometry, scan = log.events()
         assert log.base_frame == "robot"
         assert {info.topic for info in log.streams} == {"/wheels/odom", "scan.csv"}
     assert isinstance(odometry, Odometry)
@@ -130,7 +130,7 @@ mounting:
     assert isinstance(scan, LaserScan)
     assert np.array_equal(scan.ranges_m, np.array([1, np.nan, np.nan, np.nan], np.float32), equal_nan=True)
     assert scan.angle_increment_rad == np.float32(math.pi / 2)
-    assert (mounting.frame_id, mounting.child_frame_id, mounting.translation_m) == (
+    assert (extrinsics.frame_id, extrinsics.child_frame_id, extrinsics.translation_m) == (
         "robot",
         "lidar",
         (0.5, 0, 0),
@@ -154,7 +154,7 @@ csv:
       units: {x: cm, y: cm}
       constants: {yaw: 0.0}
       row_stamps: {period_s: 0.01}
-mounting:
+extrinsics:
   tf_luna: {yaw: 1.5707963267948966}
 """
 
@@ -170,10 +170,10 @@ def test_the_infrared_log_is_read_with_a_layout_from_the_config(data_dir: Path) 
         assert len(ranges) == 2400
         assert not log.is_lossy
         assert sum(math.isnan(r.range_m) for r in ranges) > 0
-        (mounting,) = log.mountings
+        (extrinsics,) = log.sensor_extrinsics
     # the log gives x = r sin b, y = r cos b of its first reading as (6.56, 208.90) cm
     r = ranges[0]
-    turn = 2 * math.atan2(mounting.quat_wxyz[3], mounting.quat_wxyz[0]) + r.bearing_rad
+    turn = 2 * math.atan2(extrinsics.quat_wxyz[3], extrinsics.quat_wxyz[0]) + r.bearing_rad
     assert 100 * r.range_m * math.cos(turn) == pytest.approx(6.56, abs=0.01)
     assert 100 * r.range_m * math.sin(turn) == pytest.approx(208.90, abs=0.01)
     places = {(e.x_m, e.y_m) for e in found if isinstance(e, Odometry)}

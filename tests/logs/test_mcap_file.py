@@ -11,9 +11,9 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from gridslam.core.errors import LogError
 from gridslam.logs import LogConfig, open_log
-from gridslam.logs.ledger import Ledger
 from gridslam.logs.mcap_file import McapFile
 from gridslam.logs.mcap_records import CHUNK, MAGIC, unpack
+from gridslam.logs.message_counts import MessageCounts
 from tests.logs.mutations import SCANS, read, sample_mcap, whole_chunk_messages
 
 
@@ -30,9 +30,9 @@ def mcap(path: Path, messages: int = 30, **options: Any) -> Path:
     return path
 
 
-def open_mcap(path: Path, limit: int = 1 << 20) -> tuple[McapFile, Ledger]:
-    ledger = Ledger()
-    return McapFile(path, ledger, limit), ledger
+def open_mcap(path: Path, limit: int = 1 << 20) -> tuple[McapFile, MessageCounts]:
+    message_counts = MessageCounts()
+    return McapFile(path, message_counts, limit), message_counts
 
 
 @pytest.mark.parametrize("compression", CompressionType)
@@ -44,20 +44,20 @@ def test_all_messages_are_read_whatever_the_layout(
     path = mcap(
         tmp_path / "a.mcap", compression=compression, use_chunking=chunked, index_types=index, chunk_size=700
     )
-    file, ledger = open_mcap(path)
+    file, message_counts = open_mcap(path)
     expected = [bytes([i]) * 100 for i in range(30)]
     assert [data for _, data in file.messages()] == expected
     assert [data for _, data in file.messages()] == expected
-    assert not ledger.is_lossy
+    assert not message_counts.is_lossy
 
 
 @pytest.mark.parametrize(
     "options", [{"repeat_channels": False}, {"use_statistics": False, "enable_crcs": False}]
 )
 def test_a_poor_summary_does_no_harm(tmp_path: Path, options: dict[str, bool]) -> None:
-    file, ledger = open_mcap(mcap(tmp_path / "a.mcap", **options))
+    file, message_counts = open_mcap(mcap(tmp_path / "a.mcap", **options))
     assert len(list(file.messages())) == 30
-    assert not ledger.is_lossy
+    assert not message_counts.is_lossy
 
 
 def test_an_unchunked_file_cut_anywhere_gives_its_whole_messages(tmp_path: Path) -> None:
@@ -67,9 +67,9 @@ def test_an_unchunked_file_cut_anywhere_gives_its_whole_messages(tmp_path: Path)
     for cut in range(first, first + 5 * record, 17):
         path = tmp_path / "cut.mcap"
         path.write_bytes(whole[:cut])
-        file, ledger = open_mcap(path)
+        file, message_counts = open_mcap(path)
         assert len(list(file.messages())) == (cut - first) // record
-        assert ledger.is_lossy
+        assert message_counts.is_lossy
 
 
 def test_an_unindexed_chunked_file_resumes_after_a_damaged_chunk_header(tmp_path: Path) -> None:
@@ -79,12 +79,12 @@ def test_an_unindexed_chunked_file_resumes_after_a_damaged_chunk_header(tmp_path
     struct.pack_into("<Q", whole, chunks[1] + 1, 1 << 60)
     path = tmp_path / "damaged.mcap"
     path.write_bytes(whole)
-    file, ledger = open_mcap(path)
+    file, message_counts = open_mcap(path)
     messages = [data[0] for _, data in file.messages()]
     lost = sorted(set(range(30)) - set(messages))
     assert 0 < len(lost) < 10
     assert lost == list(range(lost[0], lost[-1] + 1))
-    assert ledger.counters == {"lost.damaged_part": 1}
+    assert message_counts.counters == {"lost.damaged_part": 1}
 
 
 def _is_chunk(data: bytes, at: int) -> bool:
@@ -103,11 +103,11 @@ def test_a_chunk_with_a_wrong_checksum_is_lost_and_no_other(tmp_path: Path) -> N
     whole[whole.index(bytes([12]) * 100) + 50] ^= 1
     path = tmp_path / "damaged.mcap"
     path.write_bytes(whole)
-    file, ledger = open_mcap(path)
+    file, message_counts = open_mcap(path)
     messages = [data[0] for _, data in file.messages()]
     assert 12 not in messages
     assert len(messages) >= 22
-    assert ledger.counters == {"lost.chunk_with_wrong_checksum": 1}
+    assert message_counts.counters == {"lost.chunk_with_wrong_checksum": 1}
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
@@ -129,9 +129,9 @@ def test_a_chunk_that_claims_a_huge_size_is_lost_without_being_unpacked(tmp_path
     at = next(i for i in range(len(whole)) if whole[i] == CHUNK and _is_chunk(whole, i))
     struct.pack_into("<Q", whole, at + 9 + 16, 1 << 50)
     path.write_bytes(whole)
-    file, ledger = open_mcap(path)
+    file, message_counts = open_mcap(path)
     assert list(file.messages()) == []
-    assert ledger.counters == {"lost.chunk_of_impossible_size": 1}
+    assert message_counts.counters == {"lost.chunk_of_impossible_size": 1}
 
 
 def test_a_chunk_above_the_limit_is_lost(tmp_path: Path) -> None:
@@ -139,9 +139,9 @@ def test_a_chunk_above_the_limit_is_lost(tmp_path: Path) -> None:
     config = LogConfig.model_validate({"limits": {"chunk_mb": 1}})
     with open_log(path, config) as log:
         assert len(list(log.events())) > SCANS  # 200 kB are below it
-    file, ledger = open_mcap(path, 1000)
+    file, message_counts = open_mcap(path, 1000)
     assert list(file.messages()) == []
-    assert ledger.is_lossy
+    assert message_counts.is_lossy
 
 
 def test_a_right_checksum_of_the_summary_is_needed_to_believe_it(tmp_path: Path) -> None:
@@ -152,9 +152,9 @@ def test_a_right_checksum_of_the_summary_is_needed_to_believe_it(tmp_path: Path)
     whole[start + 30] ^= 1
     path = tmp_path / "damaged.mcap"
     path.write_bytes(whole)
-    file, ledger = open_mcap(path)
+    file, message_counts = open_mcap(path)
     assert len(list(file.messages())) == 30
-    assert not ledger.is_lossy
+    assert not message_counts.is_lossy
 
 
 def test_other_bytes_are_no_mcap(tmp_path: Path) -> None:

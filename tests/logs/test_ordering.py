@@ -15,7 +15,7 @@ streams = st.dictionaries(st.integers(0, 3), st.lists(st.integers(0, 40), max_si
 
 
 def merged(stamps: Streams, by_stamp: bool) -> list[tuple[int, int]]:
-    """The slow twin: (stream, place in it), merged by heapq with the key written out."""
+    """The slow reference: (stream, place in it), merged by heapq with the key written out."""
 
     def keyed(precedence: int, stream: int) -> Iterator[tuple[int, int, int, tuple[int, int]]]:
         largest = 0

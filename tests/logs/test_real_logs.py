@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.core.messages import LaserScan, Odometry, PoseFix, Transform
+from gridslam.core.messages import AbsolutePose, LaserScan, Odometry, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.convert import convert_log
 from tests.logs.mutations import fingerprint
@@ -40,7 +40,7 @@ def test_wean_hall_is_read_completely(data_dir: Path) -> None:
         with open_log(data_dir / "wean_hall" / f"{name}.log.gz", kinds=["scan", "odom"]) as log:
             events = list(log.events())
             assert not log.problems
-            assert [m.translation_m for m in log.mountings] == [(0.25, 0.0, 0.0)]
+            assert [m.translation_m for m in log.sensor_extrinsics] == [(0.25, 0.0, 0.0)]
         found = [e for e in events if isinstance(e, LaserScan)]
         assert sum(isinstance(e, Odometry) for e in events) == odometry
         assert len(found) == scans
@@ -50,15 +50,15 @@ def test_wean_hall_is_read_completely(data_dir: Path) -> None:
 @pytest.mark.parametrize("name", ["ros2", "ros2/macfirst_floor_take_2_0.db3"])
 def test_the_turtlebot_bag_is_read_completely(data_dir: Path, name: str) -> None:
     with open_log(data_dir / name, kinds=["scan", "odom"]) as log:
-        mounting, *events = log.events()
+        extrinsics, *events = log.events()
         assert not log.problems
     scans = [e for e in events if isinstance(e, LaserScan)]
     assert len(scans) == 357
     assert {len(s.ranges_m) for s in scans} == {720}
     assert sum(isinstance(e, Odometry) for e in events) == 920
-    assert isinstance(mounting, Transform)
-    assert mounting.child_frame_id == "rplidar_link"
-    w, _, _, z = mounting.quat_wxyz
+    assert isinstance(extrinsics, Transform)
+    assert extrinsics.child_frame_id == "rplidar_link"
+    w, _, _, z = extrinsics.quat_wxyz
     assert 2 * math.atan2(z, w) == pytest.approx(math.pi / 2)
     stamps = [e.stamp_ns for e in events]
     assert stamps == sorted(stamps)
@@ -73,7 +73,7 @@ def test_the_nav2_log_is_read_completely(data_dir: Path) -> None:
     assert truth is not None
     assert len(truth) == 135
     with open_log(data_dir / "ros2" / "nav2_turtlebot.mcap") as log:
-        assert sum(isinstance(e, PoseFix) for e in log.events()) == 135
+        assert sum(isinstance(e, AbsolutePose) for e in log.events()) == 135
         assert {i.detail: i.count for i in log.streams if i.kind == "tf"} == {
             "base_link->left_wheel": 1862,
             "base_link->right_wheel": 1862,

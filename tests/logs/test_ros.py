@@ -13,6 +13,7 @@ from PIL import Image as Pillow
 
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -20,7 +21,6 @@ from gridslam.core.messages import (
     Image,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     Transform,
     WheelTicks,
@@ -223,8 +223,8 @@ def test_a_mounting_that_is_repeated_on_tf_counts_as_static_while_it_does_not_ch
     fixed = [("/tf", tf(transform(i * S, "base_link", "laser", (0.25, 0, 0)))) for i in range(1, 4)]
     path = write_mcap(tmp_path / "a.mcap", [*moving(scan(S), odometry(S)), *fixed])
     with open_log(path, kinds=["scan", "odom"]) as log:
-        (mounting,) = log.mountings
-        assert mounting.translation_m == (0.25, 0.0, 0.0)
+        (extrinsics,) = log.sensor_extrinsics
+        assert extrinsics.translation_m == (0.25, 0.0, 0.0)
         assert not log.problems
     shaking = ("/tf", tf(transform(9 * S, "base_link", "laser", (0.75, 0, 0))))
     path = write_mcap(tmp_path / "b.mcap", [*moving(scan(S), odometry(S)), *fixed, shaking])
@@ -474,7 +474,7 @@ def test_a_fix_keeps_the_planar_part_of_its_covariance(tmp_path: Path) -> None:
     message.pose.pose.orientation.w = 1.0
     message.pose.covariance = np.arange(36.0)
     (event,) = events(write_mcap(tmp_path / "a.mcap", [("/pose", message)]))
-    assert isinstance(event, PoseFix)
+    assert isinstance(event, AbsolutePose)
     # rows and columns 0, 1, 5 are [[0, 1, 5], [6, 7, 11], [30, 31, 35]], made symmetric
     assert event.covariance.tolist() == [[0, 3.5, 17.5], [3.5, 7, 21], [17.5, 21, 35]]
 
@@ -528,9 +528,9 @@ def test_foxglove_json_is_read(tmp_path: Path) -> None:
         ],
     )
     with open_log(path) as log:
-        mounting = {m.child_frame_id: m.translation_m for m in log.mountings}
+        extrinsics = {m.child_frame_id: m.translation_m for m in log.sensor_extrinsics}
         scan_event, pose_event, info, image = [e for e in log.events() if not isinstance(e, Transform)]
-    assert mounting == {"laser": (0.5, 0.0, 0.0), "cam": (0.0, 0.0, 0.0)}
+    assert extrinsics == {"laser": (0.5, 0.0, 0.0), "cam": (0.0, 0.0, 0.0)}
     assert isinstance(scan_event, LaserScan)
     assert (scan_event.angle_min_rad, scan_event.angle_increment_rad) == (-1.0, 1.0)
     assert scan_event.stamp_ns == S + 5

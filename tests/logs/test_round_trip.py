@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     DepthImage,
     Disparity,
@@ -22,7 +23,6 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
-    PoseFix,
     Range,
     TagInventory,
     Transform,
@@ -99,7 +99,7 @@ others = {
         )
     ),
     "fix": st.builds(
-        PoseFix,
+        AbsolutePose,
         stamps,
         st.just("map"),
         st.tuples(number, number, angle).map(lambda p: np.array(p)),
@@ -218,7 +218,7 @@ def test_a_standard_reader_understands_our_mcap(tmp_path: Path) -> None:
         Range(2_000_000_006, "ir_left", 0.25, 0.5, 0.125, 1.5),
         WheelTicks(2_100_000_007, "base_link", 1.25, -1.5),
         Imu(2_200_000_008, "imu", 0.75),
-        PoseFix(2_300_000_009, "map", np.array([1.0, 2.0, 0.5]), np.diag([0.1, 0.2, 0.3])),
+        AbsolutePose(2_300_000_009, "map", np.array([1.0, 2.0, 0.5]), np.diag([0.1, 0.2, 0.3])),
         Disparity(2_400_000_010, "cam", np.full((2, 3), 7.5, np.float32), 500.0, 0.25, "head"),
         DepthImage(2_500_000_011, "cam", np.full((2, 3), 1.5, np.float32), "head"),
     ]

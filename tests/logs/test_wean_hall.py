@@ -20,11 +20,11 @@ def test_centimetres_become_metres_and_the_sensor_sits_where_the_line_says(tmp_p
     path = tmp_path / "robotdata.log"
     path.write_text(TURNED)
     with open_log(path, kinds=["scan", "odom"]) as log:
-        mounting, first, second, scan = log.events()
+        extrinsics, first, second, scan = log.events()
         assert log.format == "Wean Hall text"
         assert log.counters["skipped.scan.unreadable_line"] == 1
         assert log.counters["skipped.odom.not_finite"] == 1
-    assert mounting.translation_m == (0.25, 0.0, 0.0)
+    assert extrinsics.translation_m == (0.25, 0.0, 0.0)
     assert isinstance(first, Odometry)
     assert (first.stamp_ns, first.x_m, first.y_m) == (500_000_000, 1.0, -2.0)
     assert first.yaw_rad == pytest.approx(7.0 - 2 * np.pi)

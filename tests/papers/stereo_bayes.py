@@ -7,10 +7,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gridslam.maps.correlation import fit_correlation
+from gridslam.maps.occupancy_correlation import fit_correlation
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.report.correlation import correlation_picture
-from gridslam.run_config import load_run_config
+from gridslam.report.run_length_plot import correlation_picture
+from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import load_world

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.kernels.shortest_tour import exact_tour, improved_tour
+from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
 from gridslam.planning.tour import plan_tour, tour_length, way_lengths
 from tests.reference.planning import shortest_tour_length
 

@@ -1,4 +1,4 @@
-"""The slow twins of `gridslam.kernels.object_weights`: one beam, one round, one point at a time, by shapely and by formula."""
+"""Reference implementations of `gridslam.kernels.object_weights`: one beam, one round, one point at a time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slow, obvious twins of what the explorer plans with."""
+"""Slow, obvious reference implementations of what the explorer plans with."""
 
 from __future__ import annotations
 

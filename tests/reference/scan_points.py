@@ -15,14 +15,14 @@ def scan_to_points(
     angle_increment_rad: float,
     range_min_m: float,
     range_max_m: float,
-    mounting: Floats,
+    extrinsics: Floats,
 ) -> tuple[Floats, Ints]:
     """The usable beams of a scan taken at one moment: points `(m, 2)` in the robot's frame, and the beams' indices `(m,)`."""
     keep = np.flatnonzero((ranges_m > range_min_m) & (ranges_m < range_max_m))
     angles, r = angle_min_rad + angle_increment_rad * keep, ranges_m[keep].astype(np.float64)
-    cos, sin = np.cos(mounting[2]), np.sin(mounting[2])
+    cos, sin = np.cos(extrinsics[2]), np.sin(extrinsics[2])
     x, y = r * np.cos(angles), r * np.sin(angles)
-    return np.stack([mounting[0] + cos * x - sin * y, mounting[1] + sin * x + cos * y], axis=1), keep
+    return np.stack([extrinsics[0] + cos * x - sin * y, extrinsics[1] + sin * x + cos * y], axis=1), keep
 
 
 def surface_normals(points: Floats, beams: Ints, viewpoint: Floats) -> Floats:

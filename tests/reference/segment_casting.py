@@ -1,4 +1,4 @@
-"""The slow twin of `gridslam.kernels.segments`: every ray against every shape, written for the eye."""
+"""The slow reference of `gridslam.kernels.segments`: every ray against every shape, written for the eye."""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import RunResult, Series, Table
-from gridslam.run import Run
-from gridslam.run_config import validate_run_config
-from gridslam.run_counts import merge_counts
+from gridslam.runs.run import Run
+from gridslam.runs.run_config import validate_run_config
+from gridslam.runs.run_counts import merge_counts
 from tests.dead_reckoning import register
 
 STAMPS = np.array([1_700_000_000_123_456_789, 1_700_000_000_223_456_788, 1_700_000_001_000_000_001], np.int64)

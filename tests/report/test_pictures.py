@@ -12,7 +12,7 @@ from PIL import Image
 from gridslam.maps.map_server import load_map
 from gridslam.methods.base import Picture
 from gridslam.report.write import write_run
-from gridslam.run import Run
+from gridslam.runs.run import Run
 
 
 def test_pictures_lie_beside_the_map_and_in_the_report(finished_run: Run, tmp_path: Path) -> None:

@@ -24,8 +24,8 @@ from gridslam.methods.particle_history import ParticleHistory
 from gridslam.report.viewer_log import object_markers
 from gridslam.report.viewer_messages import occupancy_grid, pose_array
 from gridslam.report.write import write_run
-from gridslam.run import Run, run_map
-from gridslam.run_config import validate_run_config
+from gridslam.runs.run import Run, run_map
+from gridslam.runs.run_config import validate_run_config
 from tests import dead_reckoning
 from tests.dead_reckoning import register
 

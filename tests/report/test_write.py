@@ -15,7 +15,7 @@ from gridslam.maps.map_server import load_map
 from gridslam.methods.base import RunResult
 from gridslam.report.run_yaml import command_again
 from gridslam.report.write import write_run
-from gridslam.run import Command, Run
+from gridslam.runs.run import Command, Run
 
 VOLATILE = {"report.json", "report.html"}
 

@@ -75,6 +75,6 @@ def test_expected_ranges_are_clipped_at_the_reach():
 
 def test_the_mounting_moves_the_rays():
     caster = range_caster(_room(), GEOMETRY)
-    mounting = np.array([0.5, 0.0, math.pi / 2])
-    ranges = caster.ranges(np.array([[3.0, 2.0, math.pi / 2]]), np.zeros(1), mounting, 10.0)
+    extrinsics = np.array([0.5, 0.0, math.pi / 2])
+    ranges = caster.ranges(np.array([[3.0, 2.0, math.pi / 2]]), np.zeros(1), extrinsics, 10.0)
     assert ranges[0, 0] == pytest.approx(2.95, abs=1e-5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import DepthImage, readonly
-from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_mounting
+from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsics
 from gridslam.sensors.fixed_camera import Pinhole
 
 ROWS, COLS, FOCAL = 60, 80, 70.0
@@ -46,12 +46,12 @@ def image_of(pinhole: Pinhole, wall_x: float, post: bool = False) -> DepthImage:
 def test_a_wall_is_where_a_lidar_would_see_it(pitch: float, yaw: float, y: float) -> None:
     pinhole = camera(pitch, yaw, (0.2, y, 0.6))
     scan = depth_scan(image_of(pinhole, wall_x=3.0), pinhole, BAND)
-    mounting = planar_mounting(pinhole).pose
-    assert mounting == pytest.approx([0.2, y, math.radians(yaw)])
+    extrinsics = planar_extrinsics(pinhole).pose
+    assert extrinsics == pytest.approx([0.2, y, math.radians(yaw)])
     angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
     known = np.isfinite(scan.ranges_m)
     assert known.mean() > 0.85
-    across = 0.2 + scan.ranges_m[known] * np.cos(angles[known] + mounting[2])
+    across = 0.2 + scan.ranges_m[known] * np.cos(angles[known] + extrinsics[2])
     # A beam takes the nearest of the columns within half a beam: at a slanted wall that is a little nearer.
     slack = 3.0 * scan.angle_increment_rad * math.tan(math.radians(yaw) + 0.55)
     assert across.max() < 3.0 + 0.5 * slack + 1e-3

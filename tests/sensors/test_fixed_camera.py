@@ -18,7 +18,7 @@ pytest.importorskip("embreex", reason="cameras need the extra sim")
 
 CAMERA: dict[str, Any] = {
     "name": "eye", "kind": "rgbd", "rate_hz": 2.0, "width_px": 160, "height_px": 120, "focal_px": 110.0, "depth_max_m": 10,
-    "mounting": {"x": 0.2, "y": 2.5, "z": 2.4, "pitch_deg": 28}, "noise_levels": 1.0, "depth_noise_per_m2": 0.0015,
+    "extrinsics": {"x": 0.2, "y": 2.5, "z": 2.4, "pitch_deg": 28}, "noise_levels": 1.0, "depth_noise_per_m2": 0.0015,
 }  # fmt: skip
 SETTINGS = CameraSettings(
     history=200, threshold=16.0, opening_px=3, closing_px=5, warm_up=5, low_m=0.1, high_m=2.2, stride_px=1,
@@ -34,7 +34,7 @@ def filmed(
     seconds: float, turned: Mapping[str, float] | None = None, **changes: Any
 ) -> tuple[FixedCamera, Frames]:
     """The camera, untaught, and its frames in a room of 8 x 5 m in which only the given people move."""
-    moved = {**CAMERA, "mounting": {**CAMERA["mounting"], **(turned or {})}}
+    moved = {**CAMERA, "extrinsics": {**CAMERA["extrinsics"], **(turned or {})}}
     world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e9}, **changes)
     simulator = Simulator(world, Path())
     mount = next(m for m in simulator.mounts() if isinstance(m, Transform) and m.frame_id == "map")

@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 
 from gridslam.sensors.infrared import InfraredScan, RangeNoise, reliability, reliable_ends, spacing_m
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
-FRONT = Mounting(np.array([0.1, 0.0, 0.0]))
+FRONT = LidarExtrinsics(np.array([0.1, 0.0, 0.0]))
 
 
 def scan(
-    ranges: list[float], sensor: list[int] | None = None, mountings: tuple[Mounting, ...] = (FRONT,)
+    ranges: list[float],
+    sensor: list[int] | None = None,
+    sensor_extrinsics: tuple[LidarExtrinsics, ...] = (FRONT,),
 ) -> InfraredScan:
     n = len(ranges)
     return InfraredScan(
         0,
-        tuple(f"ir{k}" for k in range(len(mountings))),
-        mountings,
+        tuple(f"ir{k}" for k in range(len(sensor_extrinsics))),
+        sensor_extrinsics,
         np.array(sensor or [0] * n, np.int64),
         np.radians(np.arange(n, dtype=np.float64)),
         np.array(ranges, np.float64),
@@ -58,13 +60,13 @@ def test_sensors_are_no_neighbours_of_each_other() -> None:
 
 
 def test_end_points_take_the_lever_arm_the_servo_and_an_upside_down_sensor_into_account() -> None:
-    left = Mounting(np.array([0.0, 0.08, math.pi / 2]))
-    flipped = Mounting(np.array([0.0, 0.0, 0.0]), flipped=True)
+    left = LidarExtrinsics(np.array([0.0, 0.08, math.pi / 2]))
+    flipped = LidarExtrinsics(np.array([0.0, 0.0, 0.0]), flipped=True)
     seen = scan([1.0, 1.0, 1.0], [0, 1, 2], (FRONT, left, flipped))
     seen = InfraredScan(
         0,
         seen.names,
-        seen.mountings,
+        seen.sensor_extrinsics,
         seen.sensor,
         np.full(3, math.pi / 6),
         *(seen.range_m, seen.range_min_m, seen.range_max_m),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gridslam.core.messages import LaserScan, Transform, readonly
-from gridslam.sensors.lidar_beams import Mounting, beams_of, mounting_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 
 def _scan(ranges, range_max=10.0, angle_min=0.0, increment=math.pi / 2):
@@ -13,41 +13,45 @@ def _scan(ranges, range_max=10.0, angle_min=0.0, increment=math.pi / 2):
 
 
 def test_nan_negative_and_short_readings_are_left_out_and_counted():
-    beams = beams_of(_scan([1.0, np.nan, -1.0, 0.1, 2.0]), Mounting(np.zeros(3)), 0.0, 50.0)
+    beams = beams_of(_scan([1.0, np.nan, -1.0, 0.1, 2.0]), LidarExtrinsics(np.zeros(3)), 0.0, 50.0)
     assert beams.unreadable == 3
     np.testing.assert_allclose(beams.ranges, [1.0, 2.0])
 
 
 def test_infinities_and_readings_at_the_reach_are_beams_without_return():
-    beams = beams_of(_scan([1.0, np.inf, 10.0, 12.0]), Mounting(np.zeros(3)), 0.0, 50.0)
+    beams = beams_of(_scan([1.0, np.inf, 10.0, 12.0]), LidarExtrinsics(np.zeros(3)), 0.0, 50.0)
     assert beams.returned.tolist() == [True, False, False, False]
     np.testing.assert_allclose(beams.ranges, [1.0, 10.0, 10.0, 10.0])
     assert len(beams.points) == 1
-    assert beams_of(_scan([1.0, 6.0]), Mounting(np.zeros(3)), 0.0, 5.0).reach_m == 5.0
+    assert beams_of(_scan([1.0, 6.0]), LidarExtrinsics(np.zeros(3)), 0.0, 5.0).reach_m == 5.0
 
 
 def test_points_are_in_the_robots_frame():
-    beams = beams_of(_scan([1.0, 2.0]), Mounting(np.array([0.5, 0.25, math.pi / 2])), 0.0, 50.0)
+    beams = beams_of(_scan([1.0, 2.0]), LidarExtrinsics(np.array([0.5, 0.25, math.pi / 2])), 0.0, 50.0)
     np.testing.assert_allclose(beams.points, [[0.5, 1.25], [-1.5, 0.25]], atol=1e-9)
 
 
 def test_a_lidar_that_hangs_upside_down_turns_the_other_way():
     # Half a turn about the forward axis: the beam to the sensor's left points to the robot's right.
-    mounting = mounting_of(Transform(0, "base_link", "laser", (0.3, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), True))
-    assert mounting.flipped
-    beams = beams_of(_scan([1.0, 2.0]), mounting, 0.0, 50.0)
+    extrinsics = extrinsics_of(
+        Transform(0, "base_link", "laser", (0.3, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), True)
+    )
+    assert extrinsics.flipped
+    beams = beams_of(_scan([1.0, 2.0]), extrinsics, 0.0, 50.0)
     np.testing.assert_allclose(beams.points, [[1.3, 0.0], [0.3, -2.0]], atol=1e-6)
 
 
 def test_upside_down_about_the_sideways_axis_faces_backwards():
-    mounting = mounting_of(Transform(0, "base_link", "laser", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), True))
-    beams = beams_of(_scan([1.0, 2.0]), mounting, 0.0, 50.0)
+    extrinsics = extrinsics_of(
+        Transform(0, "base_link", "laser", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), True)
+    )
+    beams = beams_of(_scan([1.0, 2.0]), extrinsics, 0.0, 50.0)
     np.testing.assert_allclose(beams.points, [[-1.0, 0.0], [0.0, 2.0]], atol=1e-6)
 
 
 def test_thinned_beams_keep_their_points():
     ranges = np.where(np.arange(100) % 3 == 0, np.inf, 1.0 + 0.01 * np.arange(100))
-    beams = beams_of(_scan(ranges, increment=0.01), Mounting(np.zeros(3)), 0.0, 50.0)
+    beams = beams_of(_scan(ranges, increment=0.01), LidarExtrinsics(np.zeros(3)), 0.0, 50.0)
     few = beams.thinned(17)
     assert len(few.ranges) == 17
     assert few.returned.sum() == len(few.points)

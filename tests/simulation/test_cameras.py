@@ -16,7 +16,7 @@ pytest.importorskip("embreex", reason="cameras need the extra sim")
 
 EXACT: dict[str, Any] = {
     "name": "cam", "kind": "rgbd", "rate_hz": 100.0, "width_px": 96, "height_px": 64, "focal_px": 70.0,
-    "mounting": {"x": 0.1, "y": 0.05, "z": 0.7, "yaw_deg": 20, "pitch_deg": 15}, "depth_noise_m": 0, "depth_noise_per_m2": 0,
+    "extrinsics": {"x": 0.1, "y": 0.05, "z": 0.7, "yaw_deg": 20, "pitch_deg": 15}, "depth_noise_m": 0, "depth_noise_per_m2": 0,
     "depth_resolution_m": 0, "holes": 0, "grazing_deg": 90, "edge_shadow": False, "depth_max_m": 50, "depth_min_m": 0.01,
 }  # fmt: skip
 
@@ -56,7 +56,7 @@ def test_every_depth_pixel_lies_on_a_surface_by_calibration_and_mounting() -> No
 
 
 def test_depth_noise_grows_with_the_square_of_the_range() -> None:
-    level = {"mounting": {"z": 1.0}}
+    level = {"extrinsics": {"z": 1.0}}
     exact = first(recorded(room(sensors=camera(**level)), 1), DepthImage).depth_m.astype(float)
     noisy = {**level, "depth_noise_m": 0.003, "depth_noise_per_m2": 0.002, "depth_offset_m": 0.04}
     events = recorded(room(sensors=camera(**noisy)), 40)
@@ -88,7 +88,7 @@ def test_there_is_no_depth_outside_the_range_at_grazing_angles_and_in_the_shadow
 def test_the_right_picture_of_a_wall_is_the_left_one_shifted_by_the_disparity() -> None:
     stereo = {
         "name": "stereo", "kind": "stereo", "rate_hz": 100.0, "width_px": 128, "height_px": 64, "focal_px": 200.0,
-        "mounting": {"z": 1.2}, "baseline_m": 0.25, "noise_levels": 0.0,
+        "extrinsics": {"z": 1.2}, "baseline_m": 0.25, "noise_levels": 0.0,
     }  # fmt: skip
     world = room(
         sensors={"cameras": [stereo], "odometry": None}
@@ -115,7 +115,7 @@ def test_pixel_noise_is_that_of_the_world_file() -> None:
 
 
 def test_a_fixed_camera_sees_people_and_the_robot() -> None:
-    fixed = {**EXACT, "mounting": {"x": 0.1, "y": 2.0, "z": 2.2, "pitch_deg": 30}}
+    fixed = {**EXACT, "extrinsics": {"x": 0.1, "y": 2.0, "z": 2.2, "pitch_deg": 30}}
     person = {"path": [[3, 3.2], [3, 3.3]], "starts_at_s": 100.0}
 
     def depth(**changes: Any) -> np.ndarray:

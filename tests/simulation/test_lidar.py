@@ -40,7 +40,7 @@ def test_without_noise_every_range_of_a_moving_robot_among_furniture_is_the_anal
         "sweep_s": 0.08,
         "rate_hz": 10.0,
         "beams": 60,
-        "mounting": {"x": 0.2, "yaw_deg": 10},
+        "extrinsics": {"x": 0.2, "yaw_deg": 10},
     }
     world = room(
         sensors={"lidar": lidar},

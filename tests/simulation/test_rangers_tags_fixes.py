@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gridslam.core.messages import PoseFix, Range, TagInventory
+from gridslam.core.messages import AbsolutePose, Range, TagInventory
 from gridslam.core.random import random_stream
 from gridslam.simulation.infrared import read_ranges
 from gridslam.simulation.scene import Scene
@@ -118,9 +118,9 @@ def test_missed_and_stray_reads_have_the_shares_of_the_world_file() -> None:
     assert rounds(1.0, 180.0, stray=0.05) == pytest.approx(0.05, abs=4 * sqrt(0.05 / 3000))
 
 
-def fixes(count: int, **settings: Any) -> tuple[np.ndarray, list[PoseFix]]:
+def fixes(count: int, **settings: Any) -> tuple[np.ndarray, list[AbsolutePose]]:
     world = room(sensors={"fixes": {"rate_hz": 100.0, "delay_s": 0.0, **settings}, "odometry": None})
-    found = [event for event in recorded(world, count) if isinstance(event, PoseFix)]
+    found = [event for event in recorded(world, count) if isinstance(event, AbsolutePose)]
     return np.array([fix.pose for fix in found]) - [3.0, 2.0, 0.0], found
 
 

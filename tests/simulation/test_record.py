@@ -57,7 +57,7 @@ def test_a_log_and_its_truth_are_readable(world_file: Path, tmp_path: Path, name
     done = record_world(world, path.parent, tmp_path / name)
     with open_log(tmp_path / name) as log:
         kinds = [type(event).__name__ for event in log.events()]
-    assert {"LaserScan", "Odometry", "Imu", "WheelTicks", "TagInventory", "PoseFix"} <= set(kinds)
+    assert {"LaserScan", "Odometry", "Imu", "WheelTicks", "TagInventory", "AbsolutePose"} <= set(kinds)
     assert kinds.count("LaserScan") == done.messages["LaserScan"]
     truth = read_trajectory(tmp_path / "log.truth" / "trajectory.tum")
     assert truth.poses[0] == pytest.approx([1, 1, 0])
@@ -118,7 +118,7 @@ def test_a_standard_reader_opens_the_log(world_file: Path, tmp_path: Path) -> No
             names[schema.name] = names.get(schema.name, 0) + 1
     assert names["sensor_msgs/msg/LaserScan"] == done.messages["LaserScan"]
     assert names["gridslam_msgs/msg/TagInventory"] == done.messages["TagInventory"]
-    assert names["geometry_msgs/msg/PoseWithCovarianceStamped"] == done.messages["PoseFix"]
+    assert names["geometry_msgs/msg/PoseWithCovarianceStamped"] == done.messages["AbsolutePose"]
 
 
 def test_the_truth_in_the_log_is_not_shown_to_methods(world_file: Path, tmp_path: Path) -> None:

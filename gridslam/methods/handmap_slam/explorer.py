@@ -31,7 +31,7 @@ from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
 from gridslam.methods.handmap_slam.pursuit import Command, Pursuit
 from gridslam.methods.handmap_slam.seen_scans import ScanMemory, SeenScan, seen_scan
 from gridslam.planning.dwa import Drive
-from gridslam.sensors.lidar_beams import Mounting, mounting_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class Explorer:
         self._rng = random_stream(seed, "handmap-slam.exploration")
         self._odometry: deque[tuple[int, Floats]] = deque(maxlen=ODOMETRY_KEPT)
         self._speeds = (0.0, 0.0)
-        self._mountings: dict[str, Mounting] = {}
+        self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._waiting: list[SeenScan] = []
         self._memory = ScanMemory(config.path)
         self._pursuit = Pursuit(config, drive)
@@ -94,19 +94,19 @@ class Explorer:
         return self._pursuit.recoveries
 
     def see(self, event: object) -> None:
-        """Take in odometry, scans and mountings, as they come."""
+        """Take in odometry, scans and sensor_extrinsics, as they come."""
         if isinstance(event, Odometry):
             self._odometry.append((event.stamp_ns, event.pose))
             half = 0.5 * event.wz_radps * self._drive.base_m
             if np.isfinite(event.vx_mps) and np.isfinite(half):
                 self._speeds = (event.vx_mps - half, event.vx_mps + half)
         elif isinstance(event, LaserScan) and self._odometry:
-            mounting = self._mountings.get(event.frame_id, Mounting(np.zeros(3)))
-            scan = seen_scan(event, mounting, self._twist_at(event.stamp_ns), self._config.path.sight_m)
+            extrinsics = self._sensor_extrinsics.get(event.frame_id, LidarExtrinsics(np.zeros(3)))
+            scan = seen_scan(event, extrinsics, self._twist_at(event.stamp_ns), self._config.path.sight_m)
             self._waiting.append(scan)
             self._pursuit.see(self._odometry_at(scan.stamp_ns), scan)
         elif isinstance(event, Transform) and event.is_static:
-            self._mountings[event.child_frame_id] = mounting_of(event)
+            self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
     def command(self, estimate: Estimate | None, pose: DrawingPose | None) -> Command:
         """Wheel speeds for the next moment, from the estimator's last pose in the metric map and in the drawing."""

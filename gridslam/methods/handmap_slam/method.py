@@ -33,7 +33,7 @@ from gridslam.methods.handmap_slam.outcome import (
 )
 from gridslam.methods.handmap_slam.seen_scans import seen_scan
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
-from gridslam.sensors.lidar_beams import Mounting, mounting_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class HandmapSlam:
             likelihood = DrawnLikelihood(self.drawn, local.sigma_m, local.random_share)
             self._line_front_end = LineFrontEnd(config, observer, likelihood)
         self._front_end = self._line_front_end or surface_front_end(config)
-        self._mountings: dict[str, Mounting] = {}
+        self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._last: PlacedScan | None = None
         self._stamps: list[int] = []
         self._track: list[Floats] = []
@@ -91,7 +91,7 @@ class HandmapSlam:
         return self._tracker.pose
 
     def process(self, event: Event) -> None:
-        """Take in mounting, odometry and scans; a scan is worked on when odometry has reached its stamp."""
+        """Take in extrinsics, odometry and scans; a scan is worked on when odometry has reached its stamp."""
         if isinstance(event, Odometry):
             for placed in self._placing.add_odometry(event):
                 self._take(placed)
@@ -99,7 +99,7 @@ class HandmapSlam:
             for placed in self._placing.add_scan(event):
                 self._take(placed)
         elif isinstance(event, Transform) and event.is_static:
-            self._mountings[event.child_frame_id] = mounting_of(event)
+            self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
     def result(self) -> RunResult:
         """Close the loops, draw the map, and tell what became of the drawing."""
@@ -156,10 +156,10 @@ class HandmapSlam:
     def _prepare(self, placed: PlacedScan) -> tuple[PreparedScan, Floats]:
         """The scan's points and where its beams end, the motion during its sweep undone by the odometry since the scan before."""
         scan, twist = placed.scan, twist_between(self._last, placed)
-        mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
-        prepared = prepare_scan(scan, mounting, twist, self._config.scan)
+        extrinsics = self._sensor_extrinsics.get(scan.frame_id, LidarExtrinsics(np.zeros(3)))
+        prepared = prepare_scan(scan, extrinsics, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
-        return prepared, seen_scan(scan, mounting, twist, self._config.scan.max_range_m).ends
+        return prepared, seen_scan(scan, extrinsics, twist, self._config.scan.max_range_m).ends
 
     def _is_key(self) -> bool:
         if not self._keys:

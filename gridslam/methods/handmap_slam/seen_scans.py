@@ -19,7 +19,7 @@ from gridslam.kernels.sight_lines import pass_beams
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
 from gridslam.methods.handmap_slam.planning_config import PathConfig
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -45,7 +45,7 @@ class SeenScan:
         return np.asarray(self.ends[self.is_hit])
 
 
-def seen_scan(scan: LaserScan, mounting: Mounting, twist: Floats, reach_m: float) -> SeenScan:
+def seen_scan(scan: LaserScan, extrinsics: LidarExtrinsics, twist: Floats, reach_m: float) -> SeenScan:
     """The beams of a scan, cut at a reach; `twist` (vx, vy, wz) `(3,)` undoes the motion during the sweep.
 
     A beam that met something farther away passes all of the reach, and so does one without return if its neighbours have none
@@ -57,18 +57,18 @@ def seen_scan(scan: LaserScan, mounting: Mounting, twist: Floats, reach_m: float
         returned = ranges < limit
         usable = np.where(ranges >= limit, limit, ranges).astype(np.float32)
         usable[_lost(~(ranges < scan.range_max_m) & ~np.isnan(ranges))] = np.nan
-    sign = -1.0 if mounting.flipped else 1.0
+    sign = -1.0 if extrinsics.flipped else 1.0
     ends, beams = scan_to_points(
         usable,
         sign * scan.angle_min_rad,
         sign * scan.angle_increment_rad,
         scan.range_min_m,
         2.0 * limit,
-        mounting.pose,
+        extrinsics.pose,
         twist,
         scan.time_increment_s,
     )
-    origin = np.ascontiguousarray(mounting.pose[:2])
+    origin = np.ascontiguousarray(extrinsics.pose[:2])
     return SeenScan(scan.stamp_ns, origin, np.asarray(ends), np.asarray(returned[beams]))
 
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
-from gridslam.core.messages import Event, Imu, Odometry, PoseFix, Range, Transform, WheelTicks
+from gridslam.core.messages import AbsolutePose, Event, Imu, Odometry, Range, Transform, WheelTicks
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.matching import Match
 from gridslam.methods.ir_scan.stops import Factor, Place
 from gridslam.motion.wheel_gyro import MotionLimits, WheelGyro, WheelGyroNoise
 from gridslam.sensors.infrared import InfraredScan, reliability, reliable_ends
 from gridslam.sensors.infrared_sweeps import OpenedScan, SweepAssembler, SweepLimits
-from gridslam.sensors.lidar_beams import mounting_of
+from gridslam.sensors.lidar_beams import extrinsics_of
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Tracker:
             Range: self._take_range,
             Odometry: self._take_odometry,
             WheelTicks: self._take_wheels,
-            PoseFix: self._take_fix,
+            AbsolutePose: self._take_fix,
             Transform: self._take_transform,
         }
         if config.motion.use_gyro:
@@ -81,7 +81,7 @@ class Tracker:
 
     def _take_transform(self, event: Transform) -> None:
         if event.is_static:
-            self._sweeps.mountings[event.child_frame_id] = mounting_of(event)
+            self._sweeps.sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
     def finish(self) -> Place | None:
         """The place of the scan that is still open at the end of the log."""
@@ -153,7 +153,7 @@ class Tracker:
                 "stood; choose these streams under log.topics"
             )
 
-    def _take_fix(self, event: PoseFix) -> Place | None:
+    def _take_fix(self, event: AbsolutePose) -> Place | None:
         """A pose from outside corrects the last place through the motion since; without odometry it is the pose."""
         if not (np.isfinite(event.pose).all() and np.isfinite(event.covariance).all()):
             self.counters["skipped.fix.not_finite"] += 1

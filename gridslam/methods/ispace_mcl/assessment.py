@@ -64,7 +64,7 @@ class Watch:
         bearings, ranges = beams.bearings[beams.returned], beams.ranges[beams.returned]
         aside = np.arctan2(sight.slack_m, ranges)
         around = np.concatenate([bearings, bearings + aside, bearings - aside])
-        expected = sight.caster.ranges(pose[None], around, beams.mounting, beams.reach_m)[0].reshape(3, -1)
+        expected = sight.caster.ranges(pose[None], around, beams.extrinsics, beams.reach_m)[0].reshape(3, -1)
         at_wall = distances < config.tolerance_m
         blocked = (expected < ranges - sight.tolerance_m).all(axis=0)
         in_the_open = ~at_wall & (ranges < expected[0] - sight.tolerance_m)

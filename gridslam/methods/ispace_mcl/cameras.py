@@ -32,7 +32,7 @@ class Cameras:
         self._floor = floor  # centres (k, 2) of the floor cells on which the robot may be
         self._settings = CameraSettings(**config.model_dump(include=set(_SETTINGS)))
         self._infos: dict[str, CameraInfo] = {}
-        self._mountings: dict[str, Transform] = {}
+        self._sensor_extrinsics: dict[str, Transform] = {}
         self._images: dict[str, Image] = {}
         self._depths: dict[str, DepthImage] = {}
         self._waiting: dict[str, tuple[int, Sighting]] = {}
@@ -52,10 +52,10 @@ class Cameras:
         self.counters["used.camera_info"] += 1
         self._infos.setdefault(info.frame_id, info)
 
-    def add_mounting(self, mounting: Transform) -> None:
+    def add_extrinsics(self, extrinsics: Transform) -> None:
         """Take in where a sensor is fixed; those on the robot do not count."""
-        if mounting.frame_id == self._config.frame:
-            self._mountings[mounting.child_frame_id] = mounting
+        if extrinsics.frame_id == self._config.frame:
+            self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
 
     def add_image(self, image: Image) -> None:
         """Take in a colour image."""
@@ -192,9 +192,9 @@ class Cameras:
         if name not in self.fixed:
             if name not in self._infos:
                 return "no_calibration"
-            if name not in self._mountings:
+            if name not in self._sensor_extrinsics:
                 return "not_fixed"
-            pinhole = Pinhole.of(self._infos[name], self._mountings[name])
+            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name])
             self.fixed[name] = FixedCamera(pinhole, self._settings, self._floor)
         known = self.fixed[name].depth.depth_m
         if known is not None and known.shape != depth.depth_m.shape:

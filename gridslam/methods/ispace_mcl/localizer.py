@@ -122,7 +122,7 @@ class Localizer:
         travel = float(np.hypot(step[0], step[1]))
         with self.stopwatch.stage("propagate"):
             self._predict(step, broken)
-        self._window.add(odometry, beams.mounting[:2], beams.points)
+        self._window.add(odometry, beams.extrinsics[:2], beams.points)
         self._since_search += travel
         if not self._is_started:
             with self.stopwatch.stage("search"):

@@ -22,7 +22,7 @@ from gridslam.methods.ispace_mcl.onboard_depth import OnboardDepth
 from gridslam.methods.ispace_mcl.pictures import coverage_picture
 from gridslam.methods.ispace_mcl.record import Record
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
-from gridslam.sensors.lidar_beams import Mounting, beams_of, mounting_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class IspaceMcl:
         self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
         motion = config.motion
         self._scans = ScanPoses(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
-        self._mountings: dict[str, Mounting] = {}
+        self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._depth = OnboardDepth(config.scan.depth, config.cameras.frame)
         free = free_cells(occupancy, config.free_below)
         self._cameras = Cameras(config.cameras, floor_cells(free, occupancy, config.cameras.cell_m))
@@ -67,9 +67,9 @@ class IspaceMcl:
                 self._take(placed)
         elif isinstance(event, Transform):
             if event.is_static:
-                self._mountings[event.child_frame_id] = mounting_of(event)
-                self._cameras.add_mounting(event)
-                self._depth.add_mounting(event)
+                self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
+                self._cameras.add_extrinsics(event)
+                self._depth.add_extrinsics(event)
         elif isinstance(event, DepthImage) and self._depth.takes(event.frame_id):
             for scan in self._depth.add(event):
                 self._take_scan(scan)
@@ -158,8 +158,10 @@ class IspaceMcl:
     def _weigh(self, placed: PlacedScan) -> None:
         config = self._config.scan
         frame = placed.scan.frame_id
-        mounting = self._depth.mountings.get(frame) or self._mountings.get(frame, Mounting(np.zeros(3)))
-        beams = beams_of(placed.scan, mounting, config.min_range_m, config.max_range_m)
+        extrinsics = self._depth.sensor_extrinsics.get(frame) or self._sensor_extrinsics.get(
+            frame, LidarExtrinsics(np.zeros(3))
+        )
+        beams = beams_of(placed.scan, extrinsics, config.min_range_m, config.max_range_m)
         self._counters["beams.unreadable"] += beams.unreadable
         last = placed.odometry if self._updated_at is None else self._updated_at
         step = se2.between(last, placed.odometry)

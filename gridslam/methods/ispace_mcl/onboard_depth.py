@@ -9,9 +9,9 @@ import numpy as np
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import CameraInfo, DepthImage, LaserScan, Transform
 from gridslam.methods.ispace_mcl.config import DepthRangesConfig
-from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_mounting, ranges_frame
+from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsics, ranges_frame
 from gridslam.sensors.fixed_camera import Pinhole
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 
 class OnboardDepth:
@@ -30,10 +30,10 @@ class OnboardDepth:
         self._first_ns: int | None = None
         self._camera: str | None = None
         self._has_lidar = False
-        self.mountings: dict[str, Mounting] = {}
+        self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self.counters: Counter[str] = Counter()
 
-    def add_mounting(self, transform: Transform) -> None:
+    def add_extrinsics(self, transform: Transform) -> None:
         """Take in where a sensor is mounted."""
         self._transforms[transform.child_frame_id] = transform
 
@@ -75,7 +75,7 @@ class OnboardDepth:
         reasons = ", ".join(f"{n} x {name.rpartition('.')[2]}" for name, n in sorted(self.counters.items()))
         raise MethodError(
             f"the log has neither a scan nor a usable depth image of a camera on the robot ({reasons}): there are no ranges to "
-            "localize by; give the camera a calibration and a mounting on the robot's frame (log.mounting)"
+            "localize by; give the camera a calibration and a extrinsics on the robot's frame (log.extrinsics)"
         )
 
     def _scan(self, depth: DepthImage) -> LaserScan | None:
@@ -88,7 +88,7 @@ class OnboardDepth:
             return None
         self._camera = name
         pinhole = Pinhole.of(self._infos[name], self._transforms[name])
-        self.mountings[ranges_frame(name)] = planar_mounting(pinhole)
+        self.sensor_extrinsics[ranges_frame(name)] = planar_extrinsics(pinhole)
         scan = depth_scan(depth, pinhole, self._band)
         if np.isnan(scan.ranges_m).all():
             self.counters["skipped.depth.nothing_in_height_band"] += 1

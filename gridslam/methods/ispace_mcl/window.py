@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.correlation import correlate, field_pyramid
+from gridslam.kernels.correlative_matching import correlate, field_pyramid
 from gridslam.methods.ispace_mcl.config import SearchConfig
 from gridslam.sensors.sight import Segments
 

@@ -28,7 +28,7 @@ from gridslam.methods.slam_sd.landmarks import landmark_edges
 from gridslam.methods.slam_sd.object_layer import ObjectLayer, with_objects
 from gridslam.methods.slam_sd.particles import ParticleMaps
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
-from gridslam.sensors.lidar_beams import Mounting, mounting_of
+from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class SlamSd:
         )
         self._front_end = FrontEnd(config.front_end, config.odometry, config.memory_limit_mb)
         self._particles = ParticleMaps(config, random_stream(seed, "slam-sd.filter"))
-        self._mountings: dict[str, Mounting] = {}
+        self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._last: PlacedScan | None = None
         self._stamps: list[int] = []
         self._track: list[Floats] = []
@@ -71,7 +71,7 @@ class SlamSd:
         return Estimate(self._stamps[self._keys[-1]], poses[self._particles.best], poses)
 
     def process(self, event: Event) -> None:
-        """Take in mounting, odometry and scans; a scan is worked on when odometry has reached its stamp."""
+        """Take in extrinsics, odometry and scans; a scan is worked on when odometry has reached its stamp."""
         if isinstance(event, Odometry):
             for placed in self._placing.add_odometry(event):
                 self._take(placed)
@@ -84,7 +84,7 @@ class SlamSd:
             else:
                 self._objects.add_round(event)
         elif isinstance(event, Transform) and event.is_static:
-            self._mountings[event.child_frame_id] = mounting_of(event)
+            self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
     def result(self) -> RunResult:
         """Close the loops (if the final stage is enabled), draw the map, and give every scan its pose."""
@@ -164,7 +164,7 @@ class SlamSd:
             self._track.append(self._front_end.pose.copy())
             self._last = placed
             if self._objects is not None:
-                self._objects.place_rounds(self._stamps, self._track, self._mountings)
+                self._objects.place_rounds(self._stamps, self._track, self._sensor_extrinsics)
             is_key = self._is_key()
             if is_key:
                 self._front_end.add_key_scan(scan)
@@ -182,8 +182,8 @@ class SlamSd:
     def _prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, the motion during its sweep undone by the odometry since the scan before."""
         scan, twist = placed.scan, twist_between(self._last, placed)
-        mounting = self._mountings.get(scan.frame_id, Mounting(np.zeros(3)))
-        prepared = prepare_scan(scan, mounting, twist, self._config.scan)
+        extrinsics = self._sensor_extrinsics.get(scan.frame_id, LidarExtrinsics(np.zeros(3)))
+        prepared = prepare_scan(scan, extrinsics, twist, self._config.scan)
         self._counters["scan.empty"] += not len(prepared.points)
         return prepared
 

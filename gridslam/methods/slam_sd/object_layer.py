@@ -27,7 +27,7 @@ from gridslam.methods.slam_sd.object_tables import history_table, objects_table,
 from gridslam.methods.slam_sd.objects import ObjectTracker
 from gridslam.methods.slam_sd.stays import Stay, TrackedObject
 from gridslam.methods.slam_sd.things import things_of
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -71,21 +71,21 @@ class ObjectLayer:
         self._waiting.append(event)
 
     def place_rounds(
-        self, stamps: Sequence[int], track: Sequence[Floats], mountings: Mapping[str, Mounting]
+        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
     ) -> None:
         """Give the waiting rounds up to the last scan their antennas' poses, between the scans before and after."""
         due = [event for event in self._waiting if event.stamp_ns <= stamps[-1]]
         self._waiting = [event for event in self._waiting if event.stamp_ns > stamps[-1]]
         for event in due:
-            mounting = mountings.get(event.frame_id)
+            extrinsics = sensor_extrinsics.get(event.frame_id)
             pose = _pose_at(event.stamp_ns, stamps, track)
-            if mounting is None:
+            if extrinsics is None:
                 self._counters["skipped.tags.no_mounting"] += 1
             elif pose is None:
                 self._counters["skipped.tags.no_scan"] += 1
             else:
                 self._counters["used.tags"] += 1
-                antenna = se2.compose(pose, mounting.pose)
+                antenna = se2.compose(pose, extrinsics.pose)
                 self._tracker.add_round(SeenRound(event.stamp_ns, antenna, event.tag_ids))
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:

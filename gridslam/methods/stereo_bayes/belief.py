@@ -12,8 +12,8 @@ from gridslam.kernels.stereo_update import tell_cells, told_across
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.correlation import CorrelationEstimate
 from gridslam.methods.stereo_bayes.rays import Rays, range_edges
+from gridslam.methods.stereo_bayes.running_correlation import CorrelationEstimate
 from gridslam.methods.stereo_bayes.seen import seen_cells
 from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, reach_in_cells, window
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods

@@ -28,7 +28,7 @@ class Frame:
 
 
 class Frames:
-    """Collects calibrations and mountings; makes frames of pairs and disparity images.
+    """Collects calibrations and sensor_extrinsics; makes frames of pairs and disparity images.
 
     Counters: used.stereo, used.disparity and skipped.<kind>.<reason>.
     """
@@ -39,7 +39,7 @@ class Frames:
         self._matcher = Matcher(d.matcher, d.disparities, d.block_px, d.uniqueness, d.speckle_px)
         self._left: dict[str, CameraInfo] = {}  # by frame
         self._right: dict[str, CameraInfo] = {}
-        self._mountings: dict[str, Transform] = {}
+        self._sensor_extrinsics: dict[str, Transform] = {}
         self._heads: dict[str, StereoHead] = {}
         self._odometry: dict[str, VisualOdometry] = {}
         self.counters: Counter[str] = Counter()
@@ -50,9 +50,9 @@ class Frames:
         side.setdefault(info.frame_id, info)
         self.counters["used.camera_info"] += 1
 
-    def add_mounting(self, mounting: Transform) -> None:
+    def add_extrinsics(self, extrinsics: Transform) -> None:
         """Take in where a camera is mounted."""
-        self._mountings[mounting.child_frame_id] = mounting
+        self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
 
     def of_pair(self, pair: StereoPair, with_motion: bool) -> Frame | None:
         """A frame of two images, None where it cannot be used."""
@@ -106,9 +106,9 @@ class Frames:
     def _add_head(
         self, frame: str, focal_px: float, centre_px: tuple[float, float], baseline_m: float
     ) -> None:
-        mounting = self._mountings.get(frame)
-        quat = (0.5, -0.5, 0.5, -0.5) if mounting is None else mounting.quat_wxyz
-        position = (0.0, 0.0, 0.0) if mounting is None else mounting.translation_m
+        extrinsics = self._sensor_extrinsics.get(frame)
+        quat = (0.5, -0.5, 0.5, -0.5) if extrinsics is None else extrinsics.quat_wxyz
+        position = (0.0, 0.0, 0.0) if extrinsics is None else extrinsics.translation_m
         head = StereoHead.mounted(focal_px, centre_px, baseline_m, quat, position)
         if not head.looks_along_the_ground:
             # A frame that was mounted as x forward, y left, z up though its images are optical: facing forward is what was meant.

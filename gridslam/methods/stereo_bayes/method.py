@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import (
+    AbsolutePose,
     CameraInfo,
     Disparity,
     Event,
     Odometry,
-    PoseFix,
     StereoPair,
     Transform,
 )
@@ -26,7 +26,7 @@ from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.frames import Frame, Frames
 from gridslam.methods.stereo_bayes.pose import RobotPose
 from gridslam.methods.stereo_bayes.rays import RayReader
-from gridslam.motion.pose_fix_filter import PoseBelief
+from gridslam.motion.absolute_pose_filter import PoseBelief
 from gridslam.planning.obstacles import ObstacleRegion, obstacle_regions
 
 Floats = NDArray[np.float64]
@@ -65,13 +65,13 @@ class PoseTrack:
         if isinstance(event, Odometry):
             self._pose.add_odometry(event)
             self._moved(event.stamp_ns)
-        elif isinstance(event, PoseFix):
+        elif isinstance(event, AbsolutePose):
             self._pose.add_fix(event)
         elif isinstance(event, CameraInfo):
             self._frames.add_info(event)
         elif isinstance(event, Transform):
             if event.is_static:
-                self._frames.add_mounting(event)
+                self._frames.add_extrinsics(event)
         elif isinstance(event, StereoPair | Disparity):
             self._waiting.append(event)
             if len(self._waiting) > _MOST_WAITING:

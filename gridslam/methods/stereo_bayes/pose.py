@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Odometry, PoseFix
+from gridslam.core.messages import AbsolutePose, Odometry
 from gridslam.methods.stereo_bayes.config import PoseConfig
-from gridslam.motion.pose_fix_filter import MotionNoise, PoseBelief, PoseFixFilter
+from gridslam.motion.absolute_pose_filter import AbsolutePoseFilter, MotionNoise, PoseBelief
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class RobotPose:
 
     def __init__(self, config: PoseConfig) -> None:
         noise = MotionNoise(config.translation_m, config.rotation_rad, config.rotation_per_m_rad)
-        self._filter = PoseFixFilter(noise, config.gate, config.window_s, config.reset_after, None)
+        self._filter = AbsolutePoseFilter(noise, config.gate, config.window_s, config.reset_after, None)
         self._config = config
         self._raw: tuple[int, Floats] | None = None
         self._joined = np.zeros(3)
@@ -70,7 +70,7 @@ class RobotPose:
         self._joined = se2.compose(self._joined, step)
         self._add(stamp_ns, self._joined)
 
-    def add_fix(self, fix: PoseFix) -> None:
+    def add_fix(self, fix: AbsolutePose) -> None:
         """Take in a pose from outside."""
         self._filter.add_fix(fix.stamp_ns, fix.pose, fix.covariance)
 

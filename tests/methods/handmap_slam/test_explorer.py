@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.explore import drive_of
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.base import Estimate
@@ -17,6 +16,7 @@ from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.explorer import Explorer
 from gridslam.methods.handmap_slam.explorer_outcome import exploration_measures, tour_table
 from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, FrontierConfig
+from gridslam.runs.explore import drive_of
 from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import World, validate_world

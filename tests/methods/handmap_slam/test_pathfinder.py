@@ -12,7 +12,7 @@ from gridslam.methods.handmap_slam.pathfinder import find_path, passable_prices
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid, plan_grid
 from gridslam.methods.handmap_slam.planning_config import PathConfig
 from gridslam.methods.handmap_slam.seen_scans import ScanMemory, SeenScan, seen_scan
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 CONFIG = PathConfig()
 HERE = DrawingPose(0, 1.5, 2.0, 0.0, 1.0, 1.0, 0.0, 1.0)
@@ -94,10 +94,10 @@ def scan(ranges: list[float]) -> LaserScan:
 
 
 def test_single_lost_beams_say_nothing_and_a_row_of_them_passes() -> None:
-    lonely = seen_scan(scan([2.0, np.inf, 2.0, np.nan, 2.0]), Mounting(np.zeros(3)), np.zeros(3), 8.0)
+    lonely = seen_scan(scan([2.0, np.inf, 2.0, np.nan, 2.0]), LidarExtrinsics(np.zeros(3)), np.zeros(3), 8.0)
     assert len(lonely.ends) == 3
     row = seen_scan(
-        scan([2.0, np.inf, np.inf, np.inf, np.inf, 12.0]), Mounting(np.zeros(3)), np.zeros(3), 8.0
+        scan([2.0, np.inf, np.inf, np.inf, np.inf, 12.0]), LidarExtrinsics(np.zeros(3)), np.zeros(3), 8.0
     )
     assert row.is_hit.tolist() == [True, False, False, False, False, False]
     np.testing.assert_allclose(np.hypot(*row.ends[1:].T), 8.0, rtol=1e-5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, Odometry, Range, Transform
 from gridslam.sensors.infrared import InfraredScan
-from gridslam.sensors.lidar_beams import Mounting
+from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
@@ -20,9 +20,9 @@ PILLARS = [[(x, 0.0), (x + 0.2, 0.0), (x + 0.2, 0.15), (x, 0.15)] for x in (0.9,
 BOX = [(1.3, 1.2), (1.7, 1.2), (1.7, 1.6), (1.3, 1.6)]
 NAMES = ("front", "left", "right")
 MOUNTINGS = (
-    Mounting(np.array([0.1, 0.0, 0.0])),
-    Mounting(np.array([0.0, 0.08, math.pi / 2])),
-    Mounting(np.array([0.0, -0.08, -math.pi / 2])),
+    LidarExtrinsics(np.array([0.1, 0.0, 0.0])),
+    LidarExtrinsics(np.array([0.0, 0.08, math.pi / 2])),
+    LidarExtrinsics(np.array([0.0, -0.08, -math.pi / 2])),
 )
 LIMITS = ((0.2, 1.5), (0.1, 0.8), (0.1, 0.8))
 BEARINGS = np.radians(np.arange(-60.0, 61.0, 2.0))
@@ -57,8 +57,8 @@ def scan_from(
 ) -> InfraredScan:
     """The scan of a stop at a true pose."""
     columns = []
-    for k, (mounting, limits) in enumerate(zip(MOUNTINGS, LIMITS, strict=True)):
-        sensor = se2.compose(pose, mounting.pose)
+    for k, (extrinsics, limits) in enumerate(zip(MOUNTINGS, LIMITS, strict=True)):
+        sensor = se2.compose(pose, extrinsics.pose)
         for bearing in BEARINGS.tolist():
             value = distance(sensor[:2], sensor[2] + bearing, segments) + noise_m * rng.standard_normal()
             columns.append((k, bearing, value, *limits))
@@ -71,9 +71,9 @@ def events(
 ) -> Iterator[Event]:
     """A log: stands, sweeps, drives straight to the next stop; odometry's way is 2 % too long."""
     rng = np.random.default_rng(seed)
-    for name, mounting in zip(NAMES, MOUNTINGS, strict=True):
-        half = 0.5 * mounting.pose[2]
-        where = (float(mounting.pose[0]), float(mounting.pose[1]), 0.0)
+    for name, extrinsics in zip(NAMES, MOUNTINGS, strict=True):
+        half = 0.5 * extrinsics.pose[2]
+        where = (float(extrinsics.pose[0]), float(extrinsics.pose[1]), 0.0)
         yield Transform(0, "base_link", name, where, (math.cos(half), 0.0, 0.0, math.sin(half)), True)
     tick, believed = 0, np.zeros(3)
     for k, stop in enumerate(stops):

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
-from gridslam.core.messages import Event, Imu, Odometry, PoseFix, Range, WheelTicks, readonly
+from gridslam.core.messages import AbsolutePose, Event, Imu, Odometry, Range, WheelTicks, readonly
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.logs.open import open_log
 from gridslam.maps.map_server import load_map
 from gridslam.methods.base import RunResult
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
-from gridslam.run_config import load_run_config
+from gridslam.runs.run_config import load_run_config
 from tests.conftest import REPOSITORY
 from tests.methods.ir_scan.room import BEARINGS, STOPS, events
 
@@ -238,7 +238,7 @@ def fixes(offset: NDArray[np.float64], deviation: float) -> Iterator[Event]:
                 stop += 1
                 pose = STOPS[stop] + offset[stop]
                 covariance = np.diag([deviation**2, deviation**2, 1e-4])
-                yield PoseFix(
+                yield AbsolutePose(
                     event.stamp_ns, "map", readonly(pose, np.float64), readonly(covariance, np.float64)
                 )
             last = event.stamp_ns
@@ -266,7 +266,7 @@ def test_with_odometry_fixes_are_weighed_and_outliers_are_gated() -> None:
             count += 1
             if count % 40 == 0:
                 pose = np.array([0.5 + event.x_m / 1.02, 3.6 if count % 200 == 0 else 0.6, 0.0])
-                log.append(PoseFix(event.stamp_ns, "map", readonly(pose, np.float64), covariance))
+                log.append(AbsolutePose(event.stamp_ns, "map", readonly(pose, np.float64), covariance))
     result = run(log)
     assert result.counters["skipped.fix.outlier"] > 0
     assert result.counters["used.fix"] > 10

@@ -20,7 +20,7 @@ DOWN = (0.0, 1.0, 0.0, 0.0)  # the optical axis points to the floor
 def cameras(**changes: Any) -> Cameras:
     """With one calibrated camera `eye` three metres above the floor."""
     made = Cameras(CamerasConfig(stride_px=1, **changes), FLOOR)
-    made.add_mounting(Transform(0, "map", "eye", (0.0, 0.0, 3.0), DOWN, True))
+    made.add_extrinsics(Transform(0, "map", "eye", (0.0, 0.0, 3.0), DOWN, True))
     made.add_info(info("eye"))
     return made
 
@@ -74,7 +74,7 @@ def test_a_frame_says_what_moves_where_and_how_the_robot_has_gone_on_since() -> 
 
 def test_a_moment_has_the_latest_frame_of_every_camera_once_one_of_them_is_new() -> None:
     eye = cameras()
-    eye.add_mounting(Transform(0, "map", "other", (5.0, 0.0, 3.0), DOWN, True))
+    eye.add_extrinsics(Transform(0, "map", "other", (5.0, 0.0, 3.0), DOWN, True))
     eye.add_info(info("other"))
     for k in range(1, 6):
         show(eye, k * S)
@@ -124,7 +124,7 @@ def test_cameras_without_calibration_or_not_on_the_map_are_counted_by_the_reason
     frame: str, reason: str
 ) -> None:
     eye = cameras()
-    eye.add_mounting(Transform(0, "base_link", "onboard", (0.0, 0.0, 1.0), DOWN, True))
+    eye.add_extrinsics(Transform(0, "base_link", "onboard", (0.0, 0.0, 1.0), DOWN, True))
     eye.add_info(info("onboard"))
     eye.add_info(info("lost"))
     show(eye, S, frame=frame)

@@ -18,7 +18,7 @@ from gridslam.methods.ispace_mcl.config import (
     SearchConfig,
 )
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from gridslam.run_config import load_run_config
+from gridslam.runs.run_config import load_run_config
 from tests.methods.ispace_mcl.building import ROUND_TRIP, building, record
 
 MAP = building()

@@ -22,7 +22,7 @@ pytest.importorskip("embreex", reason="cameras need the extra sim")
 
 CAMERA: dict[str, Any] = {
     "name": "eye", "kind": "rgbd", "rate_hz": 4.0, "width_px": 128, "height_px": 48, "focal_px": 90.0, "depth_max_m": 9,
-    "mounting": {"x": 0.15, "z": 0.5, "pitch_deg": 5},
+    "extrinsics": {"x": 0.15, "z": 0.5, "pitch_deg": 5},
 }  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def ranges_from(pose: Floats, angles: Floats) -> Floats:
     return np.where(hit, along, np.inf).min(axis=1)
 
 
-def events(laps: int = 2, seed: int = 0, mounting_yaw_rad: float = 0.0) -> Iterator[Event]:
+def events(laps: int = 2, seed: int = 0, extrinsics_yaw_rad: float = 0.0) -> Iterator[Event]:
     """Odometry with a bias of the heading and slip, and scans with noise, drop-outs and a few wrong readings."""
     rng = np.random.default_rng(seed)
     angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
@@ -77,7 +77,7 @@ def events(laps: int = 2, seed: int = 0, mounting_yaw_rad: float = 0.0) -> Itera
             odometry = se2.compose(odometry, [step[0] * 1.01 + rng.normal(0.0, 0.003), 0.0, turn])
         stamp = 1_000_000_000 + k * PERIOD_NS
         yield Odometry(stamp, "odom", *(float(v) for v in odometry))
-        ranges = ranges_from(pose, angles + mounting_yaw_rad) + rng.laplace(0.0, 0.008, BEAMS)
+        ranges = ranges_from(pose, angles + extrinsics_yaw_rad) + rng.laplace(0.0, 0.008, BEAMS)
         ranges[rng.random(BEAMS) < 0.02] = np.inf
         wrong = rng.random(BEAMS) < 0.01
         ranges[wrong] *= rng.uniform(0.3, 1.0, int(wrong.sum()))

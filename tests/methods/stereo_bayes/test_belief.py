@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from gridslam.core.errors import MethodError
 from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.correlation import neighbour_correlation
 from gridslam.methods.stereo_bayes.rays import Rays, range_edges
+from gridslam.methods.stereo_bayes.running_correlation import neighbour_correlation
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.core.messages import CameraInfo, Disparity, Odometry, PoseFix, StereoPair, Transform
+from gridslam.core.messages import AbsolutePose, CameraInfo, Disparity, Odometry, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.method import StereoBayes, StereoBayesPose
 from tests.conftest import REPOSITORY, Program
@@ -101,7 +101,7 @@ def test_pairs_without_calibration_or_of_no_size_are_counted() -> None:
         0, "optical", 40, 3, np.eye(3), np.array([[1.0, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0]]), np.zeros(5)
     )
     method.process(Odometry(0, "odom", 0.0, 0.0, 0.0))
-    method.process(PoseFix(0, "map", np.zeros(3), 0.01 * np.eye(3)))
+    method.process(AbsolutePose(0, "map", np.zeros(3), 0.01 * np.eye(3)))
     method.process(StereoPair(0, "optical", small, small))
     for calibration in (info, right):
         method.process(calibration)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning_clearance import World, advance, is_free
+from gridslam.kernels.planning.clearance import World, advance, is_free
 
 WORDS = np.array([[1, 0, 1], [-1, 0, -1], [1, 0, -1], [-1, 0, 1], [-1, 1, -1], [1, -1, 1]], np.int64)
 _FULL = 2.0 * np.pi

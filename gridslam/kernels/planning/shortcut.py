@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning_clearance import World, advance
-from gridslam.kernels.planning_dubins import connect
-from gridslam.kernels.planning_search import speed_on
+from gridslam.kernels.planning.clearance import World, advance
+from gridslam.kernels.planning.dubins import connect
+from gridslam.kernels.planning.search import speed_on
 
 JOINT_S = 0.05  # the price of a further piece: fewer pieces are easier to widen later
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gridslam.run_counts import StreamCount, merge_counts
+from gridslam.runs.run_counts import StreamCount, merge_counts
 
 
 def test_what_reader_and_method_skipped_adds_up() -> None:

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gridslam.explore import explore
 from gridslam.kernels.compiling import telling_of_compilation
 from gridslam.maps.map_server import load_map
 from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
-from gridslam.run import read_inputs, run_map
-from gridslam.run_config import load_run_config
+from gridslam.runs.explore import explore
+from gridslam.runs.run import read_inputs, run_map
+from gridslam.runs.run_config import load_run_config
+from gridslam.runs.warm_up import warm_up
 from gridslam.simulation.world_config import load_world
-from gridslam.warm_up import warm_up
 from tests.conftest import REPOSITORY
 
 HAND = REPOSITORY / "sample_logs" / "handmap-slam.truth"

@@ -9,7 +9,7 @@ import yaml
 from gridslam.config.builtin import builtin_names
 from gridslam.core.errors import ConfigError
 from gridslam.methods import registry
-from gridslam.run_config import load_run_config, run_config_schema
+from gridslam.runs.run_config import load_run_config, run_config_schema
 from tests.dead_reckoning import register
 
 
@@ -62,7 +62,7 @@ def test_the_command_line_wins_over_the_file(config_file: Path) -> None:
         (["lgo.order=stamp"], "lgo: no such key (did you mean 'log'?)"),
         (["log.order=upwards"], "log.order: expected 'recorded' or 'stamp', got 'upwards'"),
         (["log.carmen.range_mx_m=3"], "log.carmen.range_mx_m: no such key (did you mean 'range_max_m'?)"),
-        (["log.mounting.laser.yw=1"], "log.mounting.laser.yw: no such key (did you mean 'yaw'?)"),
+        (["log.extrinsics.laser.yw=1"], "log.extrinsics.laser.yw: no such key (did you mean 'yaw'?)"),
         (["log.topics.scn=/scan"], "log.topics.scn"),
         (["seed=-1"], "seed: input should be greater than or equal to 0"),
     ],

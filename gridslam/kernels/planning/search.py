@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning_clearance import World, advance, is_free
-from gridslam.kernels.planning_dubins import connect
+from gridslam.kernels.planning.clearance import World, advance, is_free
+from gridslam.kernels.planning.dubins import connect
 
 FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2
 GREED = 1.3

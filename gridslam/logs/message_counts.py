@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Collection
 
 
-class Ledger:
+class MessageCounts:
     """Counters for the report and, for people, a line per kind of trouble with the place of the first."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class Ledger:
         """Whether anything in the log could not be used."""
         return bool(self._first)
 
-    def absorb(self, other: Ledger, streams: Collection[str] | None = None) -> None:
+    def absorb(self, other: MessageCounts, streams: Collection[str] | None = None) -> None:
         """Add another account to this one; given `streams`, only what was skipped of these."""
 
         def concerns(key: str) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning_clearance import World, is_free
+from gridslam.kernels.planning.clearance import World, is_free
 
 DIAGONAL = np.sqrt(2.0)
 

@@ -26,9 +26,9 @@ from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import Drive
-from gridslam.run import Clock, Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
-from gridslam.run_config import RunConfig
-from gridslam.run_counts import merge_counts
+from gridslam.runs.run import Clock, Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
+from gridslam.runs.run_config import RunConfig
+from gridslam.runs.run_counts import merge_counts
 from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.record import write_truth
 from gridslam.simulation.simulator import Simulator

@@ -24,8 +24,8 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.particle_history import ParticleHistory, Snapshot
-from gridslam.run_config import RunConfig
-from gridslam.run_counts import Counts, merge_counts
+from gridslam.runs.run_config import RunConfig
+from gridslam.runs.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy"]
 Command = Literal["map", "localize", "explore"]

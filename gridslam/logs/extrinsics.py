@@ -7,22 +7,22 @@ from collections.abc import Iterable, Mapping
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
 from gridslam.logs.checks import fault_of
-from gridslam.logs.config import MountingConfig
-from gridslam.logs.ledger import Ledger
+from gridslam.logs.config import ExtrinsicsConfig
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 
 
-def usable(edges: Iterable[Transform], ledger: Ledger) -> list[Transform]:
-    """The transforms that are rigid motions of a robot's size; the ledger gets the others."""
+def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Transform]:
+    """The transforms that are rigid motions of a robot's size; the message_counts gets the others."""
     found = []
     for edge in edges:
         fault = fault_of(edge)
         if fault is None:
             found.append(edge)
         else:
-            ledger.skip("tf", fault, f"the transform {edge.frame_id}->{edge.child_frame_id}")
+            message_counts.skip("tf", fault, f"the transform {edge.frame_id}->{edge.child_frame_id}")
     return found
 
 
@@ -52,13 +52,13 @@ def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
 def mount(
     sensor_frames: Iterable[str],
     edges: Iterable[Transform],
-    config: Mapping[str, MountingConfig],
+    config: Mapping[str, ExtrinsicsConfig],
     base_frame: str,
     stamp_ns: int,
-    ledger: Ledger,
+    message_counts: MessageCounts,
 ) -> list[Transform]:
     """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor
-    of the sensor's own tree (a camera on the wall), else the identity, which is noted in the ledger.
+    of the sensor's own tree (a camera on the wall), else the identity, which is noted in the message_counts.
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)
@@ -76,9 +76,9 @@ def mount(
             elif len(above) > 1:
                 parent, pose = list(above.items())[-1]
             else:
-                ledger.note(
+                message_counts.note(
                     f"no transform from {base_frame} to {frame}: taken as mounted at the robot's centre, "
-                    f"facing forward; if it is not, set log.mounting.{frame} with x, y, yaw"
+                    f"facing forward; if it is not, set log.extrinsics.{frame} with x, y, yaw"
                 )
         mounted.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
     return mounted

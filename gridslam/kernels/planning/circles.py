@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning_clearance import World, is_free, is_free_to_turn
-from gridslam.kernels.planning_search import speed_on
+from gridslam.kernels.planning.clearance import World, is_free, is_free_to_turn
+from gridslam.kernels.planning.search import speed_on
 
 _FULL = 2.0 * np.pi
 _NOTHING = 1e-9

@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from gridslam.maps.correlation import CorrelationFit
+from gridslam.maps.occupancy_correlation import CorrelationFit
 
 LEAST_SHARE = 1e-3  # where the curves end
 

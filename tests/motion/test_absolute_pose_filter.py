@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.motion.pose_fix_filter import MotionNoise, PoseBelief, PoseFixFilter
+from gridslam.motion.absolute_pose_filter import AbsolutePoseFilter, MotionNoise, PoseBelief
 
 Floats = NDArray[np.float64]
 
@@ -16,8 +16,8 @@ FIX = np.diag([0.03**2, 0.03**2, 0.02**2])
 SECOND = 10**9
 
 
-def filter_of(start: PoseBelief | None = None) -> PoseFixFilter:
-    return PoseFixFilter(NOISE, gate=11.345, window_s=10.0, reset_after=5, start=start)
+def filter_of(start: PoseBelief | None = None) -> AbsolutePoseFilter:
+    return AbsolutePoseFilter(NOISE, gate=11.345, window_s=10.0, reset_after=5, start=start)
 
 
 def drive(n: int) -> Floats:

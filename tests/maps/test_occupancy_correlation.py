@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.core.errors import MethodError
-from gridslam.maps.correlation import fit_correlation
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.maps.occupancy_correlation import fit_correlation
 
 Bools = NDArray[np.bool_]
 

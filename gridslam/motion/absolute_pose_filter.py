@@ -66,7 +66,7 @@ class _Rival:
     fixes: int
 
 
-class PoseFixFilter:
+class AbsolutePoseFilter:
     """Takes in odometry and fixes in any order of their stamps; a late fix is put where it belongs and all after it done again.
 
     A fix beyond the gate is refused. When `reset_after` of them in a row agree with each other, carried along by the odometry,

@@ -10,7 +10,7 @@ import pytest
 
 from cli.main import main
 from gridslam.core.messages import Odometry
-from gridslam.explore import InStampOrder
+from gridslam.runs.explore import InStampOrder
 
 DRAWING = Path(__file__).resolve().parents[1] / "configs" / "worlds" / "drawings" / "corridor.png"
 START = "2.7,3.2,0"

@@ -1,0 +1,1 @@
+"""Kernels of path planning: grids, clearance, arcs, search, tours."""
