@@ -12,7 +12,7 @@ from typing import Any
 
 import numba
 
-IMPORT_OF_KERNELS = re.compile(r"^from gridslam\.kernels\.(\w+) import ", re.MULTILINE)
+IMPORT_OF_KERNELS = re.compile(r"^from gridslam\.kernels\.([\w.]+) import ", re.MULTILINE)
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -64,5 +64,6 @@ def sources_of(module: Path) -> set[Path]:
 
 def imported_by(source: Path) -> Iterator[Path]:
     """The files of the kernel modules that one imports."""
+    root = next((folder for folder in source.parents if folder.name == "kernels"), source.parent)
     for name in IMPORT_OF_KERNELS.findall(source.read_text(encoding="utf-8")):
-        yield source.with_name(f"{name}.py")
+        yield root.joinpath(*name.split(".")).with_suffix(".py")
