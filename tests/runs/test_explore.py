@@ -11,8 +11,9 @@ import pytest
 from cli.main import main
 from gridslam.core.messages import Odometry
 from gridslam.runs.explore import InStampOrder
+from tests.conftest import REPOSITORY
 
-DRAWING = Path(__file__).resolve().parents[1] / "configs" / "worlds" / "drawings" / "corridor.png"
+DRAWING = REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"
 START = "2.7,3.2,0"
 
 
