@@ -1,4 +1,4 @@
-"""gridslam config show|schema|check"""
+"""gridslam config list|show|schema|check"""
 
 from __future__ import annotations
 
@@ -24,19 +24,38 @@ def group(context: typer.Context) -> None:
         raise typer.Exit(2)
 
 
-def show(
-    config: ConfigArgument, override: Overrides = None, seed: Seed = None, as_json: AsJson = False
-) -> None:
-    """Print a configuration with every default filled in."""
-    import yaml
+AllKeys = Annotated[bool, typer.Option("--all", help="Print the advanced keys as well.")]
 
+
+def list_(as_json: AsJson = False) -> None:
+    """List the built-in configurations."""
+    from gridslam.config.builtin import builtin_names
+
+    if as_json:
+        console.emit_json({"configs": builtin_names()})
+    else:
+        console.emit("\n".join(builtin_names()))
+
+
+def show(
+    config: ConfigArgument,
+    override: Overrides = None,
+    seed: Seed = None,
+    all_keys: AllKeys = False,
+    as_json: AsJson = False,
+) -> None:
+    """Print a configuration as YAML, every key with its description; the output is a config file.
+
+    --json always holds all keys.
+    """
+    from gridslam.config.annotated_yaml import annotated_yaml
     from gridslam.runs.run_config import load_run_config
 
-    document = load_run_config(config, override or (), seed).model_dump(mode="json", exclude_none=True)
+    resolved = load_run_config(config, override or (), seed)
     if as_json:
-        console.emit_json(document)
+        console.emit_json(resolved.model_dump(mode="json", exclude_none=True))
     else:
-        console.emit(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
+        console.emit(annotated_yaml(resolved, with_advanced=all_keys))
 
 
 def schema() -> None:
@@ -66,5 +85,5 @@ def check(
         console.emit_json({"valid": valid})
 
 
-for command in (show, schema, check):
-    app.command(command.__name__)(common(command))
+for command in (list_, show, schema, check):
+    app.command(command.__name__.rstrip("_"))(common(command))

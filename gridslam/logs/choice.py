@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gridslam.logs.log import Log
 
 _ROBOT_FRAMES = ("base_link", "base_footprint")
+TRUTH_TOPIC = "/ground_truth"  # where simulators and motion capture publish the true pose
 _TRUTH_KINDS = frozenset({"odom", "pose", "fix", "truth"})
 
 
@@ -97,9 +98,9 @@ def _truth(streams: Sequence[RecordedStream], listed: Sequence[int], config: Log
     """The stream of the true pose: named by config, or marked as such by its format."""
     fitting = [i for i in listed if streams[i].kind in _TRUTH_KINDS]
     for index in fitting:
-        if streams[index].topic == config.truth or streams[index].kind == "truth":
+        if streams[index].topic == (config.truth or TRUTH_TOPIC) or streams[index].kind == "truth":
             return index
-    if "truth" in config.model_fields_set:
+    if config.truth is not None:
         has = ", ".join(streams[i].topic for i in fitting) or "no stream of poses"
         raise ConfigError(f"log.truth: the log has no poses on {config.truth!r}; it has {has}")
     return None

@@ -70,7 +70,10 @@ class LogConfig(StrictModel):
     topics: dict[StreamKind, str | list[str]] = Field(
         default_factory=dict, description="topic of each stream; needed where a log has two of one type"
     )
-    truth: str = Field("/ground_truth", description="topic of the true pose; never shown to a method")
+    truth: str | None = Field(
+        None,
+        description="Topic of the true pose; no method reads it. Absent: /ground_truth where the log has it.",
+    )
     order: Literal["recorded", "stamp"] | None = Field(
         None, description="within a stream: as recorded (default), or sorted by stamp"
     )
