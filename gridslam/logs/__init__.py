@@ -9,23 +9,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gridslam.logs.choice import require_streams
     from gridslam.logs.config import LogConfig
-    from gridslam.logs.csv_writer import CsvFolderWriter
+    from gridslam.logs.csv.writer import CsvFolderWriter
     from gridslam.logs.log import Log
-    from gridslam.logs.mcap_writer import McapWriter
+    from gridslam.logs.mcap.writer import McapWriter
     from gridslam.logs.open import open_log
+    from gridslam.logs.selection import require_streams
     from gridslam.logs.write import open_writer, write_log
 
 _HOME = {
     "Log": "log",
     "LogConfig": "config",
     "open_log": "open",
-    "require_streams": "choice",
+    "require_streams": "selection",
     "open_writer": "write",
     "write_log": "write",
-    "McapWriter": "mcap_writer",
-    "CsvFolderWriter": "csv_writer",
+    "McapWriter": "mcap.writer",
+    "CsvFolderWriter": "csv.writer",
 }
 __all__ = [
     "CsvFolderWriter",

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 from pydantic import Field
 
 from gridslam.config.base import StrictModel
-from gridslam.logs.layout import CsvLayout
+from gridslam.logs.csv.layout import CsvLayout
 
 StreamKind: TypeAlias = Literal[
     "scan",

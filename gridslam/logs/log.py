@@ -12,10 +12,10 @@ import numpy as np
 from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import checks, extrinsics, ordering
-from gridslam.logs.choice import Choice, choose
 from gridslam.logs.config import LogConfig
-from gridslam.logs.delivery import as_truth, deliver
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.playback import as_truth, deliver
+from gridslam.logs.selection import Choice, choose
 from gridslam.logs.streams import SILENT, RecordedStream, Skip, Source, StreamInfo
 from gridslam.logs.tum import LARGEST_M, read_trajectory
 

@@ -36,10 +36,10 @@ def _source(path: Path, config: LogConfig) -> Source:
         raise LogError(f"{path}: no such file or folder")
     if path.is_dir():
         if (path / "metadata.yaml").is_file():
-            from gridslam.logs.rosbag2 import open_rosbag2
+            from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
             return open_rosbag2(path, config)
-        from gridslam.logs.csv_source import CsvSource
+        from gridslam.logs.csv.source import CsvSource
 
         return CsvSource(path, config)
     if not path.is_file():
@@ -47,25 +47,25 @@ def _source(path: Path, config: LogConfig) -> Source:
     with path.open("rb") as stream:
         magic = stream.read(16)
     if magic.startswith(b"\x89MCAP"):
-        from gridslam.logs.mcap_source import open_mcap
+        from gridslam.logs.mcap.source import open_mcap
 
         return open_mcap(path, config)
     if magic.startswith(b"SQLite format 3\0"):
-        from gridslam.logs.rosbag2 import open_rosbag2
+        from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
         return open_rosbag2(path, config)
     if magic.startswith(b"#ROSBAG V"):
-        from gridslam.logs.rosbag1 import open_rosbag1
+        from gridslam.logs.rosbag.rosbag1 import open_rosbag1
 
         return open_rosbag1(path, config)
     return _text_source(path, config)
 
 
 def _text_source(path: Path, config: LogConfig) -> Source:
-    from gridslam.logs.carmen import CarmenSource
-    from gridslam.logs.carmen_lines import looks_like_carmen
+    from gridslam.logs.carmen.lines import looks_like_carmen
+    from gridslam.logs.carmen.source import CarmenSource
+    from gridslam.logs.carmen.wean_hall import WeanHallSource, looks_like_wean_hall
     from gridslam.logs.text import beginning
-    from gridslam.logs.wean_hall import WeanHallSource, looks_like_wean_hall
 
     text = beginning(path)
     if looks_like_carmen(text):

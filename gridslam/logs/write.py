@@ -49,11 +49,11 @@ def open_writer(path: str | Path, force: bool = False) -> LogWriter:
             f"{path}: {path.suffix} is not written; name a file OUT.mcap or a folder for CSV files"
         )
     if path.suffix == ".mcap":
-        from gridslam.logs.mcap_writer import McapWriter
+        from gridslam.logs.mcap.writer import McapWriter
 
         check_file_free(path, force)
         return McapWriter(path)
-    from gridslam.logs.csv_writer import CsvFolderWriter
+    from gridslam.logs.csv.writer import CsvFolderWriter
 
     return CsvFolderWriter(path, force)
 

@@ -12,11 +12,11 @@ import numpy as np
 from gridslam.core.messages import LaserScan, Range, Transform, readonly
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.cdr import CdrWriter
 from gridslam.logs.log import Log
-from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.open import open_log
-from gridslam.logs.ros_encode import Encoded, encode
+from gridslam.logs.ros.cdr import CdrWriter
+from gridslam.logs.ros.encode import Encoded, encode
 from gridslam.methods import registry
 from gridslam.methods.base import Table
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.logs.cdr import CdrWriter
-from gridslam.logs.ros_encode import Encoded
+from gridslam.logs.ros.cdr import CdrWriter
+from gridslam.logs.ros.encode import Encoded
 from gridslam.maps.occupancy import OccupancyGrid
 
 MAP_FRAME = "map"

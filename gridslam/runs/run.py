@@ -16,9 +16,9 @@ from pydantic import BaseModel
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.choice import require_streams
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
+from gridslam.logs.selection import require_streams
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry

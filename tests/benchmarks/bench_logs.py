@@ -13,7 +13,7 @@ import numpy as np
 
 from gridslam.core.messages import LaserScan
 from gridslam.logs import open_log
-from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.mcap.writer import McapWriter
 from tests.benchmarks.harness import Row
 
 ALONE = True

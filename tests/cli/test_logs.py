@@ -12,7 +12,7 @@ import pytest
 
 from gridslam.cli.main import main
 from gridslam.core.messages import LaserScan, Odometry, Transform
-from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.mcap.writer import McapWriter
 from tests.logs.mutations import SCANS, sample_csv, sample_mcap
 
 

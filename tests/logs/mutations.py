@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from gridslam.core.errors import GridslamError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.logs import open_log
-from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.write import open_writer
 
 SCANS = 100

@@ -11,7 +11,7 @@ import pytest
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.logs import LogConfig, open_log
-from gridslam.logs.carmen_lines import beam_angles
+from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.convert import convert_log
 from tests.logs.mutations import sample_carmen
 

@@ -10,7 +10,7 @@ import pytest
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.core.messages import Range, as_float32
 from gridslam.logs import LogConfig, open_log
-from gridslam.logs.layout import COLUMNS, CsvLayout
+from gridslam.logs.csv.layout import COLUMNS, CsvLayout
 from gridslam.logs.streams import KINDS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")

@@ -27,8 +27,8 @@ from gridslam.core.messages import (
 )
 from gridslam.logs import LogConfig, open_log, require_streams
 from gridslam.logs.convert import convert_log
-from gridslam.logs.mcap_records import Schema
-from gridslam.logs.ros_types import is_standard
+from gridslam.logs.ros.container import Schema
+from gridslam.logs.ros.types import is_standard
 from tests.logs.mutations import fingerprint
 from tests.logs.ros_samples import HUMBLE, header, make, odometry, scan, tf, transform, write_json, write_mcap
 

@@ -30,7 +30,7 @@ from gridslam.core.messages import (
     canonical_yaw,
 )
 from gridslam.logs import open_log, write_log
-from gridslam.logs.mcap_writer import McapWriter
+from gridslam.logs.mcap.writer import McapWriter
 from tests.logs.mutations import fingerprint, sample_events
 
 NO_SHRINKING = (Phase.explicit, Phase.reuse, Phase.generate)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from gridslam.core.errors import LogError
-from gridslam.logs.mcap_records import (
+from gridslam.logs.mcap.records import (
     CHANNEL,
     CHUNK,
     CHUNK_HEAD,
@@ -31,8 +31,6 @@ from gridslam.logs.mcap_records import (
     SCHEMA,
     SKIPPED_OPCODES,
     STATISTICS,
-    Channel,
-    Schema,
     block,
     exactly,
     is_chunk_body,
@@ -40,6 +38,7 @@ from gridslam.logs.mcap_records import (
     unpack,
 )
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.ros.container import Channel, Schema
 
 _SEARCH_BLOCK = 1 << 20
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from gridslam.logs.config import LogConfig
-from gridslam.logs.mcap_file import McapFile
+from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.ros_source import RosSource
+from gridslam.logs.ros.source import RosSource
 
 
 def open_mcap(path: Path, config: LogConfig) -> RosSource:

@@ -18,7 +18,7 @@ import numpy as np
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32, readonly
 from gridslam.logs import rotations
-from gridslam.logs.carmen_lines import (
+from gridslam.logs.carmen.lines import (
     LASERS,
     OTHERS,
     LaserLine,

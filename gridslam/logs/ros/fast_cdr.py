@@ -1,6 +1,6 @@
 """CDR of the frequent message types read by hand: four to twenty times the speed of a general decoder.
 
-Only for messages whose schema has the standard fields (`ros_types.is_standard`). Little-endian; anything
+Only for messages whose schema has the standard fields (`types.is_standard`). Little-endian; anything
 else goes the general way.
 """
 
@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 
 from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
-from gridslam.logs.cdr import CdrReader
-from gridslam.logs.joints import JointState
+from gridslam.logs.ros.cdr import CdrReader
+from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import NS_PER_S, join_stamp
 from gridslam.logs.streams import printable

@@ -16,7 +16,7 @@ import numpy as np
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32, canonical_yaw, readonly
 from gridslam.core.poses import between
 from gridslam.logs import rotations
-from gridslam.logs.carmen_lines import beam_angles
+from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.stamps import parse_stamp

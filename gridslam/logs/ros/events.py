@@ -25,7 +25,7 @@ from gridslam.core.messages import (
     readonly,
 )
 from gridslam.logs.cameras import DEPTH_ENCODINGS, camera_of, depth_of, pixels_of, unpack_picture
-from gridslam.logs.joints import JointState
+from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.stamps import join_stamp
 

@@ -8,7 +8,6 @@ https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import IO
 
 from gridslam.core.errors import LogError
@@ -22,24 +21,6 @@ RECORD = struct.Struct("<BQ")
 MESSAGE_RECORD = struct.Struct("<BQH")
 CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, unpacked size, crc, length of the compression's name
 MESSAGE_HEAD_BYTES = 22  # channel u16, sequence u32, log time u64, publish time u64
-
-
-@dataclass(frozen=True, slots=True)
-class Schema:
-    """The definition of a message type. `encoding`: ros2msg, ros2idl, jsonschema, ..."""
-
-    name: str
-    encoding: str
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """A topic. `encoding` of its messages: cdr, json, ..."""
-
-    topic: str
-    encoding: str
-    schema_id: int
 
 
 def is_chunk_body(stream: IO[bytes], length: int) -> bool:

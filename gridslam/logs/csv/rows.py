@@ -23,10 +23,10 @@ from gridslam.core.messages import (
     Transform,
     WheelTicks,
 )
-from gridslam.logs.csv_images import write_floats, write_pixels
+from gridslam.logs.csv.images import write_floats, write_pixels
 
 if TYPE_CHECKING:
-    from gridslam.logs.csv_writer import CsvFolderWriter
+    from gridslam.logs.csv.writer import CsvFolderWriter
 
 
 _UNREADABLE = frozenset("\0\r\n")

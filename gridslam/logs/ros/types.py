@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from gridslam.logs.mcap_records import Schema
+from gridslam.logs.ros.container import Schema
 
 KIND_OF_TYPE = {
     "sensor_msgs/msg/LaserScan": "scan",

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
-from gridslam.logs.csv_events import BUILDERS, FILE_FAULTS
-from gridslam.logs.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
+from gridslam.logs.csv.events import BUILDERS, FILE_FAULTS
+from gridslam.logs.csv.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.stamps import END_NS, NS_PER_S, parse_stamp
 from gridslam.logs.streams import Skip

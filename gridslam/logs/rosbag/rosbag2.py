@@ -11,12 +11,12 @@ from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv_table import inside
-from gridslam.logs.mcap_file import McapFile
-from gridslam.logs.mcap_records import Channel, Schema
+from gridslam.logs.csv.table import inside
+from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.ros_source import Container, RosSource
-from gridslam.logs.ros_types import full_name
+from gridslam.logs.ros.container import Channel, Container, Schema
+from gridslam.logs.ros.source import RosSource
+from gridslam.logs.ros.types import full_name
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
 

@@ -27,7 +27,7 @@ from gridslam.core.messages import (
     as_float32,
 )
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.logs.cdr import CdrWriter
+from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.stamps import END_NS
 
 

@@ -26,10 +26,10 @@ from gridslam.core.messages import (
     canonical_yaw,
     readonly,
 )
-from gridslam.logs.csv_images import read_floats, read_pixels
+from gridslam.logs.csv.images import read_floats, read_pixels
 
 if TYPE_CHECKING:
-    from gridslam.logs.csv_table import CsvTable, Row
+    from gridslam.logs.csv.table import CsvTable, Row
 
 # Messages of the ValueErrors about picture files, which are the counted reasons too.
 FILE_FAULTS = frozenset({"file_outside_folder", "missing_file", "unreadable_image"})

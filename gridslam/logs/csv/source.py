@@ -14,8 +14,8 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv_table import CsvTable, inside
-from gridslam.logs.layout import DEFAULT_FILES, CsvLayout, CsvStream
+from gridslam.logs.csv.layout import DEFAULT_FILES, CsvLayout, CsvStream
+from gridslam.logs.csv.table import CsvTable, inside
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream, Skip
 

@@ -10,10 +10,10 @@ from typing import Any
 
 from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.mcap_records import Channel, Schema
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.ros_source import RosSource
-from gridslam.logs.ros_types import humble
+from gridslam.logs.ros.container import Channel, Schema
+from gridslam.logs.ros.source import RosSource
+from gridslam.logs.ros.types import humble
 
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 

@@ -16,9 +16,9 @@ import yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, partial_folder, put_folder
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
-from gridslam.logs.csv_rows import ROWS, frame_field
-from gridslam.logs.csv_source import LAYOUT_FILE
-from gridslam.logs.layout import COLUMNS
+from gridslam.logs.csv.layout import COLUMNS
+from gridslam.logs.csv.rows import ROWS, frame_field
+from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.stamps import END_NS, format_stamp
 from gridslam.logs.streams import KIND_OF_EVENT
 from gridslam.logs.write import TRUTH_TOPIC

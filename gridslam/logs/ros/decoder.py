@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
-from gridslam.logs import foxglove, ros_events, ros_fast
 from gridslam.logs.config import LogConfig
-from gridslam.logs.joints import JointState, Servos, wheel_places, wheels_of
-from gridslam.logs.mcap_records import Channel, Schema
-from gridslam.logs.ros_types import KIND_OF_TYPE, decoder_of, full_name, is_standard
+from gridslam.logs.ros import events, fast_cdr, foxglove
+from gridslam.logs.ros.container import Channel, Schema
+from gridslam.logs.ros.joints import JointState, Servos, wheel_places, wheels_of
+from gridslam.logs.ros.types import KIND_OF_TYPE, decoder_of, full_name, is_standard
 from gridslam.logs.streams import printable
 
 # What decoding a damaged message may raise.
@@ -26,9 +26,9 @@ DECODING_ERRORS = (
     RecursionError,
 )
 _FAST: dict[str, Callable[[bytes], Event]] = {
-    "sensor_msgs/msg/LaserScan": ros_fast.scan,
-    "nav_msgs/msg/Odometry": ros_fast.odometry,
-    "sensor_msgs/msg/Imu": ros_fast.imu,
+    "sensor_msgs/msg/LaserScan": fast_cdr.scan,
+    "nav_msgs/msg/Odometry": fast_cdr.odometry,
+    "sensor_msgs/msg/Imu": fast_cdr.imu,
 }
 _LITTLE = b"\x00\x01"
 _STILL = Servos()
@@ -67,7 +67,7 @@ class ChannelDecoder:
                     self._decode = decoder_of(schema, self.type)
                 except ValueError:
                     self.fault = "unreadable_schema"
-        self._convert = ros_events.CONVERTERS.get(self.type)
+        self._convert = events.CONVERTERS.get(self.type)
 
     @property
     def is_tf(self) -> bool:
@@ -78,8 +78,8 @@ class ChannelDecoder:
         """Settle by its first message what a channel is whose type leaves it open."""
         if self.fault:
             return
-        if self.type == "sensor_msgs/msg/Image" and ros_events.is_depth(self._decode(data)):
-            self.kind, self._convert = "depth", ros_events.depth
+        if self.type == "sensor_msgs/msg/Image" and events.is_depth(self._decode(data)):
+            self.kind, self._convert = "depth", events.depth
         elif self.type == "sensor_msgs/msg/JointState":
             self.joint_names = tuple(self.joints(data).names)
             if wheel_places(self.joint_names, self._config.wheels) is None:
@@ -90,8 +90,8 @@ class ChannelDecoder:
     def head(self, data: bytes) -> tuple[int, str] | None:
         """(stamp_ns, frame) without decoding the rest; None without a valid stamp."""
         if not self.is_json:
-            found = ros_fast.head(data)
-            return None if found is None else (found[0], ros_fast.frame_text(found[1]))
+            found = fast_cdr.head(data)
+            return None if found is None else (found[0], fast_cdr.frame_text(found[1]))
         stamp, frame = foxglove.head(self._decode(data))
         return None if stamp is None else (stamp, frame)
 
@@ -107,8 +107,8 @@ class ChannelDecoder:
         if self.is_json:
             return foxglove.transforms(self._decode(data), static)
         if self._standard:
-            return ros_fast.transforms(data, static)
-        return ros_events.transforms(self._decode(data), static)
+            return fast_cdr.transforms(data, static)
+        return events.transforms(self._decode(data), static)
 
     def child_frame(self, data: bytes) -> str:
         """Of odometry."""
@@ -125,8 +125,8 @@ class ChannelDecoder:
         if self.kind == "range":
             bearing_of = (servos or _STILL).bearing
             if self._standard and is_little:
-                return ros_fast.reading(data, bearing_of)
-            return ros_events.reading(self._decode(data), bearing_of)
+                return fast_cdr.reading(data, bearing_of)
+            return events.reading(self._decode(data), bearing_of)
         message = self._decode(data)
         if self.is_json and foxglove.kind_of(self.type):
             return foxglove.event(self.type, self.kind, message, self.topic)
@@ -137,8 +137,8 @@ class ChannelDecoder:
     def joints(self, data: bytes) -> JointState:
         """Angles by joint name."""
         if self._standard and data[:2] == _LITTLE:
-            return ros_fast.joints(data)
-        return ros_events.joints(self._decode(data))
+            return fast_cdr.joints(data)
+        return events.joints(self._decode(data))
 
 
 class _Late:

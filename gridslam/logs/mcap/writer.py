@@ -10,8 +10,8 @@ from typing import Literal
 
 from gridslam.core.files import partial_file, put_file, remove_left_over
 from gridslam.core.messages import Event, Odometry
-from gridslam.logs import ros_encode
-from gridslam.logs.ros_types import humble
+from gridslam.logs.ros.encode import Encoded, encode
+from gridslam.logs.ros.types import humble
 from gridslam.logs.write import TRUTH_TOPIC
 
 _CHUNK_BYTES = 1 << 20
@@ -53,14 +53,14 @@ class McapWriter:
 
     def write(self, event: Event, topic: str | None = None) -> None:
         """Append one event, on `topic` or the usual one of its kind."""
-        for message in ros_encode.encode(event, topic):
+        for message in encode(event, topic):
             self.append(message)
 
     def write_truth(self, pose: Odometry) -> None:
         """Append the true pose, on the topic that no method is shown."""
         self.write(pose, TRUTH_TOPIC)
 
-    def append(self, message: ros_encode.Encoded) -> None:
+    def append(self, message: Encoded) -> None:
         """Append a message of any type of ROS 2 that is encoded already."""
         channel = self._channels.get((message.topic, message.type))
         if channel is None:

@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal
 
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.config import LogConfig
-from gridslam.logs.joints import NoServoAngleError, Servos
-from gridslam.logs.mcap_records import Channel, Schema
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.ros_decoder import DECODING_ERRORS, ChannelDecoder
+from gridslam.logs.ros.container import Container
+from gridslam.logs.ros.decoder import DECODING_ERRORS, ChannelDecoder
+from gridslam.logs.ros.joints import NoServoAngleError, Servos
 from gridslam.logs.rotations import normalise
 from gridslam.logs.streams import RecordedStream, Skip, printable
 
 _MOST_FRAMES = 1000
 _MOST_EDGES = 10_000
-
-
-class Container(Protocol):
-    """What a file format offers: channels, their schemas, and raw messages in recorded order, repeatably."""
-
-    @property
-    def channels(self) -> Mapping[int, Channel]:
-        """Complete after `messages` has been gone through once."""
-
-    @property
-    def schemas(self) -> Mapping[int, Schema]:
-        """The same."""
-
-    def messages(self) -> Iterator[tuple[int, bytes]]:
-        """(channel id, data)."""
 
 
 class RosSource:

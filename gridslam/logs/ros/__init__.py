@@ -1,0 +1,1 @@
+"""ROS messages, in CDR or JSON: types, decoding, encoding, streams."""

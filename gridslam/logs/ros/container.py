@@ -1,0 +1,40 @@
+"""What a file of ROS messages offers: channels, schemas and raw messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """The definition of a message type. `encoding`: ros2msg, ros2idl, jsonschema, ..."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A topic. `encoding` of its messages: cdr, json, ..."""
+
+    topic: str
+    encoding: str
+    schema_id: int
+
+
+class Container(Protocol):
+    """What a file format offers: channels, their schemas, and raw messages in recorded order, repeatably."""
+
+    @property
+    def channels(self) -> Mapping[int, Channel]:
+        """Complete after `messages` has been gone through once."""
+
+    @property
+    def schemas(self) -> Mapping[int, Schema]:
+        """The same."""
+
+    def messages(self) -> Iterator[tuple[int, bytes]]:
+        """(channel id, data)."""

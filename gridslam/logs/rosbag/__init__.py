@@ -1,0 +1,1 @@
+"""Recordings of ROS: bags of ROS 1, databases and folders of rosbag2."""
