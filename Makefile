@@ -8,14 +8,16 @@ DEV    := $(VENV)/.ready-dev
 SAMPLE := sample_logs/slam-sd.mcap
 OUT    ?= out/sample
 FUZZ_SECONDS ?= 60
+BASELINE ?= out/same-results.json
 
-.PHONY: help map test lint bench papers fuzz newcomer samples clean
+.PHONY: help map test lint same-results bench papers fuzz newcomer samples clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make map      set up, then map the sample log: the picture is $(OUT)/map.png"
 	@echo "make test     lint, then all tests"
 	@echo "make lint     ruff, mypy, import-linter"
+	@echo "make same-results  compare what the program writes with what was recorded in $(BASELINE)"
 	@echo "make bench    measure speed, memory and accuracy against their bounds"
 	@echo "make papers   measure what the papers measured, into docs/papers.md"
 	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
@@ -38,6 +40,9 @@ lint: $(DEV)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+same-results: $(DEV)
+	$(BIN)/python -m tests.same_results compare $(BASELINE)
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks.harness
