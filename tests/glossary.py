@@ -126,7 +126,9 @@ class Finding:
     instead: str = ""
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.text}" + (f" (instead: {self.instead})" if self.instead else "")
+        return f"{self.file}:{self.line}: {self.text}" + (
+            f" (instead: {self.instead})" if self.instead else ""
+        )
 
 
 def findings() -> Iterator[Finding]:
