@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--keep", type=Path, metavar="DIR", help="a new folder that keeps what the runs write"
     )
-    given = parser.parse_args(arguments)
+    given = parser.parse_intermixed_args(arguments)
     if unknown := [name for name in given.names if name not in names]:
         parser.error(f"no run {unknown[0]!r}; there are: {', '.join(names)}")
     if given.action == "compare" and not given.file.exists():
