@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.grid_traversal import advance, start_traversal, steps_to
 
 
 @compiled
@@ -117,25 +118,13 @@ def count_crossed(
 ) -> None:
     """Add 1 to all cells of `crossed` (rows, cols) that the lines from `starts` to `ends` `(n, 2)` pass, by exact traversal.
 
-    Both are x, y in cells from the grid's corner. Amanatides and Woo 1987.
+    Both are x, y in cells from the grid's corner (see `grid_traversal`).
     """
     rows, cols = crossed.shape
     for k in range(starts.shape[0]):
-        x, y = starts[k, 0], starts[k, 1]
-        dx, dy = ends[k, 0] - x, ends[k, 1] - y
-        row, col = int(np.floor(y)), int(np.floor(x))
+        line = start_traversal(starts[k, 0], starts[k, 1], ends[k, 0], ends[k, 1])
         end_row, end_col = int(np.floor(ends[k, 1])), int(np.floor(ends[k, 0]))
-        step_col, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        per_col = abs(1.0 / dx) if dx != 0.0 else np.inf
-        per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
-        next_col = ((col + 1 - x) if dx > 0 else (x - col)) * per_col if dx != 0.0 else np.inf
-        next_row = ((row + 1 - y) if dy > 0 else (y - row)) * per_row if dy != 0.0 else np.inf
-        for _ in range(abs(end_row - row) + abs(end_col - col) + 1):
-            if 0 <= row < rows and 0 <= col < cols:
-                crossed[row, col] += 1.0
-            if next_col < next_row:
-                col += step_col
-                next_col += per_col
-            else:
-                row += step_row
-                next_row += per_row
+        for _ in range(steps_to(line, end_row, end_col) + 1):
+            if 0 <= line.row < rows and 0 <= line.col < cols:
+                crossed[line.row, line.col] += 1.0
+            line = advance(line)

@@ -7,6 +7,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.grid_traversal import advance, start_traversal, steps_to
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK
 
 
@@ -25,8 +26,9 @@ def _add(
         return
     tile = directory[t_row, t_col]
     if tile >= 0:
-        cell = pool[tile, row & TILE_MASK, col & TILE_MASK]
-        cell[0] = min(max(cell[0] + step, -limit), limit)
+        # Indexed directly: a view of the cell would count a reference for every cell, which takes three times as long.
+        r, c = row & TILE_MASK, col & TILE_MASK
+        pool[tile, r, c, 0] = min(max(pool[tile, r, c, 0] + step, -limit), limit)
 
 
 @compiled
@@ -53,22 +55,11 @@ def insert_beams(
     for i in range(points.shape[0]):
         x1 = (pose[0] + c * points[i, 0] - s * points[i, 1]) / resolution_m
         y1 = (pose[1] + s * points[i, 0] + c * points[i, 1]) / resolution_m
-        row, col = int(np.floor(y0)), int(np.floor(x0))
         end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
-        dx, dy = x1 - x0, y1 - y0
-        step_c, step_r = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        per_c = abs(1.0 / dx) if dx != 0.0 else np.inf
-        per_r = abs(1.0 / dy) if dy != 0.0 else np.inf
-        next_c = ((col + 1 - x0) if dx > 0 else (x0 - col)) * per_c if dx != 0.0 else np.inf
-        next_r = ((row + 1 - y0) if dy > 0 else (y0 - row)) * per_r if dy != 0.0 else np.inf
-        for _ in range(abs(end_row - row) + abs(end_col - col)):
-            _add(directory, pool, origin, row, col, miss, limit)
-            if next_c < next_r:
-                col += step_c
-                next_c += per_c
-            else:
-                row += step_r
-                next_r += per_r
+        line = start_traversal(x0, y0, x1, y1)
+        for _ in range(steps_to(line, end_row, end_col)):
+            _add(directory, pool, origin, line.row, line.col, miss, limit)
+            line = advance(line)
         _add(directory, pool, origin, end_row, end_col, hit, limit)
 
 
@@ -138,21 +129,11 @@ def insert_scan_dense(
     x0, y0 = pose_cells[0], pose_cells[1]
     for i in range(ends_cells.shape[0]):
         x1, y1 = ends_cells[i, 0], ends_cells[i, 1]
-        row, col = int(np.floor(y0)), int(np.floor(x0))
         end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
-        dx, dy = x1 - x0, y1 - y0
-        step_c, step_r = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        per_c = abs(1.0 / dx) if dx != 0.0 else np.inf
-        per_r = abs(1.0 / dy) if dy != 0.0 else np.inf
-        next_c = ((col + 1 - x0) if dx > 0 else (x0 - col)) * per_c if dx != 0.0 else np.inf
-        next_r = ((row + 1 - y0) if dy > 0 else (y0 - row)) * per_r if dy != 0.0 else np.inf
-        for _ in range(abs(end_row - row) + abs(end_col - col)):
+        line = start_traversal(x0, y0, x1, y1)
+        for _ in range(steps_to(line, end_row, end_col)):
+            row, col = line.row, line.col
             if 0 <= row < rows and 0 <= col < cols and touched[row, col] != scan_number:
                 touched[row, col] = scan_number
                 log_odds[row, col] = min(max(log_odds[row, col] + miss, -limit), limit)
-            if next_c < next_r:
-                col += step_c
-                next_c += per_c
-            else:
-                row += step_r
-                next_r += per_r
+            line = advance(line)

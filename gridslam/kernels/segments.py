@@ -11,6 +11,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.grid_traversal import Traversal, advance
 
 _PARALLEL = 1e-14
 _NEVER = 1e300
@@ -121,30 +122,23 @@ def _cast_standing(
         return best, index
     col = min(max(int(np.floor((ox + t * dx - x0) / size)), 0), cols - 1)
     row = min(max(int(np.floor((oy + t * dy - y0) / size)), 0), rows - 1)
-    step_c, step_r = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-    per_c = size / abs(dx) if abs(dx) > _PARALLEL else _NEVER
-    per_r = size / abs(dy) if abs(dy) > _PARALLEL else _NEVER
-    next_c = (x0 + (col + (dx > 0)) * size - ox) / dx if abs(dx) > _PARALLEL else _NEVER
-    next_r = (y0 + (row + (dy > 0)) * size - oy) / dy if abs(dy) > _PARALLEL else _NEVER
-    while True:
-        cell = row * cols + col
+    step_row, step_col = (1 if dy > 0 else -1), (1 if dx > 0 else -1)
+    per_row = size / abs(dy) if abs(dy) > _PARALLEL else _NEVER
+    per_col = size / abs(dx) if abs(dx) > _PARALLEL else _NEVER
+    next_row = (y0 + (row + (dy > 0)) * size - oy) / dy if abs(dy) > _PARALLEL else _NEVER
+    next_col = (x0 + (col + (dx > 0)) * size - ox) / dx if abs(dx) > _PARALLEL else _NEVER
+    line = Traversal(row, col, step_row, step_col, next_row, next_col, per_row, per_col)
+    while 0 <= line.row < rows and 0 <= line.col < cols:
+        cell = line.row * cols + line.col
         for k in range(starts[cell], starts[cell + 1]):
             distance = _segment_distance(segments[items[k]], ox, oy, dx, dy)
             if distance < best:
                 best, index = distance, int(items[k])
-        leave = min(next_c, next_r)
+        leave = min(line.next_col, line.next_row)
         if best <= leave or leave >= last:
             return best, index
-        if next_c < next_r:
-            col += step_c
-            next_c += per_c
-            if col < 0 or col >= cols:
-                return best, index
-        else:
-            row += step_r
-            next_r += per_r
-            if row < 0 or row >= rows:
-                return best, index
+        line = advance(line)
+    return best, index
 
 
 @compiled_parallel

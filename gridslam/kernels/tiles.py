@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.grid_traversal import advance, start_traversal, steps_to
 
 TILE_BITS = 3
 TILE_CELLS = 1 << TILE_BITS  # 8 x 8 cells
@@ -63,7 +64,7 @@ def mark_beam_tiles(
     points: NDArray[np.float64],
     resolution_m: float,
 ) -> None:
-    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross: exact traversal (see `log_odds`)."""
+    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross (see `grid_traversal`)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     tile_m = resolution_m * TILE_CELLS
     x0 = (pose[0] + c * viewpoint[0] - s * viewpoint[1]) / tile_m
@@ -71,23 +72,12 @@ def mark_beam_tiles(
     for i in range(points.shape[0]):
         x1 = (pose[0] + c * points[i, 0] - s * points[i, 1]) / tile_m
         y1 = (pose[1] + s * points[i, 0] + c * points[i, 1]) / tile_m
-        row, col = int(np.floor(y0)), int(np.floor(x0))
         end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
-        dx, dy = x1 - x0, y1 - y0
-        step_c, step_r = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        per_c = abs(1.0 / dx) if dx != 0.0 else np.inf
-        per_r = abs(1.0 / dy) if dy != 0.0 else np.inf
-        next_c = ((col + 1 - x0) if dx > 0 else (x0 - col)) * per_c if dx != 0.0 else np.inf
-        next_r = ((row + 1 - y0) if dy > 0 else (y0 - row)) * per_r if dy != 0.0 else np.inf
-        _mark(wanted, row - origin[0], col - origin[1])
-        for _ in range(abs(end_row - row) + abs(end_col - col)):
-            if next_c < next_r:
-                col += step_c
-                next_c += per_c
-            else:
-                row += step_r
-                next_r += per_r
-            _mark(wanted, row - origin[0], col - origin[1])
+        line = start_traversal(x0, y0, x1, y1)
+        _mark(wanted, line.row - origin[0], line.col - origin[1])
+        for _ in range(steps_to(line, end_row, end_col)):
+            line = advance(line)
+            _mark(wanted, line.row - origin[0], line.col - origin[1])
         _mark(wanted, end_row - origin[0], end_col - origin[1])
 
 
