@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.filters.kld import particles_needed
 from gridslam.filters.particles import Particles
 from gridslam.kernels.mcl import occupied_bins, systematic
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +24,14 @@ class AdaptiveSize:
     quantile: float
     bin_m: float
     bin_rad: float
+
+
+def systematic_resampling(weights: Floats, count: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Indices `(count,)` of the particles that survive, with one random number (low-variance resampling).
+
+    `weights` `(n,)` need not be normalised; their sum must be positive. Source: Thrun et al. 2005, table 4.4.
+    """
+    return np.asarray(systematic(weights, count, float(rng.random())))
 
 
 def resample(particles: Particles, size: AdaptiveSize, rng: np.random.Generator) -> Particles:

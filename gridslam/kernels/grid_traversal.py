@@ -1,6 +1,7 @@
 """Traversal of the grid cells that a straight line crosses, one cell after the other (Amanatides and Woo 1987).
 
-A kernel starts a `Traversal`, reads `row` and `col`, and replaces it by `advance(traversal)`; machine code keeps the fields in registers.
+A kernel starts a `Traversal`, reads its `row` and `col`, and replaces it by `advance(traversal)`. Compiled code keeps the fields
+in registers, so a step costs no more than with local variables.
 Coordinates are in cells: cell (row, col) covers [col, col + 1) x [row, row + 1).
 """
 

@@ -44,11 +44,13 @@ def largest_free_square(occupied: NDArray[np.bool_], row: int, col: int, quadran
 
 def cells_along(x0: float, y0: float, x1: float, y1: float) -> list[tuple[int, int]]:
     """Cells (row, col) that the line from (x0, y0) to (x1, y1) passes, sorted by where the line enters them."""
-    crossings = [(0.0, 0, 0)]
-    for col in range(math.floor(min(x0, x1)) + 1, math.floor(max(x0, x1)) + 1):
-        crossings.append(((col - x0) / (x1 - x0), 0, 1 if x1 > x0 else -1))
-    for row in range(math.floor(min(y0, y1)) + 1, math.floor(max(y0, y1)) + 1):
-        crossings.append(((row - y0) / (y1 - y0), 1 if y1 > y0 else -1, 0))
-    steps = np.array([crossing[1:] for crossing in sorted(crossings)])
-    cells = np.cumsum(steps, axis=0) + (math.floor(y0), math.floor(x0))
-    return [(int(row), int(col)) for row, col in cells]
+    right, up = (1 if x1 > x0 else -1), (1 if y1 > y0 else -1)
+    cols = range(math.floor(min(x0, x1)) + 1, math.floor(max(x0, x1)) + 1)
+    rows = range(math.floor(min(y0, y1)) + 1, math.floor(max(y0, y1)) + 1)
+    crossings = [((col - x0) / (x1 - x0), 0, right) for col in cols]
+    crossings += [((row - y0) / (y1 - y0), up, 0) for row in rows]
+    cells = [(math.floor(y0), math.floor(x0))]
+    for _, d_row, d_col in sorted(crossings):
+        row, col = cells[-1]
+        cells.append((row + d_row, col + d_col))
+    return cells

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.mcl import systematic
+from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table
@@ -35,7 +35,7 @@ def search_states(
     scores = _range_scores(drawn, points, hypotheses)
     weights = np.exp(scores - scores.max())
     n = settings.start_particles
-    states = hypotheses[systematic(weights, n, float(rng.random()))]
+    states = hypotheses[systematic_resampling(weights, n, rng)]
     scatter = rng.standard_normal((n, 5)) * SCATTER
     scatter[:, :2] *= np.exp(states[:, 3:4])
     if not settings.separate_scales:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.particles import Particles, main_cluster
-from gridslam.kernels.mcl import systematic
+from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig, LocalizationConfig
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
@@ -100,7 +100,7 @@ class DrawingLocalizer:
         count = round(self._config.localization.recall_share * len(self.states))
         if not count:
             return
-        chosen = systematic(self._weights, len(self.states), float(self._rng.random()))
+        chosen = systematic_resampling(self._weights, len(self.states), self._rng)
         self.states = self.states[chosen]
         self._weights = np.full(len(self.states), 1.0 / len(self.states))
         scatter = self._rng.standard_normal((count, 5)) * RECALL_SCATTER
@@ -156,7 +156,7 @@ class DrawingLocalizer:
         self._weights = weights / weights.sum()
 
     def _redraw(self, count: int) -> None:
-        chosen = systematic(self._weights, count, float(self._rng.random()))
+        chosen = systematic_resampling(self._weights, count, self._rng)
         self.states = self.states[chosen]
         self._weights = np.full(count, 1.0 / count)
 

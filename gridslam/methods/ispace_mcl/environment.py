@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.kernel_density import kernel_density
 from gridslam.filters.particles import Particles
-from gridslam.kernels.mcl import systematic
+from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.distances import distances_to
 from gridslam.methods.ispace_mcl.camera_config import CamerasConfig, DensityConfig, SightingConfig
 from gridslam.sensors.fixed_camera import Sighting
@@ -109,7 +109,7 @@ def proposals(
     poses = np.column_stack([np.repeat(places, _HEADINGS, axis=0), np.tile(headings, len(places))])
     score = log_weight(poses)
     share = np.exp(score - score.max())
-    members = systematic(share / share.sum(), count, float(rng.random()))
+    members = systematic_resampling(share / share.sum(), count, rng)
     drawn: Floats = poses[members] + rng.standard_normal((count, 3)) * _SCATTER
     drawn[:, 2] = se2.wrap_angle(drawn[:, 2])
     return drawn

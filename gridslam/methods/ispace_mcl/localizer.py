@@ -14,8 +14,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster, moments
-from gridslam.filters.resampling import AdaptiveSize, resample
-from gridslam.kernels.mcl import systematic
+from gridslam.filters.resampling import AdaptiveSize, resample, systematic_resampling
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.assessment import Assessment, Watch
 from gridslam.methods.ispace_mcl.camera_config import SightingConfig
@@ -188,7 +187,7 @@ class Localizer:
         drawn = proposals(moving, lambda poses: self._log_weight(used, poses, moving), count, self._rng)
         if drawn is None:
             return
-        kept = systematic(self.particles.weights, len(self.particles) - count, float(self._rng.random()))
+        kept = systematic_resampling(self.particles.weights, len(self.particles) - count, self._rng)
         self.particles = Particles.even(np.concatenate([self.particles.poses[kept], drawn]))
         self.counters["proposals"] += count
 

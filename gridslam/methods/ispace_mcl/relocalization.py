@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
-from gridslam.kernels.mcl import systematic
+from gridslam.filters.resampling import systematic_resampling
 from gridslam.methods.ispace_mcl.config import SearchConfig
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
@@ -132,7 +132,7 @@ class Contender:
         """The tracked particles and particles about the rivals, weighted by what speaks for each."""
         share = float(1.0 / np.exp(np.r_[score, rivals.scores] - score).sum())
         kept = max(int(self._config.tracked_share * most), 1)
-        chosen = systematic(particles.weights, kept, float(rng.random()))
+        chosen = systematic_resampling(particles.weights, kept, rng)
         new = _drawn(rivals, most - kept, rng)
         poses = np.concatenate([particles.poses[chosen], new.poses])
         weights = np.r_[np.full(kept, share / kept), new.weights * (1.0 - share)]
@@ -164,7 +164,7 @@ def _drawn(found: Hypotheses, count: int, rng: np.random.Generator) -> Particles
     kept = shares >= _LEAST_SHARE
     poses, shares = found.poses[kept], shares[kept] / shares[kept].sum()
     root = np.sqrt(shares)
-    members = systematic(root, count, float(rng.random()))
+    members = systematic_resampling(root, count, rng)
     drawn = np.bincount(members, minlength=len(poses))
     scattered = poses[members] + rng.standard_normal((count, 3)) * _SCATTER
     scattered[:, 2] = se2.wrap_angle(scattered[:, 2])

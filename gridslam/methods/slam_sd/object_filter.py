@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.filters.resampling import systematic_resampling
 from gridslam.kernels import object_weights
 from gridslam.methods.slam_sd.evidence import Evidence
 from gridslam.methods.slam_sd.object_config import AntennaConfig, ObjectsConfig
@@ -63,7 +64,7 @@ class ObjectFilter:
         readers = rounds.antennas[self._evidence.reads.any(axis=0)]
         drawn = draw(self._thing, CANDIDATES * n, readers, self._known, self._evidence.walls, config, rng)
         weight = self.log_tags(drawn) + self._log_prior(drawn, config.first_sigma_m, 0.0)
-        poses = drawn[_systematic(weight, n, rng)]
+        poses = drawn[systematic_resampling(np.exp(weight - weight.max()), n, rng)]
         evidence = self._evidence.near(*_circle(poses, self._thing))
         sigmas = np.geomspace(config.first_sigma_m, config.sigma_m, config.narrowing_steps)
         coarse = evidence.thinned(COARSE)
@@ -75,7 +76,7 @@ class ObjectFilter:
             seen = coarse if 2 * step < len(sigmas) else evidence
             weight = self._log_posterior(poses, seen, float(sigma), trust)
             best = int(np.argmax(weight))
-            chosen = _systematic(weight, n, rng)
+            chosen = systematic_resampling(np.exp(weight - weight.max()), n, rng)
             chosen[0] = best
             poses = poses[chosen]
         return self._about(poses, evidence, rng)
@@ -162,7 +163,7 @@ class ObjectFilter:
         weight = density - log_proposal
         mean, covariance = _moments(poses, weight, poses[int(np.argmax(density))], self._thing)
         pose = np.array([*mean[:2], float(se2.wrap_angle(mean[2]))])
-        settled = poses[_systematic(weight, len(poses), rng)]
+        settled = poses[systematic_resampling(np.exp(weight - weight.max()), len(poses), rng)]
         return Posterior(
             pose,
             covariance + np.diag(LEAST_DEVIATIONS**2),
@@ -195,14 +196,6 @@ def _moments(poses: Floats, log_weight: Floats, best: Floats, thing: Thing) -> t
     centred = offset - mean
     covariance = (centred * weight[:, None]).T @ centred
     return best + mean, covariance
-
-
-def _systematic(log_weight: Floats, n: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Indices `(n,)` of systematic resampling."""
-    weight = np.exp(log_weight - log_weight.max())
-    steps = np.cumsum(weight)
-    places = (np.arange(n) + rng.random()) / n * steps[-1]
-    return np.asarray(np.minimum(np.searchsorted(steps, places), len(steps) - 1), np.int64)
 
 
 def _circle(poses: Floats, thing: Thing) -> tuple[Floats, float]:
