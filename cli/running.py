@@ -10,13 +10,14 @@ from typing import Any
 import typer
 from pydantic import BaseModel
 
+from gridslam.api import localize, map_log
 from gridslam.core.errors import ConfigError
 from gridslam.core.threads import limit_threads
 from gridslam.report.directory import check_free
 from gridslam.report.document import flatten
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
-from gridslam.runs.run import Command, Run, Stop, read_inputs, run_localize, run_map
+from gridslam.runs.run import Command, Run, Stop
 from gridslam.runs.run_config import RunConfig, load_run_config
 
 from . import console
@@ -70,11 +71,15 @@ def _run(
     def tell() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
-    inputs = read_inputs(options.inputs)
     with console.progress_bar(command) as show, telling_of_compilation(tell):
+        drawing, tags = options.inputs.get("drawing"), options.inputs.get("tags")
         if command == "map":
-            return run_map(config, options.log, show, stop, inputs)
-        return run_localize(config, options.log, map_path, show, stop, inputs)
+            done = map_log(options.log, config, drawing=drawing, tags=tags, progress=show, stop=stop)
+        else:
+            done = localize(
+                options.log, map_path, config, drawing=drawing, tags=tags, progress=show, stop=stop
+            )
+        return done.run
 
 
 def _warn_of_other_versions(config: RunConfig[BaseModel]) -> None:

@@ -13,7 +13,7 @@ from .. import console
 from ..options import AsJson
 
 if TYPE_CHECKING:
-    from gridslam.evaluation.document import Options
+    from gridslam.evaluation.document import EvaluationOptions
 
 
 TRUTH_BESIDE = "truth"  # the folder that `gridslam explore` leaves in its run directory
@@ -182,9 +182,9 @@ def _options(
     reach_m: float | None,
     max_position_m: float,
     max_heading_deg: float,
-) -> Options:
+) -> EvaluationOptions:
     from gridslam.core.errors import ConfigError
-    from gridslam.evaluation.document import Options
+    from gridslam.evaluation.document import EvaluationOptions
     from gridslam.evaluation.pose_errors import Delta
     from gridslam.evaluation.run_files import run_command_of
     from gridslam.logs.stamps import END_S
@@ -200,7 +200,7 @@ def _options(
         )
     if not max_difference_s <= END_S:
         raise ConfigError(f"--max-difference {max_difference_s:g}: expected seconds up to {END_S:g}")
-    return Options(
+    return EvaluationOptions(
         align=align.value,
         with_scale=scale,
         sync=sync.value,

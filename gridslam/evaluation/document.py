@@ -59,7 +59,7 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class EvaluationOptions:
     """How the measures are taken."""
 
     align: Align = "none"
@@ -72,7 +72,7 @@ class Options:
     max_heading_deg: float = 10.0
 
 
-def evaluate(result: Result, truth: Truth, options: Options) -> Document:
+def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Document:
     """All measures for which both sides are given.
 
     Map and objects are moved by the same alignment as the trajectory, if there is one: their frame is the
@@ -106,7 +106,7 @@ def _json_value(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _align(estimate: Trajectory, truth: Trajectory, options: Options) -> tuple[Pairs, Alignment]:
+def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> tuple[Pairs, Alignment]:
     pairs = associate(estimate.sorted(), truth.sorted(), options.sync, options.max_difference_ns)
     if not len(pairs):
         raise InputError(
@@ -128,7 +128,7 @@ def _span(trajectory: Trajectory) -> str:
 
 
 def _trajectory_measures(
-    estimate: Trajectory, truth: Trajectory, pairs: Pairs, alignment: Alignment, options: Options
+    estimate: Trajectory, truth: Trajectory, pairs: Pairs, alignment: Alignment, options: EvaluationOptions
 ) -> Document:
     aligned = Pairs(pairs.stamps_ns, alignment.apply(pairs.estimate), pairs.truth)
     errors = absolute_errors(aligned.estimate, aligned.truth)

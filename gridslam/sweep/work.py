@@ -99,7 +99,7 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
     """Facts of the report under `run.`, the method's own under `method.`, and all measures against the truth."""
     import json
 
-    from gridslam.evaluation.document import Options, evaluate, without_nan
+    from gridslam.evaluation.document import EvaluationOptions, evaluate, without_nan
     from gridslam.evaluation.from_files import load_result, load_truth
     from gridslam.evaluation.gates import flatten
     from gridslam.report.directory import REPORT_NAME
@@ -117,7 +117,7 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
                 evaluate(
                     load_result(job.directory, truth),
                     truth,
-                    Options(
+                    EvaluationOptions(
                         align=options["align"] or ("se2" if job.command == "map" else "none"),
                         sync=options["sync"],
                         max_difference_ns=round(options["max_difference_s"] * 1e9),

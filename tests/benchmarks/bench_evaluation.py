@@ -12,7 +12,7 @@ from evo.core.trajectory import PoseTrajectory3D
 
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.document import Options, Result, Truth, evaluate
+from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
@@ -27,7 +27,7 @@ RELATIONS = 100_000
 def rows() -> Iterator[Row]:
     """Both sides start from trajectories in memory; ours takes all measures that evo's two metrics take."""
     truth, estimate = random_walk(0), random_walk(1)
-    ours = fastest(lambda: evaluate(Result(estimate), Truth(truth), Options(align="se2")))
+    ours = fastest(lambda: evaluate(Result(estimate), Truth(truth), EvaluationOptions(align="se2")))
     evos = fastest(lambda: evo_measures(truth, estimate), repeats=1)
     yield Row("evaluation.trajectory_over_evo", ours / evos, "", bound=0.1)
     yield Row("evaluation.relations", fastest(lambda: relation_errors(estimate, relations())), "s", bound=0.5)

@@ -1,0 +1,233 @@
+"""The Python face: a log in, map, trajectory, errors and pictures out as objects. `import gridslam` offers it by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from PIL import Image
+from pydantic import BaseModel
+
+from gridslam.config.builtin import read_config
+from gridslam.config.overrides import apply_overrides, overridden_keys
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation import document as measures
+from gridslam.evaluation.document import EvaluationOptions
+from gridslam.evaluation.files import read_trajectory
+from gridslam.evaluation.from_files import load_result, load_truth
+from gridslam.evaluation.run_files import run_command_of
+from gridslam.maps.load import load_any_map
+from gridslam.maps.map_server import save_map as save_map_files
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.preview import render_map
+from gridslam.methods.base import Table
+from gridslam.report.document import report_document
+from gridslam.report.write import write_run
+from gridslam.runs.run import Run, Show, Stop, read_inputs, run_localize, run_map
+from gridslam.runs.run_config import RunConfig, validate_run_config
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+AnyPath: TypeAlias = "str | PathLike[str]"
+Config: TypeAlias = "str | PathLike[str] | Mapping[str, Any] | RunConfig[BaseModel]"
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """A finished run as objects; `save` writes its run directory."""
+
+    run: Run
+
+    @property
+    def status(self) -> str:
+        """`complete`, `lossy` or `interrupted`, as in report.json."""
+        return self.run.status
+
+    @property
+    def map(self) -> OccupancyGrid | None:
+        """The map made or, after `localize`, the map given; None where there is none."""
+        return self.run.occupancy
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """T_map_base over time; empty where no pose was found."""
+        return self.run.result.trajectory
+
+    @property
+    def layers(self) -> Mapping[str, NDArray[np.generic]]:
+        """The method's further layers by name, each `(rows, cols)` from the lower left corner."""
+        return {name: layer.values for name, layer in self.run.result.layers.items()}
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """The method's tables by name; each is written as NAME.csv."""
+        return self.run.result.tables
+
+    @property
+    def pictures(self) -> Mapping[str, Image.Image]:
+        """`map` with the trajectory drawn on it, and the method's own pictures by name."""
+        made = {name: Image.fromarray(picture.rgb) for name, picture in self.run.result.pictures.items()}
+        if self.map is None or not self.map.probability.size:
+            return made
+        return {"map": render_map(self.map, self.trajectory), **made}
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The document of report.json: errors where the truth is known, timing, memory, message counts."""
+        return report_document(self.run, 0.0)
+
+    def save(self, directory: AnyPath, *, force: bool = False) -> Path:
+        """Write the run directory and return its path.
+
+        Raises ConfigError: something is there already (`force` replaces a run directory), or it cannot be written.
+        """
+        write_run(self.run, Path(directory), force)
+        return Path(directory)
+
+
+def load_config(
+    config: Config,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    settings: Mapping[str, object] = MappingProxyType({}),
+) -> RunConfig[BaseModel]:
+    """A checked configuration.
+
+    `config` is a built-in name (`slam-sd`, `paper/slam-sd`), the path of a YAML file, a mapping of the same form, or a
+    configuration that is loaded already. `settings` are keys of the section `method`, `overrides` are texts as for `--set`:
+    `"log.topics.scan=/front"`. Raises ConfigError, which names the key path, what is wrong there and the nearest valid key.
+    """
+    if isinstance(config, RunConfig):
+        if seed is None and not settings and not overrides:
+            return config
+        document, source = config.model_dump(mode="json", exclude_none=True), "config"
+    elif isinstance(config, Mapping):
+        document, source = dict(config), "config"
+    else:
+        document, source = read_config(str(config))
+    changes = [f"method.{key}={json.dumps(value)}" for key, value in settings.items()] + list(overrides)
+    document = apply_overrides(document, changes)
+    if seed is not None:
+        document["seed"] = seed
+    return validate_run_config(document, source, overridden_keys(changes))
+
+
+def map_log(
+    log: AnyPath,
+    config: Config,
+    *,
+    drawing: AnyPath | None = None,
+    tags: AnyPath | None = None,
+    seed: int | None = None,
+    progress: Show | None = None,
+    stop: Stop | None = None,
+    **settings: object,
+) -> FinishedRun:
+    """Map a log: what `gridslam map` does, without writing anything.
+
+    `config` and `settings` are those of `load_config`; `drawing` (handmap-slam) and `tags` (slam-sd) are files. `progress` is
+    called with a `Progress` now and then; when `stop` returns True, the run ends with what it has.
+    Raises ConfigError, LogError (unreadable, or a stream is missing), MethodError.
+    """
+    loaded = load_config(config, (), seed, settings)
+    inputs = read_inputs(_given(drawing=drawing, tags=tags))
+    return FinishedRun(run_map(loaded, Path(log), progress or _ignore, stop or _never, inputs))
+
+
+def localize(
+    log: AnyPath,
+    map_path: AnyPath | None,
+    config: Config = "ispace-mcl",
+    *,
+    drawing: AnyPath | None = None,
+    tags: AnyPath | None = None,
+    seed: int | None = None,
+    progress: Show | None = None,
+    stop: Stop | None = None,
+    **settings: object,
+) -> FinishedRun:
+    """Localize along a log on a map (a map_server YAML or wean.dat): what `gridslam localize` does, without writing.
+
+    Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
+    """
+    loaded = load_config(config, (), seed, settings)
+    given_map = None if map_path is None else Path(map_path)
+    inputs = read_inputs(_given(drawing=drawing, tags=tags))
+    return FinishedRun(
+        run_localize(loaded, Path(log), given_map, progress or _ignore, stop or _never, inputs)
+    )
+
+
+def simulate(world: AnyPath, log: AnyPath, *, overrides: Sequence[str] = (), force: bool = False) -> Path:
+    """Record a simulated drive through a built-in world or a world file; its truth goes beside it. Returns the log's path.
+
+    Raises ConfigError: the world is wrong, or the log is there already (`force` replaces it).
+    """
+    from gridslam.simulation.record import record_world
+    from gridslam.simulation.world_config import load_world
+
+    loaded, path = load_world(str(world), tuple(overrides))
+    record_world(loaded, path.parent, Path(log), force=force)
+    return Path(log)
+
+
+def evaluate(
+    result: FinishedRun | AnyPath,
+    truth: AnyPath | None = None,
+    *,
+    truth_map: AnyPath | None = None,
+    truth_objects: AnyPath | None = None,
+    relations: AnyPath | None = None,
+    options: EvaluationOptions | None = None,
+) -> dict[str, Any]:
+    """Measure a result against the truth: the document of `gridslam evaluate --json`, with NaN where JSON has null.
+
+    `result` is a finished run, a run directory or a trajectory file. Files of the truth are those of the command. Without
+    `options`, a result that was mapped is aligned to the truth (`se2`), and any other is taken as it is.
+    Raises InputError: a file is unreadable, or nothing of the result has a truth.
+    """
+    true = load_truth(*(None if p is None else Path(p) for p in (truth, truth_map, relations, truth_objects)))
+    if isinstance(result, FinishedRun):
+        found = measures.Result(trajectory=result.trajectory, occupancy=result.map)
+        is_mapped = result.run.command != "localize"
+    else:
+        found = load_result(Path(result), true)
+        is_mapped = run_command_of(Path(result)) in ("map", "explore")
+    if options is None:
+        options = replace(EvaluationOptions(), align="se2" if is_mapped else "none")
+    return measures.evaluate(found, true, options)
+
+
+def load_map(path: AnyPath) -> OccupancyGrid:
+    """The map of a map_server YAML (or wean.dat). Raises MapError: it is unreadable."""
+    return load_any_map(Path(path))
+
+
+def save_map(grid: OccupancyGrid, path: AnyPath) -> None:
+    """Write PATH.pgm and PATH.yaml for map_server; a suffix .yaml or .pgm of the path is left out."""
+    given = Path(path)
+    save_map_files(grid, given.with_suffix("") if given.suffix in (".yaml", ".pgm") else given)
+
+
+def load_trajectory(path: AnyPath) -> Trajectory:
+    """The trajectory of a TUM file, or of lines `t x y yaw`. Raises InputError: a line is wrong."""
+    return read_trajectory(Path(path))
+
+
+def _given(**paths: AnyPath | None) -> dict[str, Path]:
+    return {name: Path(path) for name, path in paths.items() if path is not None}
+
+
+def _ignore(_: object) -> None:
+    """No progress is shown."""
+
+
+def _never() -> bool:
+    return False
