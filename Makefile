@@ -18,6 +18,7 @@ help:
 	@echo "make test     lint, then all tests"
 	@echo "make lint     ruff, mypy, import-linter"
 	@echo "make same-results  compare what the program writes with what was recorded in $(BASELINE)"
+	@echo "make docs     build the pages and the API as a site: out/site/index.html"
 	@echo "make bench    measure speed, memory and accuracy against their bounds"
 	@echo "make papers   measure what the papers measured, into docs/papers.md"
 	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
@@ -43,6 +44,10 @@ lint: $(DEV)
 
 same-results: $(DEV)
 	$(BIN)/python -m tests.same_results compare $(BASELINE)
+
+docs: $(DEV)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+	@echo "The site is out/site/index.html."
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks.harness
@@ -78,5 +83,5 @@ $(READY): pyproject.toml setup.py
 
 $(DEV): $(READY)
 	@echo "adding what tests, lint and the simulator need (once)"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[sim,test,lint]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[sim,test,lint,docs]'
 	@touch $@

@@ -101,10 +101,10 @@ def test_the_hint_of_a_usage_error_names_the_command(cli: Cli, small_log: Path) 
 def test_a_second_ctrl_c_says_that_nothing_was_written(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gridslam.cli.running.run_map", interrupted)
+    monkeypatch.setattr("gridslam.cli.running.map_log", interrupted)
     code, out, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out")
     assert (code, out) == (130, "")
     assert "interrupted; nothing was written" in err
@@ -114,13 +114,13 @@ def test_a_second_ctrl_c_says_that_nothing_was_written(
 def test_ctrl_c_within_compiled_code_is_no_bug(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         try:
             raise KeyboardInterrupt
         except KeyboardInterrupt as error:
             raise SystemError("a result with an exception set") from error  # what the interpreter makes of it
 
-    monkeypatch.setattr("gridslam.cli.running.run_map", interrupted)
+    monkeypatch.setattr("gridslam.cli.running.map_log", interrupted)
     code, _, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out")
     assert (code, err) == (130, "gridslam: error: interrupted; nothing was written\n")
 
