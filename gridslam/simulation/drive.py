@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.simulation.grip import Grip
 from gridslam.simulation.robot_config import Wheels
 from gridslam.simulation.shapes import PoseDeg
 
@@ -46,6 +47,7 @@ class DrivenRobot:
         self._fresh = wheels.slip_deviation * math.sqrt(1.0 - self._keep**2)
         self._rng = rng
         self._draws: list[float] = []
+        self._grip = Grip(wheels.grip_losses, rng) if wheels.grip_losses else None
         self._steps = 0
         self._history = np.empty((4096, 3))
         self._history[0] = self.x, self.y, self.yaw
@@ -71,6 +73,8 @@ class DrivenRobot:
         left_slip, right_slip = self._next_slips()
         left = self.left_radps * STEP_S * self.true.left_radius_m * (1.0 - left_slip)
         right = self.right_radps * STEP_S * self.true.right_radius_m * (1.0 - right_slip)
+        if self._grip:
+            left, right = self._grip.kept(left, right)
         forward, turn = 0.5 * (left + right), (right - left) / self.true.base_m
         turn *= 1.0 - self.wheels.turn_slip
         middle = self.yaw + 0.5 * turn

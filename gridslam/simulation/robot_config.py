@@ -10,6 +10,18 @@ from gridslam.config.base import StrictModel
 from gridslam.simulation.shapes import NotNegative, Point, PoseDeg, Share
 
 
+class GripLosses(StrictModel):
+    """Moments at which wheels spin: on a threshold, a cable, a wet spot.
+
+    They come at random, `per_km` on average. Half of them take both wheels, which lose up to `both_wheels_m` of their travel; the
+    others take one wheel, which loses up to `one_wheel_m` and so yaws the robot. A spinning wheel loses half of its travel.
+    """
+
+    per_km: PositiveFloat
+    both_wheels_m: NotNegative = 0.3
+    one_wheel_m: NotNegative = 0.05
+
+
 class Wheels(StrictModel):
     """The drive as its maker describes it, and how it differs from that.
 
@@ -28,6 +40,7 @@ class Wheels(StrictModel):
     slip_deviation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
     slip_length_s: PositiveFloat = 2.0
     turn_slip: Share = 0.0
+    grip_losses: GripLosses | None = None
     acceleration_mps2: PositiveFloat = 0.8
     max_speed_mps: PositiveFloat = 1.5
 

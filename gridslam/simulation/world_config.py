@@ -16,6 +16,7 @@ from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
 from gridslam.simulation.camera_config import RgbdCamera
+from gridslam.simulation.places.build import with_place
 from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.sensor_suite import Sensors
 from gridslam.simulation.shapes import Box, Cylinder, Door, NotNegative, Person, Point, TaggedObject, Wall
@@ -103,6 +104,7 @@ def load_world(
     document = apply_overrides(read_yaml(path), overrides)
     if seed is not None:
         document["seed"] = seed
+    document = with_place(document, name_or_path, overridden_keys(overrides))
     return validate_world(document, name_or_path, overrides), path
 
 

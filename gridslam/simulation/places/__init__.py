@@ -1,0 +1,1 @@
+"""Large places made by seed: buildings, corridors and campuses of kilometres, as ordinary world documents."""
