@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gridslam.simulation.places.layout import XY, Array, Layout
+from gridslam.simulation.places.layout import XY, Array, Lane, Layout
 from gridslam.simulation.places.walls import Bay, bayed_polygon, inset
 
 LATERAL_M = 1.0
@@ -35,8 +35,17 @@ def campus(rng: np.random.Generator) -> Layout:
     _add_rows_along_paths(layout, rng)
     for _ in range(int(rng.integers(2, 6))):
         lane = layout.lanes[int(rng.integers(len(layout.lanes)))]
-        layout.people.append((layout.nodes[lane.first], layout.nodes[lane.second]))
+        layout.people.append(_beside(layout, lane, 1.9))
     return layout
+
+
+def _beside(layout: Layout, lane: Lane, offset_m: float) -> tuple[XY, XY]:
+    """A path to the left of a lane that ends before its nodes."""
+    start, end = np.array(layout.nodes[lane.first]), np.array(layout.nodes[lane.second])
+    span = (end - start) / np.hypot(*(end - start))
+    offset = offset_m * np.array([-span[1], span[0]])
+    (x0, y0), (x1, y1) = (start + 6.0 * span + offset).tolist(), (end - 6.0 * span + offset).tolist()
+    return (x0, y0), (x1, y1)
 
 
 def _add_building(layout: Layout, outline: Array, rng: np.random.Generator) -> None:

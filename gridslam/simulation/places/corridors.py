@@ -30,8 +30,8 @@ def corridors(rng: np.random.Generator) -> Layout:
     add_outer_wall(layout, x, y, width, bay)
     _add_clutter(layout, x, y, width, rng)
     for _ in range(int(rng.integers(1, 4))):
-        row = float(rng.choice(y)) + 0.3 * float(rng.choice([-1.0, 1.0]))
-        layout.people.append(((2.0, row), (length - 2.0, row)))
+        row = float(rng.choice(y)) + (0.5 * width - 0.4) * float(rng.choice([-1.0, 1.0]))
+        layout.people.append(((4.0, row), (length - 4.0, row)))
     return layout
 
 

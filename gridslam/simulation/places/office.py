@@ -59,8 +59,8 @@ def office(rng: np.random.Generator) -> Layout:
     layout.add_wall(bayed_wall((east, north), (east, south), bay))
     _add_lanes(layout, x, y, doors, 0.5 * width - CABINET_M - 0.4, rng)
     for _ in range(int(rng.integers(2, 6))):
-        row_y = float(rng.choice(y)) + 0.25 * float(rng.choice([-1.0, 1.0]))
-        layout.people.append(((float(x[0]), row_y), (float(x[-1]), row_y)))
+        row_y = float(rng.choice(y)) + (0.5 * width - 0.35) * float(rng.choice([-1.0, 1.0]))
+        layout.people.append(((float(x[0]) + 4.0, row_y), (float(x[-1]) - 4.0, row_y)))
     return layout
 
 

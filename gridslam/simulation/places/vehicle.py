@@ -63,8 +63,8 @@ def sensors(kind: Kind, rng: np.random.Generator) -> Sensors:
 
 
 def wheels(kind: Kind, rng: np.random.Generator) -> Wheels:
-    """Errors in proportion to a drift drawn between 2.6 and 4.2 %, of either sign; chance adds the rest."""
-    drift = float(rng.uniform(0.026, 0.042)) * (WINDING if kind == "office" else 1.0)
+    """Errors in proportion to a drift drawn between 3 and 4.2 %, of either sign; chance adds the rest."""
+    drift = float(rng.uniform(0.03, 0.042)) * (WINDING if kind == "office" else 1.0)
     base_m = 0.45
     yaw_per_m = 0.9 * drift * 2.0 / 100.0 * float(rng.choice([-1.0, 1.0]))
     return Wheels(
