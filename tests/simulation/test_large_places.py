@@ -17,6 +17,7 @@ from gridslam.core.random import random_stream
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.corridors import corridors
+from gridslam.simulation.places.vehicle import drift_of
 from gridslam.simulation.route import drive_route, route_length_m
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
@@ -57,7 +58,7 @@ def test_the_route_keeps_clear_of_walls_by_a_hand(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_odometry_drifts_by_two_to_five_percent(kind: Kind) -> None:
-    document = place_document(kind, 1, 800.0)
+    document = place_document(kind, 1, 1500.0)
     document["sensors"]["lidar"] = None
     drift = odometry_drift(validate_world(document, "place"))
     assert 0.02 <= drift <= 0.05
@@ -163,3 +164,9 @@ def odometry_drift(world: World, stretch_m: float = 100.0) -> float:
         se2.between(true[starts], true[ends]), se2.between(estimated[starts], estimated[ends])
     )
     return float(np.hypot(errors[:, 0], errors[:, 1]).mean() / stretch_m)
+
+
+def test_the_drift_of_a_straight_path_is_that_of_its_integral() -> None:
+    route = [(0.0, 0.0), (400.0, 0.0)]
+    assert drift_of(route, 0.0, 0.02) == pytest.approx(0.02, rel=1e-3)
+    assert drift_of(route, 0.001, 0.0) == pytest.approx(0.001 * 100.0 / 2.0, rel=0.02)

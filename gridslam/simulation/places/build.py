@@ -77,7 +77,7 @@ def place_document(kind: Kind, seed: int, travel_m: float) -> Document:
         route=tuple(points[1:]),
         speed_mps=round(float(rng.uniform(slow, fast)), 2),
         turn_radps=1.2,
-        wheels=wheels(kind, rng),
+        wheels=wheels(points, rng),
     )
     walls = [
         Wall(

@@ -6,11 +6,13 @@ Wheels of unequal radii and slip that lasts turn the heading, a constant slip sh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gridslam.simulation.places.config import Kind
+from gridslam.simulation.places.layout import XY
 from gridslam.simulation.robot_config import GripLosses, Wheels
 from gridslam.simulation.sensor_config import Lidar, Mounting, WheelOdometry
 from gridslam.simulation.sensor_suite import Sensors
@@ -39,7 +41,9 @@ OUTDOORS = (
     Scanner(541, 270.0, 50.0, 0.02, 0.001),
     Scanner(720, 360.0, 60.0, 0.02, 0.005),
 )
-WINDING = 1.4  # errors that make the same drift where 100 m of path end 40 m away
+BASE_M = 0.45
+STRETCH_M, SAMPLE_M = 100.0, 0.5
+YAW_ERROR_PER_M, SCALE_ERROR = 0.018, 0.3  # of a drift of 1, on a straight path
 SCAN_RATES_HZ = (2.5, 4.0, 5.0, 6.0)
 
 
@@ -62,19 +66,41 @@ def sensors(kind: Kind, rng: np.random.Generator) -> Sensors:
     return Sensors(lidar=lidar, odometry=WheelOdometry(rate_hz=12.5, jitter_s=0.001, missing=0.002))
 
 
-def wheels(kind: Kind, rng: np.random.Generator) -> Wheels:
-    """Errors in proportion to a drift drawn between 3 and 4.2 %, of either sign; chance adds the rest."""
-    drift = float(rng.uniform(0.03, 0.042)) * (WINDING if kind == "office" else 1.0)
-    base_m = 0.45
-    yaw_per_m = 0.9 * drift * 2.0 / 100.0 * float(rng.choice([-1.0, 1.0]))
+def wheels(route: Sequence[XY], rng: np.random.Generator) -> Wheels:
+    """Wheels whose constant errors alone make a drift between 2.8 and 3.8 % on a route; chance adds to it.
+
+    The errors are linear in the drift, so that those of a drift of 1 give the scale.
+    """
+    sign = float(rng.choice([-1.0, 1.0]))
+    size = float(rng.uniform(0.028, 0.038)) / drift_of(route, sign * YAW_ERROR_PER_M, SCALE_ERROR)
+    wheel_error = 0.5 * sign * size * YAW_ERROR_PER_M * BASE_M
     return Wheels(
         radius_m=0.1,
-        base_m=base_m,
-        left_radius_error=-0.5 * yaw_per_m * base_m,
-        right_radius_error=0.5 * yaw_per_m * base_m,
-        base_error=float(rng.uniform(-0.004, 0.004)),
-        slip_mean=0.3 * drift,
-        slip_deviation=0.015 * drift,
-        grip_losses=GripLosses(per_km=4.0, both_wheels_m=0.4, one_wheel_m=0.5 * drift),
+        base_m=BASE_M,
+        left_radius_error=-wheel_error,
+        right_radius_error=wheel_error,
+        base_error=float(rng.uniform(-0.001, 0.001)),
+        slip_mean=size * SCALE_ERROR,
+        slip_deviation=0.0003,
+        grip_losses=GripLosses(per_km=4.0, both_wheels_m=0.4, one_wheel_m=0.009),
         max_speed_mps=2.5,
     )
+
+
+def drift_of(route: Sequence[XY], yaw_error_per_m: float, scale_error: float) -> float:
+    """Drift along a polyline of small constant errors of yaw and scale: mean relative error over all stretches of 100 m.
+
+    To first order the error of a stretch is the integral of `scale_error` along the path and of the accumulated yaw error
+    across it.
+    """
+    corners = np.array(route)
+    steps = np.diff(corners, axis=0)
+    ends = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+    s = np.arange(0.0, ends[-1], SAMPLE_M)
+    points = np.column_stack([np.interp(s, ends, corners[:, 0]), np.interp(s, ends, corners[:, 1])])
+    stretch = min(round(STRETCH_M / SAMPLE_M), len(s) - 1)
+    moments = np.cumsum((s * SAMPLE_M)[:, None] * np.gradient(points, SAMPLE_M, axis=0), axis=0)
+    span = points[stretch:] - points[:-stretch]
+    across = moments[stretch:] - moments[:-stretch] - s[:-stretch, None] * span
+    error = scale_error * span + yaw_error_per_m * np.column_stack([-across[:, 1], across[:, 0]])
+    return float(np.hypot(error[:, 0], error[:, 1]).mean() / (stretch * SAMPLE_M))
