@@ -14,7 +14,7 @@ import numpy as np
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.layout import XY
 from gridslam.simulation.robot_config import GripLosses, Wheels
-from gridslam.simulation.sensor_config import Lidar, Mounting, WheelOdometry
+from gridslam.simulation.sensor_config import Lidar, SensorExtrinsics, WheelOdometry
 from gridslam.simulation.sensor_suite import Sensors
 
 
@@ -53,7 +53,7 @@ def sensors(kind: Kind, rng: np.random.Generator) -> Sensors:
     make = makes[int(rng.integers(len(makes)))]
     rate = float(rng.choice(SCAN_RATES_HZ))
     lidar = Lidar(
-        mounting=Mounting(x=round(float(rng.uniform(0.0, 0.25)), 3), z=0.3),
+        extrinsics=SensorExtrinsics(x=round(float(rng.uniform(0.0, 0.25)), 3), z=0.3),
         **make._asdict(),
         rate_hz=rate,
         sweep_s=float(rng.choice([0.025, 0.05, 0.1])),
