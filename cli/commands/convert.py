@@ -11,7 +11,7 @@ from .. import console
 from ..options import AsJson, LogPath, Strict
 from .info import LOSSY, Layout
 
-MOST_PROBLEMS = 20
+MAX_PROBLEMS = 20
 Destination = Annotated[
     Path,
     typer.Argument(metavar="OUT", help="What to write: MCAP if the name ends in .mcap, else a CSV folder."),
@@ -48,7 +48,7 @@ def run(
         chosen = [topic for topic in topics.split(",") if topic]
         done = convert_log(opened, output, chosen, start, end, force)
         problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters
-    for problem in problems[:MOST_PROBLEMS]:
+    for problem in problems[:MAX_PROBLEMS]:
         console.say(f"note: {problem}")
     if done.left_out and not chosen:
         console.say(f"note: not converted, no method uses such messages: {', '.join(done.left_out)}")

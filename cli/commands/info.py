@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gridslam.logs.log import Log
 
 LOSSY = 3
-MOST_ROWS = 60
+MAX_ROWS = 60
 Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message.")]
 Layout = Annotated[
     Path | None,
@@ -38,13 +38,13 @@ def run(
 
     The table has a line for each stream. "stream" is its kind, by which methods ask for it ("truth" is what results are
     measured by, "other" what no method reads), "topic" its name in the log (of a transform also parent->child), "type" the
-    type of its messages, "messages" how many there are, "rate Hz" how many come in a second on average, "frame" the frame that
-    they are given in, and "steps back" how often a stamp is below the one before.
+    type of its messages, "messages" their number, "rate Hz" their average number per second, "frame" their frame_id, and "out
+    of order" the number of stamps that are smaller than the one before.
 
-    A second table tells where sensors sit: "mounted" is the sensor's frame, "on" the frame that its place is given in,
-    "yaw deg" its turn about z.
+    A second table shows the extrinsics: "sensor" is the sensor's frame, "on" the frame that it is mounted on, "yaw deg" its
+    yaw about z.
 
-    What cannot be used, and what had to be assumed, is told in notes on stderr.
+    Notes on stderr name what cannot be used and what had to be assumed.
     """
     from gridslam.logs.config import LogConfig
     from gridslam.logs.open import open_log
@@ -79,7 +79,7 @@ def describe(log: Log) -> dict[str, Any]:
             "first": None if i.first_stamp_ns is None else format_stamp(i.first_stamp_ns),
             "last": None if i.last_stamp_ns is None else format_stamp(i.last_stamp_ns),
             "frame": i.frame,
-            "steps_back": i.steps_back,
+            "out_of_order": i.out_of_order,
         }
         for i in log.streams
     ]
@@ -119,14 +119,14 @@ def _show(document: dict[str, Any]) -> None:
     rows = [_row(stream) for stream in document["streams"]]
     console.emit("")
     console.emit_table(
-        ("stream", "topic", "type", "messages", "rate Hz", "frame", "steps back"), rows[:MOST_ROWS]
+        ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order"), rows[:MAX_ROWS]
     )
-    if len(rows) > MOST_ROWS:
-        console.emit(f"and {len(rows) - MOST_ROWS} more; --json shows all")
+    if len(rows) > MAX_ROWS:
+        console.emit(f"and {len(rows) - MAX_ROWS} more; --json shows all")
     if document["extrinsics"]:
         console.emit("")
         console.emit_table(
-            ("mounted", "on", "x m", "y m", "z m", "yaw deg"),
+            ("sensor", "on", "x m", "y m", "z m", "yaw deg"),
             [_extrinsics(m) for m in document["extrinsics"]],
         )
     for problem in document["problems"]:
@@ -141,7 +141,15 @@ def _row(stream: dict[str, Any]) -> tuple[object, ...]:
     if first is not None and last is not None and first < last:
         rate = f"{(stream['count'] - 1) * NS_PER_S / (last - first):.1f}"
     topic = f"{stream['topic']} ({stream['detail']})" if stream["detail"] else stream["topic"]
-    return stream["kind"], topic, stream["type"], stream["count"], rate, stream["frame"], stream["steps_back"]
+    return (
+        stream["kind"],
+        topic,
+        stream["type"],
+        stream["count"],
+        rate,
+        stream["frame"],
+        stream["out_of_order"],
+    )
 
 
 def _extrinsics(extrinsics: dict[str, Any]) -> tuple[object, ...]:

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from gridslam.logs.log import Log
     from gridslam.logs.mcap.writer import McapWriter
     from gridslam.logs.open import open_log
-    from gridslam.logs.selection import require_streams
+    from gridslam.logs.requirements import require_streams
     from gridslam.logs.write import open_writer, write_log
 
 _HOME = {
     "Log": "log",
     "LogConfig": "config",
     "open_log": "open",
-    "require_streams": "selection",
+    "require_streams": "requirements",
     "open_writer": "write",
     "write_log": "write",
     "McapWriter": "mcap.writer",

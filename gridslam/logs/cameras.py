@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_PIXELS = 1 << 26  # of one camera image; 8192 x 8192
+from gridslam.logs.skips import SkipReason, UnusableMessageError
+
+MAX_PIXELS = 1 << 26  # of one camera image; 8192 x 8192
 _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 _LEAVES = frozenset(
     {
@@ -46,10 +48,10 @@ def camera_of(topic: str) -> str:
 
 
 def pixels_of(encoding: str, height: int, width: int, step: int, data: bytes) -> NDArray[np.uint8]:
-    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises ValueError for other encodings."""
+    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises UnusableMessageError: another encoding."""
     channels = _CHANNELS.get(encoding)
     if channels is None:
-        raise ValueError(f"encoding {encoding!r}")
+        raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING)
     rows = _rows(height, width * channels, step, data)
     if channels == 1:
         return rows
@@ -67,18 +69,18 @@ def depth_of(
         return np.where(raw == 0, np.float32(np.nan), raw.astype(np.float32) / np.float32(1000.0))
     if encoding == "32FC1":
         return _rows(height, width * 4, step, data).view(f"{order}f4").astype(np.float32)
-    raise ValueError(f"encoding {encoding!r}")
+    raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING)
 
 
-def unpack_picture(data: bytes, most_pixels: int = MOST_PIXELS) -> NDArray[np.uint8]:
+def unpack_picture(data: bytes, max_pixels: int = MAX_PIXELS) -> NDArray[np.uint8]:
     """Pixels of a PNG or JPEG. Raises ValueError where it is none, or is absurdly large."""
-    with opened_picture(data, ("PNG", "JPEG"), most_pixels) as picture:
+    with opened_picture(data, ("PNG", "JPEG"), max_pixels) as picture:
         mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
         return np.asarray(picture.convert(mode))
 
 
 @contextmanager
-def opened_picture(data: bytes, formats: tuple[str, ...], most_pixels: int = MOST_PIXELS) -> Iterator[Any]:
+def opened_picture(data: bytes, formats: tuple[str, ...], max_pixels: int = MAX_PIXELS) -> Iterator[Any]:
     """A Pillow image, whose size is known to be no bomb's before a pixel of it is unpacked.
 
     Raises ValueError: it is damaged, of another format or too large, whether that shows here or inside the block.
@@ -89,7 +91,7 @@ def opened_picture(data: bytes, formats: tuple[str, ...], most_pixels: int = MOS
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Pillow.DecompressionBombWarning)  # our own limit is lower
             with Pillow.open(io.BytesIO(data), formats=formats) as picture:
-                if picture.width * picture.height > most_pixels:
+                if picture.width * picture.height > max_pixels:
                     raise ValueError(f"{picture.width} x {picture.height} pixels are too many")
                 yield picture
     except (*_DAMAGE, Pillow.DecompressionBombError) as error:

@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.logs.csv.layout import CsvLayout
+from gridslam.logs.kinds import EVENT_KINDS, OLDER_NAMES
 
-StreamKind: TypeAlias = Literal[
-    "scan",
-    "odom",
-    "imu",
-    "wheels",
-    "range",
-    "fix",
-    "image",
-    "stereo",
-    "disparity",
-    "depth",
-    "camera_info",
-    "tags",
-    "tf",
-]
+if TYPE_CHECKING:
+    StreamKind: TypeAlias = str
+else:
+    StreamKind = Literal[EVENT_KINDS]
 
 
 class ExtrinsicsConfig(StrictModel):
@@ -87,3 +77,12 @@ class LogConfig(StrictModel):
         None, description="layout of a CSV folder: given here, or the path of a log.yaml"
     )
     limits: LogLimits = LogLimits()
+
+    @field_validator("topics", mode="before")
+    @classmethod
+    def _older_kinds(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        return {
+            OLDER_NAMES.get(key, key) if isinstance(key, str) else key: topic for key, topic in value.items()
+        }

@@ -10,12 +10,11 @@ from pathlib import Path
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Transform
+from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, kind_of_event
 from gridslam.logs.log import Log
 from gridslam.logs.stamps import NS_PER_S
-from gridslam.logs.streams import KIND_OF_EVENT, StreamInfo
-from gridslam.logs.write import TRUTH_TOPIC, open_writer
-
-_NAMED_BY_CAMERA = frozenset({"tf", "image", "depth", "disparity", "camera_info"})
+from gridslam.logs.streams import StreamInfo
+from gridslam.logs.write import open_writer
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,7 @@ def convert_log(
             if isinstance(event, Transform) and event.is_static:
                 writer.write(event)
                 continue
-            kind = "truth" if topic in truth else KIND_OF_EVENT[type(event)]
+            kind = "truth" if topic in truth else kind_of_event(event).name
             if (kind, topic) not in names or (first is not None and event.stamp_ns < first):
                 continue
             if last is not None and event.stamp_ns > last:
@@ -91,6 +90,6 @@ def _name(kind: str, topic: str, is_only: bool) -> str | None:
         return TRUTH_TOPIC
     if topic.startswith("/"):
         return topic
-    if is_only or kind in _NAMED_BY_CAMERA:
+    if is_only or KINDS[kind].is_named_by_camera:
         return None
     return f"/{kind}_" + "".join(c if c.isalnum() else "_" for c in topic).strip("_").lower()

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
-from gridslam.logs.checks import fault_of
+from gridslam.logs.codecs import transform
 from gridslam.logs.config import ExtrinsicsConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
@@ -15,19 +15,19 @@ Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 
 
 def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Transform]:
-    """The transforms that are rigid motions of a robot's size; the message_counts gets the others."""
+    """The transforms that are rigid motions of a robot's size; the others are counted."""
     found = []
     for edge in edges:
-        fault = fault_of(edge)
+        fault = transform.fault(edge)
         if fault is None:
             found.append(edge)
         else:
-            message_counts.skip("tf", fault, f"the transform {edge.frame_id}->{edge.child_frame_id}")
+            message_counts.skip("tf", fault.value, f"the transform {edge.frame_id}->{edge.child_frame_id}")
     return found
 
 
 def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:
-    """The frames' tree; of two transforms to one child the later counts."""
+    """The tree of frames; the later of two transforms to one child is taken."""
     tree: dict[str, tuple[str, Rigid]] = {}
     for edge in edges:
         quaternion = rotations.normalise(edge.quat_wxyz)
@@ -58,7 +58,7 @@ def mount(
     message_counts: MessageCounts,
 ) -> list[Transform]:
     """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor
-    of the sensor's own tree (a camera on the wall), else the identity, which is noted in the message_counts.
+    of the sensor's own tree (a camera on the wall), else the identity, with a note.
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)

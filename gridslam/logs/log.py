@@ -11,15 +11,15 @@ import numpy as np
 
 from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs import checks, extrinsics, ordering
+from gridslam.logs import extrinsics, ordering
 from gridslam.logs.config import LogConfig
+from gridslam.logs.kinds import KINDS, fault_of
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.playback import as_truth, deliver
-from gridslam.logs.selection import Choice, choose
-from gridslam.logs.streams import SILENT, RecordedStream, Skip, Source, StreamInfo
+from gridslam.logs.playback import events_of, true_pose_of
+from gridslam.logs.selection import select_streams
+from gridslam.logs.skips import Skip, SkipReason
+from gridslam.logs.streams import RecordedStream, Source, StreamInfo
 from gridslam.logs.tum import LARGEST_M, read_trajectory
-
-_MOUNTED = frozenset({"scan", "range", "imu", "tags", "image", "stereo", "depth", "disparity", "camera_info"})
 
 
 class Log:
@@ -31,10 +31,10 @@ class Log:
         self.compression = source.compression
         self._source = source
         self._config = config
-        self._choice: Choice = choose(source.streams, config, kinds, source.base_frame)
+        self._selection = select_streams(source.streams, config, kinds, source.base_frame)
         # What is wrong with streams that nobody asked for is no loss; tf matters to all.
         self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
-        self._delivery = MessageCounts()
+        self._playback = MessageCounts()
         self._opening = MessageCounts()
         self._truth = MessageCounts()
         self._static = self._mount()
@@ -49,18 +49,18 @@ class Log:
         self.close()
 
     def close(self) -> None:
-        """Let go of open files."""
+        """Close open files."""
         self._source.close()
 
     @property
     def streams(self) -> list[StreamInfo]:
         """All streams of the log, by kind, then by topic."""
-        return [self._info(index) for index in self._choice.listed]
+        return [self._info(index) for index in self._selection.listed]
 
     @property
     def base_frame(self) -> str:
         """The robot's frame: what odometry moves and sensors are mounted on."""
-        return self._choice.base_frame
+        return self._selection.base_frame
 
     @property
     def sensor_extrinsics(self) -> list[Transform]:
@@ -70,11 +70,13 @@ class Log:
     @property
     def event_count(self) -> int:
         """How many events `events()` delivers at most, for progress."""
-        return len(self._static) + sum(len(self._source.streams[i].stamps_ns) for i in self._choice.kind_of)
+        return len(self._static) + sum(
+            len(self._source.streams[i].stamps_ns) for i in self._selection.kind_of
+        )
 
     @property
     def counters(self) -> dict[str, int]:
-        """`read.<kind>`, `skipped.<kind>.<reason>`, `lost.<what>`, `steps_back.<kind>`, `equal_stamps.<kind>`,
+        """`read.<kind>`, `skipped.<kind>.<reason>`, `lost.<what>`, `out_of_order.<kind>`, `equal_stamps.<kind>`,
         `unused.<kind>`. What concerns events is that of the present or last pass of `events()`.
         """
         return dict(sorted(self._account().counters.items()))
@@ -112,35 +114,35 @@ class Log:
 
         `with_truth` adds the true poses, for writing the log anew.
         """
-        self._delivery = message_counts = MessageCounts()
+        self._playback = message_counts = MessageCounts()
         for transform in self._static:
             message_counts.counters["read.extrinsics"] += 1
             yield "/tf_static", transform
-        kind_of = dict(self._choice.kind_of)
-        if with_truth and self._choice.truth is not None:
-            kind_of[self._choice.truth] = "truth"
+        kind_of = dict(self._selection.kind_of)
+        if with_truth and self._selection.truth is not None:
+            kind_of[self._selection.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
-        yield from deliver(self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts)
+        yield from events_of(self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts)
 
     def truth(self) -> Trajectory | None:
         """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
 
         Poses of the topic that cannot be used are counted. Raises InputError: a line of the file is wrong.
         """
-        index = self._choice.truth
+        index = self._selection.truth
         if index is None:
             return self._truth_beside()
         self._truth = message_counts = MessageCounts()
         stream = self._source.streams[index]
         stamps, poses = [], []
         for _, event in self._source.read(frozenset({index}), [index] * len(stream.stamps_ns)):
-            pose = as_truth(event)
+            pose = true_pose_of(event)
             fault = _fault_of_truth(event, pose)
             if pose is not None and fault is None:
                 stamps.append(pose.stamp_ns)
                 poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
-            else:
-                message_counts.count(f"skipped.truth.{fault}")
+            elif fault is not None:
+                message_counts.count(f"skipped.truth.{fault.value}")
         if left_out := sum(message_counts.counters.values()):
             message_counts.note(
                 f"{stream.label}: {left_out} true poses cannot be used, and errors are measured without them"
@@ -158,9 +160,9 @@ class Log:
     def _info(self, index: int) -> StreamInfo:
         stream = self._source.streams[index]
         stamps = stream.stamps_ns if stream.kind != "other" else None
-        is_truth = index == self._choice.truth
+        is_truth = index == self._selection.truth
         return StreamInfo(
-            kind="truth" if is_truth else self._choice.kind_of.get(index, stream.kind),
+            kind="truth" if is_truth else self._selection.kind_of.get(index, stream.kind),
             topic=stream.topic,
             detail=stream.detail,
             type=stream.type,
@@ -168,14 +170,14 @@ class Log:
             first_stamp_ns=min(stamps) if stamps else None,
             last_stamp_ns=max(stamps) if stamps else None,
             frame=", ".join(list(stream.frames)[:8]),
-            steps_back=ordering.steps_back(stamps) if stamps else 0,
-            used=index in self._choice.kind_of,
+            out_of_order=ordering.out_of_order_stamps(stamps) if stamps else 0,
+            used=index in self._selection.kind_of,
         )
 
     def _mount(self) -> list[Transform]:
         streams = self._source.streams
-        used = [streams[i] for i, kind in self._choice.kind_of.items() if kind in _MOUNTED]
-        base = self._choice.base_frame
+        used = [streams[i] for i, kind in self._selection.kind_of.items() if KINDS[kind].is_sensor]
+        base = self._selection.base_frame
         needed = [f for s in used if s.kind != "imu" for f in s.frames]
         edges = [
             Transform(0, next(iter(s.frames)), s.child_frame, s.constant[0], s.constant[1])
@@ -188,41 +190,45 @@ class Log:
             f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.extrinsics
         ]
         first = min(
-            (min(streams[i].stamps_ns) for i in self._choice.kind_of if streams[i].stamps_ns), default=0
+            (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
         )
         return extrinsics.mount(needed, edges, self._config.extrinsics, base, first, self._opening)
 
     def _note_disorder(self) -> None:
-        for index, kind in self._choice.kind_of.items():
+        for index, kind in self._selection.kind_of.items():
             stamps = self._source.streams[index].stamps_ns
-            if back := ordering.steps_back(stamps):
-                self._opening.count(f"steps_back.{kind}", back)
-                self._opening.note(_disorder_note(self._source.streams[index], back, self._is_sorted))
+            if count := ordering.out_of_order_stamps(stamps):
+                self._opening.count(f"out_of_order.{kind}", count)
+                self._opening.note(_disorder_note(self._source.streams[index], count, self._is_sorted))
             if equal := ordering.repeated_stamps(stamps):
                 self._opening.count(f"equal_stamps.{kind}", equal)
-        for index in self._choice.listed:
+        for index in self._selection.listed:
             stream = self._source.streams[index]
-            if index in self._choice.kind_of or index == self._choice.truth or stream.kind in SILENT:
+            if (
+                index in self._selection.kind_of
+                or index == self._selection.truth
+                or not KINDS[stream.kind].is_event
+            ):
                 continue
             if stream.stamps_ns:
                 self._opening.count(f"unused.{stream.kind}", len(stream.stamps_ns))
 
     def _account(self) -> MessageCounts:
         total = MessageCounts()
-        for part in (self._opening, self._source.message_counts, self._delivery):
+        for part in (self._opening, self._source.message_counts, self._playback):
             total.absorb(part, self._concerned)
         total.absorb(self._truth)
         return total
 
 
-def _fault_of_truth(event: Event | Skip, pose: Odometry | None) -> str | None:
-    """Why a message is no true pose; None when it is one."""
+def _fault_of_truth(event: Event | Skip, pose: Odometry | None) -> SkipReason | None:
+    """The reason why a message is no true pose; None where it is one."""
     if pose is None:
-        return event.reason if isinstance(event, Skip) else "undecodable"
+        return event.reason if isinstance(event, Skip) else SkipReason.UNDECODABLE
     is_far = max(abs(pose.x_m), abs(pose.y_m)) > LARGEST_M
-    return checks.fault_of(pose) or ("too_far" if is_far else None)
+    return fault_of(pose) or (SkipReason.TOO_FAR if is_far else None)
 
 
-def _disorder_note(stream: RecordedStream, steps: int, is_sorted: bool) -> str:
+def _disorder_note(stream: RecordedStream, count: int, is_sorted: bool) -> str:
     what = "are sorted" if is_sorted else "keep their recorded place; log.order: stamp would sort them"
-    return f"{stream.label}: {steps} stamps step back; the messages {what}"
+    return f"{stream.label}: {count} out-of-order stamps; the messages {what}"

@@ -1,8 +1,8 @@
-"""Delivery order: streams merged by stamp, exactly, holding back only what was recorded too early.
+"""The order of events: streams merged by stamp, exactly, holding back only what was recorded too early.
 
-All stamps are known before the first event is delivered (8 bytes each), so the place of every event in the
-merged order is computed beforehand and reading needs no look-ahead. The key of an event is the largest
-stamp that its stream had so far, so the recorded order within a stream wins over stamps that step back.
+All stamps are known before the first event (8 bytes each), so the place of every event in the merged order is
+computed beforehand, and reading needs no look-ahead. The key of an event is the largest stamp that its stream has had
+so far: within a stream the recorded order wins over out-of-order stamps.
 """
 
 from __future__ import annotations
@@ -17,36 +17,36 @@ from numpy.typing import NDArray
 from gridslam.logs.stamps import NS_PER_S
 
 T = TypeVar("T")
-STRAY_S = 60
+OUTLIER_S = 60
 
 
-def steps_back(stamps_ns: Sequence[int]) -> int:
-    """How often a stamp is smaller than the one before it."""
+def out_of_order_stamps(stamps_ns: Sequence[int]) -> int:
+    """Number of stamps that are smaller than the one before."""
     return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) < 0))
 
 
 def repeated_stamps(stamps_ns: Sequence[int]) -> int:
-    """How often a stamp equals the one before it."""
+    """Number of stamps that equal the one before."""
     return int(np.count_nonzero(np.diff(np.asarray(stamps_ns, dtype=np.int64)) == 0))
 
 
-def strays(stamps_ns: Sequence[int]) -> frozenset[int]:
-    """Places of single stamps that are more than STRAY_S off while their neighbours agree with each other.
+def outlier_places(stamps_ns: Sequence[int]) -> frozenset[int]:
+    """Places of single stamps that are more than OUTLIER_S from both neighbours, which agree with each other.
 
-    One such stamp in the future would hold back the rest of its stream behind all others.
+    One such stamp in the future would put the rest of its stream behind all other streams.
     """
     stamps = np.asarray(stamps_ns, dtype=np.int64)
     if len(stamps) < 3:
         return frozenset()
     before, here, after = stamps[:-2], stamps[1:-1], stamps[2:]
-    limit = STRAY_S * NS_PER_S
+    limit = OUTLIER_S * NS_PER_S
     off = ((here - before > limit) & (here - after > limit)) | (
         (before - here > limit) & (after - here > limit)
     )
     return frozenset((np.flatnonzero(off & (np.abs(after - before) <= limit)) + 1).tolist())
 
 
-def plan(
+def merge_plan(
     stamps_by_stream: Mapping[int, Sequence[int]], by_stamp: bool
 ) -> tuple[dict[int, array[int]], array[int]]:
     """The place of every event and the stream at every place.
@@ -57,7 +57,7 @@ def plan(
     """
     if not stamps_by_stream:
         return {}, array("q")
-    stamps = [_without_strays(s) for s in stamps_by_stream.values()]
+    stamps = [_without_outliers(s) for s in stamps_by_stream.values()]
     keys = np.concatenate(stamps if by_stamp else [np.maximum.accumulate(s) if len(s) else s for s in stamps])
     owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int64), [len(s) for s in stamps])
     order = np.argsort(keys, kind="stable")
@@ -71,26 +71,25 @@ def plan(
     return ranks, array("q", owner[order].tobytes())
 
 
-def _without_strays(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
-    """The stamps, each stray one replaced by the one before it."""
+def _without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
+    """The stamps, each outlier replaced by the stamp before it."""
     stamps = np.array(stamps_ns, dtype=np.int64)
-    places = np.array(sorted(strays(stamps_ns)), dtype=np.int64)
+    places = np.array(sorted(outlier_places(stamps_ns)), dtype=np.int64)
     stamps[places] = stamps[places - 1]
     return stamps
 
 
-def deliver(
+def in_planned_order(
     items: Iterator[tuple[int, T]],
     ranks: Mapping[int, array[int]],
     size_of: Callable[[T], int],
     limit_bytes: int,
     on_late: Callable[[int], None],
 ) -> Iterator[tuple[int, T]]:
-    """The items at their planned places.
+    """The items, which arrive as (stream, item), in the order of their places `ranks[stream][i]`.
 
-    What arrives early waits; when more than `limit_bytes` wait, the earliest of them is delivered although
-    something before it is still missing, and what then arrives late is delivered at once and reported to
-    `on_late(stream)`.
+    An item that arrives early waits. When more than `limit_bytes` wait, the earliest of them is passed on although an
+    item before it is still missing; that one is passed on as soon as it arrives, after a call of `on_late(stream)`.
     """
     places = {stream: iter(rank) for stream, rank in ranks.items()}
     waiting: dict[int, tuple[int, T]] = {}
@@ -98,7 +97,7 @@ def deliver(
     expected = 0
     for item in items:
         place = next(places[item[0]], None)
-        if place is None:  # more than the plan knows of: the file has grown since
+        if place is None:  # more items than planned: the file has grown since
             break
         if place == expected:
             yield item

@@ -1,4 +1,4 @@
-"""From a source's raw order to what `Log.events` delivers: checked, in order, counted."""
+"""From a source's raw messages to the events of `Log.events`: checked, in order, counted."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, Transform, canonical_yaw
-from gridslam.logs import checks, ordering, rotations
+from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, Transform
+from gridslam.logs import ordering
+from gridslam.logs.codecs import odometry
+from gridslam.logs.kinds import fault_of
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
-from gridslam.logs.streams import Skip, Source
+from gridslam.logs.streams import Source
 
 
-def deliver(
+def events_of(
     path: Path,
     source: Source,
     kind_of: dict[int, str],
@@ -21,40 +24,42 @@ def deliver(
     limit_bytes: int,
     message_counts: MessageCounts,
 ) -> Iterator[tuple[str, Event]]:
-    """(topic, event) of the chosen streams, merged by stamp; what cannot be used is entered in the message_counts.
+    """(topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
-    Raises LogError when the log is no longer what it was when it was opened.
+    `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
+    precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
+    earlier ones. Raises LogError: the log is no longer what it was when it was opened.
     """
     streams = source.streams
-    ranks, schedule = ordering.plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
-    delivered = ordering.deliver(
+    ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
+    ordered = ordering.in_planned_order(
         _checked(source, kind_of, source.read(frozenset(kind_of), schedule)),
         ranks,
-        _size_of,
-        limit_bytes,
-        lambda i: _note_late(message_counts, kind_of[i]),
+        size_of=_size_of,
+        limit_bytes=limit_bytes,
+        on_late=lambda i: _note_late(message_counts, kind_of[i]),
     )
-    count, left = message_counts.counters, len(schedule)
+    count, remaining = message_counts.counters, len(schedule)
     keys = {i: f"read.{kind}" for i, kind in kind_of.items()}
-    special = {i for i, kind in kind_of.items() if kind != streams[i].kind or kind == "truth"}
+    to_convert = {i for i, kind in kind_of.items() if kind != streams[i].kind or kind == "truth"}
     pairing = Pairing()
-    for index, event in delivered:
-        left -= 1
+    for index, event in ordered:
+        remaining -= 1
         topic = streams[index].topic
         if isinstance(event, Skip):
-            message_counts.skip(kind_of[index], event.reason, event.where)
+            message_counts.skip(kind_of[index], event.reason.value, event.where)
             continue
-        if index in special:
-            joined = _special(event, topic, pairing, message_counts)
-            if joined is None:
+        if index in to_convert:
+            converted = _converted(event, topic, pairing, message_counts)
+            if converted is None:
                 continue
-            event = joined
+            event = converted
         count[keys[index]] += 1
         yield topic, event
-    for image in pairing.rest():
-        message_counts.skip("stereo", "no_partner", f"{image.camera} stamp {image.stamp_ns}")
-    if left > 0:
-        raise LogError(f"{path}: changed while it was read ({left} messages are gone); run again")
+    for image in pairing.unpaired():
+        _skip_unpaired(message_counts, image, image.camera)
+    if remaining > 0:
+        raise LogError(f"{path}: changed while it was read ({remaining} messages are gone); run again")
 
 
 def _note_late(message_counts: MessageCounts, kind: str) -> None:
@@ -64,17 +69,8 @@ def _note_late(message_counts: MessageCounts, kind: str) -> None:
     )
 
 
-def odometry_of(transform: Transform) -> Odometry:
-    """The transform odom->base as odometry."""
-    x, y, _ = transform.translation_m
-    yaw = canonical_yaw(rotations.yaw_of(transform.quat_wxyz))
-    return Odometry(
-        transform.stamp_ns, transform.frame_id, x, y, yaw, child_frame_id=transform.child_frame_id
-    )
-
-
-def as_truth(event: Event | Skip) -> Odometry | None:
-    """The true pose that a message tells; None for anything else."""
+def true_pose_of(event: Event | Skip) -> Odometry | None:
+    """The true pose in a message of the stream that holds the truth; None for other messages."""
     if isinstance(event, AbsolutePose):
         x, y, yaw = (float(v) for v in event.pose)
         return Odometry(event.stamp_ns, event.frame_id, x, y, yaw)
@@ -84,41 +80,48 @@ def as_truth(event: Event | Skip) -> Odometry | None:
 def _checked(
     source: Source, kind_of: dict[int, str], items: Iterator[tuple[int, Event | Skip]]
 ) -> Iterator[tuple[int, Event | Skip]]:
-    """The items, each that no method can use replaced by the reason why."""
-    strays = {i: ordering.strays(source.streams[i].stamps_ns) for i in kind_of}
+    """The items, each event that no method can use replaced by the reason."""
+    outliers = {i: ordering.outlier_places(source.streams[i].stamps_ns) for i in kind_of}
     numbers = dict.fromkeys(kind_of, 0)
-    fault_of = checks.fault_of
     for index, event in items:
         number = numbers[index] = numbers[index] + 1
+        fault: SkipReason | None
         if isinstance(event, Skip):
             fault, where = event.reason, event.where
         else:
-            fault, where = fault_of(event) or "", ""
-            if number - 1 in strays[index]:
-                fault = "stray_stamp"
+            fault, where = fault_of(event), ""
+            if number - 1 in outliers[index]:
+                fault = SkipReason.OUTLIER_STAMP
         if fault:
-            where = where or f"{source.streams[index].label} message {number}"
-            yield index, Skip(fault, where)
+            yield index, Skip(fault, where or f"{source.streams[index].label} message {number}")
         else:
             yield index, event
 
 
-def _special(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:
-    """Odometry for a transform and for a true pose; for an image the pair that it completes, if it does."""
+def _converted(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:
+    """What an event becomes in a stream that serves as another kind.
+
+    A transform and a true pose become odometry. An image becomes the stereo pair that it completes; None if it
+    completes none.
+    """
     if isinstance(event, Transform):
-        return odometry_of(event)
+        return odometry.from_transform(event)
     if isinstance(event, AbsolutePose):
-        return as_truth(event)
+        return true_pose_of(event)
     if not isinstance(event, Image):
         return event
-    pair, alone = pairing.add(event, topic)
-    if alone is not None:
-        message_counts.skip("stereo", "no_partner", f"{topic} stamp {alone.stamp_ns}")
+    pair, unpaired = pairing.add(event, topic)
+    if unpaired is not None:
+        _skip_unpaired(message_counts, unpaired, topic)
     return pair
 
 
+def _skip_unpaired(message_counts: MessageCounts, image: Image, name: str) -> None:
+    message_counts.skip("stereo", SkipReason.NO_PARTNER.value, f"{name} stamp {image.stamp_ns}")
+
+
 def _size_of(event: Event | Skip) -> int:
-    """Memory of a waiting event, roughly, in bytes."""
+    """Rough memory of a waiting event in bytes."""
     size = 400
     for name in ("ranges_m", "pixels", "disparity_px", "depth_m"):
         array = getattr(event, name, None)

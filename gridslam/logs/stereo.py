@@ -29,7 +29,7 @@ class Pairing:
         self._waiting: dict[str, Image] = {}
 
     def add(self, image: Image, topic: str) -> tuple[StereoPair | None, Image | None]:
-        """(pair, image that will never have a partner): each None where there is none."""
+        """Take an image; (the pair that it completes or None, an image that stays without a partner or None)."""
         side = side_of((image.camera, topic, image.frame_id))
         if not side:
             return None, image
@@ -40,12 +40,12 @@ class Pairing:
             if left.pixels.shape[:2] != right.pixels.shape[:2]:
                 return None, image
             return StereoPair(left.stamp_ns, left.frame_id, grey(left.pixels), grey(right.pixels)), None
-        alone = self._waiting.get(side)
+        unpaired = self._waiting.get(side)
         self._waiting[side] = image
-        return None, alone
+        return None, unpaired
 
-    def rest(self) -> list[Image]:
-        """Images that wait in vain."""
+    def unpaired(self) -> list[Image]:
+        """The images that still wait for their partner."""
         return list(self._waiting.values())
 
 

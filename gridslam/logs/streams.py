@@ -8,67 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
-from gridslam.core.messages import (
-    AbsolutePose,
-    CameraInfo,
-    DepthImage,
-    Disparity,
-    Event,
-    Image,
-    Imu,
-    LaserScan,
-    Odometry,
-    Range,
-    TagInventory,
-    Transform,
-    WheelTicks,
-)
+from gridslam.core.messages import Event, Transform
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
-
-# At equal stamps, streams are delivered in this order: what a scan needs comes before it.
-KINDS = (
-    "tf",
-    "camera_info",
-    "odom",
-    "imu",
-    "wheels",
-    "fix",
-    "tags",
-    "range",
-    "scan",
-    "stereo",
-    "disparity",
-    "depth",
-    "image",
-    "truth",
-    "pose",
-    "joints",
-    "other",
-)
-KIND_OF_EVENT: dict[type, str] = {
-    LaserScan: "scan",
-    Odometry: "odom",
-    Imu: "imu",
-    WheelTicks: "wheels",
-    Range: "range",
-    AbsolutePose: "fix",
-    TagInventory: "tags",
-    Image: "image",
-    DepthImage: "depth",
-    Disparity: "disparity",
-    CameraInfo: "camera_info",
-    Transform: "tf",
-}
-# Kinds of which a method takes one stream; of the others (cameras, rangers) it takes all.
-SINGLE = frozenset({"scan", "odom", "imu", "wheels", "fix"})
-# Kinds that hold no events for a method.
-SILENT = frozenset({"truth", "pose", "joints", "other"})
+from gridslam.logs.skips import Skip
 
 
 @dataclass(slots=True)
 class RecordedStream:
-    """One stream as it lies in the file. `stamps_ns` has one entry per event, in recorded order."""
+    """One stream of a log. `stamps_ns` has one entry per event, in recorded order."""
 
     kind: str
     topic: str
@@ -77,7 +25,7 @@ class RecordedStream:
     stamps_ns: array[int] = field(default_factory=lambda: array("q"))
     frames: dict[str, None] = field(default_factory=dict)  # an ordered set
     child_frame: str = ""
-    constant: Rigid | None = None  # of a tf stream: its value, as long as it never changed
+    constant: Rigid | None = None  # of a tf stream: its value, if it never changes
 
     @property
     def label(self) -> str:
@@ -86,13 +34,16 @@ class RecordedStream:
 
 
 def printable(name: str) -> str:
-    """A name out of a file without what a terminal would take as a command."""
+    """A name from a file, with `?` for characters that a terminal would not print."""
     return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
 
 
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
-    """One stream as shown to people. `used` tells whether `events()` delivers it."""
+    """One stream as shown to people.
+
+    `out_of_order` is the number of stamps below the one before, `used` whether `events()` has the stream.
+    """
 
     kind: str
     topic: str
@@ -102,21 +53,13 @@ class StreamInfo:
     first_stamp_ns: int | None
     last_stamp_ns: int | None
     frame: str
-    steps_back: int
+    out_of_order: int
     used: bool
 
     @property
     def label(self) -> str:
         """Name for messages to people."""
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
-
-
-@dataclass(frozen=True, slots=True)
-class Skip:
-    """In place of an event that cannot be used: why, and where it stood."""
-
-    reason: str
-    where: str = ""
 
 
 class Source(Protocol):
@@ -142,4 +85,4 @@ class Source(Protocol):
         """
 
     def close(self) -> None:
-        """Let go of open files."""
+        """Close open files."""

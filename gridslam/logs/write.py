@@ -11,7 +11,6 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.files import check_file_free
 from gridslam.core.messages import Event, Odometry
 
-TRUTH_TOPIC = "/ground_truth"
 _READ_ONLY_FORMATS = (".bag", ".db3", ".clf", ".gz", ".bz2")
 
 

@@ -49,7 +49,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             mapper="gridslam.methods.stereo_bayes.method:StereoBayes",
             localizer="gridslam.methods.stereo_bayes.method:StereoBayesPose",
             needs=("stereo|disparity",),
-            uses=("odom", "fix", "camera_info"),
+            uses=("odom", "pose", "camera_info"),
             localizes_without_map=True,
         ),
         "ir-scan": MethodEntry(
@@ -57,7 +57,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             mapper="gridslam.methods.ir_scan.method:IrScanMapper",
             localizer="gridslam.methods.ir_scan.method:IrScanLocalizer",
             needs=("range",),
-            uses=("odom", "wheels", "imu", "fix"),
+            uses=("odom", "wheels", "imu", "pose"),
         ),
         "ispace-mcl": MethodEntry(
             config="gridslam.methods.ispace_mcl.config:IspaceMclConfig",

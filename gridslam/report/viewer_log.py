@@ -16,7 +16,8 @@ from gridslam.logs.log import Log
 from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.open import open_log
 from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encode import Encoded, encode
+from gridslam.logs.ros.encode import encode
+from gridslam.logs.ros.encoded import Encoded
 from gridslam.methods import registry
 from gridslam.methods.base import Table
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array

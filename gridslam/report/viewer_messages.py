@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encode import Encoded
+from gridslam.logs.ros.encoded import Encoded
 from gridslam.maps.occupancy import OccupancyGrid
 
 MAP_FRAME = "map"

@@ -18,7 +18,7 @@ from gridslam.core.messages import Event, LaserScan
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
-from gridslam.logs.selection import require_streams
+from gridslam.logs.requirements import require_streams
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry

@@ -40,7 +40,7 @@ LAYOUT = {
             "row_stamps": {"period_s": 0.01},
         },
         {
-            "kind": "fix",
+            "kind": "pose",
             "file": "scans.csv",
             "columns": {"x": "station_x_cm", "y": "station_y_cm"},
             "units": {"x": "cm", "y": "cm"},
@@ -63,7 +63,7 @@ class Stations:
 def read_stations(folder: Path) -> Stations:
     """The log in data/infrared."""
     config = LogConfig.model_validate({"csv": LAYOUT, "extrinsics": {"tf_luna": {"yaw": np.pi / 2}}})
-    with open_log(folder / "infrared", config, ("range", "fix")) as log:
+    with open_log(folder / "infrared", config, ("range", "pose")) as log:
         events = list(log.events())
     fixes = np.array([event.pose[:2] for event in events if isinstance(event, AbsolutePose)])
     first = np.r_[True, (np.diff(fixes, axis=0) != 0.0).any(axis=1)]

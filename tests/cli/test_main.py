@@ -317,6 +317,6 @@ def test_the_examples_of_the_help_are_valid(cli: Cli, tmp_path: Path) -> None:
 def test_the_help_of_info_explains_every_column_that_it_prints(cli: Cli, small_log: Path) -> None:
     told = " ".join(cli("info", "--help")[1].split())
     table = cli("info", small_log)[1]
-    for column in ("stream", "topic", "type", "messages", "rate Hz", "frame", "steps back"):
+    for column in ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order"):
         assert column in table
         assert f'"{column}"' in told

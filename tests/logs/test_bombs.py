@@ -18,7 +18,7 @@ from PIL import Image
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Image as ImageEvent
-from gridslam.logs.cameras import MOST_PIXELS, unpack_picture
+from gridslam.logs.cameras import MAX_PIXELS, unpack_picture
 from gridslam.logs.open import open_log
 from gridslam.simulation import plan as plans
 from gridslam.simulation.plan import plan_segments
@@ -48,7 +48,7 @@ def test_a_picture_that_says_it_is_huge_is_no_picture(width: int, height: int) -
 
 
 def test_a_large_picture_below_the_limit_is_read() -> None:
-    assert MOST_PIXELS > 5000 * 4000
+    assert MAX_PIXELS > 5000 * 4000
     assert unpack_picture(png_of(5000, 4000, 4000)).shape == (4000, 5000)
 
 

@@ -101,12 +101,12 @@ def test_without_a_pile_the_largest_range_is_that_of_a_sick_laser(tmp_path: Path
         assert [e.range_max_m for e in log.events() if isinstance(e, LaserScan)] == [np.float32(81.91)]
 
 
-def test_a_stamp_that_steps_back_keeps_its_place_and_is_counted(tmp_path: Path) -> None:
+def test_an_out_of_order_stamp_keeps_its_place_and_is_counted(tmp_path: Path) -> None:
     times = [5, 7, 6, 8]
     path = written(tmp_path, *(FLASER.format(time=t) for t in times))
     with open_log(path, kinds=["scan", "odom"]) as log:
         assert [e.stamp_ns // 10**9 for e in log.events() if isinstance(e, LaserScan)] == times
-        assert log.counters["steps_back.scan"] == 1
+        assert log.counters["out_of_order.scan"] == 1
     with open_log(path, LogConfig(order="stamp"), ["scan", "odom"]) as log:
         assert [e.stamp_ns // 10**9 for e in log.events() if isinstance(e, LaserScan)] == sorted(times)
 

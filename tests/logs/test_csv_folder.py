@@ -274,7 +274,7 @@ def test_a_layout_that_does_not_fit_the_folder_is_refused(tmp_path: Path, layout
 @pytest.mark.parametrize(
     ("layout", "message"),
     [
-        ("streams: [{kind: lidar, file: a.csv}]", "streams.0.kind: expected 'scan'"),
+        ("streams: [{kind: lidar, file: a.csv}]", "streams.0.kind: expected .*'scan'"),
         ("stream: []", r"stream: no such key \(did you mean 'streams'\?\)"),
         ("streams: [{kind: odom, file: a.csv, columns: {z: up_down, w: a}}]", "no column 'w'"),
         ("streams: [{kind: odom, file: a.csv, units: {x: inch}}]", "units"),
@@ -307,7 +307,7 @@ def test_a_missing_column_is_named_with_the_line_to_write(tmp_path: Path) -> Non
 
 
 def test_a_folder_without_a_log_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"neither log.yaml nor one of scan.csv"):
+    with pytest.raises(LogError, match=r"neither log.yaml nor one of .*scan.csv"):
         open_log(tmp_path)
 
 

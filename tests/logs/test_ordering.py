@@ -33,7 +33,7 @@ def delivered(
     stamps: Streams, recorded: list[int], by_stamp: bool, limit: int = 1 << 30
 ) -> tuple[list, list[int]]:
     """(delivered items, streams of late ones); an item is (stream, place in it)."""
-    ranks, _ = ordering.plan(stamps, by_stamp)
+    ranks, _ = ordering.merge_plan(stamps, by_stamp)
     places = dict.fromkeys(stamps, -1)
 
     def items() -> Iterator[tuple[int, int]]:
@@ -42,7 +42,7 @@ def delivered(
             yield stream, places[stream]
 
     late: list[int] = []
-    return list(ordering.deliver(items(), ranks, lambda item: 1, limit, late.append)), late
+    return list(ordering.in_planned_order(items(), ranks, lambda item: 1, limit, late.append)), late
 
 
 @given(streams, st.booleans(), st.randoms(use_true_random=False))
@@ -73,20 +73,20 @@ def test_a_step_back_stays_in_its_recorded_place() -> None:
     stamps = {0: [10, 30, 20, 40], 1: [25, 35]}
     items, _ = delivered(stamps, [0, 1, 0, 1, 0, 0], False)
     assert items == [(0, 0), (1, 0), (0, 1), (0, 2), (1, 1), (0, 3)]
-    assert ordering.steps_back(stamps[0]) == 1
+    assert ordering.out_of_order_stamps(stamps[0]) == 1
 
 
 def test_one_stamp_far_in_the_future_does_not_hold_back_its_stream() -> None:
     second = 10**9
-    stray = [0, second, 5000 * second, 2 * second, 3 * second]
-    assert ordering.strays(stray) == {2}
-    items, _ = delivered({0: stray, 1: [int(2.5 * second)]}, [0, 0, 0, 0, 1, 0], False)
+    outlier = [0, second, 5000 * second, 2 * second, 3 * second]
+    assert ordering.outlier_places(outlier) == {2}
+    items, _ = delivered({0: outlier, 1: [int(2.5 * second)]}, [0, 0, 0, 0, 1, 0], False)
     assert items == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (0, 4)]
 
 
 @pytest.mark.parametrize("stamps", [[0, 100 * 10**9, 200 * 10**9], [0, 1, 2, 100 * 10**9], [5], []])
-def test_a_pause_is_no_stray_stamp(stamps: list[int]) -> None:
-    assert not ordering.strays(stamps)
+def test_a_pause_is_no_outlier_stamp(stamps: list[int]) -> None:
+    assert not ordering.outlier_places(stamps)
 
 
 def test_equal_stamps_are_counted() -> None:

@@ -98,7 +98,7 @@ others = {
             st.lists(single, min_size=n, max_size=n).map(tuple),
         )
     ),
-    "fix": st.builds(
+    "pose": st.builds(
         AbsolutePose,
         stamps,
         st.just("map"),
@@ -153,9 +153,9 @@ def test_scans_and_odometry_read_back_equal(
 ) -> None:
     events = in_order([*odometry_list, *scan_list])
     back, counters = read_back(events, suffix)
-    strays = sum(n for key, n in counters.items() if key.endswith("stray_stamp"))
-    assert len(back) + strays == len(events)
-    if not strays:
+    outliers = sum(n for key, n in counters.items() if key.endswith("outlier_stamp"))
+    assert len(back) + outliers == len(events)
+    if not outliers:
         assert list(map(fingerprint, back)) == list(map(fingerprint, events))
 
 
@@ -252,7 +252,7 @@ def test_a_standard_reader_understands_our_mcap(tmp_path: Path) -> None:
     assert (list(found["/range/servo"].name), list(found["/range/servo"].position)) == (["ir_left"], [0.25])
     assert list(found["/joint_states"].position) == [1.25, -1.5]
     assert found["/imu"].angular_velocity.z == 0.75
-    covariance = found["/fix"].pose.covariance
+    covariance = found["/pose"].pose.covariance
     assert (covariance[0], covariance[7], covariance[35]) == (0.1, 0.2, 0.3)
     assert (found["/head/disparity"].f, found["/head/disparity"].t) == (500.0, 0.25)
     assert np.frombuffer(bytes(found["/head/depth"].data), "<f4").tolist() == [1.5] * 6

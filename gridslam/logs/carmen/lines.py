@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Odometry, canonical_yaw
+from gridslam.logs.skips import SkipReason
 from gridslam.logs.stamps import parse_stamp
 
 # Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
@@ -66,44 +67,44 @@ def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[flo
     return -0.5 * math.pi, math.pi / max(intervals, 1)
 
 
-def laser_line(word: bytes, line: bytes) -> LaserLine | str:
+def laser_line(word: bytes, line: bytes) -> LaserLine | SkipReason:
     """The line taken apart, or the reason why it cannot be."""
     words = line.split()
     try:
         return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
     except (ValueError, IndexError):
-        return "unreadable_line"
+        return SkipReason.UNREADABLE_LINE
 
 
-def _old_laser(words: list[bytes]) -> LaserLine | str:
+def _old_laser(words: list[bytes]) -> LaserLine | SkipReason:
     count = int(words[1])
     if count < 0 or len(words) != count + 11:
-        return "wrong_number_of_fields"
+        return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
-        return "bad_stamp"
+        return SkipReason.BAD_STAMP
     tail = list(map(float, words[count + 2 : count + 8]))
     if not math.isfinite(sum(tail)):
-        return "not_finite"
+        return SkipReason.NOT_FINITE
     ranges = np.array(list(map(float, words[2 : count + 2])))
     return LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
 
 
-def _robot_laser(words: list[bytes]) -> LaserLine | str:
+def _robot_laser(words: list[bytes]) -> LaserLine | SkipReason:
     count = int(words[8])
     if count < 0 or len(words) < count + 10:
-        return "wrong_number_of_fields"
+        return SkipReason.WRONG_NUMBER_OF_FIELDS
     remissions = int(words[count + 9])
     if remissions < 0 or len(words) != count + remissions + 24:
-        return "wrong_number_of_fields"
+        return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
-        return "bad_stamp"
+        return SkipReason.BAD_STAMP
     start, _, resolution, range_max = (float(w) for w in words[2:6])
     ranges = np.array(list(map(float, words[9 : count + 9])))
     tail = list(map(float, words[-14:-3]))
     if not math.isfinite(sum(tail)):
-        return "not_finite"
+        return SkipReason.NOT_FINITE
     return LaserLine(
         stamp,
         ranges,
@@ -114,17 +115,17 @@ def _robot_laser(words: list[bytes]) -> LaserLine | str:
     )
 
 
-def odom_line(line: bytes) -> Odometry | str:
+def odom_line(line: bytes) -> Odometry | SkipReason:
     words = line.split()
     if len(words) != 10:
-        return "wrong_number_of_fields"
+        return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[7].decode("ascii", "replace"))
     if stamp is None:
-        return "bad_stamp"
+        return SkipReason.BAD_STAMP
     try:
         x, y, yaw, vx, wz = (float(w) for w in words[1:6])
     except ValueError:
-        return "unreadable_line"
+        return SkipReason.UNREADABLE_LINE
     return Odometry(stamp, "odom", x, y, _yaw(yaw), vx, wz)
 
 

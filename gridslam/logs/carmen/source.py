@@ -29,7 +29,8 @@ from gridslam.logs.carmen.lines import (
 )
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.skips import Skip, SkipReason
+from gridslam.logs.streams import RecordedStream
 from gridslam.logs.text import TextLines, packing_of
 
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
@@ -85,11 +86,11 @@ class CarmenSource:
             scan, odometry = self._scan_of.get(word), self._odometry_of.get(word)
             if word == b"ODOM" and odometry in wanted and odometry is not None:
                 read = odom_line(line)
-                if not isinstance(read, str):
+                if not isinstance(read, SkipReason):
                     yield odometry, read
             elif scan is not None and (scan in wanted or odometry in wanted):
                 laser = self._parsed.get(number) or laser_line(word, line)
-                if isinstance(laser, str):
+                if isinstance(laser, SkipReason):
                     continue
                 if odometry is not None and odometry in wanted:
                     yield odometry, odometry_in(laser)
@@ -107,8 +108,8 @@ class CarmenSource:
             where = f"{self._lines.path.name} line {number}"
             if word in LASERS:
                 laser = laser_line(word, line)
-                if isinstance(laser, str):
-                    self.message_counts.skip("scan", laser, where)
+                if isinstance(laser, SkipReason):
+                    self.message_counts.skip("scan", laser.value, where)
                 else:
                     _note_laser(found.setdefault(word, _Survey()), laser)
                     readings += len(laser.ranges)
@@ -116,8 +117,8 @@ class CarmenSource:
                         self._parsed[number] = laser
             elif word == b"ODOM":
                 read = odom_line(line)
-                if isinstance(read, str):
-                    self.message_counts.skip("odom", read, where)
+                if isinstance(read, SkipReason):
+                    self.message_counts.skip("odom", read.value, where)
                 else:
                     odom.append(read.stamp_ns)
             elif word == b"PARAM" and b"frontlaser_offset" in line:
@@ -173,7 +174,7 @@ class CarmenSource:
     def _scan(self, word: bytes, laser: LaserLine, where: str) -> Event | Skip:
         count = len(laser.ranges)
         if count == 0:
-            return Skip("no_beams", where)
+            return Skip(SkipReason.NO_BEAMS, where)
         if laser.geometry is not None:
             angle_min, increment, range_max = laser.geometry
             range_max = self._config.range_max_m or range_max

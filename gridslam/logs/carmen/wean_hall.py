@@ -19,8 +19,9 @@ from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stamps import parse_stamp
-from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.streams import RecordedStream
 from gridslam.logs.text import TextLines, packing_of
 
 _FIELDS_BEFORE_RANGES = 7
@@ -33,7 +34,7 @@ def looks_like_wean_hall(text: bytes) -> bool:
     if not words or words[0] not in (b"O", b"L") or len(words) < 5:
         return False
     return parse_stamp(words[-1].decode("ascii", "replace")) is not None and not isinstance(
-        _numbers(words[1:4]), str
+        _numbers(words[1:4]), SkipReason
     )
 
 
@@ -67,7 +68,7 @@ class WeanHallSource:
         for _, line in self._lines:
             words = line.split()
             read = _line(words)
-            if isinstance(read, str):
+            if isinstance(read, SkipReason):
                 continue
             stamp, values = read
             if 0 in wanted:
@@ -96,9 +97,9 @@ class WeanHallSource:
             if not words:
                 continue
             read = _line(words)
-            if isinstance(read, str):
+            if isinstance(read, SkipReason):
                 stream = "scan" if words[0] == b"L" else "odom"
-                self.message_counts.skip(stream, read, f"{self._lines.path.name} line {number}")
+                self.message_counts.skip(stream, read.value, f"{self._lines.path.name} line {number}")
                 continue
             stamp, values = read
             self.streams[0].stamps_ns.append(stamp)
@@ -114,23 +115,23 @@ class WeanHallSource:
             self.static_edges.append(Transform(0, "base_link", "laser", *pose, is_static=True))
 
 
-def _line(words: list[bytes]) -> tuple[int, list[float]] | str:
+def _line(words: list[bytes]) -> tuple[int, list[float]] | SkipReason:
     """(stamp_ns, numbers between the letter and the stamp), or why the line cannot be used."""
     if not words or words[0] not in (b"O", b"L"):
-        return "unknown_line"
+        return SkipReason.UNKNOWN_LINE
     if len(words) != 5 if words[0] == b"O" else len(words) <= _FIELDS_BEFORE_RANGES + 1:
-        return "wrong_number_of_fields"
+        return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-1].decode("ascii", "replace"))
     if stamp is None:
-        return "bad_stamp"
+        return SkipReason.BAD_STAMP
     values = _numbers(words[1:-1])
-    if not isinstance(values, str) and not all(map(math.isfinite, values[:3])):
-        return "not_finite"
-    return values if isinstance(values, str) else (stamp, values)
+    if not isinstance(values, SkipReason) and not all(map(math.isfinite, values[:3])):
+        return SkipReason.NOT_FINITE
+    return values if isinstance(values, SkipReason) else (stamp, values)
 
 
-def _numbers(words: Sequence[bytes]) -> list[float] | str:
+def _numbers(words: Sequence[bytes]) -> list[float] | SkipReason:
     try:
         return [float(w) for w in words]
     except ValueError:
-        return "unreadable_line"
+        return SkipReason.UNREADABLE_LINE

@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
+from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES
 from gridslam.logs.stamps import END_S, NS_PER_S
 
-CsvKind: TypeAlias = Literal[
-    "scan",
-    "odom",
-    "imu",
-    "wheels",
-    "range",
-    "fix",
-    "tags",
-    "image",
-    "depth",
-    "disparity",
-    "camera_info",
-    "tf",
-    "truth",
-]
+if TYPE_CHECKING:
+    CsvKind: TypeAlias = str
+else:
+    CsvKind = Literal[tuple(CSV_KINDS)]
 Unit: TypeAlias = Literal[
     "m",
     "cm",
@@ -49,10 +39,10 @@ UNITS_OF: dict[str, frozenset[str]] = {
     **dict.fromkeys(("stamp", "time_increment"), _TIMES),
     **dict.fromkeys(("x", "y", "z", "r", "range", "range_min", "range_max", "baseline"), _LENGTHS),
     **dict.fromkeys(("yaw", "bearing", "angle_min", "angle_increment", "left", "right"), _ANGLES),
-    "vx": _LENGTHS | {"m/s"},  # a length or an angle counts as one in a second
+    "vx": _LENGTHS | {"m/s"},  # a length or an angle stands for one per second
     "wz": _ANGLES | {"rad/s", "deg/s"},
 }
-"""The units that a column may be in; columns that are not here have none."""
+"""The units that a column may have; columns that are missing here have none."""
 
 
 class FrameExtrinsics(StrictModel):
@@ -76,7 +66,7 @@ class RowStamps(StrictModel):
 
 
 class CsvStream(StrictModel):
-    """One CSV file as one stream. Columns go by our names (see COLUMNS below)."""
+    """One CSV file as one stream. The columns' own names are in the table of message kinds."""
 
     kind: CsvKind
     file: str = Field(min_length=1, description="path inside the folder")
@@ -97,10 +87,15 @@ class CsvStream(StrictModel):
     child_frame: str | None = Field(None, description="odometry's child frame; absent: base_link")
     delimiter: str = Field(",", min_length=1, max_length=1)
 
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _older_kind(cls, value: Any) -> Any:
+        return OLDER_NAMES.get(value, value) if isinstance(value, str) else value
+
     @field_validator("columns", "units", "constants")
     @classmethod
     def _known_columns(cls, value: dict[str, object]) -> dict[str, object]:
-        known = {name for names in COLUMNS.values() for name in (*names.required, *names.optional)}
+        known = {"stamp", *(name for kind in CSV_KINDS.values() for name in (*kind.required, *kind.optional))}
         unknown = sorted(set(value) - known - {"r"})
         if unknown:
             raise ValueError(
@@ -110,11 +105,11 @@ class CsvStream(StrictModel):
 
     @field_validator("units")
     @classmethod
-    def _fitting_units(cls, value: dict[str, Unit]) -> dict[str, Unit]:
+    def _allowed_units(cls, value: dict[str, Unit]) -> dict[str, Unit]:
         for name, unit in value.items():
-            fitting = UNITS_OF.get(name, frozenset())
-            if unit not in fitting:
-                raise ValueError(f"{name} in {unit}: expected {', '.join(sorted(fitting)) or 'no unit'}")
+            allowed = UNITS_OF.get(name, frozenset())
+            if unit not in allowed:
+                raise ValueError(f"{name} in {unit}: expected {', '.join(sorted(allowed)) or 'no unit'}")
         return value
 
 
@@ -126,47 +121,16 @@ class CsvLayout(StrictModel):
     streams: list[CsvStream] = Field(default_factory=list)
     extrinsics: dict[str, FrameExtrinsics] = Field(default_factory=dict)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _older_keys(cls, value: Any) -> Any:
+        """Older logs say `mounting` for `extrinsics`."""
+        if isinstance(value, dict) and "mounting" in value and "extrinsics" not in value:
+            return {("extrinsics" if key == "mounting" else key): entry for key, entry in value.items()}
+        return value
 
-class Columns(StrictModel):
-    """Column names of one kind of table; a scan's ranges r0, r1, ... come after them."""
 
-    required: tuple[str, ...]
-    optional: tuple[str, ...] = ()
-
-
-_POSE = ("x", "y", "yaw")
-_MATRICES = (*(f"k{i}" for i in range(9)), *(f"p{i}" for i in range(12)))
-COLUMNS: dict[str, Columns] = {
-    "scan": Columns(
-        required=("angle_min", "angle_increment", "range_min", "range_max"),
-        optional=("time_increment", "frame"),
-    ),
-    "odom": Columns(required=_POSE, optional=("vx", "wz", "frame", "child_frame")),
-    "truth": Columns(required=_POSE, optional=("frame", "child_frame")),
-    "imu": Columns(required=("wz",), optional=("frame",)),
-    "wheels": Columns(required=("left", "right"), optional=("frame",)),
-    "range": Columns(required=("sensor", "bearing", "range", "range_min", "range_max")),
-    "fix": Columns(
-        required=(*_POSE, "var_x", "var_y", "var_yaw"), optional=("cov_xy", "cov_xyaw", "cov_yyaw", "frame")
-    ),
-    "tags": Columns(required=("antenna", "tag_id", "rssi"), optional=("frame",)),
-    "image": Columns(required=("camera", "file"), optional=("frame",)),
-    "depth": Columns(required=("camera", "file"), optional=("frame",)),
-    "disparity": Columns(required=("camera", "file", "focal", "baseline"), optional=("frame",)),
-    "camera_info": Columns(
-        required=("camera", "width", "height", *_MATRICES),
-        optional=(*(f"d{i}" for i in range(14)), "frame"),
-    ),
-    "tf": Columns(required=("parent", "child", "x", "y", "z", "qw", "qx", "qy", "qz")),
-}
-# "stamp" belongs to every kind; it may be missing where row_stamps are given.
-COLUMNS["stamp"] = Columns(required=("stamp",))
-DEFAULT_FILES = {kind: f"{kind}.csv" for kind in COLUMNS if kind != "stamp"}
-DEFAULT_FRAMES = {
-    "scan": "laser",
-    "odom": "odom",
-    "imu": "imu",
-    "wheels": "base_link",
-    "fix": "map",
-    "truth": "map",
-}
+def default_files() -> dict[str, str]:
+    """The kind of each file that a folder without log.yaml may have; names of older logs come last."""
+    names = {f"{kind}.csv": kind for kind in CSV_KINDS}
+    return names | {f"{older}.csv": kind for older, kind in OLDER_NAMES.items()}

@@ -14,14 +14,16 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv.layout import DEFAULT_FILES, CsvLayout, CsvStream
-from gridslam.logs.csv.table import CsvTable, inside
+from gridslam.logs.csv.layout import CsvLayout, CsvStream, default_files
+from gridslam.logs.csv.row import path_inside
+from gridslam.logs.csv.table import CsvTable
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.streams import RecordedStream, Skip
+from gridslam.logs.skips import Skip
+from gridslam.logs.streams import RecordedStream
 
 LAYOUT_FILE = "log.yaml"
 LOG_ENDINGS = (".mcap", ".db3", ".bag", ".clf", ".clf.gz", ".clf.bz2", ".log", ".log.gz", ".log.bz2")
-MOST_NAMED = 5
+_MAX_NAMED = 5
 
 
 class CsvSource:
@@ -47,7 +49,7 @@ class CsvSource:
         """Nothing stays open between passes."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
-        """Events in the order asked for; each file is read from its beginning, line by line."""
+        """Events in the order of `schedule`; each file is read from its start, line by line."""
         events = {index: self._tables[index].events() for index in wanted}
         for index in schedule:
             event = next(events[index], None)
@@ -68,13 +70,13 @@ class CsvSource:
             raise config_error(error, CsvLayout, str(path)) from None
 
     def _add(self, folder: Path, stream: CsvStream, line_limit_bytes: int) -> None:
-        path = inside(folder, stream.file)
+        path = path_inside(folder, stream.file)
         if path is None:
             raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
         if not path.is_file():
             raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
         table = CsvTable(folder, path, stream, self.message_counts, line_limit_bytes)
-        stamps, frames = table.survey()
+        stamps, frames = table.index()
         child = (stream.child_frame or "base_link") if stream.kind == "odom" else ""
         detail = ""
         if stream.kind == "tf" and len(edge := table.edges()) == 1:
@@ -97,21 +99,22 @@ class CsvSource:
 
 def _found_streams(folder: Path) -> list[CsvStream]:
     """The streams of a folder without log.yaml: the files with the default names."""
-    found = [
-        CsvStream(kind=kind, file=name) for kind, name in DEFAULT_FILES.items() if (folder / name).is_file()
-    ]
+    found: dict[str, CsvStream] = {}
+    for name, kind in default_files().items():
+        if kind not in found and (folder / name).is_file():
+            found[kind] = CsvStream(kind=kind, file=name)
     if not found:
         raise LogError(
-            f"{folder}: no log: neither {LAYOUT_FILE} nor one of {', '.join(DEFAULT_FILES.values())} is in it"
+            f"{folder}: no log: neither {LAYOUT_FILE} nor one of {', '.join(default_files())} is in it"
             f"{_logs_inside(folder)}"
         )
-    return found
+    return list(found.values())
 
 
 def _logs_inside(folder: Path) -> str:
-    """The files of a folder that look like logs, for someone who named the folder and meant one of them."""
+    """A hint that names the logs in a folder, for somebody who gave the folder and meant one of them."""
     names = sorted(file.name for file in folder.iterdir() if file.name.endswith(LOG_ENDINGS))
     if not names:
         return ""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"; it holds {', '.join(names[:MOST_NAMED])}{more}: name one of them"
+    more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
+    return f"; it holds {', '.join(names[:_MAX_NAMED])}{more}: name one of them"

@@ -7,18 +7,15 @@ import math
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
-from gridslam.logs.csv.events import BUILDERS, FILE_FAULTS
-from gridslam.logs.csv.layout import COLUMNS, DEFAULT_FRAMES, CsvStream
+from gridslam.logs.csv.layout import CsvStream
+from gridslam.logs.csv.row import Row, TableColumns
+from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
 from gridslam.logs.stamps import END_NS, NS_PER_S, parse_stamp
-from gridslam.logs.streams import Skip
 from gridslam.logs.text import TextLines
 
 _FACTORS: dict[str, Callable[[float], float]] = {
@@ -37,50 +34,15 @@ _FACTORS: dict[str, Callable[[float], float]] = {
     "rad/s": float,
     "deg/s": math.radians,
 }
-Floats: TypeAlias = NDArray[np.float64]
-_TEXT_COLUMNS = frozenset({"sensor", "antenna", "tag_id", "camera", "file", "frame", "parent", "child"})
-
-
-class Row:
-    """One row: its place, stamp and fields, with access by our column names."""
-
-    __slots__ = ("_fields", "_table", "line", "stamp_ns")
-
-    def __init__(self, table: CsvTable, line: int, stamp_ns: int, fields: list[str]) -> None:
-        self._table = table
-        self._fields = fields
-        self.line = line
-        self.stamp_ns = stamp_ns
-
-    def text(self, name: str, absent: str = "") -> str:
-        """A text column; `absent` where there is none or the field is empty."""
-        place = self._table.places.get(name)
-        value = self._table.texts.get(name, "") if place is None else self._fields[place].strip()
-        return value or absent
-
-    def number(self, name: str, absent: float | None = None) -> float:
-        """A numeric column in our units. ValueError where it has no value and `absent` is not given."""
-        place = self._table.places.get(name)
-        if place is None:
-            constant = self._table.numbers.get(name, absent)
-            if constant is None:
-                raise ValueError(name)
-            return constant
-        field = self._fields[place]
-        if absent is not None and not field.strip():
-            return absent
-        return self._table.convert[name](float(field))
-
-    def ranges(self) -> list[str]:
-        """The fields from the first range on, without the empty ones at the end."""
-        fields = self._fields[self._table.first_range :]
-        while fields and not fields[-1].strip():
-            fields.pop()
-        return fields
+_RANGE_DIVISORS = {"cm": 100.0, "mm": 1000.0}
+_TEXT_COLUMNS = frozenset(
+    {"sensor", "antenna", "tag_id", "camera", "file", "frame", "child_frame", "parent", "child"}
+)
+_MAX_FRAMES = 1000
 
 
 class CsvTable:
-    """A stream of one file. `survey` comes first; `events` gives one entry per stamp of the survey."""
+    """A stream of one file. `index` comes first; `events` gives one entry per stamp of the index."""
 
     def __init__(
         self,
@@ -92,84 +54,62 @@ class CsvTable:
     ) -> None:
         self.stream = stream
         self.path = path
-        self.places: dict[str, int] = {}
-        self.texts: dict[str, str] = {}
-        self.numbers: dict[str, float] = {}
-        self.convert: dict[str, Callable[[float], float]] = {}
-        self.first_range = 0
-        self._folder = folder
+        self._kind = CSV_KINDS[stream.kind]
+        self._columns = TableColumns(
+            folder,
+            frame=self._kind.default_frame if stream.frame is None else stream.frame,
+            frame_column=self._kind.frame_column,
+            child_frame=stream.child_frame or "base_link",
+            range_divisor=_RANGE_DIVISORS.get(stream.units.get("r", "m")),
+            invalid=tuple(stream.invalid),
+            invalid_from=stream.invalid_from,
+            frame_falls_back=stream.frame is None,
+        )
         self._message_counts = message_counts
         self._lines = TextLines(path, message_counts, line_limit_bytes)
-        self._counting = False
+        self._is_indexing = False
         self._width = 0
         self._period_ns, self._start_ns = self._row_clock()
         self._read_header()
 
-    def survey(self) -> tuple[array[int], dict[str, None]]:
-        """Stamps of all events and the frames in use; enters unusable rows in the message_counts."""
+    def index(self) -> tuple[array[int], dict[str, None]]:
+        """Stamps of all events and the frames in use; unusable rows are counted."""
         stamps = array("q")
         frames: dict[str, None] = {}
-        fixed = self.stream.kind != "range" and "frame" not in self.places
-        if fixed and self.stream.kind not in ("tags", "image", "depth", "disparity", "camera_info"):
-            frames[self._frame_by_kind()] = None
-        else:
-            fixed = False
-        self._counting = True
+        if not self._rows_have_frames():
+            frames[self._columns.frame] = None
+        self._is_indexing = True
         for rows in self._groups():
             stamps.append(rows[0].stamp_ns)
-            if not fixed and len(frames) < 1000:
-                frames[self.frame_of(rows[0])] = None
-        self._counting = False
+            if self._rows_have_frames() and len(frames) < _MAX_FRAMES:
+                frames[rows[0].frame] = None
+        self._is_indexing = False
         return stamps, frames
 
     def events(self) -> Iterator[Event | Skip]:
-        """One event, or the reason why there is none, per entry of the survey's stamps."""
-        build = BUILDERS[self.stream.kind]
+        """One event, or the reason why there is none, per entry of the index."""
         for rows in self._groups():
-            yield self._event(build, rows)
+            yield self._event(rows)
 
-    def _event(self, build: Callable[[CsvTable, list[Row]], Event], rows: list[Row]) -> Event | Skip:
+    def _event(self, rows: list[Row]) -> Event | Skip:
+        where = f"{self.path.name} line {rows[0].line}"
         try:
-            return build(self, rows)
-        except (ValueError, OverflowError) as error:
-            reason = str(error) if str(error) in FILE_FAULTS else "unreadable_row"
-            return Skip(reason, f"{self.path.name} line {rows[0].line}")
+            return self._kind.from_rows(rows)
+        except UnusableMessageError as error:
+            return Skip(error.reason, where)
+        except (ValueError, OverflowError):
+            return Skip(SkipReason.UNREADABLE_ROW, where)
 
     def edges(self) -> set[tuple[str, str]]:
-        """Of a table of transforms: which parents and children are in it."""
+        """The (parent, child) pairs of a table of transforms."""
         return {(row.text("parent"), row.text("child")) for row in self._rows()}
 
-    def frame_of(self, row: Row) -> str:
-        """frame_id of a row's message."""
-        if self.stream.kind == "range":
-            return row.text("sensor", self._frame_by_kind())
-        absent = self.stream.frame or row.text("antenna") or row.text("camera") or self._frame_by_kind()
-        return row.text("frame", absent)
-
-    def folder_file(self, name: str) -> Path:
-        """The file that a row names. ValueError where it lies outside the log's folder."""
-        path = inside(self._folder, name)
-        if path is None:
-            raise ValueError("file_outside_folder")
-        if not path.is_file():
-            raise ValueError("missing_file")
-        return path
-
-    def mark_invalid(self, values: Floats) -> Floats:
-        """Readings in the file's unit with NaN for those that mean no return."""
-        for value in self.stream.invalid:
-            values[values == value] = np.nan
-        if self.stream.invalid_from is not None:
-            values[values >= self.stream.invalid_from] = np.nan
-        return values
-
-    def to_metres(self, values: Floats) -> Floats:
-        """Range readings of the file in metres."""
-        divisor = {"cm": 100.0, "mm": 1000.0}.get(self.stream.units.get("r", "m"))
-        return values if divisor is None else values / divisor
-
-    def _frame_by_kind(self) -> str:
-        return self.stream.frame or DEFAULT_FRAMES.get(self.stream.kind, self.stream.kind)
+    def _rows_have_frames(self) -> bool:
+        """Whether the frame may differ from row to row."""
+        columns = self._columns
+        if columns.frame_column in columns.places:
+            return True
+        return columns.frame_falls_back and self._kind.rows_name_frames and self.stream.kind != "tf"
 
     def _row_clock(self) -> tuple[int, int]:
         clock = self.stream.row_stamps
@@ -181,56 +121,56 @@ class CsvTable:
         header = next((line for _, line in self._lines if line), None)
         names = [] if header is None else _split(header, self.stream.delimiter)
         names = [] if names is None else [n.strip().removeprefix("\ufeff") for n in names]
-        stream, kind = self.stream, COLUMNS[self.stream.kind]
+        stream, kind, columns = self.stream, self._kind, self._columns
         self._width = len(names)
         needed = (() if stream.row_stamps else ("stamp",)) + kind.required
         for name in (*needed, *kind.optional, *(() if stream.row_stamps else ("stamp",))):
-            theirs = stream.columns.get(name, name)
-            if theirs in names:
-                self.places[name] = names.index(theirs)
-                self.convert[name] = _FACTORS[stream.units.get(name, "m")]
+            column = stream.columns.get(name, name)
+            if column in names:
+                columns.places[name] = names.index(column)
+                columns.convert[name] = _FACTORS[stream.units.get(name, "m")]
             elif name in stream.constants:
                 self._add_constant(name, stream.constants[name])
             elif name in needed:
                 raise LogError(
-                    f"{self.path}: no column {theirs!r} for {name}; "
+                    f"{self.path}: no column {column!r} for {name}; "
                     f"the header has: {', '.join(names[:20]) or 'nothing'}. "
                     f"Rename it in log.yaml: streams: - {{kind: {stream.kind}, file: {stream.file}, "
                     f"columns: {{{name}: COLUMN}}}}"
                 )
-        if stream.kind == "scan":
+        if kind.has_ranges:
             first = stream.columns.get("r", "r") + "0"
             if first not in names:
                 raise LogError(f"{self.path}: no column {first!r} where the ranges begin")
-            self.first_range = names.index(first)
+            columns.first_range = names.index(first)
 
     def _add_constant(self, name: str, value: float | str) -> None:
         if name in _TEXT_COLUMNS:
-            self.texts[name] = str(value)
+            self._columns.texts[name] = str(value)
         elif isinstance(value, str):
             raise LogError(f"{self.path}: log.yaml gives the text {value!r} for the number {name}")
         else:
-            self.numbers[name] = _FACTORS[self.stream.units.get(name, "m")](float(value))
+            self._columns.numbers[name] = _FACTORS[self.stream.units.get(name, "m")](float(value))
 
     def _rows(self) -> Iterator[Row]:
         lines = iter(self._lines)
         for _, line in lines:
             if line:
                 break
-        stamp_place = self.places.get("stamp")
+        stamp_place = self._columns.places.get("stamp")
         stamp_unit = self.stream.units.get("stamp", "s")
-        open_ended = self.stream.kind == "scan"
-        least = self.first_range if open_ended else self._width
+        open_ended = self._kind.has_ranges
+        min_width = self._columns.first_range if open_ended else self._width
         count = 0
         for number, line in lines:
             if not line.strip():
                 continue
             fields = _split(line, self.stream.delimiter)
             if fields is None:
-                self._skip("undecodable", number)
+                self._skip(SkipReason.UNDECODABLE, number)
                 continue
-            if len(fields) < least or (len(fields) > self._width and not open_ended):
-                self._skip("wrong_number_of_fields", number)
+            if len(fields) < min_width or (len(fields) > self._width and not open_ended):
+                self._skip(SkipReason.WRONG_NUMBER_OF_FIELDS, number)
                 continue
             if stamp_place is None:
                 stamp: int | None = self._start_ns + count * self._period_ns
@@ -238,12 +178,12 @@ class CsvTable:
             else:
                 stamp = parse_stamp(fields[stamp_place], stamp_unit)
             if stamp is None or stamp >= END_NS:
-                self._skip("bad_stamp", number)
+                self._skip(SkipReason.BAD_STAMP, number)
                 continue
-            yield Row(self, number, stamp, fields)
+            yield Row(self._columns, number, stamp, fields)
 
     def _groups(self) -> Iterator[list[Row]]:
-        """Rows that make up one event: of tags, those of one stamp and antenna; else each row by itself."""
+        """The rows of each event: tags of one stamp and antenna belong together, else each row is one."""
         if self.stream.kind != "tags":
             for row in self._rows():
                 yield [row]
@@ -262,19 +202,9 @@ class CsvTable:
         if group:
             yield group
 
-    def _skip(self, reason: str, line: int) -> None:
-        if self._counting:
-            self._message_counts.skip(self.stream.kind, reason, f"{self.path.name} line {line}")
-
-
-def inside(folder: Path, name: str) -> Path | None:
-    """The path of a file named inside a log, or None where it leads out of the folder, links included."""
-    path = folder / name
-    try:
-        resolved = path.resolve()
-    except (OSError, RuntimeError, ValueError):
-        return None
-    return resolved if resolved.is_relative_to(folder.resolve()) else None
+    def _skip(self, reason: SkipReason, line: int) -> None:
+        if self._is_indexing:
+            self._message_counts.skip(self.stream.kind, reason.value, f"{self.path.name} line {line}")
 
 
 def _split(line: bytes, delimiter: str) -> list[str] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,21 +16,18 @@ import yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, partial_folder, put_folder
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
-from gridslam.logs.csv.layout import COLUMNS
-from gridslam.logs.csv.rows import ROWS, frame_field
+from gridslam.logs.csv.fields import name_field
+from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
+from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, kind_of_event
 from gridslam.logs.stamps import END_NS, format_stamp
-from gridslam.logs.streams import KIND_OF_EVENT
-from gridslam.logs.write import TRUTH_TOPIC
 
-_FRAMES = ("frame", "child_frame")  # columns that a table has where its rows name their frames
-_PICTURES = ("image", "depth", "disparity")
-# Kinds whose rows name their frames in any case; those of the others do where the frames of a stream differ.
-_ROWS_NAME_FRAMES = frozenset({"tags", *_PICTURES, "camera_info", "range", "tf"})
+_FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
+_PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)
 
 
 @dataclass(slots=True)
-class _File:
+class _TableFile:
     """One open CSV file and what log.yaml will say of it."""
 
     path: Path
@@ -55,7 +52,8 @@ class CsvFolderWriter:
         check_csv_free(Path(path), force)
         self._aside = ExitStack()
         self._folder = self._aside.enter_context(partial_folder(self._path))
-        self._files: dict[tuple[str, ...], _File] = {}
+        self._pictures = PictureWriter(self._folder)
+        self._files: dict[tuple[str, ...], _TableFile] = {}
         self._names: set[str] = set()
         self._extrinsics: dict[str, dict[str, object]] = {}
         self._base_frame = ""
@@ -86,7 +84,8 @@ class CsvFolderWriter:
         elif isinstance(event, Transform) and event.is_static:
             self._mount(event)
         else:
-            kind = "truth" if topic == TRUTH_TOPIC else KIND_OF_EVENT[type(event)]
+            is_truth = topic == TRUTH_TOPIC and isinstance(event, Odometry)
+            kind = "truth" if is_truth else kind_of_event(event).name
             self._append(kind, event, topic)
 
     def write_truth(self, pose: Odometry) -> None:
@@ -137,13 +136,13 @@ class CsvFolderWriter:
         frames = _frames(kind, event)
         if frames != file.frames and not file.rows_name_frames:
             self._name_frames(file)
-        for fields in ROWS[kind](self, event):
+        for fields in CSV_KINDS[kind].to_rows(event, self._pictures):
             row = [format_stamp(event.stamp_ns), *fields]
             if file.rows_name_frames:
-                row[file.place : file.place] = map(frame_field, frames.values())
+                row[file.place : file.place] = map(_frame_field, frames.values())
             file.writer.writerow(row)
 
-    def _open(self, kind: str, event: Any, topic: str | None) -> _File:
+    def _open(self, kind: str, event: Any, topic: str | None) -> _TableFile:
         name, number = f"{kind}.csv", 1
         while name in self._names:
             number += 1
@@ -155,16 +154,17 @@ class CsvFolderWriter:
         path = self._folder / name
         stream = self._aside.enter_context(path.open("w", encoding="utf-8", newline=""))
         layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), **frames}
-        columns = ["stamp", *COLUMNS[kind].required, *(c for c in COLUMNS[kind].optional if c not in _FRAMES)]
-        file = _File(path, stream, csv.writer(stream, lineterminator="\n"), layout, frames, len(columns))
-        if kind in _ROWS_NAME_FRAMES and "frame" in COLUMNS[kind].optional:
+        table = CSV_KINDS[kind]
+        columns = ["stamp", *table.required, *(c for c in table.optional if c not in _FRAMES)]
+        file = _TableFile(path, stream, csv.writer(stream, lineterminator="\n"), layout, frames, len(columns))
+        if table.rows_name_frames and "frame" in table.optional:
             columns.append("frame")
-        if kind == "scan":
+        if table.has_ranges:
             columns += [f"r{i}" for i in range(len(event.ranges_m))]
         file.writer.writerow(columns)
         return file
 
-    def _name_frames(self, file: _File) -> None:
+    def _name_frames(self, file: _TableFile) -> None:
         """Write a file anew with its frames as columns, for from here on they differ."""
         file.stream.close()
         before = file.path.rename(file.path.with_suffix(".before"))
@@ -175,23 +175,9 @@ class CsvFolderWriter:
             for row in csv.reader(rows):
                 row[file.place : file.place] = fields
                 file.writer.writerow(row)
-                fields = [frame_field(frame) for frame in file.frames.values()]
+                fields = [_frame_field(frame) for frame in file.frames.values()]
         before.unlink()
         file.rows_name_frames = True
-
-    def picture(
-        self, kind: str, event: Any, write: Callable[[Path, Any], None], pixels: Any, suffix: str
-    ) -> str:
-        """Write a picture file; its name inside the folder."""
-        camera = "".join(c if c.isalnum() or c in "-_" else "_" for c in event.camera) or "camera"
-        folder = self._folder / f"{kind}_{camera}"
-        folder.mkdir(exist_ok=True)
-        name, number = f"{event.stamp_ns:019d}{suffix}", 1
-        while (folder / name).exists():
-            number += 1
-            name = f"{event.stamp_ns:019d}_{number}{suffix}"
-        write(folder / name, pixels)
-        return f"{folder.name}/{name}"
 
 
 def check_csv_free(path: Path, force: bool) -> None:
@@ -217,20 +203,32 @@ def _is_written(folder: Path) -> bool:
 def _is_part(entry: Path) -> bool:
     if entry.is_dir() and not entry.is_symlink():
         pictures = all(file.is_file() and file.suffix in (".png", ".npy") for file in entry.iterdir())
-        return pictures and entry.name.startswith(tuple(f"{kind}_" for kind in _PICTURES))
+        return pictures and entry.name.startswith(_PICTURE_FOLDERS)
     table = re.fullmatch(r"(\w+?)(_\d+)?\.csv", entry.name)
-    return entry.is_file() and (entry.name == LAYOUT_FILE or (table is not None and table[1] in COLUMNS))
+    return entry.is_file() and (
+        entry.name == LAYOUT_FILE or (table is not None and table[1] in (*CSV_KINDS, *OLDER_NAMES))
+    )
 
 
 def _frames(kind: str, event: Any) -> dict[str, str]:
     """An event's frames by column, where its row does not name them in any case."""
-    if kind in _ROWS_NAME_FRAMES:
+    if CSV_KINDS[kind].rows_name_frames:
         return {}
     frames = {"frame": event.frame_id}
     return {**frames, "child_frame": event.child_frame_id} if kind in ("odom", "truth") else frames
 
 
-def _refuse_to_join(file: _File, inventory: TagInventory) -> None:
+def _frame_field(frame: str) -> str:
+    """A frame where each row of a stream names its own. LogError for one that would not read back."""
+    if not frame:
+        raise LogError(
+            "messages with and without a frame in one stream cannot be written to a CSV file; "
+            "name the output OUT.mcap"
+        )
+    return name_field(frame)
+
+
+def _refuse_to_join(file: _TableFile, inventory: TagInventory) -> None:
     """LogError for a second inventory that would read back as a part of the one before."""
     this = (inventory.stamp_ns, inventory.antenna) if inventory.tag_ids else None
     if this is not None and this == file.last_round:

@@ -10,9 +10,10 @@ from typing import Literal
 
 from gridslam.core.files import partial_file, put_file, remove_left_over
 from gridslam.core.messages import Event, Odometry
-from gridslam.logs.ros.encode import Encoded, encode
+from gridslam.logs.kinds import TRUTH_TOPIC
+from gridslam.logs.ros.encode import encode
+from gridslam.logs.ros.encoded import Encoded
 from gridslam.logs.ros.types import humble
-from gridslam.logs.write import TRUTH_TOPIC
 
 _CHUNK_BYTES = 1 << 20
 

@@ -7,11 +7,14 @@ from collections.abc import Callable
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
+from gridslam.logs.codecs import depth, ranger, transform
 from gridslam.logs.config import LogConfig
-from gridslam.logs.ros import events, fast_cdr, foxglove
+from gridslam.logs.kinds import kind_of_foxglove_type, kind_of_ros_type, ros_converter
+from gridslam.logs.ros import fast_cdr, foxglove
 from gridslam.logs.ros.container import Channel, Schema
-from gridslam.logs.ros.joints import JointState, Servos, wheel_places, wheels_of
-from gridslam.logs.ros.types import KIND_OF_TYPE, decoder_of, full_name, is_standard
+from gridslam.logs.ros.joints import JointState, Servos, joint_state, wheel_places, wheels_of
+from gridslam.logs.ros.types import decoder_of, full_name, is_standard
+from gridslam.logs.skips import SkipReason
 from gridslam.logs.streams import printable
 
 # What decoding a damaged message may raise.
@@ -31,43 +34,53 @@ _FAST: dict[str, Callable[[bytes], Event]] = {
     "sensor_msgs/msg/Imu": fast_cdr.imu,
 }
 _LITTLE = b"\x00\x01"
-_STILL = Servos()
+_NO_SERVOS = Servos()
 
 
 class ChannelDecoder:
-    """Messages of one channel: `head` reads stamp and frame only, `event` all; both raise DECODING_ERRORS."""
+    """Decodes the messages of one channel; its methods raise DECODING_ERRORS for damaged ones.
+
+    `kind` is what the channel's messages serve as, `stream` the stream that they belong to. `fault` is the reason
+    why none of them can be decoded. `joint_names` are those of the first message, where it holds joints.
+    """
 
     def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
         self.topic = printable(channel.topic)
         self.type = printable(full_name(schema.name)) if schema else ""
-        self.kind = KIND_OF_TYPE.get(self.type, "other")
-        self.fault = ""
+        self.kind = kind_of_ros_type(self.type)
+        self.fault: SkipReason | None = None
         self.stream: int | None = None
+        self.joint_names: tuple[str, ...] = ()
+        self.is_json = channel.encoding == "json"
         self._config = config
         self._fast: Callable[[bytes], Event] | None = None
-        self._standard = False
-        self.joint_names: tuple[str, ...] = ()  # in the first message, where it holds joints
+        self._is_standard = False
         self._decode: Callable[[bytes], Any] = _no_decoder
-        self.is_json = channel.encoding == "json"
         if self.is_json:
-            foreign = foxglove.kind_of(schema.name if schema else "")
-            if foreign:
-                self.type, self.kind = (schema.name if schema else ""), foreign
-            self._decode = foxglove.parse
+            self._use_json(schema)
         elif channel.encoding != "cdr":
-            self.fault = "unknown_encoding" if self.kind != "other" else ""
+            self.fault = SkipReason.UNKNOWN_ENCODING if self.kind != "other" else None
         elif self.kind != "other" and schema is not None:
-            self._standard = is_standard(schema)
-            if self._standard:
-                self._fast = _FAST.get(self.type)
-            if self._standard:
-                self._decode = _Late(schema, self.type)
-            else:
-                try:
-                    self._decode = decoder_of(schema, self.type)
-                except ValueError:
-                    self.fault = "unreadable_schema"
-        self._convert = events.CONVERTERS.get(self.type)
+            self._use_schema(schema)
+        self._convert = ros_converter(self.type)
+
+    def _use_json(self, schema: Schema | None) -> None:
+        name = schema.name if schema else ""
+        foxglove_kind = kind_of_foxglove_type(name)
+        if foxglove_kind:
+            self.type, self.kind = name, foxglove_kind
+        self._decode = foxglove.parse
+
+    def _use_schema(self, schema: Schema) -> None:
+        self._is_standard = is_standard(schema)
+        if self._is_standard:
+            self._fast = _FAST.get(self.type)
+            self._decode = _LazyDecoder(schema, self.type)
+            return
+        try:
+            self._decode = decoder_of(schema, self.type)
+        except ValueError:
+            self.fault = SkipReason.UNREADABLE_SCHEMA
 
     @property
     def is_tf(self) -> bool:
@@ -75,11 +88,11 @@ class ChannelDecoder:
         return self.kind == "tf"
 
     def classify(self, data: bytes) -> None:
-        """Settle by its first message what a channel is whose type leaves it open."""
+        """Settle the kind by the first message, where the type leaves it open."""
         if self.fault:
             return
-        if self.type == "sensor_msgs/msg/Image" and events.is_depth(self._decode(data)):
-            self.kind, self._convert = "depth", events.depth
+        if self.type == "sensor_msgs/msg/Image" and depth.is_depth(self._decode(data)):
+            self.kind, self._convert = "depth", depth.from_ros
         elif self.type == "sensor_msgs/msg/JointState":
             self.joint_names = tuple(self.joints(data).names)
             if wheel_places(self.joint_names, self._config.wheels) is None:
@@ -95,54 +108,46 @@ class ChannelDecoder:
         stamp, frame = foxglove.head(self._decode(data))
         return None if stamp is None else (stamp, frame)
 
-    def is_counted(self, data: bytes) -> bool:
-        """Whether the survey has a stamp of this message."""
-        try:
-            return self.head(data) is not None
-        except DECODING_ERRORS:
-            return False
-
-    def transforms(self, data: bytes, static: bool) -> list[Transform]:
-        """All transforms of a tf message; those without a valid stamp have stamp -1."""
+    def transforms(self, data: bytes, is_static: bool) -> list[Transform]:
+        """All transforms of a tf message; an invalid stamp becomes INVALID_STAMP_NS."""
         if self.is_json:
-            return foxglove.transforms(self._decode(data), static)
-        if self._standard:
-            return fast_cdr.transforms(data, static)
-        return events.transforms(self._decode(data), static)
+            return foxglove.transforms(self._decode(data), is_static)
+        if self._is_standard:
+            return fast_cdr.transforms(data, is_static)
+        return transform.from_ros(self._decode(data), is_static)
 
     def child_frame(self, data: bytes) -> str:
-        """Of odometry."""
-        event = self.event(data, None)
-        return str(getattr(event, "child_frame_id", ""))
+        """The child frame of an odometry message."""
+        return str(getattr(self.event(data, None), "child_frame_id", ""))
 
     def event(self, data: bytes, servos: Servos | None) -> Event:
-        """The whole message."""
+        """The event of a message; `servos` gives the bearing of a ranger's reading."""
         is_little = data[:2] == _LITTLE
         if self._fast is not None and is_little:
             return self._fast(data)
         if self.kind == "wheels":
             return wheels_of(self.joints(data), self._config.wheels)
         if self.kind == "range":
-            bearing_of = (servos or _STILL).bearing
-            if self._standard and is_little:
+            bearing_of = (servos or _NO_SERVOS).bearing
+            if self._is_standard and is_little:
                 return fast_cdr.reading(data, bearing_of)
-            return events.reading(self._decode(data), bearing_of)
+            return ranger.from_ros(self._decode(data), bearing_of)
         message = self._decode(data)
-        if self.is_json and foxglove.kind_of(self.type):
+        if self.is_json and kind_of_foxglove_type(self.type):
             return foxglove.event(self.type, self.kind, message, self.topic)
         if self._convert is None:
-            raise ValueError("no decoder")
+            raise ValueError("no conversion")
         return self._convert(message, self.topic)
 
     def joints(self, data: bytes) -> JointState:
-        """Angles by joint name."""
-        if self._standard and data[:2] == _LITTLE:
+        """The joints of a JointState message."""
+        if self._is_standard and data[:2] == _LITTLE:
             return fast_cdr.joints(data)
-        return events.joints(self._decode(data))
+        return joint_state(self._decode(data))
 
 
-class _Late:
-    """A general decoder that is made when it is needed: for the odd message the fast way cannot read."""
+class _LazyDecoder:
+    """A general decoder, made when the first message comes that the hand-written one cannot read."""
 
     def __init__(self, schema: Schema, name: str) -> None:
         self._schema = schema

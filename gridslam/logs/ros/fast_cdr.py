@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
+from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
 from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
@@ -141,8 +142,8 @@ def joints(data: bytes) -> JointState:
     return JointState(seconds * NS_PER_S + nanoseconds, frame, names, values)
 
 
-def transforms(data: bytes, static: bool) -> list[Transform]:
-    """tf2_msgs/TFMessage. Transforms without a valid stamp get stamp -1."""
+def transforms(data: bytes, is_static: bool) -> list[Transform]:
+    """tf2_msgs/TFMessage. An invalid stamp becomes INVALID_STAMP_NS."""
     reader = CdrReader(data)
     count = reader.uint32()
     if count > _MAX_TRANSFORMS:
@@ -155,12 +156,12 @@ def transforms(data: bytes, static: bool) -> list[Transform]:
         stamp = join_stamp(seconds, nanoseconds)
         found.append(
             Transform(
-                -1 if stamp is None else stamp,
+                INVALID_STAMP_NS if stamp is None else stamp,
                 parent.lstrip("/"),
                 child.lstrip("/"),
                 (x, y, z),
                 (qw, qx, qy, qz),
-                static,
+                is_static,
             )
         )
     return found

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from gridslam.core.messages import Transform, WheelTicks
 from gridslam.logs.config import WheelsConfig
+from gridslam.logs.ros.fields import head
 from gridslam.logs.rotations import yaw_of
+from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
 class JointState(NamedTuple):
@@ -19,62 +23,74 @@ class JointState(NamedTuple):
     positions: Sequence[float]
 
 
-class NoServoAngleError(ValueError):
-    """A reading of a ranger whose servo has not been heard of yet."""
+def joint_state(message: Any) -> JointState:
+    """The joints of a decoded sensor_msgs/JointState."""
+    stamp_ns, frame = head(message)
+    positions = np.asarray(message.position, np.float64).tolist()
+    return JointState(stamp_ns, frame, [str(name) for name in message.name], positions)
 
 
 class Servos:
-    """The last known angle of each servo: of the joint with the ranger's name, or of tf to its frame.
+    """The last known angle of each servo, from the joint with the ranger's name or from tf to its frame.
 
-    `expected` are the joints and frames that the log tells of sooner or later: a ranger that is none of them does not turn.
+    `expected` are the joints and moving frames of the whole log: a ranger that is none of them is fixed.
     """
 
     def __init__(self, expected: Collection[str] = ()) -> None:
         self._expected = expected
         self._angles: dict[str, float] = {}
 
-    def learn(self, joints: JointState) -> None:
-        """Angles out of a message."""
+    def update_joints(self, joints: JointState) -> None:
+        """Take the angles of a message."""
         self._angles.update(zip(joints.names, joints.positions, strict=False))
 
-    def turn(self, transform: Transform) -> None:
-        """The angle of a frame that a transform turns."""
+    def update_transform(self, transform: Transform) -> None:
+        """Take the yaw of a transform as the angle of its child frame."""
         self._angles[transform.child_frame_id] = yaw_of(transform.quat_wxyz)
 
     def bearing(self, frame: str) -> float:
-        """The present angle (rad) of a ranger; 0 of one that does not turn. Raises NoServoAngleError before the first one."""
+        """The present angle (rad) of a ranger; 0 for a fixed one.
+
+        Raises UnusableMessageError: no angle of its servo has come yet.
+        """
         angle = self._angles.get(frame)
         if angle is not None:
             return angle
         if frame in self._expected:
-            raise NoServoAngleError(frame)
+            raise UnusableMessageError(SkipReason.NO_SERVO_ANGLE)
         return 0.0
 
 
 def wheel_places(names: Sequence[str], config: WheelsConfig) -> tuple[int, int] | None:
-    """Places of the left and right wheel among the joints; None where the message is not about wheels.
+    """Places of the left and right wheel among the joints; None where the joints are no wheels.
 
-    Without a name in the config it is the first joint whose name has both `wheel` and the side in it.
+    Without a name in the config, a side's wheel is the first joint whose name contains `wheel` and the side.
     """
-
-    def place(side: str, given: str | None) -> int | None:
-        fits = (n == given if given else "wheel" in n.lower() and side in n.lower() for n in names)
-        return next((i for i, fit in enumerate(fits) if fit), None)
-
-    left, right = place("left", config.left), place("right", config.right)
+    left, right = _wheel_place(names, "left", config.left), _wheel_place(names, "right", config.right)
     return None if left is None or right is None else (left, right)
 
 
+def _wheel_place(names: Sequence[str], side: str, configured: str | None) -> int | None:
+    for place, name in enumerate(names):
+        lowered = name.lower()
+        if name == configured if configured else "wheel" in lowered and side in lowered:
+            return place
+    return None
+
+
 def wheels_of(joints: JointState, config: WheelsConfig) -> WheelTicks:
-    """The angles of a left and a right wheel. Raises ValueError where the message has none, or no valid stamp."""
+    """The angles of the left and right wheel.
+
+    Raises ValueError: the message has no such wheels; UnusableMessageError: its stamp is invalid.
+    """
     places = wheel_places(joints.names, config)
     if places is None or max(places) >= len(joints.positions):
         raise ValueError("no left and right wheel in it")
     if joints.stamp_ns is None:
-        raise ValueError("bad stamp")
+        raise UnusableMessageError(SkipReason.BAD_STAMP)
     return WheelTicks(
         joints.stamp_ns,
         joints.frame_id,
-        float(joints.positions[places[0]]),
-        float(joints.positions[places[1]]),
+        left_rad=float(joints.positions[places[0]]),
+        right_rad=float(joints.positions[places[1]]),
     )

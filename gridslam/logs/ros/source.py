@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -13,16 +14,22 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Container
 from gridslam.logs.ros.decoder import DECODING_ERRORS, ChannelDecoder
-from gridslam.logs.ros.joints import NoServoAngleError, Servos
+from gridslam.logs.ros.joints import Servos
 from gridslam.logs.rotations import normalise
-from gridslam.logs.streams import RecordedStream, Skip, printable
+from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
+from gridslam.logs.streams import RecordedStream, printable
 
-_MOST_FRAMES = 1000
-_MOST_EDGES = 10_000
+_MAX_FRAMES = 1000
+_MAX_EDGES = 10_000
+_SKIPPED, _TRANSFORMS = -1, -2  # in place of a message's stream
 
 
 class RosSource:
-    """Streams of a container of ROS (or Foxglove JSON) messages."""
+    """Streams of a container of ROS (or Foxglove JSON) messages.
+
+    The index pass assigns every message of the container to a stream, or skips and counts it. The reading pass
+    follows this assignment message by message, so both passes agree on what is readable.
+    """
 
     order: Literal["recorded", "stamp"] = "recorded"
     base_frame: str | None = None
@@ -46,9 +53,10 @@ class RosSource:
         self._config = config
         self._decoders: dict[int, ChannelDecoder] = {}
         self._tf_streams: dict[tuple[str, str, str], int] = {}
-        self._survey()
+        self._assignment = array("i")  # per message of the container: its stream, _SKIPPED or _TRANSFORMS
+        self._index()
         self._servos = self._servo_names()
-        self._note_servos_of_no_ranger()
+        self._note_unused_servos()
 
     @property
     def static_edges(self) -> list[Transform]:
@@ -62,130 +70,143 @@ class RosSource:
         """Events in the file's order."""
         servos = Servos(self._servos)
         needs_servos = any(self.streams[i].kind == "range" for i in wanted)
-        tf_wanted = any(self.streams[i].kind == "tf" for i in wanted)
+        needs_tf = needs_servos or any(self.streams[i].kind == "tf" for i in wanted)
+        servo_streams = {
+            i for i, s in enumerate(self.streams) if needs_servos and s.kind in ("joints", "wheels")
+        }
         decoders = self._decoders
-        for channel, data in self._container.messages():
-            decoder = decoders.get(channel)
-            if decoder is None:
+        for stream, (channel, data) in zip(self._assignment, self._container.messages(), strict=False):
+            if stream == _SKIPPED:
                 continue
-            if decoder.is_tf:
-                if tf_wanted or needs_servos:
-                    yield from self._read_tf(decoder, data, wanted, servos)
+            if stream == _TRANSFORMS:
+                if needs_tf:
+                    yield from self._read_tf(decoders[channel], data, wanted, servos)
                 continue
-            if needs_servos and decoder.kind in ("joints", "wheels"):
+            if stream in servo_streams:
                 with suppress(*DECODING_ERRORS):
-                    servos.learn(decoder.joints(data))
-            stream = decoder.stream
-            if stream is None or stream not in wanted:
-                continue
-            if decoder.is_counted(data):
-                yield stream, _event(decoder, data, servos)
+                    servos.update_joints(decoders[channel].joints(data))
+            if stream in wanted:
+                yield stream, _event(decoders[channel], data, servos)
 
     def _read_tf(
         self, decoder: ChannelDecoder, data: bytes, wanted: frozenset[int], servos: Servos
     ) -> Iterator[tuple[int, Event | Skip]]:
         try:
             found = decoder.transforms(data, False)
-        except DECODING_ERRORS:
+        except DECODING_ERRORS:  # the file has changed since it was indexed
             return
         for transform in found:
-            servos.turn(transform)
+            servos.update_transform(transform)
             stream = self._tf_streams.get((decoder.topic, transform.frame_id, transform.child_frame_id))
-            if stream in wanted and stream is not None and transform.stamp_ns >= 0:
+            if stream is not None and stream in wanted and transform.stamp_ns >= 0:
                 yield stream, transform
 
     def _servo_names(self) -> frozenset[str]:
-        """Joints and moving frames: what may turn a ranger."""
+        """Names of joints and of moving frames: what may turn a ranger."""
         joints = (decoder.joint_names for decoder in self._decoders.values())
         frames = (child for _, _, child in self._tf_streams)
         return frozenset(chain(chain.from_iterable(joints), frames))
 
-    def _note_servos_of_no_ranger(self) -> None:
-        """A ranger looks straight ahead where nothing turns it: said where there are servos that turn no ranger."""
+    def _note_unused_servos(self) -> None:
+        """Note rangers that nothing turns, where the log has servos that turn no ranger."""
         rangers = sorted({frame for s in self.streams if s.kind == "range" for frame in s.frames})
         servos = sorted(
             {printable(n) for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names}
         )
-        still = [frame for frame in rangers if frame not in self._servos]
-        idle = [name for name in servos if name not in rangers]
-        if still and idle:
+        fixed = [frame for frame in rangers if frame not in self._servos]
+        unused = [name for name in servos if name not in rangers]
+        if fixed and unused:
             self.message_counts.note(
-                f"{self.files[0].name}: no joint or tf turns the rangers {', '.join(still)}: they count as fixed, looking "
-                f"straight ahead; a servo is found by its ranger's frame, and the joints {', '.join(idle)} have no ranger"
+                f"{self.files[0].name}: no joint or tf turns the rangers {', '.join(fixed)}: they count as fixed, "
+                f"looking straight ahead; a servo is found by its ranger's frame, and the joints {', '.join(unused)} "
+                "have no ranger"
             )
 
-    def _survey(self) -> None:
+    def _index(self) -> None:
         """First pass: stamps and frames of every stream, static transforms, and what cannot be read."""
-        seen: dict[int, int] = {}
+        numbers: dict[int, int] = {}
         for channel, data in self._container.messages():
-            seen[channel] = number = seen.get(channel, 0) + 1
-            decoder = self._decoders.get(channel) or self._new_decoder(channel, data)
-            if decoder is None:
-                self.message_counts.skip(
-                    "unknown", "no_channel", f"{self.files[0].name} message {number} of channel {channel}"
-                )
-                continue
-            if decoder.fault:
-                self.message_counts.skip(decoder.kind, decoder.fault, f"{decoder.topic} ({decoder.type})")
-                continue
-            try:
-                if decoder.is_tf:
-                    self._survey_tf(decoder, data, number)
-                elif decoder.stream is not None:
-                    self._survey_message(decoder, data, number)
-            except DECODING_ERRORS:
-                self.message_counts.skip(decoder.kind, "undecodable", f"{decoder.topic} message {number}")
+            numbers[channel] = number = numbers.get(channel, 0) + 1
+            self._assignment.append(self._index_one(channel, data, number))
 
-    def _survey_message(self, decoder: ChannelDecoder, data: bytes, number: int) -> None:
-        stream = self.streams[decoder.stream or 0]
+    def _index_one(self, channel: int, data: bytes, number: int) -> int:
+        """Enter one message, the `number`-th of its channel; its entry in the assignment."""
+        decoder = self._decoders.get(channel) or self._new_decoder(channel, data)
+        if decoder is None:
+            where = f"{self.files[0].name} message {number} of channel {channel}"
+            self.message_counts.skip("unknown", SkipReason.NO_CHANNEL.value, where)
+            return _SKIPPED
+        if decoder.fault:
+            where = f"{decoder.topic} ({decoder.type})"
+            self.message_counts.skip(decoder.kind, decoder.fault.value, where)
+            return _SKIPPED
+        try:
+            if decoder.is_tf:
+                return self._index_tf(decoder, data, number)
+            return self._index_message(decoder, data, number)
+        except DECODING_ERRORS:
+            self._skip(decoder, SkipReason.UNDECODABLE, number)
+            return _SKIPPED
+
+    def _index_message(self, decoder: ChannelDecoder, data: bytes, number: int) -> int:
+        index = decoder.stream
+        assert index is not None
+        stream = self.streams[index]
         if stream.kind == "other":
             stream.stamps_ns.append(0)
-            return
+            return index
         head = decoder.head(data)
         if head is None:
-            self.message_counts.skip(decoder.kind, "bad_stamp", f"{decoder.topic} message {number}")
-            return
+            self._skip(decoder, SkipReason.BAD_STAMP, number)
+            return _SKIPPED
         stamp, frame = head
         stream.stamps_ns.append(stamp)
-        if frame not in stream.frames and len(stream.frames) < _MOST_FRAMES:
+        if frame not in stream.frames and len(stream.frames) < _MAX_FRAMES:
             stream.frames[frame] = None
         if stream.kind == "odom" and not stream.child_frame:
-            with suppress(*DECODING_ERRORS):  # `read` counts it
+            with suppress(*DECODING_ERRORS):  # the reading pass counts it
                 stream.child_frame = decoder.child_frame(data)
+        return index
 
-    def _survey_tf(self, decoder: ChannelDecoder, data: bytes, number: int) -> None:
-        static = decoder.topic.endswith("tf_static")
-        for transform in decoder.transforms(data, static):
-            if static:
+    def _index_tf(self, decoder: ChannelDecoder, data: bytes, number: int) -> int:
+        is_static = decoder.topic.endswith("tf_static")
+        for transform in decoder.transforms(data, is_static):
+            if is_static:
                 self._static[transform.child_frame_id] = transform
-                continue
-            if transform.stamp_ns < 0:
-                self.message_counts.skip("tf", "bad_stamp", f"{decoder.topic} message {number}")
-                continue
-            key = (decoder.topic, transform.frame_id, transform.child_frame_id)
-            rotation = normalise(transform.quat_wxyz)
-            value = None if rotation is None else (transform.translation_m, rotation)
-            if key not in self._tf_streams and len(self._tf_streams) >= _MOST_EDGES:
-                self.message_counts.skip("tf", "too_many_frames", f"{decoder.topic} message {number}")
-                continue
-            if key not in self._tf_streams:
-                self._tf_streams[key] = len(self.streams)
-                detail = f"{transform.frame_id}->{transform.child_frame_id}"
-                self.streams.append(
-                    RecordedStream(
-                        "tf",
-                        decoder.topic,
-                        decoder.type,
-                        detail,
-                        frames={transform.frame_id: None},
-                        child_frame=transform.child_frame_id,
-                        constant=value,
-                    )
+            elif transform.stamp_ns < 0:
+                self._skip(decoder, SkipReason.BAD_STAMP, number)
+            else:
+                self._index_moving(decoder, transform, number)
+        return _SKIPPED if is_static else _TRANSFORMS
+
+    def _index_moving(self, decoder: ChannelDecoder, transform: Transform, number: int) -> None:
+        """Enter a transform of /tf into the stream of its two frames."""
+        key = (decoder.topic, transform.frame_id, transform.child_frame_id)
+        rotation = normalise(transform.quat_wxyz)
+        value = None if rotation is None else (transform.translation_m, rotation)
+        if key not in self._tf_streams:
+            if len(self._tf_streams) >= _MAX_EDGES:
+                self._skip(decoder, SkipReason.TOO_MANY_FRAMES, number)
+                return
+            self._tf_streams[key] = len(self.streams)
+            self.streams.append(
+                RecordedStream(
+                    "tf",
+                    decoder.topic,
+                    decoder.type,
+                    detail=f"{transform.frame_id}->{transform.child_frame_id}",
+                    frames={transform.frame_id: None},
+                    child_frame=transform.child_frame_id,
+                    constant=value,
                 )
-            stream = self.streams[self._tf_streams[key]]
-            stream.stamps_ns.append(transform.stamp_ns)
-            if stream.constant != value:
-                stream.constant = None
+            )
+        stream = self.streams[self._tf_streams[key]]
+        stream.stamps_ns.append(transform.stamp_ns)
+        if stream.constant != value:
+            stream.constant = None
+
+    def _skip(self, decoder: ChannelDecoder, reason: SkipReason, number: int) -> None:
+        self.message_counts.skip(decoder.kind, reason.value, f"{decoder.topic} message {number}")
 
     def _new_decoder(self, identifier: int, first: bytes) -> ChannelDecoder | None:
         channel = self._container.channels.get(identifier)
@@ -193,7 +214,7 @@ class RosSource:
             return None
         schema = self._container.schemas.get(channel.schema_id)
         decoder = ChannelDecoder(channel, schema, self._config)
-        with suppress(*DECODING_ERRORS):  # the survey counts such a message; its type's usual kind holds
+        with suppress(*DECODING_ERRORS):  # the index pass counts the message; its type's usual kind holds
             decoder.classify(first)
         if not decoder.is_tf:
             decoder.stream = self._stream_of(decoder.kind, decoder.topic, decoder.type or channel.encoding)
@@ -201,7 +222,7 @@ class RosSource:
         return decoder
 
     def _stream_of(self, kind: str, topic: str, type_name: str) -> int:
-        """The stream of a channel; channels of one topic and type (several recorders' parts) share theirs."""
+        """The stream of a channel; channels of one topic and type (parts of one recording) share a stream."""
         key = (kind, topic, type_name)
         for index, stream in enumerate(self.streams):
             if (stream.kind, stream.topic, stream.type) == key:
@@ -213,12 +234,7 @@ class RosSource:
 def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip:
     try:
         return decoder.event(data, servos)
-    except DECODING_ERRORS as error:
-        return Skip(_reason(error))
-
-
-def _reason(error: Exception) -> str:
-    """The reason under which an undecodable message is counted."""
-    if isinstance(error, NoServoAngleError):
-        return "no_servo_angle"
-    return "unknown_encoding" if str(error).startswith("encoding ") else "undecodable"
+    except UnusableMessageError as error:
+        return Skip(error.reason)
+    except DECODING_ERRORS:
+        return Skip(SkipReason.UNDECODABLE)

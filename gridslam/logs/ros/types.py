@@ -1,4 +1,4 @@
-"""Message types: which stream a type serves, and decoders from the schemas that a log carries."""
+"""Message types: which definitions are standard, and decoders from the definitions that a log carries."""
 
 from __future__ import annotations
 
@@ -8,23 +8,6 @@ from functools import cache
 from typing import Any
 
 from gridslam.logs.ros.container import Schema
-
-KIND_OF_TYPE = {
-    "sensor_msgs/msg/LaserScan": "scan",
-    "nav_msgs/msg/Odometry": "odom",
-    "sensor_msgs/msg/Imu": "imu",
-    "sensor_msgs/msg/JointState": "wheels",
-    "sensor_msgs/msg/Range": "range",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "fix",
-    "geometry_msgs/msg/PoseStamped": "pose",
-    "sensor_msgs/msg/Image": "image",
-    "sensor_msgs/msg/CompressedImage": "image",
-    "sensor_msgs/msg/CameraInfo": "camera_info",
-    "stereo_msgs/msg/DisparityImage": "disparity",
-    "gridslam_msgs/msg/TagInventory": "tags",
-    "tf2_msgs/msg/TFMessage": "tf",
-    "tf/msg/tfMessage": "tf",
-}
 
 _LARGEST_SCHEMA_BYTES = 1_000_000
 TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"

@@ -11,7 +11,7 @@ from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv.table import inside
+from gridslam.logs.csv.row import path_inside
 from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Container, Schema
@@ -147,7 +147,7 @@ def _files_of(folder: Path) -> list[Path]:
         raise LogError(f"{folder / 'metadata.yaml'}: relative_file_paths names no file")
     files = []
     for name in names:
-        path = inside(folder, str(name))
+        path = path_inside(folder, str(name))
         if path is None or not path.is_file():
             raise LogError(f"{folder / 'metadata.yaml'}: {short(name)} is no file in this folder")
         files.append(path)

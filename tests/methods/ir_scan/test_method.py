@@ -48,7 +48,7 @@ def true_stops() -> NDArray[np.float64]:
 
 def sample(name: str) -> list[Event]:
     run_config = load_run_config("ir-scan")
-    with open_log(SAMPLES / name, run_config.log, ("range", "odom", "wheels", "imu", "fix")) as log:
+    with open_log(SAMPLES / name, run_config.log, ("range", "odom", "wheels", "imu", "pose")) as log:
         return list(log.events())
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from gridslam.core.errors import LogError, MethodError
 from gridslam.core.messages import CameraInfo, DepthImage, Event, LaserScan, Odometry, Transform
-from gridslam.logs.selection import require_streams
+from gridslam.logs.requirements import require_streams
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl

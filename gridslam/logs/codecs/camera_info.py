@@ -1,0 +1,84 @@
+"""Camera calibrations: sensor_msgs/CameraInfo, foxglove.CameraCalibration, rows of CSV."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.messages import CameraInfo, readonly
+from gridslam.logs.cameras import camera_of
+from gridslam.logs.csv.fields import name_field, number_field
+from gridslam.logs.csv.pictures import PictureWriter
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+
+MAX_DISTORTION = 14  # coefficients that OpenCV's longest model has, and columns of a table
+
+
+def from_ros(message: Any, topic: str) -> CameraInfo:
+    """The calibration of a decoded sensor_msgs/CameraInfo."""
+    return CameraInfo(
+        *valid_head(message),
+        width_px=int(message.width),
+        height_px=int(message.height),
+        K=readonly(np.asarray(message.k).reshape(3, 3), np.float64),
+        P=readonly(np.asarray(message.p).reshape(3, 4), np.float64),
+        D=readonly(message.d, np.float64),
+        camera=camera_of(topic),
+    )
+
+
+def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> CameraInfo:
+    """The calibration of a foxglove.CameraCalibration."""
+    return CameraInfo(
+        stamp_ns,
+        frame,
+        width_px=int(message.width),
+        height_px=int(message.height),
+        K=readonly(np.reshape(message.K, (3, 3)), np.float64),
+        P=readonly(np.reshape(message.P, (3, 4)), np.float64),
+        D=readonly(message.D, np.float64),
+        camera=camera_of(topic),
+    )
+
+
+def to_ros(info: CameraInfo, topic: str | None) -> list[Encoded]:
+    """sensor_msgs/CameraInfo."""
+    body = with_header(info).uint32(info.height_px, info.width_px).text("plumb_bob")
+    body.sequence(np.asarray(info.D, dtype=np.float64), 8)
+    rectification = np.eye(3)
+    for matrix in (info.K, rectification, info.P):
+        body.float64(*(float(v) for v in np.ravel(matrix)))
+    body.uint32(0, 0).uint32(0, 0, 0, 0).uint8(0)  # no binning; the region of interest is the whole image
+    name = topic or f"/{info.camera or 'camera'}/camera_info"
+    return single_message(name, "sensor_msgs/msg/CameraInfo", info, body)
+
+
+def from_csv(rows: list[Row]) -> CameraInfo:
+    """The calibration of one row."""
+    (row,) = rows
+    distortion = [row.number(f"d{i}", math.nan) for i in range(MAX_DISTORTION)]
+    while distortion and math.isnan(distortion[-1]):
+        distortion.pop()
+    return CameraInfo(
+        row.stamp_ns,
+        row.frame,
+        width_px=int(row.number("width")),
+        height_px=int(row.number("height")),
+        K=readonly(np.array([row.number(f"k{i}") for i in range(9)]).reshape(3, 3), np.float64),
+        P=readonly(np.array([row.number(f"p{i}") for i in range(12)]).reshape(3, 4), np.float64),
+        D=readonly(np.array(distortion), np.float64),
+        camera=row.text("camera"),
+    )
+
+
+def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:
+    """One row."""
+    numbers = [number_field(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
+    distortion = [number_field(float(v)) for v in info.D[:MAX_DISTORTION]]
+    distortion += [""] * (MAX_DISTORTION - len(distortion))
+    size = [str(info.width_px), str(info.height_px)]
+    return [[name_field(info.camera), *size, *numbers, *distortion, name_field(info.frame_id)]]

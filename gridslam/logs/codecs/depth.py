@@ -1,0 +1,67 @@
+"""Depth images: sensor_msgs/Image of depths, foxglove.RawImage of depths, rows of CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.messages import DepthImage, readonly
+from gridslam.logs.cameras import DEPTH_ENCODINGS, camera_of, depth_of
+from gridslam.logs.codecs.image import write_picture
+from gridslam.logs.csv.fields import name_field
+from gridslam.logs.csv.pictures import PictureWriter, read_floats
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.ros.foxglove_fields import base64_bytes
+
+
+def is_depth(message: Any) -> bool:
+    """Whether an image message holds depths rather than colours."""
+    return str(message.encoding) in DEPTH_ENCODINGS
+
+
+def from_ros(message: Any, topic: str) -> DepthImage:
+    """The depths of a decoded sensor_msgs/Image."""
+    depth = depth_of(
+        str(message.encoding),
+        height=int(message.height),
+        width=int(message.width),
+        step=int(message.step),
+        data=bytes(message.data),
+        is_bigendian=bool(message.is_bigendian),
+    )
+    return DepthImage(*valid_head(message), readonly(depth, np.float32), camera_of(topic))
+
+
+def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> DepthImage:
+    """The depths of a foxglove.RawImage."""
+    depth = depth_of(
+        str(message.encoding),
+        height=int(message.height),
+        width=int(message.width),
+        step=int(message.step),
+        data=base64_bytes(message.data),
+        is_bigendian=False,
+    )
+    return DepthImage(stamp_ns, frame, readonly(depth, np.float32), camera_of(topic))
+
+
+def to_ros(depth: DepthImage, topic: str | None) -> list[Encoded]:
+    """sensor_msgs/Image of float32 metres."""
+    body = write_picture(with_header(depth), "32FC1", depth.depth_m, 4)
+    return single_message(topic or f"/{depth.camera or 'camera'}/depth", "sensor_msgs/msg/Image", depth, body)
+
+
+def from_csv(rows: list[Row]) -> DepthImage:
+    """The depths whose file one row names."""
+    (row,) = rows
+    depth = readonly(read_floats(row.file()), np.float32)
+    return DepthImage(row.stamp_ns, row.frame, depth, row.text("camera"))
+
+
+def to_csv(depth: DepthImage, pictures: PictureWriter) -> list[list[str]]:
+    """One row; the depths become a .npy file."""
+    name = pictures.write_floats("depth", depth, depth.depth_m)
+    return [[name_field(depth.camera), name, name_field(depth.frame_id)]]

@@ -1,0 +1,76 @@
+"""Disparity images: stereo_msgs/DisparityImage, rows of CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.messages import Disparity, as_float32, readonly
+from gridslam.logs.cameras import camera_of, depth_of
+from gridslam.logs.codecs.image import write_picture
+from gridslam.logs.csv.fields import name_field, single_field
+from gridslam.logs.csv.pictures import PictureWriter, read_floats
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.skips import SkipReason, UnusableMessageError
+
+
+def from_ros(message: Any, topic: str) -> Disparity:
+    """The disparities of a decoded stereo_msgs/DisparityImage.
+
+    NaN where a value is below the message's smallest disparity or not finite: no match.
+    """
+    picture = message.image
+    if str(picture.encoding) != "32FC1":
+        raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING)
+    values = depth_of(
+        "32FC1",
+        height=int(picture.height),
+        width=int(picture.width),
+        step=int(picture.step),
+        data=bytes(picture.data),
+        is_bigendian=bool(picture.is_bigendian),
+    )
+    with np.errstate(invalid="ignore"):
+        values = np.where(np.isfinite(values) & (values >= message.min_disparity), values, np.float32(np.nan))
+    return Disparity(
+        *valid_head(message),
+        readonly(values, np.float32),
+        focal_px=as_float32(message.f),
+        baseline_m=as_float32(message.t),
+        camera=camera_of(topic),
+    )
+
+
+def to_ros(disparity: Disparity, topic: str | None) -> list[Encoded]:
+    """stereo_msgs/DisparityImage."""
+    body = with_header(disparity).header(disparity.stamp_ns, disparity.frame_id)
+    write_picture(body, "32FC1", disparity.disparity_px, 4)
+    body.float32(disparity.focal_px, disparity.baseline_m)
+    min_disparity, max_disparity = 0.0, as_float32(disparity.disparity_px.shape[1])
+    body.uint32(0, 0, 0, 0).uint8(0)  # the valid window: not stated
+    body.float32(min_disparity, max_disparity, 0.0)
+    name = topic or f"/{disparity.camera or 'camera'}/disparity"
+    return single_message(name, "stereo_msgs/msg/DisparityImage", disparity, body)
+
+
+def from_csv(rows: list[Row]) -> Disparity:
+    """The disparities whose file one row names."""
+    (row,) = rows
+    return Disparity(
+        row.stamp_ns,
+        row.frame,
+        readonly(read_floats(row.file()), np.float32),
+        focal_px=as_float32(row.number("focal")),
+        baseline_m=as_float32(row.number("baseline")),
+        camera=row.text("camera"),
+    )
+
+
+def to_csv(d: Disparity, pictures: PictureWriter) -> list[list[str]]:
+    """One row; the disparities become a .npy file."""
+    name = pictures.write_floats("disparity", d, d.disparity_px)
+    numbers = [single_field(d.focal_px), single_field(d.baseline_m)]
+    return [[name_field(d.camera), name, *numbers, name_field(d.frame_id)]]

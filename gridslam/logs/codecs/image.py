@@ -1,0 +1,91 @@
+"""Camera images: sensor_msgs/Image and CompressedImage, Foxglove's images, rows of CSV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.messages import Image, StereoPair, readonly
+from gridslam.logs.cameras import camera_of, pixels_of, unpack_picture
+from gridslam.logs.csv.fields import name_field
+from gridslam.logs.csv.pictures import PictureWriter, read_pixels
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.cdr import CdrWriter
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.ros.foxglove_fields import base64_bytes
+
+
+def from_ros(message: Any, topic: str) -> Image:
+    """The pixels of a decoded sensor_msgs/Image in grey or colour."""
+    pixels = pixels_of(
+        str(message.encoding),
+        height=int(message.height),
+        width=int(message.width),
+        step=int(message.step),
+        data=bytes(message.data),
+    )
+    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
+
+
+def from_compressed(message: Any, topic: str) -> Image:
+    """The pixels of a decoded sensor_msgs/CompressedImage."""
+    pixels = unpack_picture(bytes(message.data))
+    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
+
+
+def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
+    """The pixels of a foxglove.RawImage."""
+    pixels = pixels_of(
+        str(message.encoding),
+        height=int(message.height),
+        width=int(message.width),
+        step=int(message.step),
+        data=base64_bytes(message.data),
+    )
+    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
+
+
+def from_foxglove_compressed(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
+    """The pixels of a foxglove.CompressedImage."""
+    pixels = unpack_picture(base64_bytes(message.data))
+    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
+
+
+def write_picture(body: CdrWriter, encoding: str, pixels: Any, bytes_per_pixel: int) -> CdrWriter:
+    """Append the fields of a sensor_msgs/Image that come after its header."""
+    height, width = pixels.shape[:2]
+    body.uint32(height, width).text(encoding).uint8(0).uint32(width * bytes_per_pixel)
+    raw = np.ascontiguousarray(pixels).astype(pixels.dtype.newbyteorder("<"), copy=False)
+    return body.sequence(raw.reshape(-1).view(np.uint8), 1)
+
+
+def to_ros(image: Image, topic: str | None) -> list[Encoded]:
+    """sensor_msgs/Image."""
+    encoding, bytes_per_pixel = ("mono8", 1) if image.pixels.ndim == 2 else ("rgb8", 3)
+    body = write_picture(with_header(image), encoding, image.pixels, bytes_per_pixel)
+    return single_message(topic or f"/{image.camera or 'camera'}/image", "sensor_msgs/msg/Image", image, body)
+
+
+def stereo_to_ros(pair: StereoPair, topic: str | None) -> list[Encoded]:
+    """Two sensor_msgs/Image, left and right."""
+    messages = []
+    for side, pixels in (("left", pair.left), ("right", pair.right)):
+        body = write_picture(with_header(pair), "mono8", pixels, 1)
+        messages += single_message(
+            f"{topic or '/stereo'}/{side}/image_rect", "sensor_msgs/msg/Image", pair, body
+        )
+    return messages
+
+
+def from_csv(rows: list[Row]) -> Image:
+    """The image whose file one row names."""
+    (row,) = rows
+    return Image(row.stamp_ns, row.frame, readonly(read_pixels(row.file()), np.uint8), row.text("camera"))
+
+
+def to_csv(image: Image, pictures: PictureWriter) -> list[list[str]]:
+    """One row; the pixels become a PNG."""
+    name = pictures.write_pixels("image", image, image.pixels)
+    return [[name_field(image.camera), name, name_field(image.frame_id)]]

@@ -1,0 +1,95 @@
+"""Laser scans: checks, sensor_msgs/LaserScan, foxglove.LaserScan, rows of CSV."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.messages import LaserScan, as_float32, readonly
+from gridslam.logs.csv.fields import single_field
+from gridslam.logs.csv.pictures import PictureWriter
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.skips import SkipReason
+
+_WIDEST_SWEEP_RAD = (
+    2.0 * math.pi * 1.05
+)  # some lidars overlap their own sweep a little; none goes round twice
+
+
+def fault(scan: LaserScan) -> SkipReason | None:
+    """The reason why no method can use the scan; None where it can."""
+    beams = len(scan.ranges_m)
+    if beams == 0:
+        return SkipReason.NO_BEAMS
+    increment = scan.angle_increment_rad
+    if not (math.isfinite(increment) and math.isfinite(scan.angle_min_rad)):
+        return SkipReason.BAD_ANGLES
+    if beams > 1 and (increment == 0.0 or abs(increment) * (beams - 1) > _WIDEST_SWEEP_RAD):
+        return SkipReason.BAD_ANGLES
+    if not scan.range_max_m > max(scan.range_min_m, 0.0):  # NaN fails too
+        return SkipReason.BAD_RANGE_LIMITS
+    return None
+
+
+def from_ros(message: Any, topic: str) -> LaserScan:
+    """The scan of a decoded sensor_msgs/LaserScan."""
+    return LaserScan(
+        *valid_head(message),
+        readonly(message.ranges, np.float32),
+        angle_min_rad=as_float32(message.angle_min),
+        angle_increment_rad=as_float32(message.angle_increment),
+        range_min_m=as_float32(message.range_min),
+        range_max_m=as_float32(message.range_max),
+        time_increment_s=as_float32(message.time_increment),
+    )
+
+
+def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserScan:
+    """The scan of a foxglove.LaserScan: its angles include the last beam's; the type has no range limits."""
+    ranges = np.array([np.nan if r is None else r for r in message.ranges], dtype=np.float32)
+    span = float(message.end_angle) - float(message.start_angle)
+    return LaserScan(
+        stamp_ns,
+        frame,
+        readonly(ranges, np.float32),
+        angle_min_rad=as_float32(message.start_angle),
+        angle_increment_rad=as_float32(span / max(len(ranges) - 1, 1)),
+        range_min_m=0.0,
+        range_max_m=float("inf"),
+    )
+
+
+def to_ros(scan: LaserScan, topic: str | None) -> list[Encoded]:
+    """sensor_msgs/LaserScan."""
+    last = as_float32(scan.angle_min_rad + (len(scan.ranges_m) - 1) * scan.angle_increment_rad)
+    scan_time = 0.0
+    body = with_header(scan).float32(scan.angle_min_rad, last, scan.angle_increment_rad)
+    body.float32(scan.time_increment_s, scan_time, scan.range_min_m, scan.range_max_m)
+    body.sequence(scan.ranges_m, 4).uint32(0)
+    return single_message(topic or "/scan", "sensor_msgs/msg/LaserScan", scan, body)
+
+
+def from_csv(rows: list[Row]) -> LaserScan:
+    """The scan of one row."""
+    (row,) = rows
+    return LaserScan(
+        row.stamp_ns,
+        row.frame,
+        readonly(row.ranges_m(), np.float32),
+        angle_min_rad=as_float32(row.number("angle_min")),
+        angle_increment_rad=as_float32(row.number("angle_increment")),
+        range_min_m=as_float32(row.number("range_min")),
+        range_max_m=as_float32(row.number("range_max")),
+        time_increment_s=as_float32(row.number("time_increment", 0.0)),
+    )
+
+
+def to_csv(scan: LaserScan, pictures: PictureWriter) -> list[list[str]]:
+    """One row: the columns of the table, then the ranges."""
+    limits = [scan.angle_min_rad, scan.angle_increment_rad, scan.range_min_m, scan.range_max_m]
+    columns = [single_field(v) for v in (*limits, scan.time_increment_s)]
+    return [columns + [str(r) for r in np.asarray(scan.ranges_m, np.float32)]]

@@ -1,0 +1,65 @@
+"""Inventories of RFID tags: checks, gridslam_msgs/TagInventory, rows of CSV."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import TagInventory, as_float32
+from gridslam.logs.csv.fields import name_field, single_field
+from gridslam.logs.csv.pictures import PictureWriter
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.skips import SkipReason
+
+
+def fault(tags: TagInventory) -> SkipReason | None:
+    """The reason why no method can use the inventory; None where it can."""
+    return None if len(tags.tag_ids) == len(tags.rssi_dbm) else SkipReason.TAGS_AND_RSSI_DIFFER
+
+
+def from_ros(message: Any, topic: str) -> TagInventory:
+    """The inventory of a decoded gridslam_msgs/TagInventory."""
+    return TagInventory(
+        *valid_head(message),
+        antenna=str(message.antenna),
+        tag_ids=tuple(str(t) for t in message.tag_ids),
+        rssi_dbm=tuple(as_float32(r) for r in message.rssi_dbm),
+    )
+
+
+def to_ros(tags: TagInventory, topic: str | None) -> list[Encoded]:
+    """gridslam_msgs/TagInventory."""
+    body = with_header(tags).text(tags.antenna).texts(tags.tag_ids)
+    body.sequence(np.array(tags.rssi_dbm, dtype=np.float32), 4)
+    return single_message(topic or "/tags", "gridslam_msgs/msg/TagInventory", tags, body)
+
+
+def from_csv(rows: list[Row]) -> TagInventory:
+    """The inventory of the rows of one stamp and antenna; a row without a tag_id stands for an empty one."""
+    reads = [row for row in rows if row.text("tag_id")]
+    return TagInventory(
+        rows[0].stamp_ns,
+        rows[0].frame,
+        antenna=rows[0].text("antenna"),
+        tag_ids=tuple(row.text("tag_id") for row in reads),
+        rssi_dbm=tuple(as_float32(row.number("rssi", math.nan)) for row in reads),
+    )
+
+
+def to_csv(tags: TagInventory, pictures: PictureWriter) -> list[list[str]]:
+    """A row for each tag, or one row without a tag_id for an empty inventory."""
+    antenna, frame = name_field(tags.antenna), name_field(tags.frame_id)
+    if not tags.tag_ids:
+        return [[antenna, "", "", frame]]
+    if not all(tags.tag_ids):
+        raise LogError(
+            f"antenna {antenna!r} read a tag without an id, which a CSV file takes for an empty inventory; "
+            "name the output OUT.mcap"
+        )
+    reads = zip(tags.tag_ids, tags.rssi_dbm, strict=True)
+    return [[antenna, name_field(tag), single_field(rssi), frame] for tag, rssi in reads]

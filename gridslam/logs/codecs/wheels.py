@@ -1,0 +1,45 @@
+"""Wheel angles: checks, sensor_msgs/JointState, rows of CSV."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gridslam.core.messages import Range, WheelTicks
+from gridslam.logs.csv.fields import number_field
+from gridslam.logs.csv.pictures import PictureWriter
+from gridslam.logs.csv.row import Row
+from gridslam.logs.ros.cdr import CdrWriter
+from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.skips import SkipReason
+
+
+def fault(ticks: WheelTicks) -> SkipReason | None:
+    """The reason why no method can use the angles; None where it can."""
+    is_finite = math.isfinite(ticks.left_rad) and math.isfinite(ticks.right_rad)
+    return None if is_finite else SkipReason.NOT_FINITE
+
+
+def joint_state(event: WheelTicks | Range, angles_rad: dict[str, float]) -> CdrWriter:
+    """A sensor_msgs/JointState of angles by joint, without speeds and efforts."""
+    body = with_header(event).texts(list(angles_rad))
+    body.sequence(np.array(list(angles_rad.values()), dtype=np.float64), 8)
+    return body.uint32(0).uint32(0)
+
+
+def to_ros(ticks: WheelTicks, topic: str | None) -> list[Encoded]:
+    """sensor_msgs/JointState of the joints `left_wheel` and `right_wheel`."""
+    body = joint_state(ticks, {"left_wheel": ticks.left_rad, "right_wheel": ticks.right_rad})
+    return single_message(topic or "/joint_states", "sensor_msgs/msg/JointState", ticks, body)
+
+
+def from_csv(rows: list[Row]) -> WheelTicks:
+    """The angles of one row."""
+    (row,) = rows
+    return WheelTicks(row.stamp_ns, row.frame, row.number("left"), row.number("right"))
+
+
+def to_csv(ticks: WheelTicks, pictures: PictureWriter) -> list[list[str]]:
+    """One row."""
+    return [[number_field(ticks.left_rad), number_field(ticks.right_rad)]]

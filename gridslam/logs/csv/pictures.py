@@ -1,0 +1,83 @@
+"""Picture files of a CSV folder: images in PNG or JPEG, depths in .npy (float32) or 16-bit PNG (mm)."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.files import write_atomic
+from gridslam.core.numpy_files import damage_as_value_error
+from gridslam.logs.cameras import opened_picture, unpack_picture
+from gridslam.logs.skips import SkipReason, UnusableMessageError
+
+_MAX_BYTES = 1 << 28
+
+
+def read_pixels(path: Path) -> NDArray[np.uint8]:
+    """Grey or RGB pixels of a PNG or JPEG. Raises UnusableMessageError: the file is none."""
+    try:
+        return unpack_picture(_bytes_of(path))
+    except (OSError, ValueError) as error:
+        raise UnusableMessageError(SkipReason.UNREADABLE_IMAGE) from error
+
+
+def read_floats(path: Path) -> NDArray[np.float32]:
+    """Depths in metres, or disparities in pixels. Raises UnusableMessageError: the file holds none."""
+    try:
+        data = _bytes_of(path)
+        if data.startswith(b"\x93NUMPY"):
+            with damage_as_value_error():
+                values = np.load(io.BytesIO(data), allow_pickle=False)
+        else:
+            with opened_picture(data, ("PNG",)) as picture:
+                raw = np.asarray(picture)
+            values = np.where(raw == 0, np.nan, raw / 1000.0)
+        if values.ndim != 2 or values.dtype.kind not in "fiu":
+            raise ValueError("not a table of numbers")
+        with np.errstate(over="ignore"):  # a double that is too large for a float32 is infinite
+            return np.asarray(values, dtype=np.float32)
+    except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:
+        raise UnusableMessageError(SkipReason.UNREADABLE_IMAGE) from error
+
+
+def _bytes_of(path: Path) -> bytes:
+    """The content of a file. Raises ValueError: it is no plain file (a pipe may never end), or too large."""
+    if not path.is_file() or path.stat().st_size > _MAX_BYTES:
+        raise ValueError("no file, or too large")
+    return path.read_bytes()
+
+
+class PictureWriter:
+    """Writes pictures into subfolders of a log's folder, one for each kind and camera."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def write_pixels(self, kind: str, event: Any, pixels: NDArray[np.uint8]) -> str:
+        """Write a PNG; the result is its name inside the log's folder."""
+        from PIL import Image as Pillow
+
+        buffer = io.BytesIO()
+        Pillow.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG", compress_level=3)
+        return self._write(kind, event, ".png", buffer.getvalue())
+
+    def write_floats(self, kind: str, event: Any, values: NDArray[np.float32]) -> str:
+        """Write a .npy file of float32; the result is its name inside the log's folder."""
+        buffer = io.BytesIO()
+        np.save(buffer, np.ascontiguousarray(values, dtype=np.float32), allow_pickle=False)
+        return self._write(kind, event, ".npy", buffer.getvalue())
+
+    def _write(self, kind: str, event: Any, suffix: str, data: bytes) -> str:
+        camera = "".join(c if c.isalnum() or c in "-_" else "_" for c in event.camera) or "camera"
+        folder = self._folder / f"{kind}_{camera}"
+        folder.mkdir(exist_ok=True)
+        name, number = f"{event.stamp_ns:019d}{suffix}", 1
+        while (folder / name).exists():
+            number += 1
+            name = f"{event.stamp_ns:019d}_{number}{suffix}"
+        write_atomic(folder / name, data)
+        return f"{folder.name}/{name}"

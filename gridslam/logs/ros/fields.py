@@ -1,0 +1,29 @@
+"""Parts that many ROS messages share, read from decoded messages (any object with the message's fields)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gridslam.core.messages import canonical_yaw
+from gridslam.logs.rotations import yaw_of
+from gridslam.logs.skips import SkipReason, UnusableMessageError
+from gridslam.logs.stamps import join_stamp
+
+
+def head(message: Any) -> tuple[int | None, str]:
+    """(stamp_ns, frame) of a message with a header; the stamp is None where it is invalid."""
+    header = message.header
+    return join_stamp(int(header.stamp.sec), int(header.stamp.nanosec)), str(header.frame_id).lstrip("/")
+
+
+def valid_head(message: Any) -> tuple[int, str]:
+    """(stamp_ns, frame) of a message with a header. Raises UnusableMessageError: the stamp is invalid."""
+    stamp, frame = head(message)
+    if stamp is None:
+        raise UnusableMessageError(SkipReason.BAD_STAMP)
+    return stamp, frame
+
+
+def yaw_of_orientation(orientation: Any) -> float:
+    """Canonical yaw (rad) of a geometry_msgs/Quaternion."""
+    return canonical_yaw(yaw_of((orientation.w, orientation.x, orientation.y, orientation.z)))

@@ -1,0 +1,51 @@
+"""Why a message is left out: the reasons that counters and notes name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class SkipReason(str, Enum):
+    """The reason why a message cannot be used; its value is the last part of `skipped.<kind>.<reason>`."""
+
+    UNDECODABLE = "undecodable"
+    NO_CHANNEL = "no_channel"
+    UNKNOWN_ENCODING = "unknown_encoding"
+    UNREADABLE_SCHEMA = "unreadable_schema"
+    BAD_STAMP = "bad_stamp"
+    OUTLIER_STAMP = "outlier_stamp"
+    NOT_FINITE = "not_finite"
+    NO_BEAMS = "no_beams"
+    BAD_ANGLES = "bad_angles"
+    BAD_RANGE_LIMITS = "bad_range_limits"
+    BAD_COVARIANCE = "bad_covariance"
+    BAD_IMAGE_SIZE = "bad_image_size"
+    TAGS_AND_RSSI_DIFFER = "tags_and_rssi_differ"
+    TOO_FAR = "too_far"
+    TOO_MANY_FRAMES = "too_many_frames"
+    NO_SERVO_ANGLE = "no_servo_angle"
+    NO_PARTNER = "no_partner"
+    UNKNOWN_LINE = "unknown_line"
+    UNREADABLE_LINE = "unreadable_line"
+    UNREADABLE_ROW = "unreadable_row"
+    WRONG_NUMBER_OF_FIELDS = "wrong_number_of_fields"
+    FILE_OUTSIDE_FOLDER = "file_outside_folder"
+    MISSING_FILE = "missing_file"
+    UNREADABLE_IMAGE = "unreadable_image"
+
+
+@dataclass(frozen=True, slots=True)
+class Skip:
+    """Stands in the place of an event that cannot be used: the reason, and where the message is in the log."""
+
+    reason: SkipReason
+    where: str = ""
+
+
+class UnusableMessageError(ValueError):
+    """A message or row that cannot be used for a known reason."""
+
+    def __init__(self, reason: SkipReason) -> None:
+        super().__init__(reason.value)
+        self.reason = reason
