@@ -1,7 +1,7 @@
 """Pose graphs: robust least squares over relative poses.
 
-Nodes are poses `(n, 3)` in the map frame; an edge says where node `target` is, seen from node `source`, with an
-information matrix (3, 3) in that frame. Edges marked as loops may be wrong and are weighed by a robust kernel.
+Nodes are poses `(n, 3)` in the map frame. An edge measures the pose of node `target` in the frame of node `source`, with an
+information matrix (3, 3) in that frame. Loop edges may be wrong and are weighted by a robust kernel.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-CONVERGED = 1e-5  # largest step of any coordinate (m, rad)
+CONVERGED = 1e-5  # largest change of a coordinate (m, rad) in the last iteration
+MAX_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +36,14 @@ class Edges:
         return len(self.source)
 
     @staticmethod
+    def none() -> Edges:
+        """No edges."""
+        no_nodes = np.zeros(0, np.int64)
+        return Edges(no_nodes, no_nodes, np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.bool_))
+
+    @staticmethod
     def concatenate(parts: Sequence[Edges]) -> Edges:
-        """All edges of all parts, in order."""
+        """The edges of all parts, in order."""
         return Edges(
             np.concatenate([p.source for p in parts]),
             np.concatenate([p.target for p in parts]),
@@ -47,20 +54,20 @@ class Edges:
 
 
 def residuals(poses: Floats, edges: Edges) -> Floats:
-    """Edge errors `(m, 3)`: the estimated relative pose minus the measured one, in the source's frame, yaw wrapped."""
+    """Errors `(m, 3)` of the edges in the source's frame: estimated minus measured relative pose, yaw wrapped."""
     error = se2.between(poses[edges.source], poses[edges.target]) - edges.T_source_target
     error[:, 2] = se2.wrap_angle(error[:, 2])
     return np.asarray(error)
 
 
 def chi_squared(poses: Floats, edges: Edges) -> Floats:
-    """Squared Mahalanobis length `(m,)` of every edge's error."""
+    """Squared Mahalanobis distances `(m,)` of the errors."""
     error = residuals(poses, edges)
     return np.asarray(np.einsum("mi,mij,mj->m", error, edges.information, error))
 
 
 def jacobians(poses: Floats, edges: Edges) -> tuple[Floats, Floats]:
-    """Derivatives `(m, 3, 3)` of the errors by the source's and by the target's pose."""
+    """Derivatives `(m, 3, 3)` of the errors with respect to the source's and to the target's pose."""
     a, b = poses[edges.source], poses[edges.target]
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
@@ -75,29 +82,31 @@ def jacobians(poses: Floats, edges: Edges) -> tuple[Floats, Floats]:
 
 
 def robust_weights(chi2: Floats, is_loop: NDArray[np.bool_], scale: float) -> Floats:
-    """Geman-McClure weights `(m,)` for loops: 1 for a perfect edge, 1/4 at chi2 = scale^2; 1 for all others."""
+    """Geman-McClure weights `(m,)` of loops: 1 for a perfect loop, 1/4 at chi2 = scale^2. Other edges weigh 1."""
     weights = 1.0 / (1.0 + chi2 / scale**2) ** 2
     return np.where(is_loop, weights, 1.0)
 
 
-def optimise(poses: Floats, edges: Edges, robust_scale: float, iterations: int = 20) -> tuple[Floats, Floats]:
-    """Gauss-Newton with iteratively re-weighted loops; node 0 stays where it is.
+def optimise(
+    poses: Floats, edges: Edges, robust_scale: float, max_iterations: int = MAX_ITERATIONS
+) -> tuple[Floats, Floats]:
+    """Optimised poses `(n, 3)` and final robust weights of the edges `(m,)`; node 0 is held.
 
-    Returns the poses `(n, 3)` and the final robust weights of the edges `(m,)`. The scale of the robust kernel
-    starts wide and is halved until it is `robust_scale` (graduated non-convexity, Yang et al. 2020), so that one wrong
-    loop does not decide which others look right.
+    Gauss-Newton with iteratively reweighted loops. The scale of the robust kernel (in standard deviations) starts wide and is
+    halved down to `robust_scale` (graduated non-convexity, Yang et al. 2020), so that one wrong loop does not decide
+    which others look right.
     """
     estimate = np.array(poses, dtype=np.float64)
     chi2 = chi_squared(estimate, edges)
     largest = float(np.sqrt(chi2[edges.is_loop].max())) if edges.is_loop.any() else robust_scale
     scale = max(robust_scale, 2.0 * largest)
     weights = robust_weights(chi2, edges.is_loop, scale)
-    for _ in range(iterations):
+    for _ in range(max_iterations):
         step = _solve_step(estimate, edges, weights)
         estimate += step
         estimate[:, 2] = se2.wrap_angle(estimate[:, 2])
-        settled = bool(np.abs(step).max() < CONVERGED)
-        if settled and scale <= robust_scale:
+        converged = bool(np.abs(step).max() < CONVERGED)
+        if converged and scale <= robust_scale:
             break
         scale = max(0.5 * scale, robust_scale)
         weights = robust_weights(chi_squared(estimate, edges), edges.is_loop, scale)
@@ -105,7 +114,7 @@ def optimise(poses: Floats, edges: Edges, robust_scale: float, iterations: int =
 
 
 def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
-    """One Gauss-Newton step `(n, 3)` with node 0 held."""
+    """Gauss-Newton step `(n, 3)` of all poses; node 0 is held."""
     n = len(poses)
     error = residuals(poses, edges)
     source, target = jacobians(poses, edges)

@@ -1,10 +1,12 @@
-"""Correlative matching: the best rigid motion of a scan in a likelihood field, within a window, exactly.
+"""Correlative matching: the pose of a scan in a likelihood field that scores best within a window.
 
 The field's pyramid bounds the score of whole blocks of offsets from above, so that branch and bound finds the optimum
-of the full search without looking at most of it (Olson 2009; Hess et al. 2016, sec. V-B).
+of the exhaustive search at a fraction of its cost (Olson 2009; Hess et al. 2016, sec. V-B).
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -12,14 +14,30 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
 
-STACK = 256  # nodes waiting in the depth-first search: 4 a level at most
+STACK = 256  # nodes that wait in the depth-first search: at most 4 per level
+
+
+class FieldPyramid(NamedTuple):
+    """`levels` uint8 `(levels, rows, cols)` of `field_pyramid`, the lower-left corner (2,) and the cell size (m)."""
+
+    levels: NDArray[np.uint8]
+    origin_xy_m: NDArray[np.float64]
+    resolution_m: float
+
+
+class SearchWindow(NamedTuple):
+    """Offsets up to +-`offset_m` along x and y, headings up to +-`yaw_steps` multiples of `yaw_step_rad`."""
+
+    offset_m: float
+    yaw_step_rad: float
+    yaw_steps: int
 
 
 @compiled
 def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
-    """`(levels, rows, cols)`: level k at a cell is the maximum of the field over the 2^k x 2^k cells from there on.
+    """Pyramid `(levels, rows, cols)`: level k at (r, c) is the maximum of the field over cells [r, r + 2^k) x [c, c + 2^k).
 
-    Beyond the array the field is 0; the caller leaves a margin of 2^(levels-1) cells before the first row and column.
+    Outside the array the field is 0. The caller leaves a margin of 2^(levels-1) cells before the first row and column.
     """
     rows, cols = field.shape
     out = np.zeros((levels, rows, cols), np.uint8)
@@ -43,7 +61,7 @@ def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
 def _score(
     level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int
 ) -> int:
-    """Sum of the field under all points moved by (dr, dc) cells."""
+    """Sum of the field under all points after an offset of (dr, dc) cells."""
     h, w = level.shape
     total = 0
     for i in range(rows.shape[0]):
@@ -54,35 +72,35 @@ def _score(
 
 
 @compiled
-def _placed(
+def _cells_under(
+    pyramid: FieldPyramid,
     points: NDArray[np.float64],
-    start: NDArray[np.float64],
+    position: NDArray[np.float64],
     yaw_rad: float,
-    origin_xy_m: NDArray[np.float64],
-    resolution_m: float,
     rows: NDArray[np.int64],
     cols: NDArray[np.int64],
 ) -> None:
-    """Fill in the cells (rows, cols) `(n,)` of the points seen from the start's place under a heading."""
+    """Fill in the cells (rows, cols) `(n,)` of the points, seen from a position (2,) under a heading."""
+    origin_xy_m, resolution_m = pyramid.origin_xy_m, pyramid.resolution_m
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     for i in range(points.shape[0]):
-        x = start[0] + c * points[i, 0] - s * points[i, 1] - origin_xy_m[0]
-        y = start[1] + s * points[i, 0] + c * points[i, 1] - origin_xy_m[1]
+        x = position[0] + c * points[i, 0] - s * points[i, 1] - origin_xy_m[0]
+        y = position[1] + s * points[i, 0] + c * points[i, 1] - origin_xy_m[1]
         rows[i], cols[i] = int(np.floor(y / resolution_m)), int(np.floor(x / resolution_m))
 
 
 @compiled
 def _best_in_block(
-    pyramid: NDArray[np.uint8],
+    levels: NDArray[np.uint8],
     rows: NDArray[np.int64],
     cols: NDArray[np.int64],
     stack: NDArray[np.int64],
     window: int,
     best: int,
 ) -> tuple[int, int, int, bool]:
-    """Branch and bound below the node stack[0] = (level, dr, dc, bound), depth first, the most promising child first.
+    """Depth-first branch and bound below the node stack[0] = (level, dr, dc, bound), the child with the best bound first.
 
-    Returns the best score above `best`, its offset, and whether there is any.
+    Returns the best score, its offset (dr, dc), and whether it is better than `best`.
     """
     best_dr, best_dc, is_better = 0, 0, False
     depth = 1
@@ -100,7 +118,7 @@ def _best_in_block(
             r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
             if r > window or c > window:
                 continue
-            score = _score(pyramid[level - 1], rows, cols, r, c)
+            score = _score(levels[level - 1], rows, cols, r, c)
             if score <= best:
                 continue
             j = depth
@@ -114,39 +132,36 @@ def _best_in_block(
 
 @compiled
 def correlate(
-    pyramid: NDArray[np.uint8],
-    origin_xy_m: NDArray[np.float64],
-    resolution_m: float,
+    pyramid: FieldPyramid,
     points: NDArray[np.float64],
     start: NDArray[np.float64],
-    window_m: float,
-    yaw_step_rad: float,
-    yaw_steps: int,
-    least_score: float,
+    search: SearchWindow,
+    min_score: float,
 ) -> tuple[NDArray[np.float64], float]:
-    """The pose `(3,)` within +-window and +-yaw_steps of `start` with the highest mean of the field (0..255) under the points.
+    """The pose (3,) in the window about `start` (3,) with the highest mean of the field (0..255) under the points `(n, 2)`.
 
-    Searched are all whole-cell offsets and all multiples of the yaw step. Poses scoring no more than `least_score` are not
-    found: then the start comes back with score -1. `origin_xy_m` is the field's lower-left corner.
+    All whole-cell offsets and all multiples of the yaw step are searched. Returns the pose and its score; `start` and -1 if no
+    pose scores more than `min_score`.
     """
+    levels, resolution_m, yaw_steps = pyramid.levels, pyramid.resolution_m, search.yaw_steps
     n = points.shape[0]
-    top = pyramid.shape[0] - 1
+    top = levels.shape[0] - 1
     block = 1 << top
-    window = int(np.ceil(window_m / resolution_m))
+    window = int(np.ceil(search.offset_m / resolution_m))
     per_axis = (2 * window) // block + 1
     n_yaw = 2 * yaw_steps + 1
     rows, cols = np.empty((n_yaw, n), np.int64), np.empty((n_yaw, n), np.int64)
     nodes = np.empty((n_yaw * per_axis * per_axis, 4), np.int64)  # level, dr, dc, bound
     for k in range(n_yaw):
-        yaw = start[2] + (k - yaw_steps) * yaw_step_rad
-        _placed(points, start, yaw, origin_xy_m, resolution_m, rows[k], cols[k])
+        yaw = start[2] + (k - yaw_steps) * search.yaw_step_rad
+        _cells_under(pyramid, points, start[:2], yaw, rows[k], cols[k])
         for a in range(per_axis):
             for b in range(per_axis):
                 dr, dc = a * block - window, b * block - window
                 node = nodes[(k * per_axis + a) * per_axis + b]
                 node[0], node[1], node[2] = top, dr, dc
-                node[3] = _score(pyramid[top], rows[k], cols[k], dr, dc)
-    best = int(np.floor(least_score * n))
+                node[3] = _score(levels[top], rows[k], cols[k], dr, dc)
+    best = int(np.floor(min_score * n))
     best_k, best_dr, best_dc = -1, 0, 0
     stack = np.empty((STACK, 4), np.int64)
     for index in np.argsort(-nodes[:, 3], kind="mergesort"):
@@ -154,7 +169,7 @@ def correlate(
             break
         k = index // (per_axis * per_axis)
         stack[0] = nodes[index]
-        best, dr, dc, is_better = _best_in_block(pyramid, rows[k], cols[k], stack, window, best)
+        best, dr, dc, is_better = _best_in_block(levels, rows[k], cols[k], stack, window, best)
         if is_better:
             best_k, best_dr, best_dc = k, dr, dc
     if best_k < 0:
@@ -162,38 +177,28 @@ def correlate(
     found = np.empty(3)
     found[0] = start[0] + best_dc * resolution_m
     found[1] = start[1] + best_dr * resolution_m
-    found[2] = start[2] + (best_k - yaw_steps) * yaw_step_rad
+    found[2] = start[2] + (best_k - yaw_steps) * search.yaw_step_rad
     return found, best / n
 
 
 @compiled_parallel
 def correlate_all(
-    pyramid: NDArray[np.uint8],
-    origin_xy_m: NDArray[np.float64],
-    resolution_m: float,
+    pyramid: FieldPyramid,
     points: NDArray[np.float64],
     first_point: NDArray[np.int64],
     starts: NDArray[np.float64],
-    windows_m: NDArray[np.float64],
-    yaw_step_rad: float,
-    yaw_steps: NDArray[np.int64],
-    least_score: float,
+    search: SearchWindow,
+    min_score: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`correlate` for several scans in one field: scan k owns points[first_point[k]:first_point[k + 1]]."""
+    """`correlate` for several scans in one field: scan k owns points[first_point[k]:first_point[k + 1]].
+
+    Returns the poses `(n, 3)` and scores `(n,)`.
+    """
     n = starts.shape[0]
     poses, scores = np.empty((n, 3)), np.empty(n)
     for k in prange(n):
-        pose, score = correlate(
-            pyramid,
-            origin_xy_m,
-            resolution_m,
-            points[first_point[k] : first_point[k + 1]],
-            starts[k],
-            windows_m[k],
-            yaw_step_rad,
-            yaw_steps[k],
-            least_score,
-        )
+        own = points[first_point[k] : first_point[k + 1]]
+        pose, score = correlate(pyramid, own, starts[k], search, min_score)
         poses[k] = pose
         scores[k] = score
     return poses, scores

@@ -1,36 +1,51 @@
-"""From the ranges of one planar scan to points with surface normals."""
+"""Points with surface normals from the ranges of one planar scan."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
 
-MAX_MISSING_BEAMS = 12  # a surface is not followed across a wider hole
+MAX_MISSING_BEAMS = 12  # a surface ends at a wider hole
 MIN_RADIUS_M = 0.2
 MAX_RADIUS_M = 2.5
 RADIUS_IN_SPACINGS = 2.5  # at grazing incidence neighbours on a wall lie metres apart
 MAX_FLATNESS = 0.15  # smaller / larger eigenvalue of a patch that still counts as a line
 MAX_DEVIATION_M = 0.04  # root mean square distance from that line
-MIN_CHORD_AGREEMENT = 0.12  # sine of the angle between a chord and the surfaces at its ends
+MAX_CHORD_SLOPE = 0.12  # sine of the angle between a chord and the surfaces at its ends
+MIN_CHORD_NORMALS_COS = 0.9  # cosine of the angle between the normals at the ends of a chord
+
+
+class Sweep(NamedTuple):
+    """Beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame, time_increment_s after the beam before."""
+
+    angle_min_rad: float
+    angle_increment_rad: float
+    time_increment_s: float
+
+
+class RangeLimits(NamedTuple):
+    """A reading is used if it lies strictly between the limits (m)."""
+
+    min_m: float
+    max_m: float
 
 
 @compiled
 def scan_to_points(
     ranges_m: NDArray[np.float32],
-    angle_min_rad: float,
-    angle_increment_rad: float,
-    range_min_m: float,
-    range_max_m: float,
+    sweep: Sweep,
+    limits: RangeLimits,
     extrinsics: NDArray[np.float64],
     twist: NDArray[np.float64],
-    time_increment_s: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Returned beams as points `(m, 2)` in the robot's frame at the stamp of the scan, and their beam indices `(m,)`.
+    """Endpoints `(m, 2)` of the used readings in the robot's frame at the stamp of the scan, and their beam indices `(m,)`.
 
-    A beam counts when range_min_m < range < range_max_m (NaN fails both). `extrinsics` is T_base_laser `(3,)`; `twist` is the
-    robot's velocity (vx, vy, wz) `(3,)` during the sweep, by which beam i, measured i * time_increment_s later, is undone.
+    NaN is not used. `extrinsics` is T_base_laser (3,). `twist` is the robot's velocity (vx, vy, wz) (3,), by which the
+    robot's motion since the first beam is removed.
     """
     n = ranges_m.shape[0]
     points = np.empty((n, 2))
@@ -39,14 +54,14 @@ def scan_to_points(
     cos_m, sin_m = np.cos(extrinsics[2]), np.sin(extrinsics[2])
     for i in range(n):
         r = float(ranges_m[i])
-        if not (r > range_min_m and r < range_max_m):
+        if not (r > limits.min_m and r < limits.max_m):
             continue
-        angle = angle_min_rad + i * angle_increment_rad
+        angle = sweep.angle_min_rad + i * sweep.angle_increment_rad
         lx, ly = r * np.cos(angle), r * np.sin(angle)
         x = extrinsics[0] + cos_m * lx - sin_m * ly
         y = extrinsics[1] + sin_m * lx + cos_m * ly
-        if time_increment_s != 0.0:
-            dt = i * time_increment_s
+        if sweep.time_increment_s != 0.0:
+            dt = i * sweep.time_increment_s
             yaw = twist[2] * dt
             half = 0.5 * yaw
             dx = dt * (twist[0] * np.cos(half) - twist[1] * np.sin(half))
@@ -62,7 +77,7 @@ def scan_to_points(
 
 @compiled
 def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float, float]:
-    """Unit normal of the line through points lo..hi, (0, 0) when they do not form one."""
+    """Unit normal of the line through points lo..hi (inclusive); (0, 0) if they do not lie on a line."""
     k = hi - lo + 1
     mx = my = 0.0
     for j in range(lo, hi + 1):
@@ -76,9 +91,9 @@ def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float,
         xx += dx * dx
         xy += dx * dy
         yy += dy * dy
-    spread = np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
-    larger = 0.5 * (xx + yy) + spread
-    smaller = max(0.5 * (xx + yy) - spread, 0.0)
+    half_difference = np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+    larger = 0.5 * (xx + yy) + half_difference
+    smaller = max(0.5 * (xx + yy) - half_difference, 0.0)
     if larger <= 0.0 or smaller > MAX_FLATNESS * larger or smaller > k * MAX_DEVIATION_M**2:
         return 0.0, 0.0
     along = 0.5 * np.arctan2(2.0 * xy, xx - yy)
@@ -87,6 +102,7 @@ def _patch_normal(points: NDArray[np.float64], lo: int, hi: int) -> tuple[float,
 
 @compiled
 def _distance(points: NDArray[np.float64], i: int, j: int) -> float:
+    """Distance between points i and j."""
     return float(np.sqrt((points[i, 0] - points[j, 0]) ** 2 + (points[i, 1] - points[j, 1]) ** 2))
 
 
@@ -94,7 +110,7 @@ def _distance(points: NDArray[np.float64], i: int, j: int) -> float:
 def surface_normals(
     points: NDArray[np.float64], beams: NDArray[np.int64], viewpoint: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Unit normals `(m, 2)` facing the viewpoint `(2,)`; zero where the neighbouring beams do not lie on a line."""
+    """Unit normals `(m, 2)` that face the viewpoint (2,); zero where the neighbouring points do not lie on a line."""
     m = points.shape[0]
     normals = np.zeros((m, 2))
     for i in range(m):
@@ -128,7 +144,7 @@ def surface_normals(
 
 @compiled
 def thin_out(points: NDArray[np.float64], spacing_m: float, max_points: int) -> NDArray[np.int64]:
-    """Indices of a subset along the scan, at least `spacing_m` apart, and at most `max_points` of them by even stride."""
+    """Indices of points along the scan that are at least `spacing_m` apart, at most `max_points` of them at an even stride."""
     m = points.shape[0]
     kept = np.empty(m, np.int64)
     k = 0
@@ -153,7 +169,7 @@ def thin_out(points: NDArray[np.float64], spacing_m: float, max_points: int) -> 
 def surface_chords(
     points: NDArray[np.float64], normals: NDArray[np.float64], max_chord_m: float
 ) -> NDArray[np.bool_]:
-    """Whether point i and point i + 1 lie on one flat surface `(m,)`: the chord agrees with the normals at both ends."""
+    """Whether points i and i + 1 lie on one flat surface `(m,)`: the chord is perpendicular to the normals at both ends."""
     m = points.shape[0]
     chords = np.zeros(m, np.bool_)
     for i in range(m - 1):
@@ -164,9 +180,9 @@ def surface_chords(
         flat = True
         for j in (i, i + 1):
             nx, ny = normals[j, 0], normals[j, 1]
-            if (nx == 0.0 and ny == 0.0) or abs(nx * dx + ny * dy) > MIN_CHORD_AGREEMENT:
+            if (nx == 0.0 and ny == 0.0) or abs(nx * dx + ny * dy) > MAX_CHORD_SLOPE:
                 flat = False
-        if normals[i, 0] * normals[i + 1, 0] + normals[i, 1] * normals[i + 1, 1] < 0.9:
+        if normals[i, 0] * normals[i + 1, 0] + normals[i, 1] * normals[i + 1, 1] < MIN_CHORD_NORMALS_COS:
             flat = False
         chords[i] = flat
     return chords
@@ -176,7 +192,7 @@ def surface_chords(
 def fill_chords(
     points: NDArray[np.float64], normals: NDArray[np.float64], chords: NDArray[np.bool_], spacing_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The points with normals, and points no more than `spacing_m` apart along the chords of one surface between them."""
+    """The points with normals, and along each chord additional points at most `spacing_m` apart."""
     m = points.shape[0]
     total = 0
     for i in range(m):

@@ -1,82 +1,74 @@
-"""How likely a scan's end points are, given a map of surface elements and the log-odds of the space before them."""
+"""Likelihood of a scan's endpoints, given a map of surface elements and the log-odds of the space in front of them."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
-from gridslam.kernels.surfels import NX, NY, X, Y, nearest_surfel
-from gridslam.kernels.tiles import TILE_BITS, TILE_MASK
+from gridslam.kernels.surfels import NX, NY, OrientedPoints, X, Y, nearest_surfel
+from gridslam.kernels.tiles import TILE_BITS, TILE_MASK, TileMap, TileMaps, map_of
 
-SURELY_OCCUPIED = 1.5  # log-odds of a cell that no beam should have passed
+SURELY_OCCUPIED = 1.5  # log-odds above which no beam should have passed a cell
+
+
+class EndpointModel(NamedTuple):
+    """Standard deviation of an endpoint about a surface, farthest correspondence, ratio of readings that no surface explains."""
+
+    sigma_m: float
+    max_correspondence_m: float
+    random_ratio: float
 
 
 @compiled
-def _log_odds_at(
-    directory: NDArray[np.int32], pool: NDArray[np.float32], origin: NDArray[np.int64], row: int, col: int
-) -> float:
-    """Log-odds of one cell of one map, 0 where nothing was written."""
+def _log_odds_at(tile_map: TileMap, row: int, col: int) -> float:
+    """Log-odds of one cell of one map, 0 where nothing has been written."""
+    directory, origin = tile_map.directory, tile_map.origin
     t_row, t_col = (row >> TILE_BITS) - origin[0], (col >> TILE_BITS) - origin[1]
     if t_row < 0 or t_row >= directory.shape[0] or t_col < 0 or t_col >= directory.shape[1]:
         return 0.0
     tile = directory[t_row, t_col]
-    return float(pool[tile, row & TILE_MASK, col & TILE_MASK, 0]) if tile >= 0 else 0.0
+    return float(tile_map.pool[tile, row & TILE_MASK, col & TILE_MASK, 0]) if tile >= 0 else 0.0
 
 
 @compiled
-def _passes_wall(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    x0: float,
-    y0: float,
-    x1: float,
-    y1: float,
-    margin_m: float,
-) -> bool:
-    """Whether the way from (x0, y0) to `margin_m` before (x1, y1) leads through a cell that is surely occupied."""
+def _crosses_wall(cells: TileMap, x0: float, y0: float, x1: float, y1: float, margin_m: float) -> bool:
+    """Whether the segment from (x0, y0) to `margin_m` before (x1, y1) crosses a cell that is surely occupied."""
     length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
-    steps = int((length - margin_m) / resolution_m)
+    steps = int((length - margin_m) / cells.resolution_m)
     for k in range(1, steps + 1):
-        t = k * resolution_m / length
-        row = int(np.floor((y0 + t * (y1 - y0)) / resolution_m))
-        col = int(np.floor((x0 + t * (x1 - x0)) / resolution_m))
-        if _log_odds_at(directory, pool, origin, row, col) > SURELY_OCCUPIED:
+        t = k * cells.resolution_m / length
+        row = int(np.floor((y0 + t * (y1 - y0)) / cells.resolution_m))
+        col = int(np.floor((x0 + t * (x1 - x0)) / cells.resolution_m))
+        if _log_odds_at(cells, row, col) > SURELY_OCCUPIED:
             return True
     return False
 
 
 @compiled
 def log_likelihood(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
+    surfaces: TileMap,
+    cells: TileMap,
     viewpoint: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    scan: OrientedPoints,
     pose: NDArray[np.float64],
-    sigma_m: float,
-    reach_m: float,
-    random_share: float,
-    free_directory: NDArray[np.int32],
-    free_pool: NDArray[np.float32],
-    free_origin: NDArray[np.int64],
-    free_resolution_m: float,
+    model: EndpointModel,
 ) -> float:
-    """Log likelihood of the end points seen from `pose`, given the surfaces and the log-odds of one map.
+    """Log likelihood of a scan seen from `pose` (3,), given the surfaces and the log-odds `cells` of one map.
 
-    An end point at distance e from a surface: log((1 - random_share) exp(-e^2 / (2 sigma^2)) + random_share). One with no
-    surface in reach: the same at e = inf where the map knows the place to be free or has a wall before it; where it
-    knows nothing, the value at e = sigma, so that new ground says nothing for or against a pose.
+    An endpoint at distance e from a surface counts log((1 - random_ratio) exp(-e^2 / (2 sigma^2)) + random_ratio). An
+    endpoint without a surface counts as e = inf where the map knows free space or has a wall in front of it. On unknown
+    ground it counts as e = sigma, so that new ground speaks neither for nor against a pose.
     """
+    points, normals = scan.points, scan.normals
+    sigma_m, random_ratio = model.sigma_m, model.random_ratio
     total = 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    miss = np.log(random_share)
-    neutral = np.log((1.0 - random_share) * np.exp(-0.5) + random_share)
+    miss = np.log(random_ratio)
+    neutral = np.log((1.0 - random_ratio) * np.exp(-0.5) + random_ratio)
     x0 = pose[0] + c * viewpoint[0] - s * viewpoint[1]
     y0 = pose[1] + s * viewpoint[0] + c * viewpoint[1]
     for i in range(points.shape[0]):
@@ -84,16 +76,16 @@ def log_likelihood(
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
         nx = c * normals[i, 0] - s * normals[i, 1]
         ny = s * normals[i, 0] + c * normals[i, 1]
-        tile, row, col = nearest_surfel(directory, pool, origin, resolution_m, x, y, nx, ny, reach_m)
+        tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, model.max_correspondence_m)
         if tile >= 0:
-            cell = pool[tile, row, col]
+            cell = surfaces.pool[tile, row, col]
             scale = 1.0 / np.sqrt(cell[NX] * cell[NX] + cell[NY] * cell[NY])
             e = scale * (cell[NX] * (x - cell[X]) + cell[NY] * (y - cell[Y]))
-            total += np.log((1.0 - random_share) * np.exp(-0.5 * (e / sigma_m) ** 2) + random_share)
+            total += np.log((1.0 - random_ratio) * np.exp(-0.5 * (e / sigma_m) ** 2) + random_ratio)
             continue
-        f_row, f_col = int(np.floor(y / free_resolution_m)), int(np.floor(x / free_resolution_m))
-        if _log_odds_at(free_directory, free_pool, free_origin, f_row, f_col) < 0.0 or _passes_wall(
-            free_directory, free_pool, free_origin, free_resolution_m, x0, y0, x, y, reach_m
+        row, col = int(np.floor(y / cells.resolution_m)), int(np.floor(x / cells.resolution_m))
+        if _log_odds_at(cells, row, col) < 0.0 or _crosses_wall(
+            cells, x0, y0, x, y, model.max_correspondence_m
         ):
             total += miss
         else:
@@ -103,41 +95,16 @@ def log_likelihood(
 
 @compiled_parallel
 def log_likelihood_all(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
+    surfaces: TileMaps,
+    cells: TileMaps,
     viewpoint: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    scan: OrientedPoints,
     poses: NDArray[np.float64],
-    sigma_m: float,
-    reach_m: float,
-    random_share: float,
-    free_directory: NDArray[np.int32],
-    free_pool: NDArray[np.float32],
-    free_origin: NDArray[np.int64],
-    free_resolution_m: float,
+    model: EndpointModel,
 ) -> NDArray[np.float64]:
-    """`log_likelihood` for every particle `(n, 3)` in its own map; `(n,)`."""
+    """`log_likelihood` `(n,)` for every particle, at its pose `(n, 3)` in its own map."""
     n = poses.shape[0]
     out = np.empty(n)
     for k in prange(n):
-        out[k] = log_likelihood(
-            directory[k],
-            pool,
-            origin,
-            resolution_m,
-            viewpoint,
-            points,
-            normals,
-            poses[k],
-            sigma_m,
-            reach_m,
-            random_share,
-            free_directory[k],
-            free_pool,
-            free_origin,
-            free_resolution_m,
-        )
+        out[k] = log_likelihood(map_of(surfaces, k), map_of(cells, k), viewpoint, scan, poses[k], model)
     return out

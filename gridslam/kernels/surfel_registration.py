@@ -2,31 +2,75 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
-from gridslam.kernels.surfels import NX, NY, X, Y, nearest_surfel
+from gridslam.kernels.surfels import NX, NY, OrientedPoints, X, Y, nearest_surfel
+from gridslam.kernels.tiles import ScanSet, TileMap, TileMaps, map_of
 
 CONVERGED_M = 1e-4
 CONVERGED_RAD = 1e-5
 
 
+class Registration(NamedTuple):
+    """Scale of the robust loss, farthest correspondence in the first and in the last iterations, when to stop.
+
+    With fewer than `min_correspondences` the registration stops early.
+    """
+
+    sigma_m: float
+    max_correspondence_m: float
+    final_correspondence_m: float
+    max_iterations: int
+    min_correspondences: float
+
+
+class PosePrior(NamedTuple):
+    """A Gaussian prior: the pose (3,) and its information `(3, 3)`."""
+
+    pose: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+
+class PosePriors(NamedTuple):
+    """Gaussian priors of many poses: `(n, 3)` and `(n, 3, 3)`."""
+
+    poses: NDArray[np.float64]
+    information: NDArray[np.float64]
+
+
+class YawSearch(NamedTuple):
+    """Headings `step_rad` apart, `steps` of them to each side, and the likelihood field that scores them."""
+
+    step_rad: float
+    steps: int
+    sigma_m: float
+    max_correspondence_m: float
+
+
+class MapScanPairs(NamedTuple):
+    """Scan scans[k] is to be registered in map maps[k] from the pose starts[k]: `(n,)`, `(n,)`, `(n, 3)`."""
+
+    maps: NDArray[np.int64]
+    scans: NDArray[np.int64]
+    starts: NDArray[np.float64]
+
+
 @compiled
 def _normal_equations(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    surfaces: TileMap,
+    scan: OrientedPoints,
     pose: NDArray[np.float64],
     sigma_m: float,
-    reach_m: float,
+    max_correspondence_m: float,
     information: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], int]:
-    """The scan's part of a Gauss-Newton step: fills `information` `(3, 3)`; returns the gradient `(3,)`, points that count."""
+    """The scan's part of a Gauss-Newton step: fills `information` `(3, 3)`; returns gradient (3,) and correspondences."""
+    points, normals = scan.points, scan.normals
     information[:] = 0.0
     g0 = g1 = g2 = 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -37,10 +81,10 @@ def _normal_equations(
         nx = c * normals[i, 0] - s * normals[i, 1]
         ny = s * normals[i, 0] + c * normals[i, 1]
         x, y = pose[0] + rx, pose[1] + ry
-        tile, row, col = nearest_surfel(directory, pool, origin, resolution_m, x, y, nx, ny, reach_m)
+        tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, max_correspondence_m)
         if tile < 0:
             continue
-        cell = pool[tile, row, col]
+        cell = surfaces.pool[tile, row, col]
         scale = 1.0 / np.sqrt(cell[NX] * cell[NX] + cell[NY] * cell[NY])
         mx, my = cell[NX] * scale, cell[NY] * scale
         e = mx * (x - cell[X]) + my * (y - cell[Y])
@@ -65,75 +109,56 @@ def _normal_equations(
 
 @compiled
 def register(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    surfaces: TileMap,
+    scan: OrientedPoints,
     start: NDArray[np.float64],
-    prior: NDArray[np.float64],
-    prior_information: NDArray[np.float64],
-    sigma_m: float,
-    reach_m: float,
-    final_reach_m: float,
-    iterations: int,
-    least_used: float,
+    prior: PosePrior,
+    settings: Registration,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Gauss-Newton on the point-to-line distances to one map, robust, with a Gaussian prior on the pose.
+    """Robust Gauss-Newton on the point-to-line distances to one map, with a Gaussian prior on the pose.
 
-    Minimises sum rho(n_k . (T p_i - q_k)) + (T - prior)' prior_information (T - prior), rho the Geman-McClure loss of
-    scale `sigma_m`; the reach of a correspondence is halved every iteration from `reach_m` down to `final_reach_m`.
-    With fewer than `least_used` correspondences it gives up.
+    Minimises sum rho(n_k . (T p_i - q_k)) + (T - prior)' information (T - prior) from `start` (3,), with the Geman-McClure
+    loss rho of scale `sigma_m`. The farthest correspondence is halved every iteration down to `final_correspondence_m`.
 
-    Returns the pose `(3,)`, the information of the scan alone at it `(3, 3)`, and the number of correspondences.
+    Returns the pose (3,), the information of the scan alone at it `(3, 3)`, and the number of correspondences.
     """
     pose = start.copy()
     scan_information = np.zeros((3, 3))
     used = 0
-    reach = reach_m
-    for _ in range(iterations):
+    max_correspondence_m = settings.max_correspondence_m
+    for _ in range(settings.max_iterations):
         scan_gradient, used = _normal_equations(
-            directory, pool, origin, resolution_m, points, normals, pose, sigma_m, reach, scan_information
+            surfaces, scan, pose, settings.sigma_m, max_correspondence_m, scan_information
         )
-        off = pose - prior
-        off[2] -= 2.0 * np.pi * np.round(off[2] / (2.0 * np.pi))
-        gradient = scan_gradient + prior_information @ off
-        step = np.linalg.solve(scan_information + prior_information, -gradient)
+        offset = pose - prior.pose
+        offset[2] -= 2.0 * np.pi * np.round(offset[2] / (2.0 * np.pi))
+        gradient = scan_gradient + prior.information @ offset
+        step = np.linalg.solve(scan_information + prior.information, -gradient)
         pose += step
-        if used < least_used:
+        if used < settings.min_correspondences:
             break
-        settled = abs(step[0]) < CONVERGED_M and abs(step[1]) < CONVERGED_M and abs(step[2]) < CONVERGED_RAD
-        if settled and reach <= final_reach_m:
+        converged = abs(step[0]) < CONVERGED_M and abs(step[1]) < CONVERGED_M and abs(step[2]) < CONVERGED_RAD
+        if converged and max_correspondence_m <= settings.final_correspondence_m:
             break
-        reach = max(0.5 * reach, final_reach_m)
+        max_correspondence_m = max(0.5 * max_correspondence_m, settings.final_correspondence_m)
     return pose, scan_information, used
 
 
 @compiled
 def search_yaw(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    predicted: NDArray[np.float64],
-    step_rad: float,
-    steps: int,
-    sigma_m: float,
-    reach_m: float,
+    surfaces: TileMap, scan: OrientedPoints, predicted: NDArray[np.float64], search: YawSearch
 ) -> NDArray[np.float64]:
-    """The predicted pose turned by that multiple of `step_rad`, up to +-steps, at which most points lie on surfaces.
+    """The predicted pose (3,) with the heading offset, a multiple of the step, under which most points lie on surfaces.
 
-    A point at distance d from the nearest surface element within reach counts exp(-d^2 / (2 sigma^2)); of equal scores the
-    smallest turn wins.
+    A point at distance d from the nearest surface element scores exp(-d^2 / (2 sigma^2)). Of equal scores the smallest
+    offset wins.
     """
+    points, normals = scan.points, scan.normals
     best_score = -1.0
     best_yaw = predicted[2]
-    for k in range(2 * steps + 1):
-        turn = ((k + 1) // 2) * step_rad * (1.0 if k % 2 else -1.0)
-        yaw = predicted[2] + turn
+    for k in range(2 * search.steps + 1):
+        offset = ((k + 1) // 2) * search.step_rad * (1.0 if k % 2 else -1.0)
+        yaw = predicted[2] + offset
         c, s = np.cos(yaw), np.sin(yaw)
         score = 0.0
         for i in range(points.shape[0]):
@@ -141,11 +166,11 @@ def search_yaw(
             y = predicted[1] + s * points[i, 0] + c * points[i, 1]
             nx = c * normals[i, 0] - s * normals[i, 1]
             ny = s * normals[i, 0] + c * normals[i, 1]
-            tile, row, col = nearest_surfel(directory, pool, origin, resolution_m, x, y, nx, ny, reach_m)
+            tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, search.max_correspondence_m)
             if tile >= 0:
-                cell = pool[tile, row, col]
+                cell = surfaces.pool[tile, row, col]
                 d2 = (x - cell[X]) ** 2 + (y - cell[Y]) ** 2
-                score += np.exp(-0.5 * d2 / (sigma_m * sigma_m))
+                score += np.exp(-0.5 * d2 / (search.sigma_m * search.sigma_m))
         if score > best_score:
             best_score = score
             best_yaw = yaw
@@ -154,43 +179,23 @@ def search_yaw(
 
 @compiled_parallel
 def register_all(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
+    maps: TileMaps,
+    scan: OrientedPoints,
     starts: NDArray[np.float64],
-    priors: NDArray[np.float64],
-    prior_information: NDArray[np.float64],
-    sigma_m: float,
-    reach_m: float,
-    final_reach_m: float,
-    iterations: int,
-    least_used: float,
+    priors: PosePriors,
+    settings: Registration,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """`register` for every particle against its own map; `prior_information` `(n, 3, 3)` about the `priors` `(n, 3)`."""
+    """`register` for every particle from its start `(n, 3)` in its own map, with a prior each.
+
+    Returns poses `(n, 3)`, information `(n, 3, 3)`, and the numbers of correspondences `(n,)`.
+    """
     n = starts.shape[0]
     poses = np.empty((n, 3))
     information = np.empty((n, 3, 3))
     used = np.empty(n, np.int64)
     for k in prange(n):
-        pose, info, count = register(
-            directory[k],
-            pool,
-            origin,
-            resolution_m,
-            points,
-            normals,
-            starts[k],
-            priors[k],
-            prior_information[k],
-            sigma_m,
-            reach_m,
-            final_reach_m,
-            iterations,
-            least_used,
-        )
+        prior = PosePrior(priors.poses[k], priors.information[k])
+        pose, info, count = register(map_of(maps, k), scan, starts[k], prior, settings)
         poses[k] = pose
         information[k] = info
         used[k] = count
@@ -199,52 +204,28 @@ def register_all(
 
 @compiled_parallel
 def register_pairs(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    maps: NDArray[np.int64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    first_point: NDArray[np.int64],
-    scans: NDArray[np.int64],
-    starts: NDArray[np.float64],
+    maps: TileMaps,
+    scans: ScanSet,
+    pairs: MapScanPairs,
     prior_information: NDArray[np.float64],
-    sigma_m: float,
-    reach_m: float,
-    final_reach_m: float,
-    iterations: int,
-    least_used: float,
+    settings: Registration,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """`register` of scan scans[k] in map maps[k] from starts[k]: poses `(n, 3)`, information `(n, 3, 3)`, fit `(n,)`.
+    """`register` of scan after scan in the maps they are paired with; `prior_information` `(3, 3)` is about each start.
 
-    Scan i owns points[first_point[i]:first_point[i + 1]]; the fit is the share of its points that found a surface. One
-    prior_information `(3, 3)` about the start serves all.
+    Returns poses `(n, 3)` in the maps' frames, information `(n, 3, 3)`, and inlier ratios `(n,)`: the fraction of the
+    scan's points that have a correspondence.
     """
-    n = starts.shape[0]
+    n = pairs.starts.shape[0]
     poses = np.empty((n, 3))
     information = np.empty((n, 3, 3))
-    fit = np.zeros(n)
+    inlier_ratio = np.zeros(n)
     for k in prange(n):
-        lo, hi = first_point[scans[k]], first_point[scans[k] + 1]
-        pose, info, count = register(
-            directory[maps[k]],
-            pool,
-            origin,
-            resolution_m,
-            points[lo:hi],
-            normals[lo:hi],
-            starts[k],
-            starts[k],
-            prior_information,
-            sigma_m,
-            reach_m,
-            final_reach_m,
-            iterations,
-            least_used,
-        )
+        lo, hi = scans.first_point[pairs.scans[k]], scans.first_point[pairs.scans[k] + 1]
+        scan = OrientedPoints(scans.points[lo:hi], scans.normals[lo:hi])
+        prior = PosePrior(pairs.starts[k], prior_information)
+        pose, info, count = register(map_of(maps, pairs.maps[k]), scan, pairs.starts[k], prior, settings)
         poses[k] = pose
         information[k] = info
         if hi > lo:
-            fit[k] = count / (hi - lo)
-    return poses, information, fit
+            inlier_ratio[k] = count / (hi - lo)
+    return poses, information, inlier_ratio

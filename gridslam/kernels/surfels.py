@@ -1,37 +1,40 @@
 """Maps of surface elements on copy-on-write tiles.
 
-A cell keeps one surface element: how often it was hit, the mean point and the mean unit normal of the hits (channels
-COUNT, X, Y, NX, NY). Averaging over hits takes out the range noise and the quantisation that single scans have.
+A cell stores one surface element: the number of hits, and the mean point and mean unit normal of the hits (channels
+COUNT, X, Y, NX, NY). Averaging over the hits removes the range noise and the quantisation of single scans.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
-from gridslam.kernels.tiles import TILE_BITS, TILE_MASK
+from gridslam.kernels.tiles import TILE_BITS, TILE_MASK, ScanSet, TileMap, TileMaps, map_of
 
 CHANNELS = 5
 COUNT, X, Y, NX, NY = range(CHANNELS)
-MAX_COUNT = 50.0  # later hits keep some weight
-REPLACEABLE_COUNT = 3.0  # a surface facing the other way replaces one hit no more often than this
-MIN_NORMAL_AGREEMENT = 0.6  # cosine
+MAX_COUNT = 50.0  # bounds the weight of old hits: a new one moves the mean by at least 1 / MAX_COUNT
+REPLACEABLE_COUNT = 3.0  # a surface that faces the other way replaces one with at most this many hits
+MIN_NORMAL_AGREEMENT = 0.6  # cosine of the angle between the normals of corresponding surfaces
 MAX_SEARCH_CELLS = 4
 
 
+class OrientedPoints(NamedTuple):
+    """Points `(m, 2)` and their unit normals `(m, 2)` in the robot's frame; a zero normal is unknown."""
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+
+
 @compiled
-def insert_surfels(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    pose: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-) -> None:
-    """Add the points `(m, 2)` with normals (zero normals are passed over), seen from `pose`, to one map's own tiles."""
+def insert_surfels(tile_map: TileMap, pose: NDArray[np.float64], scan: OrientedPoints) -> None:
+    """Add a scan, seen from `pose` (3,), to one map whose tiles are writable; points with unknown normals are skipped."""
+    points, normals = scan.points, scan.normals
+    directory, origin, resolution_m = tile_map.directory, tile_map.origin, tile_map.resolution_m
     c, s = np.cos(pose[2]), np.sin(pose[2])
     for i in range(points.shape[0]):
         if normals[i, 0] == 0.0 and normals[i, 1] == 0.0:
@@ -47,7 +50,7 @@ def insert_surfels(
         tile = directory[t_row, t_col]
         if tile < 0:
             continue
-        cell = pool[tile, row & TILE_MASK, col & TILE_MASK]
+        cell = tile_map.pool[tile, row & TILE_MASK, col & TILE_MASK]
         if cell[COUNT] > 0.0 and cell[NX] * nx + cell[NY] * ny < 0.0:
             if cell[COUNT] > REPLACEABLE_COUNT:
                 continue
@@ -65,54 +68,31 @@ def insert_surfels(
 
 
 @compiled
-def insert_surfel_trail(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    poses: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    first_point: NDArray[np.int64],
-) -> None:
-    """`insert_surfels` of scan after scan into one map: scan i owns points[first_point[i]:first_point[i + 1]]."""
+def insert_surfels_of_scans(tile_map: TileMap, poses: NDArray[np.float64], scans: ScanSet) -> None:
+    """`insert_surfels` of many scans, seen from `poses` `(s, 3)`, into one map."""
     for i in range(poses.shape[0]):
-        lo, hi = first_point[i], first_point[i + 1]
-        insert_surfels(directory, pool, origin, resolution_m, poses[i], points[lo:hi], normals[lo:hi])
+        lo, hi = scans.first_point[i], scans.first_point[i + 1]
+        insert_surfels(tile_map, poses[i], OrientedPoints(scans.points[lo:hi], scans.normals[lo:hi]))
 
 
 @compiled_parallel
-def insert_surfels_all(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    poses: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-) -> None:
-    """`insert_surfels` for every particle into its own map, whose tiles are its own already."""
+def insert_surfels_all(maps: TileMaps, poses: NDArray[np.float64], scan: OrientedPoints) -> None:
+    """`insert_surfels` for every particle, at its pose `(n, 3)`, into its own map."""
     for k in prange(poses.shape[0]):
-        insert_surfels(directory[k], pool, origin, resolution_m, poses[k], points, normals)
+        insert_surfels(map_of(maps, k), poses[k], scan)
 
 
 @compiled
 def nearest_surfel(
-    directory: NDArray[np.int32],
-    pool: NDArray[np.float32],
-    origin: NDArray[np.int64],
-    resolution_m: float,
-    x: float,
-    y: float,
-    nx: float,
-    ny: float,
-    reach_m: float,
+    tile_map: TileMap, x: float, y: float, nx: float, ny: float, max_distance_m: float
 ) -> tuple[int, int, int]:
-    """(tile, row, col) of the nearest surface element within reach that faces the same way; tile -1 for none."""
-    span_m = min(reach_m, MAX_SEARCH_CELLS * resolution_m)
+    """(tile, row, col) of the surface element nearest to (x, y) that faces the same way as (nx, ny); tile -1 if there is none."""
+    directory, pool, origin = tile_map.directory, tile_map.pool, tile_map.origin
+    resolution_m = tile_map.resolution_m
+    span_m = min(max_distance_m, MAX_SEARCH_CELLS * resolution_m)
     row_0, row_1 = int(np.floor((y - span_m) / resolution_m)), int(np.floor((y + span_m) / resolution_m))
     col_0, col_1 = int(np.floor((x - span_m) / resolution_m)), int(np.floor((x + span_m) / resolution_m))
-    best = reach_m * reach_m
+    best = max_distance_m * max_distance_m
     b_tile, b_row, b_col = -1, 0, 0
     has_normal = nx != 0.0 or ny != 0.0
     for r in range(row_0, row_1 + 1):

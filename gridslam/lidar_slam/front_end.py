@@ -1,7 +1,8 @@
-"""The front end: every scan is matched against a local map of the last key scans, once for all particles.
+"""The front end: matches every scan against a local map of the last key scans.
 
-Two local maps overlap: the older one is matched against while the younger one fills; then the younger takes over
-(Hess et al. 2016 lay out submaps this way). The result is an odometry of the accuracy of the lidar over short ways.
+Two local maps overlap: scans are matched against the older one while the younger one fills; then the younger one takes over
+(Hess et al. 2016 arrange submaps in this way). The result is an odometry that has the accuracy of the lidar over short
+distances.
 """
 
 from __future__ import annotations
@@ -9,50 +10,73 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import surfel_registration, surfels
-from gridslam.lidar_slam.config import FrontEndConfig, OdometryConfig
+from gridslam.kernels.surfel_registration import PosePrior, Registration, YawSearch
+from gridslam.lidar_slam.config import OdometryConfig
+from gridslam.lidar_slam.odometry_noise import odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
 
 Floats = NDArray[np.float64]
 
-MAX_GAP_RATIO = 2.5  # a longer pause than so many scan periods tells nothing of the velocity
-RECENT_SCANS = 11  # how far back odometry is looked at when it stutters
+CELL_M = 0.2  # of the local surface maps: one surface element per cell
+LOCAL_MAP_KEY_SCANS = 30  # a local map is matched against once it has this many
+SIGMA_M = 0.05  # scale of the robust loss on point-to-line distances: range noise and uneven walls
+MAX_CORRESPONDENCE_M = 0.4  # in the first iteration: the error of the prediction
+FINAL_CORRESPONDENCE_M = 0.1  # in the last iterations: what lies farther away is another surface
+MAX_ITERATIONS = 12
+MIN_CORRESPONDENCES = 20  # with fewer, the odometry is used
 
+YAW_STEP_RAD = 0.02  # matching converges from headings that are wrong by this much
+YAW_SEARCH_POINTS = 120
+YAW_SEARCH_SIGMA_M = 2.0 * SIGMA_M
+YAW_SEARCH_CORRESPONDENCE_M = 0.75 * MAX_CORRESPONDENCE_M
+YAW_SEARCH_STDS = 2.0  # half width of the search for the heading, in standard deviations of the odometry
 
-def odometry_deviations(step: Floats, steady: Floats, config: OdometryConfig) -> Floats:
-    """Standard deviations (x, y, yaw) of an odometry step `(3,)`.
+MIN_INLIER_RATIO = 0.55  # below it other predictions are tried
+RECOVERY_M = 0.3  # how far ahead and behind they lie, and the standard deviation of their position
+RECOVERY_RAD = 0.5  # half width of their heading search, and the standard deviation of their heading
+MIN_RECOVERED_GAIN = 0.2  # by which the inlier ratio must improve: a few points more are chance
+MIN_RECOVERED_INLIER_RATIO = 0.5
 
-    They grow with the motion, and with the acceleration that the step would mean after a `steady` one `(3,)`.
-    """
-    way, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-    translation = (
-        config.translation_floor_m + config.translation_per_m * way + config.translation_per_rad_m * turn
-    )
-    rotation = config.rotation_floor_rad + config.rotation_per_rad * turn + config.rotation_per_m_rad * way
-    change = np.abs(step - steady)
-    translation += config.surprise_share * float(np.hypot(change[0], change[1]))
-    rotation += config.surprise_share * min(float(change[2]), np.pi)
-    return np.array([translation, translation, rotation])
+MAX_GAP_RATIO = 2.5  # after a gap of more scan periods than this the velocity is unknown
+RECENT_SCANS = 11  # scans since which odometry is compared when it stutters
+
+REGISTRATION = Registration(SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_M, MAX_ITERATIONS, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Matched:
-    """Pose in the front end's own frame, the share of the scan's points that found a surface, and whether that was enough."""
+class ScanMatch:
+    """Pose (3,) in the front end's frame, the fraction of points that lie on a surface, and whether the pose is from matching."""
 
     pose: Floats
-    fit: float
+    inlier_ratio: float
     is_matched: bool
 
 
+class Tracking(Protocol):
+    """What follows the robot from scan to scan; its frame drifts relative to the map's."""
+
+    @property
+    def pose(self) -> Floats:
+        """T_track_base (3,) at the last scan."""
+
+    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
+        """The pose at a scan, given T_odom_base (3,) at its stamp; the first scan is at the origin."""
+
+    def add_key_scan(self, scan: PreparedScan) -> None:
+        """Insert the last tracked scan at its pose: later scans are matched against it."""
+
+
 @dataclass(frozen=True, slots=True)
-class _Moment:
-    """What odometry and matching said at one scan."""
+class _TrackedPose:
+    """Poses (3,) by odometry and by matching at one scan."""
 
     stamp_ns: int
     odometry: Floats
@@ -60,44 +84,51 @@ class _Moment:
 
 
 class FrontEnd:
-    """Tracks the robot from scan to scan; its frame drifts against the map's."""
+    """Tracks the robot from scan to scan against surface maps; its frame drifts relative to the map's."""
 
-    def __init__(self, config: FrontEndConfig, odometry: OdometryConfig, memory_limit_mb: float) -> None:
-        self._config = config
+    def __init__(self, odometry: OdometryConfig, memory_limit_mb: float) -> None:
         self._odometry = odometry
-        self._store = TileStore(2, surfels.CHANNELS, config.resolution_m, memory_limit_mb)
+        self._store = TileStore(2, surfels.CHANNELS, CELL_M, memory_limit_mb)
         self._active = 0
-        self._counts = [0, 0]
-        self._recent: deque[_Moment] = deque(maxlen=RECENT_SCANS)
+        self._key_scan_counts = [0, 0]
+        self._recent: deque[_TrackedPose] = deque(maxlen=RECENT_SCANS)
         self.pose = np.zeros(3)
 
-    def track(self, scan: PreparedScan, odometry: Floats, has_jumped: bool = False) -> Matched:
+    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
         """The pose at the scan, given T_odom_base `(3,)` at its stamp; the first scan is at the origin.
 
-        `has_jumped`: the odometry lost the motion since the last scan, and says little about it.
+        `odometry_jumped`: the motion since the last scan is uncertain.
         """
-        first = Matched(self.pose, 1.0, True)
-        match = self._match(scan, odometry, has_jumped) if self._recent else first
+        first = ScanMatch(self.pose, 1.0, True)
+        match = self._match(scan, odometry, odometry_jumped) if self._recent else first
         self.pose = match.pose
-        self._recent.append(_Moment(scan.stamp_ns, odometry, match.pose))
+        self._recent.append(_TrackedPose(scan.stamp_ns, odometry, match.pose))
         return match
 
-    def _match(self, scan: PreparedScan, odometry: Floats, has_jumped: bool) -> Matched:
-        config, noise = self._config, self._odometry
+    def add_key_scan(self, scan: PreparedScan) -> None:
+        """Insert the scan at the present pose into the local maps."""
+        active, other = self._active, 1 - self._active
+        self._insert(active, scan)
+        if self._key_scan_counts[active] >= LOCAL_MAP_KEY_SCANS:
+            self._insert(other, scan)
+        if self._key_scan_counts[other] >= LOCAL_MAP_KEY_SCANS:
+            self._store.clear(active)
+            self._key_scan_counts[active] = 0
+            self._active = other
+
+    def _match(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool) -> ScanMatch:
+        """Match the scan from the predicted pose, and from other predictions if that fails."""
         step = se2.between(self._recent[-1].odometry, odometry)
-        steady = self._steady_motion(scan.stamp_ns, step)
-        deviations = odometry_deviations(step, steady, noise)
-        if has_jumped:
-            floor = noise.jump_deviation_m, noise.jump_deviation_m, noise.jump_deviation_rad
-            deviations = np.maximum(deviations, floor)
+        steady = self._motion_at_constant_velocity(scan.stamp_ns, step)
+        std = odometry_std(step, steady, self._odometry, odometry_jumped)
         predicted = se2.compose(self.pose, step)
-        start = self._turned(scan, predicted, 2.0 * float(deviations[2]) - config.yaw_step_rad)
-        match = self._register(scan, start, predicted, deviations)
-        if match.fit < config.least_fit and len(scan.points) >= config.min_points:
-            match = self._look_around(scan, self._other_guesses(odometry, predicted, steady), match)
+        start = self._with_best_yaw(scan, predicted, YAW_SEARCH_STDS * float(std[2]) - YAW_STEP_RAD)
+        match = self._register(scan, start, predicted, std)
+        if match.inlier_ratio < MIN_INLIER_RATIO and len(scan.points) >= MIN_CORRESPONDENCES:
+            match = self._recover(scan, self._other_predictions(odometry, predicted, steady), match)
         return match
 
-    def _steady_motion(self, stamp_ns: int, step: Floats) -> Floats:
+    def _motion_at_constant_velocity(self, stamp_ns: int, step: Floats) -> Floats:
         """The motion since the last scan if the robot has kept its velocity; `step` itself after a gap in the scans."""
         if len(self._recent) < 2:
             return step
@@ -108,97 +139,54 @@ class FrontEnd:
             return step
         return np.asarray(se2.between(before.pose, last.pose) * ratio)
 
-    def _other_guesses(self, odometry: Floats, predicted: Floats, steady: Floats) -> list[Floats]:
-        """Where the robot may be if the odometry has stuttered: it holds still and then catches up, in real logs.
+    def _other_predictions(self, odometry: Floats, predicted: Floats, steady: Floats) -> list[Floats]:
+        """Where the robot may be if the odometry has stuttered: in real logs it freezes and then catches up.
 
-        Predicted by the odometry since several scans ago (right again after it caught up), by the last velocity (right while
-        it holds still), and somewhat ahead or behind.
+        These are: the last velocity (right while the odometry is frozen), the odometry since several scans ago (right after it
+        has caught up), and positions ahead and behind.
         """
         guesses = [predicted, se2.compose(self.pose, steady)]
         earlier = (self._recent[0], self._recent[len(self._recent) // 2])
         guesses += [se2.compose(then.pose, se2.between(then.odometry, odometry)) for then in earlier]
-        reach = self._config.look_around_m
-        guesses += [se2.compose(predicted, np.array([ahead, 0.0, 0.0])) for ahead in (-reach, reach)]
+        guesses += [
+            se2.compose(predicted, np.array([ahead, 0.0, 0.0])) for ahead in (-RECOVERY_M, RECOVERY_M)
+        ]
         return [np.asarray(guess) for guess in guesses]
 
-    def _register(self, scan: PreparedScan, start: Floats, predicted: Floats, deviations: Floats) -> Matched:
-        config = self._config
-        pose, used = surfel_registration.register(
-            self._store.directory[self._active],
-            self._store.pool,
-            self._store.origin,
-            config.resolution_m,
-            scan.points,
-            scan.normals,
-            start,
-            predicted,
-            np.diag(1.0 / deviations**2),
-            config.sigma_m,
-            config.reach_m,
-            config.final_reach_m,
-            config.iterations,
-            0.0,
-        )[::2]
-        if used < config.min_points:
-            return Matched(predicted, 0.0, False)
+    def _register(self, scan: PreparedScan, start: Floats, predicted: Floats, std: Floats) -> ScanMatch:
+        """Register the scan in the active map from `start`, with the prediction and its standard deviations as prior."""
+        prior = PosePrior(predicted, np.diag(1.0 / std**2))
+        pose, _, used = surfel_registration.register(
+            self._store.map(self._active), scan.matching_points, start, prior, REGISTRATION
+        )
+        if used < MIN_CORRESPONDENCES:
+            return ScanMatch(predicted, 0.0, False)
         pose[2] = float(se2.wrap_angle(pose[2]))
-        return Matched(pose, used / len(scan.points), True)
+        return ScanMatch(pose, used / len(scan.points), True)
 
-    def _look_around(self, scan: PreparedScan, guesses: Sequence[Floats], poor: Matched) -> Matched:
-        """The best fit from all guesses, the heading searched for about each."""
-        config = self._config
+    def _recover(self, scan: PreparedScan, guesses: Sequence[Floats], poor: ScanMatch) -> ScanMatch:
+        """The best match from all guesses after a search for the heading at each; `poor` if none is clearly better."""
         best = poor
-        deviations = np.array([config.look_around_m, config.look_around_m, config.look_around_rad])
+        std = np.array([RECOVERY_M, RECOVERY_M, RECOVERY_RAD])
+        threshold = max(poor.inlier_ratio + MIN_RECOVERED_GAIN, MIN_RECOVERED_INLIER_RATIO)
         for guess in guesses:
-            start = self._turned(scan, guess, config.look_around_rad)
-            match = self._register(scan, start, start, deviations)
-            if match.fit > max(best.fit, poor.fit + config.better_fit, config.found_fit):
+            start = self._with_best_yaw(scan, guess, RECOVERY_RAD)
+            match = self._register(scan, start, start, std)
+            if match.inlier_ratio > max(best.inlier_ratio, threshold):
                 best = match
         return best
 
-    def _turned(self, scan: PreparedScan, predicted: Floats, window_rad: float) -> Floats:
-        """Where the odometry leaves the heading open by more than a matching step, look around for it first."""
-        config = self._config
-        steps = int(np.ceil(window_rad / config.yaw_step_rad))
+    def _with_best_yaw(self, scan: PreparedScan, predicted: Floats, window_rad: float) -> Floats:
+        """The predicted pose with the best heading within +-window; as predicted if matching converges without a search."""
+        steps = int(np.ceil(window_rad / YAW_STEP_RAD))
         if steps <= 0:
             return predicted
-        points, normals = scan.subset(config.yaw_points)
-        return np.asarray(
-            surfel_registration.search_yaw(
-                self._store.directory[self._active],
-                self._store.pool,
-                self._store.origin,
-                config.resolution_m,
-                points,
-                normals,
-                predicted,
-                config.yaw_step_rad,
-                steps,
-                2.0 * config.sigma_m,
-                0.75 * config.reach_m,
-            )
-        )
-
-    def add_key_scan(self, scan: PreparedScan) -> None:
-        """Take the scan at the present pose into the local maps."""
-        active, other = self._active, 1 - self._active
-        self._insert(active, scan)
-        if self._counts[active] >= self._config.key_scans:
-            self._insert(other, scan)
-        if self._counts[other] >= self._config.key_scans:
-            self._store.clear(active)
-            self._counts[active] = 0
-            self._active = other
+        search = YawSearch(YAW_STEP_RAD, steps, YAW_SEARCH_SIGMA_M, YAW_SEARCH_CORRESPONDENCE_M)
+        points = scan.subset(YAW_SEARCH_POINTS)
+        found = surfel_registration.search_yaw(self._store.map(self._active), points, predicted, search)
+        return np.asarray(found)
 
     def _insert(self, index: int, scan: PreparedScan) -> None:
-        self._store.own_end_points(np.array([index]), self.pose[None], scan.surface)
-        surfels.insert_surfels(
-            self._store.directory[index],
-            self._store.pool,
-            self._store.origin,
-            self._config.resolution_m,
-            self.pose,
-            scan.surface,
-            scan.surface_normals,
-        )
-        self._counts[index] += 1
+        self._store.own_endpoints(np.array([index]), self.pose[None], scan.surface)
+        surfels.insert_surfels(self._store.map(index), self.pose, scan.surfaces)
+        self._key_scan_counts[index] += 1

@@ -1,7 +1,8 @@
-"""Scans made ready for matching."""
+"""Scans prepared for matching: points in the robot's frame with surface normals."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,55 +10,86 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan
 from gridslam.kernels import scan_points
+from gridslam.kernels.surfels import OrientedPoints
+from gridslam.kernels.tiles import ScanSet
 from gridslam.lidar_slam.config import ScanConfig
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
+POINT_SPACING_M = 0.03  # closer points of a scan say the same, and cost time in matching
+MAX_POINTS = 360  # of a scan, used for matching
+MAX_CHORD_M = 2.0  # gaps on one flat surface are filled up to this length
+CHORD_SPACING_M = 0.1  # of the points that fill them: two in a cell of the surface map
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedScan:
-    """All returned points `(m, 2)` in the robot's frame, and the thinned subset with normals used for matching."""
+    """A scan in the robot's frame at its stamp.
+
+    `returns` `(r, 2)` are all endpoints, `points` `(m, 2)` a thinned subset with unit `normals` `(m, 2)` (zero: unknown) for
+    matching, and `surface` `(s, 2)` with `surface_normals` the same with gaps on flat surfaces filled, to be inserted
+    into maps. `viewpoint` (2,) is the lidar's position.
+    """
 
     stamp_ns: int
-    viewpoint: Floats  # the lidar's position in the robot's frame (2,)
+    viewpoint: Floats
     returns: Floats
     points: Floats
     normals: Floats
-    surface: Floats  # points along the surfaces between the returns as well, to be inserted
+    surface: Floats
     surface_normals: Floats
 
-    def subset(self, max_points: int) -> tuple[Floats, Floats]:
-        """At most `max_points` of the points with their normals, spread evenly over the scan."""
+    @property
+    def matching_points(self) -> OrientedPoints:
+        """All points used for matching."""
+        return OrientedPoints(self.points, self.normals)
+
+    @property
+    def surfaces(self) -> OrientedPoints:
+        """The points to be inserted into maps of surface elements."""
+        return OrientedPoints(self.surface, self.surface_normals)
+
+    def subset(self, max_points: int) -> OrientedPoints:
+        """At most `max_points` of the points used for matching, distributed evenly over the scan."""
         if len(self.points) <= max_points:
-            return self.points, self.normals
+            return self.matching_points
         chosen = (np.arange(max_points) * len(self.points)) // max_points
-        return self.points[chosen], self.normals[chosen]
+        return OrientedPoints(self.points[chosen], self.normals[chosen])
+
+
+def scan_set(scans: Sequence[OrientedPoints]) -> ScanSet:
+    """Many scans as one array, for kernels."""
+    first = np.zeros(len(scans) + 1, np.int64)
+    np.cumsum([len(scan.points) for scan in scans], out=first[1:])
+    return ScanSet(
+        np.concatenate([scan.points for scan in scans]),
+        np.concatenate([scan.normals for scan in scans]),
+        first,
+    )
 
 
 def prepare_scan(
     scan: LaserScan, extrinsics: LidarExtrinsics, twist: Floats, config: ScanConfig
 ) -> PreparedScan:
-    """Points of the robot's frame with normals; `twist` (vx, vy, wz) `(3,)` undoes the robot's motion during the sweep.
+    """A scan as points with normals in the robot's frame.
 
-    Readings outside the limits of the sensor and of the config, NaN and infinities give no point.
+    `twist` (vx, vy, wz) `(3,)` is the robot's velocity, by which its motion during the sweep is removed. Readings outside the
+    limits of the sensor and of the config, NaN and infinities give no point.
     """
     sign = -1.0 if extrinsics.flipped else 1.0
     sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
-    points, beams = scan_points.scan_to_points(
-        scan.ranges_m,
-        sign * scan.angle_min_rad,
-        sign * scan.angle_increment_rad,
-        max(config.min_range_m, scan.range_min_m),
-        min(config.max_range_m, sensor_max),
-        extrinsics.pose,
-        twist,
-        scan.time_increment_s,
+    limits = scan_points.RangeLimits(
+        max(config.min_range_m, scan.range_min_m), min(config.max_range_m, sensor_max)
     )
+    sweep = scan_points.Sweep(
+        sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s
+    )
+    points, beams = scan_points.scan_to_points(scan.ranges_m, sweep, limits, extrinsics.pose, twist)
     viewpoint = np.ascontiguousarray(extrinsics.pose[:2])
     normals = scan_points.surface_normals(points, beams, viewpoint)
-    kept = scan_points.thin_out(points, config.spacing_m, config.max_points)
+    kept = scan_points.thin_out(points, POINT_SPACING_M, MAX_POINTS)
     thin, thin_normals = points[kept], normals[kept]
-    chords = scan_points.surface_chords(thin, thin_normals, config.max_chord_m)
-    surface, surface_normals = scan_points.fill_chords(thin, thin_normals, chords, config.chord_spacing_m)
+    chords = scan_points.surface_chords(thin, thin_normals, MAX_CHORD_M)
+    surface, surface_normals = scan_points.fill_chords(thin, thin_normals, chords, CHORD_SPACING_M)
     return PreparedScan(scan.stamp_ns, viewpoint, points, thin, thin_normals, surface, surface_normals)

@@ -1,4 +1,4 @@
-"""Submaps: the surfaces of a few consecutive key scans, in the frame of their middle one."""
+"""Submaps: the surfaces of consecutive key scans, in the frame of their middle one."""
 
 from __future__ import annotations
 
@@ -9,82 +9,75 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import correlative_matching, surfels
+from gridslam.kernels import surfels
+from gridslam.kernels.correlative_matching import FieldPyramid, field_pyramid
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.distances import distances_to
 from gridslam.maps.tiled import TileStore
 
 Floats = NDArray[np.float64]
+
 PYRAMID_LEVELS = 5
+FIELD_SIGMA_M = 0.1  # of the likelihood field of a submap: about one cell of it
+FIELD_RADIUS_M = 30.0  # half width of the field: scans are matched by what lies within it
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
-    """Key scans first..last (inclusive) and the one in the middle, whose frame is the submap's."""
+class SubmapSpan:
+    """Key scans first..last (inclusive); the submap is in the frame of the middle one."""
 
     first: int
     last: int
 
     @property
     def centre(self) -> int:
-        """The key scan that carries the submap."""
+        """Index of the key scan whose frame is the submap's."""
         return (self.first + self.last) // 2
 
 
-@dataclass(frozen=True, slots=True)
-class LikelihoodPyramid:
-    """`levels` uint8 `(levels, rows, cols)`, 255 on a surface, with the lower-left corner and the cell's size."""
-
-    levels: NDArray[np.uint8]
-    origin_xy_m: Floats
-    resolution_m: float
-
-
-def spans_of(n_keys: int, length: int) -> list[Span]:
-    """Spans of `length` key scans, each sharing half of them with the next; the last ends with the last key scan."""
+def submap_spans(n_keys: int, length: int) -> list[SubmapSpan]:
+    """Spans of `length` key scans; each shares half of them with the next, and the last one ends with the last key scan."""
     if n_keys <= length:
-        return [Span(0, n_keys - 1)]
+        return [SubmapSpan(0, n_keys - 1)]
     starts = list(range(0, n_keys - length, max(length // 2, 1)))
-    return [Span(s, s + length - 1) for s in starts] + [Span(n_keys - length, n_keys - 1)]
+    return [SubmapSpan(s, s + length - 1) for s in starts] + [SubmapSpan(n_keys - length, n_keys - 1)]
 
 
 def build_submaps(
-    spans: Sequence[Span],
+    spans: Sequence[SubmapSpan],
     scans: Sequence[PreparedScan],
     poses: Floats,
     resolution_m: float,
     memory_limit_mb: float,
 ) -> TileStore:
-    """Map k holds the surfaces of span k, drawn from the poses `(n, 3)` of the key scans."""
+    """One surface map per span, drawn from the poses `(n, 3)` of the key scans `(n)`.
+
+    Raises MethodError if the maps would exceed the memory limit.
+    """
     store = TileStore(len(spans), surfels.CHANNELS, resolution_m, memory_limit_mb)
     for index, span in enumerate(spans):
         local = se2.between(poses[span.centre], poses[span.first : span.last + 1])
         for pose, scan in zip(local, scans[span.first : span.last + 1], strict=True):
-            store.own_end_points(np.array([index]), pose[None], scan.surface)
-            surfels.insert_surfels(
-                store.directory[index],
-                store.pool,
-                store.origin,
-                resolution_m,
-                pose,
-                scan.surface,
-                scan.surface_normals,
-            )
+            store.own_endpoints(np.array([index]), pose[None], scan.surface)
+            surfels.insert_surfels(store.map(index), pose, scan.surfaces)
     return store
 
 
 def likelihood_pyramid(
-    scans: Sequence[PreparedScan], local_poses: Floats, resolution_m: float, sigma_m: float, reach_m: float
-) -> LikelihoodPyramid:
-    """The likelihood field exp(-d^2 / (2 sigma^2)) of the scans' surfaces seen from local poses, within reach of the frame."""
+    scans: Sequence[PreparedScan], local_poses: Floats, resolution_m: float
+) -> FieldPyramid:
+    """Pyramid of the likelihood field exp(-d^2 / (2 sigma^2)) of the scans' surfaces, seen from local poses `(n, 3)`.
+
+    Values are 0 to 255 on a surface. Surfaces farther than `FIELD_RADIUS_M` from the submap's origin are left out.
+    """
     margin = 2**PYRAMID_LEVELS
-    half = int(np.ceil(reach_m / resolution_m)) + margin
+    half = int(np.ceil(FIELD_RADIUS_M / resolution_m)) + margin
     occupied = np.zeros((2 * half, 2 * half), np.bool_)
     for pose, scan in zip(local_poses, scans, strict=True):
         cells = np.floor(se2.transform_points(pose, scan.surface) / resolution_m).astype(np.int64) + half
         inside = ((cells >= margin) & (cells < 2 * half - margin)).all(axis=1)
         occupied[cells[inside, 1], cells[inside, 0]] = True
     distance = resolution_m * distances_to(occupied)
-    field = np.rint(255.0 * np.exp(-0.5 * (distance / sigma_m) ** 2)).astype(np.uint8)
+    field = np.rint(255.0 * np.exp(-0.5 * (distance / FIELD_SIGMA_M) ** 2)).astype(np.uint8)
     corner = np.array([-half * resolution_m, -half * resolution_m])
-    return LikelihoodPyramid(correlative_matching.field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)
+    return FieldPyramid(field_pyramid(field, PYRAMID_LEVELS), corner, resolution_m)

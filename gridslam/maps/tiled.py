@@ -1,4 +1,4 @@
-"""Many growing grids that share what they have in common: tiles on demand, copied when a map that shares one writes."""
+"""Many growing grids that share their common tiles; tiles are allocated on demand and copied on write."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ GROWTH_MARGIN_TILES = 4
 
 
 class TileStore:
-    """`n_maps` grids of `channels` float32 values a cell, zero where nothing was written.
+    """`n_maps` grids with `channels` float32 values per cell, zero where nothing has been written.
 
-    The window that the directory covers grows with what is written. Memory is bounded: when the tiles and the
-    directory would exceed `memory_limit_mb`, MethodError says so (a wild pose must not eat the machine).
+    The window that the directory covers grows with the written cells. Memory is bounded, so that one wrong pose cannot exhaust
+    the machine: MethodError if the tiles and the directory would exceed `memory_limit_mb`.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class TileStore:
 
     @property
     def memory_mb(self) -> float:
-        """What the tiles and the directory take now."""
+        """Memory of the tiles and the directory, 10^6 bytes."""
         return (self.pool.nbytes + self.directory.nbytes) / 1e6
 
     @property
@@ -44,11 +44,20 @@ class TileStore:
         """Tiles that at least one map holds."""
         return len(self.refcount) - self.n_free
 
-    def own_end_points(
+    @property
+    def maps(self) -> kernel.TileMaps:
+        """All maps as the kernels take them; valid until the next call that makes tiles writable."""
+        return kernel.TileMaps(self.directory, self.pool, self.origin, self.resolution_m)
+
+    def map(self, index: int) -> kernel.TileMap:
+        """One map as the kernels take it; valid until the next call that makes tiles writable."""
+        return kernel.TileMap(self.directory[index], self.pool, self.origin, self.resolution_m)
+
+    def own_endpoints(
         self, maps: NDArray[np.int64], poses: NDArray[np.float64], points: NDArray[np.float64]
     ) -> None:
-        """Make the tiles in which the points `(m, 2)` end, seen from pose k `(n, 3)`, writable in map maps[k]."""
-        self._own_for_maps(maps, poses, np.zeros(2), points, with_beams=False)
+        """Make the tiles that contain the points `(m, 2)`, seen from pose k `(n, 3)`, writable in map maps[k]."""
+        self._own_tiles_of_scan(maps, poses, np.zeros(2), points, with_beams=False)
 
     def own_beams(
         self,
@@ -57,31 +66,29 @@ class TileStore:
         viewpoint: NDArray[np.float64],
         points: NDArray[np.float64],
     ) -> None:
-        """The same for all tiles that the beams from the viewpoint (2,) in the robot's frame to the points cross."""
-        self._own_for_maps(maps, poses, viewpoint, points, with_beams=True)
+        """Make all tiles writable that the beams from the viewpoint (2,) (robot's frame) to the points `(m, 2)` cross."""
+        self._own_tiles_of_scan(maps, poses, viewpoint, points, with_beams=True)
 
-    def own_trail(
+    def own_scans(
         self,
         map_index: int,
         poses: NDArray[np.float64],
         viewpoint: NDArray[np.float64],
-        points: NDArray[np.float64],
-        first_point: NDArray[np.int64],
+        scans: kernel.ScanSet,
         with_beams: bool,
     ) -> None:
-        """The tiles of many scans in one map: scan i, seen from poses[i], owns points[first_point[i]:first_point[i + 1]].
+        """Make the tiles of many scans, seen from `poses` `(s, 3)`, writable in one map.
 
-        With beams, the tiles that they cross on the way are made writable as well.
+        These are the tiles of the endpoints; with beams, also those that the beams from the viewpoint (2,) cross.
         """
-        self._cover(poses, max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1]))))
-        kernel.mark_trail_tiles(
-            self._wanted, self.origin, poses, viewpoint, points, first_point, self.resolution_m, with_beams
-        )
+        radius_m = max(kernel.radius_of(scans.points), float(np.hypot(viewpoint[0], viewpoint[1])))
+        self._cover(poses, radius_m)
+        kernel.mark_tiles_of_scans(self._wanted, self.map(map_index), poses, viewpoint, scans, with_beams)
         self._own(map_index)
 
     def redistribute(self, ancestors: NDArray[np.int64]) -> None:
         """Resampling: map i becomes a copy of map ancestors[i]."""
-        self.n_free = kernel.redistribute(self.directory, ancestors, self.refcount, self.free, self.n_free)
+        self.n_free = kernel.redistribute(self.directory, ancestors, self._tile_pool, self.n_free)
 
     def clear(self, map_index: int) -> None:
         """Empty one map."""
@@ -107,15 +114,17 @@ class TileStore:
         corner = (self.origin + lo) * size
         return out, (int(corner[0]), int(corner[1]))
 
+    @property
+    def _tile_pool(self) -> kernel.TilePool:
+        return kernel.TilePool(self.pool, self.refcount, self.free)
+
     def _own(self, map_index: int) -> None:
         needed = int(np.count_nonzero(self._wanted))
         if needed > self.n_free:
             self._grow_pool(needed - self.n_free)
-        self.n_free = kernel.own_tiles(
-            self._wanted, self.directory[map_index], self.pool, self.refcount, self.free, self.n_free
-        )
+        self.n_free = kernel.own_tiles(self._wanted, self.directory[map_index], self._tile_pool, self.n_free)
 
-    def _own_for_maps(
+    def _own_tiles_of_scan(
         self,
         maps: NDArray[np.int64],
         poses: NDArray[np.float64],
@@ -123,37 +132,24 @@ class TileStore:
         points: NDArray[np.float64],
         with_beams: bool,
     ) -> None:
-        reach_m = max(kernel.reach_of(points), float(np.hypot(viewpoint[0], viewpoint[1])))
-        self._cover(poses, reach_m)
+        radius_m = max(kernel.radius_of(points), float(np.hypot(viewpoint[0], viewpoint[1])))
+        self._cover(poses, radius_m)
+        scan = kernel.ScanInMaps(maps, poses, viewpoint, points, radius_m, with_beams)
         done = 0
         while done < len(maps):
-            self.n_free, done, needed = kernel.own_for_maps(
-                self._wanted,
-                self.directory,
-                self.pool,
-                self.refcount,
-                self.free,
-                self.n_free,
-                self.origin,
-                self.resolution_m,
-                maps,
-                poses,
-                viewpoint,
-                points,
-                reach_m,
-                with_beams,
-                done,
+            self.n_free, done, needed = kernel.own_tiles_of_scan(
+                self._wanted, self.maps, self._tile_pool, self.n_free, scan, done
             )
             if done < len(maps):
                 self._grow_pool(needed - self.n_free)
 
-    def _cover(self, poses: NDArray[np.float64], reach_m: float) -> None:
-        """Let the directory's window cover all that lies within reach of the poses `(n, 3)`."""
+    def _cover(self, poses: NDArray[np.float64], radius_m: float) -> None:
+        """Extend the directory's window to everything within a radius of the poses `(n, 3)`."""
         if not len(poses):
             return
-        bounds = kernel.bounds_of(poses, reach_m)
+        bounds = kernel.bounds_of(poses, radius_m)
         if not math.isfinite(sum(bounds)):
-            raise MethodError("a pose or a scan point is not finite: the map cannot take it in")
+            raise MethodError("a pose or a scan point is not finite: it cannot be drawn into the map")
         tile_m = self.resolution_m * kernel.TILE_CELLS
         lo_row, lo_col, hi_row, hi_col = (math.floor(b / tile_m) for b in bounds)
         rows, cols = self.directory.shape[1:]
@@ -193,5 +189,5 @@ class TileStore:
         if wanted_bytes > self.memory_limit_mb * 1e6:
             raise MethodError(
                 f"the map would need {wanted_bytes / 1e6:.0f} MB, more than method.memory_limit_mb = {self.memory_limit_mb:g}: "
-                "either the trajectory has gone astray, or raise the limit, lower method.particles or coarsen the cells"
+                "the trajectory is wrong, or raise the limit, lower method.particles or coarsen the cells"
             )

@@ -1,4 +1,4 @@
-"""Scans wait here until odometry reaches their stamps; each leaves with the odometry pose of its moment."""
+"""Gives every scan the odometry pose at its stamp; a scan waits until odometry has reached its stamp."""
 
 from __future__ import annotations
 
@@ -11,121 +11,112 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan, Odometry
+from gridslam.motion.odometry_limits import OdometryLimits
 
 Floats = NDArray[np.float64]
 
-LONGEST_SWEEP_GAP_S = 1.0  # between scans farther apart no velocity is derived
-_GAP_S = 1.0  # longer silences of the odometry are counted
+MAX_SCAN_GAP_S = 1.0  # no velocity is derived from scans farther apart
+MAX_ODOMETRY_GAP_S = 1.0  # longer gaps are counted
+MAX_WAITING_SCANS = 1000  # bounds memory when the odometry ends before the scans
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
-    """A scan with T_odom_base `(3,)` at its stamp; `broken` when odometry jumped since the last one."""
+    """A scan with T_odom_base `(3,)` at its stamp; `odometry_jumped` if the odometry has jumped since the previous scan."""
 
     scan: LaserScan
     odometry: Floats
-    broken: bool
+    odometry_jumped: bool
 
 
-def twist_between(last: PlacedScan | None, placed: PlacedScan) -> Floats:
-    """Velocity (vx, vy, wz) `(3,)` by the odometry since the scan before; zero without one, or after a gap."""
-    if last is None:
+def twist_between(previous: PlacedScan | None, placed: PlacedScan) -> Floats:
+    """Velocity (vx, vy, wz) `(3,)` by odometry since the previous scan; zero if there is none, or after a gap."""
+    if previous is None:
         return np.zeros(3)
-    elapsed_s = (placed.scan.stamp_ns - last.scan.stamp_ns) * 1e-9
-    if not 0.0 < elapsed_s < LONGEST_SWEEP_GAP_S:
+    elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
+    if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
         return np.zeros(3)
-    return np.asarray(se2.between(last.odometry, placed.odometry) / elapsed_s)
+    return np.asarray(se2.between(previous.odometry, placed.odometry) / elapsed_s)
 
 
 class ScanPoses:
-    """Joins scans and odometry in the order in which they come.
+    """Joins scans and odometry in the order in which they arrive.
 
-    Odometry that jumps (faster than the limits, for more than the tolerance) is taken as a restart of its frame: the jump itself
-    is left out of the motion, and the next scan is marked as broken.
+    Odometry that jumps beyond the limits has restarted its frame: the jump is removed from the motion, and the next scan is
+    marked with `odometry_jumped`.
     """
 
-    def __init__(
-        self,
-        max_speed_mps: float,
-        max_turn_radps: float,
-        tolerance_m: float,
-        tolerance_rad: float,
-        most_waiting: int = 1000,
-    ) -> None:
-        self._limits = (max_speed_mps, max_turn_radps, tolerance_m, tolerance_rad)
-        self._most_waiting = most_waiting
+    def __init__(self, limits: OdometryLimits, max_waiting_scans: int = MAX_WAITING_SCANS) -> None:
+        self._limits = limits
+        self._max_waiting_scans = max_waiting_scans
         self._waiting: deque[LaserScan] = deque()
-        self._last: tuple[int, Floats] | None = None  # stamp and raw pose
-        self._before: tuple[int, Floats] | None = None  # stamp and joined pose of the one before
-        self._joined = np.zeros(3)  # pose in a frame in which jumps are undone
-        self._broken = False
+        self._last: tuple[int, Floats] | None = None  # stamp and raw pose of the last odometry
+        self._previous: tuple[int, Floats] | None = None  # stamp and continuous pose of the one before
+        self._continuous = np.zeros(3)  # the last pose in a frame without jumps
+        self._has_jumped = False
         self.counters: Counter[str] = Counter()
 
     def add_scan(self, scan: LaserScan) -> Iterator[PlacedScan]:
-        """Take in a scan; yields it at once when odometry has reached its stamp."""
+        """Take in a scan; yields it at once if odometry has reached its stamp."""
         self._waiting.append(scan)
-        if len(self._waiting) > self._most_waiting:
+        if len(self._waiting) > self._max_waiting_scans:
             self._waiting.popleft()
             self.counters["skipped.scan.no_odometry"] += 1
         yield from self._ready()
 
     def add_odometry(self, odometry: Odometry) -> Iterator[PlacedScan]:
-        """Take in odometry; yields the scans that it reaches."""
+        """Take in odometry; yields the waiting scans up to its stamp."""
         pose = odometry.pose
         if not np.isfinite(pose).all():
             self.counters["skipped.odom.not_finite"] += 1
             return
         stamp = odometry.stamp_ns
         if self._last is None:
-            self._joined = pose
+            self._continuous = pose
         else:
-            step = se2.between(self._last[1], pose)
-            self._before = (self._last[0], self._joined)
-            elapsed = (stamp - self._last[0]) * 1e-9
-            if elapsed > _GAP_S:
-                self.counters["odometry.gaps"] += 1
-            if self._is_jump(step, elapsed):
-                self.counters["odometry.jumps"] += 1
-                self._broken = True
-            else:
-                self._joined = se2.compose(self._joined, step)
+            self._add_step(se2.between(self._last[1], pose), (stamp - self._last[0]) * 1e-9, self._last[0])
         self._last = (stamp, pose)
         yield from self._ready()
 
     def flush(self) -> Iterator[PlacedScan]:
-        """The scans after the last odometry, with its pose."""
+        """Yields the scans after the last odometry, with its pose."""
         while self._waiting and self._last is not None:
             self.counters["scan.after_last_odometry"] += 1
-            yield self._placed(self._waiting.popleft(), self._joined)
+            yield self._placed(self._waiting.popleft(), self._continuous)
         self.counters["skipped.scan.no_odometry"] += len(self._waiting)
         self._waiting.clear()
+
+    def _add_step(self, step: Floats, elapsed_s: float, since_ns: int) -> None:
+        """Move on by one odometry step, or leave it out if it is a jump."""
+        self._previous = (since_ns, self._continuous)
+        if elapsed_s > MAX_ODOMETRY_GAP_S:
+            self.counters["odometry.gaps"] += 1
+        if self._limits.has_jumped(float(np.hypot(step[0], step[1])), float(step[2]), abs(elapsed_s)):
+            self.counters["odometry.jumps"] += 1
+            self._has_jumped = True
+        else:
+            self._continuous = se2.compose(self._continuous, step)
 
     def _ready(self) -> Iterator[PlacedScan]:
         while self._waiting and self._last is not None and self._waiting[0].stamp_ns <= self._last[0]:
             scan = self._waiting.popleft()
-            yield self._placed(scan, self._pose_at(scan.stamp_ns))
+            yield self._placed(scan, self._pose_at(scan.stamp_ns, self._last[0]))
 
-    def _pose_at(self, stamp_ns: int) -> Floats:
-        """Pose between the last two of odometry; the nearer end for a stamp outside of them."""
-        assert self._last is not None
-        if self._before is None:
-            if stamp_ns < self._last[0]:
+    def _pose_at(self, stamp_ns: int, last_ns: int) -> Floats:
+        """Pose interpolated between the last two odometry poses; the nearer one for a stamp outside of them."""
+        if self._previous is None:
+            if stamp_ns < last_ns:
                 self.counters["scan.before_first_odometry"] += 1
-            return self._joined
-        span = self._last[0] - self._before[0]
-        if span <= 0 or stamp_ns >= self._last[0]:
-            return self._joined
-        if stamp_ns < self._before[0]:
+            return self._continuous
+        previous_ns, previous = self._previous
+        span_ns = last_ns - previous_ns
+        if span_ns <= 0 or stamp_ns >= last_ns:
+            return self._continuous
+        if stamp_ns < previous_ns:
             self.counters["scan.older_than_odometry"] += 1
-        fraction = max((stamp_ns - self._before[0]) / span, 0.0)
-        return se2.interpolate(self._before[1], self._joined, fraction)
+        fraction = max((stamp_ns - previous_ns) / span_ns, 0.0)
+        return se2.interpolate(previous, self._continuous, fraction)
 
     def _placed(self, scan: LaserScan, pose: Floats) -> PlacedScan:
-        broken, self._broken = self._broken, False
-        return PlacedScan(scan, pose, broken)
-
-    def _is_jump(self, step: Floats, seconds: float) -> bool:
-        speed, turn_rate, tolerance_m, tolerance_rad = self._limits
-        elapsed = max(abs(seconds), 0.0)
-        too_far = float(np.hypot(step[0], step[1])) > tolerance_m + speed * elapsed
-        return too_far or abs(float(step[2])) > tolerance_rad + turn_rate * elapsed
+        has_jumped, self._has_jumped = self._has_jumped, False
+        return PlacedScan(scan, pose, has_jumped)

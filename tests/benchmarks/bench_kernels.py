@@ -32,6 +32,7 @@ ALONE = True
 
 CELL_M = 0.2
 HIT, MISS, LIMIT = 0.9, -0.4, 2.0
+UPDATE = log_odds.LogOddsUpdate(HIT, MISS, LIMIT)
 
 
 def rows() -> Iterator[Row]:
@@ -46,7 +47,7 @@ def rows() -> Iterator[Row]:
             ("insert_surfels", 50.0, surface_insertion(rng)),
             ("log_likelihood", 1000.0, surface_likelihood(rng)),
             ("register", 250.0, registration(rng)),
-            ("search_yaw", 200.0, turn_search(rng)),
+            ("search_yaw", 200.0, yaw_search(rng)),
             ("field_pyramid", 0.5, field_levels(rng)),
             ("correlate", 100.0, correlative_search(rng)),
             ("cast_segments", 100.0, segment_casting(rng)),
@@ -59,10 +60,10 @@ def scan_conversion(rng: np.random.Generator) -> Pair:
     ranges = rng.uniform(0.5, 20.0, 720).astype(np.float32)
     ranges[rng.random(720) < 0.1] = np.inf
     extrinsics = np.array([0.2, 0.1, 0.3])
-    scan = (ranges, -3.1, 0.0086, 0.05, 30.0, extrinsics)
+    sweep, limits = scan_points.Sweep(-3.1, 0.0086, 0.0), scan_points.RangeLimits(0.05, 30.0)
     return (
-        lambda: scan_points.scan_to_points(*scan, np.zeros(3), 0.0),
-        lambda: scan_reference.scan_to_points(*scan),
+        lambda: scan_points.scan_to_points(ranges, sweep, limits, extrinsics, np.zeros(3)),
+        lambda: scan_reference.scan_to_points(ranges, *sweep[:2], *limits, extrinsics),
     )
 
 
@@ -96,26 +97,25 @@ def beam_insertion(rng: np.random.Generator) -> Pair:
     in_cells: list[tuple[float, float]] = [(x / 0.05, y / 0.05) for x, y in points.tolist()]
 
     def kernel() -> object:
-        return log_odds.insert_beams(
-            store.directory[0], store.pool, store.origin, 0.05, pose, eye, points, HIT, MISS, LIMIT
-        )
+        return log_odds.insert_beams(store.map(0), pose, log_odds.Beams(eye, points), UPDATE)
 
     return kernel, lambda: log_odds_reference.insert({}, *(eye / 0.05), in_cells, HIT, MISS, LIMIT)
 
 
 def dense_insertion(rng: np.random.Generator) -> Pair:
     """A scan of 180 beams into a grid of 400 x 400 cells, each changed once."""
-    ends = around(rng, 180, 8.0) / 0.05 + 200.0
-    values, touched, hits = (
+    endpoints = around(rng, 180, 8.0) / 0.05 + 200.0
+    values, last_update, hits = (
         np.zeros((400, 400), np.float32),
         np.zeros((400, 400), np.int32),
         np.ones(180, bool),
     )
-    eye, in_cells = np.array([200.3, 200.4]), [(x, y) for x, y in ends.tolist()]
+    eye, in_cells = np.array([200.3, 200.4]), [(x, y) for x, y in endpoints.tolist()]
     numbers = itertools.count(1)
 
     def kernel() -> object:
-        return log_odds.insert_scan_dense(values, touched, next(numbers), eye, ends, hits, HIT, MISS, LIMIT)
+        beams = log_odds.Beams(eye, endpoints)
+        return log_odds.insert_scan_dense(values, last_update, next(numbers), beams, hits, UPDATE)
 
     return kernel, lambda: log_odds_reference.insert_once({}, *eye.tolist(), in_cells, HIT, MISS, LIMIT)
 
@@ -130,12 +130,10 @@ def surface_insertion(rng: np.random.Generator) -> Pair:
     """The 180 points of a scan into a surface map."""
     points, normals = surfaces(rng, 180)
     store = TileStore(1, surfels.CHANNELS, CELL_M)
-    store.own_end_points(np.array([0]), np.zeros((1, 3)), points)
+    store.own_endpoints(np.array([0]), np.zeros((1, 3)), points)
 
     def kernel() -> object:
-        return surfels.insert_surfels(
-            store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), points, normals
-        )
+        return surfels.insert_surfels(store.map(0), np.zeros(3), surfels.OrientedPoints(points, normals))
 
     return kernel, lambda: surfels_reference.insert({}, points, normals, CELL_M)
 
@@ -144,16 +142,15 @@ def surface_likelihood(rng: np.random.Generator) -> Pair:
     """The likelihood of a scan of 180 points in a surface map of 2000."""
     surface, (points, normals) = surfaces(rng, 2000), surfaces(rng, 180)
     store, free = TileStore(1, surfels.CHANNELS, CELL_M), TileStore(1, 1, CELL_M)
-    store.own_end_points(np.array([0]), np.zeros((1, 3)), surface[0])
-    surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), *surface)
+    store.own_endpoints(np.array([0]), np.zeros((1, 3)), surface[0])
+    surfels.insert_surfels(store.map(0), np.zeros(3), surfels.OrientedPoints(*surface))
     in_reference: surfels_reference.Surfaces = {}
     surfels_reference.insert(in_reference, *surface, CELL_M)
-    of_maps = (store.directory[0], store.pool, store.origin, CELL_M)
-    of_free = (free.directory[0], free.pool, free.origin, CELL_M)
+    scan, model = surfels.OrientedPoints(points, normals), surfel_likelihood.EndpointModel(0.06, 0.3, 0.1)
 
     def kernel() -> object:
         return surfel_likelihood.log_likelihood(
-            *of_maps, np.zeros(2), points, normals, np.zeros(3), 0.06, 0.3, 0.1, *of_free
+            store.map(0), free.map(0), np.zeros(2), scan, np.zeros(3), model
         )
 
     return kernel, lambda: surfels_reference.log_likelihood(in_reference, points, normals, 0.06, 0.3, 0.1)
@@ -163,8 +160,8 @@ def room_map() -> tuple[TileStore, surfels_reference.Surfaces]:
     """The surface map of the room, and the reference's."""
     surface, in_reference = room(1500), surfels_reference.Surfaces()
     store = TileStore(1, surfels.CHANNELS, CELL_M)
-    store.own_end_points(np.array([0]), np.zeros((1, 3)), surface[0])
-    surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), *surface)
+    store.own_endpoints(np.array([0]), np.zeros((1, 3)), surface[0])
+    surfels.insert_surfels(store.map(0), np.zeros(3), surfels.OrientedPoints(*surface))
     surfels_reference.insert(in_reference, *surface, CELL_M)
     return store, in_reference
 
@@ -173,26 +170,27 @@ def registration(rng: np.random.Generator) -> Pair:
     """A scan of 180 points in the map of a room, 10 cm and 3 degrees off."""
     store, in_reference = room_map()
     scan, start, prior = room(180), rng.uniform(-0.1, 0.1, 3) * [1.0, 1.0, 0.5], np.diag([20.0, 20.0, 50.0])
-    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
-    settings = (0.05, 0.4, 0.1, 6)
+    settings = surfel_registration.Registration(0.05, 0.4, 0.1, 6, 0.0)
 
     def kernel() -> object:
-        return surfel_registration.register(*of_map, *scan, start, start, prior, *settings, 0.0)
+        pose_prior = surfel_registration.PosePrior(start, prior)
+        points = surfels.OrientedPoints(*scan)
+        return surfel_registration.register(store.map(0), points, start, pose_prior, settings)
 
-    return kernel, lambda: surfels_reference.register(in_reference, *scan, start, prior, *settings)
+    return kernel, lambda: surfels_reference.register(in_reference, *scan, start, prior, *settings[:4])
 
 
-def turn_search(rng: np.random.Generator) -> Pair:
-    """The best of 13 turns of a scan of 180 points."""
+def yaw_search(rng: np.random.Generator) -> Pair:
+    """The best of 13 headings of a scan of 180 points."""
     store, in_reference = room_map()
     scan, pose = room(180), np.array([0.02, -0.03, rng.uniform(-0.2, 0.2)])
-    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
+    search = surfel_registration.YawSearch(0.05, 6, 0.1, 0.3)
 
     def kernel() -> object:
-        return surfel_registration.search_yaw(*of_map, *scan, pose, 0.05, 6, 0.1, 0.3)
+        return surfel_registration.search_yaw(store.map(0), surfels.OrientedPoints(*scan), pose, search)
 
-    turns = 0.05 * np.arange(-6, 7)
-    return kernel, lambda: surfels_reference.yaw_scores(in_reference, *scan, pose, turns, 0.1, 0.3)
+    offsets = 0.05 * np.arange(-6, 7)
+    return kernel, lambda: surfels_reference.yaw_scores(in_reference, *scan, pose, offsets, 0.1, 0.3)
 
 
 def field_levels(rng: np.random.Generator) -> Pair:
@@ -218,7 +216,9 @@ def correlative_search(rng: np.random.Generator) -> Pair:
     )
 
     def kernel() -> object:
-        return correlative_matching.correlate(pyramid, origin, 0.1, points, start, 0.5, 0.05, 2, 0.0)
+        field_pyramid = correlative_matching.FieldPyramid(pyramid, origin, 0.1)
+        window = correlative_matching.SearchWindow(0.5, 0.05, 2)
+        return correlative_matching.correlate(field_pyramid, points, start, window, 0.0)
 
     return kernel, lambda: correlation_reference.correlate(field, origin, 0.1, points, start, 0.5, 0.05, 2)
 

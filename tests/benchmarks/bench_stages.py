@@ -20,7 +20,7 @@ ALONE = True
 ROOT = HERE.parents[1]
 LOGS = ROOT / "sample_logs"
 # stages that come once, when the log has ended
-AT_END = {"final_stage", "draw_map", "adjust", "draw", "tell"}
+AT_END = {"loop_closure", "draw_map", "adjust", "draw", "tell"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,20 +47,20 @@ def test_the_jacobians_are_the_finite_differences_of_the_errors() -> None:
             np.testing.assert_allclose(jacobian[0][:, axis], (high - low) / 2e-6, atol=1e-7)
 
 
-def test_perfect_edges_bring_any_start_back_to_the_truth() -> None:
+def test_perfect_edges_recover_the_truth_from_a_perturbed_start() -> None:
     truth = circle()
     n = len(truth)
     chain = edges_of(truth, [(k, k + 1) for k in range(n - 1)], np.zeros((n - 1, 3)), False)
     loops = edges_of(truth, [(0, n - 1), (5, 30)], np.zeros((2, 3)), True)
     start = se2.compose(truth, np.random.default_rng(1).normal(0.0, 0.1, (n, 3)))
     start[0] = truth[0]
-    found, weights = optimise(start, Edges.concatenate([chain, loops]), 2.0, iterations=40)
+    found, weights = optimise(start, Edges.concatenate([chain, loops]), 2.0, max_iterations=40)
     np.testing.assert_allclose(se2.between(truth, found), 0.0, atol=1e-6)
     np.testing.assert_allclose(weights, 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("wrong", [False, True])
-def test_a_loop_takes_out_the_drift_and_a_wrong_loop_beside_it_changes_little(wrong: bool) -> None:
+def test_a_loop_removes_the_drift_even_beside_a_wrong_loop(wrong: bool) -> None:
     truth = circle()
     n = len(truth)
     noise = np.tile([0.0, 0.0, 0.01], (n - 1, 1))
@@ -71,9 +71,9 @@ def test_a_loop_takes_out_the_drift_and_a_wrong_loop_beside_it_changes_little(wr
     start = dead_reckoning(truth[0], chain.T_source_target)
     found, weights = optimise(start, Edges.concatenate([chain, *loops]), 5.0)
     drift = np.hypot(*(start - truth)[:, :2].T).max()
-    left = np.hypot(*(found - truth)[:, :2].T).max()
+    remaining = np.hypot(*(found - truth)[:, :2].T).max()
     assert drift > 1.0
-    assert left < 0.15 * drift
+    assert remaining < 0.15 * drift
     np.testing.assert_array_equal(found[0], truth[0])
     if wrong:
         assert weights[-1] < 0.01

@@ -8,23 +8,25 @@ from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
 from gridslam.kernels import scan_points
+from gridslam.kernels.scan_points import RangeLimits, Sweep
 from tests.reference import scan_points as reference
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(0, 60))
 @settings(max_examples=60, deadline=None)
-def test_points_are_the_usable_readings_through_the_mounting(seed: int, n: int) -> None:
+def test_points_are_the_usable_readings_transformed_by_the_extrinsics(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     ranges = rng.choice([0.02, 0.5, 3.0, 29.0, 31.0, np.nan, np.inf, -1.0], n).astype(np.float32)
     extrinsics = rng.uniform(-1.0, 1.0, 3)
-    points, beams = scan_points.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, extrinsics, np.zeros(3), 0.0)
+    sweep, limits = Sweep(-1.5, 0.05, 0.0), RangeLimits(0.05, 30.0)
+    points, beams = scan_points.scan_to_points(ranges, sweep, limits, extrinsics, np.zeros(3))
     with np.errstate(invalid="ignore"):
         expected, usable = reference.scan_to_points(ranges, -1.5, 0.05, 0.05, 30.0, extrinsics)
     np.testing.assert_array_equal(beams, usable)
     np.testing.assert_allclose(points, expected, atol=1e-9)
 
 
-def test_the_motion_during_the_sweep_is_taken_out() -> None:
+def test_the_motion_during_the_sweep_is_removed() -> None:
     twist, increment = np.array([0.8, 0.0, 1.2]), 0.001
     landmarks = np.array([[2.0, -1.0], [2.5, 0.3], [1.5, 1.2]])
     angles, ranges, when = [], np.zeros(201, np.float32), []
@@ -34,7 +36,8 @@ def test_the_motion_during_the_sweep_is_taken_out() -> None:
         ranges[best] = np.hypot(*se2.transform_points(se2.inverse(pose), landmark[None])[0])
         angles.append(best)
         when.append(pose)
-    points, beams = scan_points.scan_to_points(ranges, -1.0, 0.01, 0.05, 30.0, np.zeros(3), twist, increment)
+    sweep, limits = Sweep(-1.0, 0.01, increment), RangeLimits(0.05, 30.0)
+    points, beams = scan_points.scan_to_points(ranges, sweep, limits, np.zeros(3), twist)
     assert beams.tolist() == sorted(angles)
     np.testing.assert_allclose(points, landmarks, atol=0.02)
 

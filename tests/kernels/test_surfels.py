@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import surfel_likelihood, surfel_registration, surfels
+from gridslam.kernels.surfel_likelihood import EndpointModel
+from gridslam.kernels.surfel_registration import PosePrior, Registration, YawSearch
+from gridslam.kernels.surfels import OrientedPoints
 from gridslam.maps.tiled import TileStore
 from tests.reference import surfels as reference
 
@@ -19,8 +22,8 @@ CELL_M = 0.2
 
 def store_of(points: Floats, normals: Floats) -> TileStore:
     store = TileStore(1, surfels.CHANNELS, CELL_M)
-    store.own_end_points(np.array([0]), np.zeros((1, 3)), points)
-    surfels.insert_surfels(store.directory[0], store.pool, store.origin, CELL_M, np.zeros(3), points, normals)
+    store.own_endpoints(np.array([0]), np.zeros((1, 3)), points)
+    surfels.insert_surfels(store.map(0), np.zeros(3), OrientedPoints(points, normals))
     return store
 
 
@@ -34,7 +37,7 @@ def random_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
 
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 400))
 @settings(max_examples=40, deadline=None)
-def test_cells_hold_the_running_means_of_the_reference(seed: int, n: int) -> None:
+def test_cells_hold_the_running_means_of_the_reference_implementation(seed: int, n: int) -> None:
     points, normals = random_surfaces(np.random.default_rng(seed), n)
     store = store_of(points, normals)
     expected: reference.Surfaces = {}
@@ -48,29 +51,14 @@ def test_cells_hold_the_running_means_of_the_reference(seed: int, n: int) -> Non
 
 @given(seed=st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
-def test_the_likelihood_is_that_of_the_reference(seed: int) -> None:
+def test_the_likelihood_is_that_of_the_reference_implementation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     store, expected = store_of(*(surface := random_surfaces(rng, 60))), {}
     reference.insert(expected, *surface, CELL_M)
     points, normals = random_surfaces(rng, 25)
     free = TileStore(1, 1, CELL_M)
-    found = surfel_likelihood.log_likelihood(
-        store.directory[0],
-        store.pool,
-        store.origin,
-        CELL_M,
-        np.zeros(2),
-        points,
-        normals,
-        np.zeros(3),
-        0.06,
-        0.3,
-        0.1,
-        free.directory[0],
-        free.pool,
-        free.origin,
-        CELL_M,
-    )
+    scan, model = OrientedPoints(points, normals), EndpointModel(0.06, 0.3, 0.1)
+    found = surfel_likelihood.log_likelihood(store.map(0), free.map(0), np.zeros(2), scan, np.zeros(3), model)
     assert found == pytest.approx(
         reference.log_likelihood(expected, points, normals, 0.06, 0.3, 0.1), abs=2e-3
     )
@@ -101,23 +89,14 @@ def test_registration_finds_a_displacement_to_millimetres(x: float, y: float, ya
     points, normals = room(41)
     noisy = points + np.random.default_rng(seed).normal(0.0, 0.005, points.shape)
     seen = se2.transform_points(se2.inverse(truth), noisy)
-    turned = se2.transform_points(np.array([0.0, 0.0, -yaw]), normals)
+    rotated = se2.transform_points(np.array([0.0, 0.0, -yaw]), normals)
     weak = np.diag([1e-3, 1e-3, 1e-3])
     pose, information, used = surfel_registration.register(
-        store.directory[0],
-        store.pool,
-        store.origin,
-        CELL_M,
-        seen,
-        turned,
+        store.map(0),
+        OrientedPoints(seen, rotated),
         np.zeros(3),
-        np.zeros(3),
-        weak,
-        0.05,
-        0.4,
-        0.1,
-        20,
-        0.0,
+        PosePrior(np.zeros(3), weak),
+        Registration(0.05, 0.4, 0.1, 20, 0.0),
     )
     assert (np.abs(pose - truth) < [0.006, 0.006, 0.003]).all()
     assert used > 0.8 * len(points)
@@ -125,16 +104,19 @@ def test_registration_finds_a_displacement_to_millimetres(x: float, y: float, ya
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_registration_takes_the_steps_of_its_reference(seed: int) -> None:
+def test_registration_takes_the_steps_of_the_reference_implementation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     surface, (points, normals) = room(150), room(23)
     store, start = store_of(*surface), rng.uniform(-0.05, 0.05, 3)
     surfaces: reference.Surfaces = {}
     reference.insert(surfaces, *surface, CELL_M)
-    of_map = (store.directory[0], store.pool, store.origin, CELL_M)
     weak = np.diag([20.0, 20.0, 50.0])
     pose, _, used = surfel_registration.register(
-        *of_map, points, normals, start, start, weak, 0.05, 0.4, 0.1, 6, 0.0
+        store.map(0),
+        OrientedPoints(points, normals),
+        start,
+        PosePrior(start, weak),
+        Registration(0.05, 0.4, 0.1, 6, 0.0),
     )
     expected, count = reference.register(surfaces, points, normals, start, weak, 0.05, 0.4, 0.1, 6)
     np.testing.assert_allclose(pose, expected, atol=1e-4)
@@ -149,32 +131,23 @@ def test_the_yaw_found_is_the_one_at_which_most_points_lie_on_surfaces(seed: int
     surfaces: reference.Surfaces = {}
     reference.insert(surfaces, *surface, CELL_M)
     found = surfel_registration.search_yaw(
-        store.directory[0], store.pool, store.origin, CELL_M, points, normals, pose, 0.05, 6, 0.1, 0.3
+        store.map(0), OrientedPoints(points, normals), pose, YawSearch(0.05, 6, 0.1, 0.3)
     )
-    turns = 0.05 * np.arange(-6, 7)
-    scores = reference.yaw_scores(surfaces, points, normals, pose, turns, 0.1, 0.3)
-    assert found[2] == pytest.approx(pose[2] + turns[int(np.argmax(scores))])
+    offsets = 0.05 * np.arange(-6, 7)
+    scores = reference.yaw_scores(surfaces, points, normals, pose, offsets, 0.1, 0.3)
+    assert found[2] == pytest.approx(pose[2] + offsets[int(np.argmax(scores))])
 
 
-def test_without_surfaces_the_prior_stands() -> None:
+def test_without_surfaces_the_prior_is_returned() -> None:
     store = TileStore(1, surfels.CHANNELS, CELL_M)
     prior = np.array([0.3, -0.2, 0.5])
     points, normals = room(10)
     pose, information, used = surfel_registration.register(
-        store.directory[0],
-        store.pool,
-        store.origin,
-        CELL_M,
-        points,
-        normals,
+        store.map(0),
+        OrientedPoints(points, normals),
         prior,
-        prior,
-        np.eye(3),
-        0.05,
-        0.4,
-        0.1,
-        10,
-        0.0,
+        PosePrior(prior, np.eye(3)),
+        Registration(0.05, 0.4, 0.1, 10, 0.0),
     )
     np.testing.assert_allclose(pose, prior)
     assert used == 0

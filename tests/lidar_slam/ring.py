@@ -17,8 +17,8 @@ ANGLES = np.linspace(-np.pi, np.pi, 360, endpoint=False)
 NOISE_M = 0.01
 
 
-def scan_at(pose: Floats, index: int = 0, reach_m: float = 30.0) -> PreparedScan:
-    """What a lidar sees at a true pose `(3,)`; with a reach of a hand it sees nothing."""
+def scan_at(pose: Floats, index: int = 0, max_range_m: float = 30.0) -> PreparedScan:
+    """The scan of a lidar at a true pose `(3,)`; with a maximal range of 0.1 m it is empty."""
     rng = np.random.default_rng(index)
     ranges = hall.ranges_from(pose, ANGLES) + rng.normal(0.0, NOISE_M, len(ANGLES))
     scan = LaserScan(
@@ -27,7 +27,7 @@ def scan_at(pose: Floats, index: int = 0, reach_m: float = 30.0) -> PreparedScan
         angle_min_rad=float(ANGLES[0]),
         angle_increment_rad=float(ANGLES[1] - ANGLES[0]),
         range_min_m=0.05,
-        range_max_m=reach_m,
+        range_max_m=max_range_m,
         ranges_m=ranges.astype(np.float32),
     )
     return prepare_scan(scan, LidarExtrinsics(np.zeros(3)), np.zeros(3), ScanConfig())

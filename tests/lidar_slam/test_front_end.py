@@ -6,24 +6,26 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.lidar_slam.config import FrontEndConfig, OdometryConfig
-from gridslam.lidar_slam.front_end import FrontEnd, Matched, odometry_deviations
+from gridslam.lidar_slam.config import OdometryConfig
+from gridslam.lidar_slam.front_end import FrontEnd, ScanMatch
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.odometry_noise import ACCELERATION_NOISE, odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.lidar_slam.track import is_far
 from tests.lidar_slam.ring import Floats, scan_at
 
 
 def tracked(
     truth: Floats, odometry: Floats, blind: range = range(0)
-) -> tuple[Floats, list[Matched], FrontEnd]:
+) -> tuple[Floats, list[ScanMatch], FrontEnd]:
     """Poses `(n, 3)` that the front end finds; scans of the indices `blind` are empty."""
-    front_end = FrontEnd(FrontEndConfig(), OdometryConfig(), 100.0)
+    front_end = FrontEnd(OdometryConfig(), 100.0)
     poses, matches, key = [], [], None
+    spacing = KeyScanSpacing(0.25, 0.25)
     for index, (pose, odom) in enumerate(zip(truth, odometry, strict=True)):
         scan = scan_at(pose, index, 0.1 if index in blind else 30.0)
         matches.append(front_end.track(scan, odom))
         poses.append(front_end.pose.copy())
-        if key is None or (matches[-1].is_matched and is_far(key, front_end.pose, 0.25, 0.25)):
+        if key is None or (matches[-1].is_matched and spacing.is_due(key, front_end.pose)):
             front_end.add_key_scan(scan)
             key = front_end.pose.copy()
     return np.array(poses), matches, front_end
@@ -51,7 +53,7 @@ def test_a_turn_on_the_spot_is_followed_by_odometry_that_is_ten_percent_short() 
     assert np.hypot(*poses[:, :2].T).max() < 0.02
 
 
-def test_empty_scans_leave_the_odometry_and_tracking_goes_on_after_them() -> None:
+def test_empty_scans_are_bridged_by_odometry() -> None:
     truth = straight(4.0)
     blind = range(15, 18)
     poses, matches, _ = tracked(truth, truth, blind)
@@ -61,19 +63,19 @@ def test_empty_scans_leave_the_odometry_and_tracking_goes_on_after_them() -> Non
     assert np.hypot(*(poses[-1] - truth[-1])[:2]) < 0.02
 
 
-def test_the_first_scan_is_the_origin_whatever_the_odometry_says() -> None:
-    front_end = FrontEnd(FrontEndConfig(), OdometryConfig(), 100.0)
+def test_the_first_scan_is_the_origin_whatever_its_odometry() -> None:
+    front_end = FrontEnd(OdometryConfig(), 100.0)
     scan: PreparedScan = scan_at(np.array([3.0, 0.0, 0.4]))
     matched = front_end.track(scan, np.array([7.0, -2.0, 1.0]))
     assert matched.is_matched
     np.testing.assert_array_equal(front_end.pose, np.zeros(3))
 
 
-def test_an_unexpected_step_of_the_odometry_is_trusted_less() -> None:
+def test_an_unexpected_odometry_step_has_larger_standard_deviations() -> None:
     steady = np.array([0.1, 0.0, 0.0])
     config = OdometryConfig()
-    as_expected = odometry_deviations(steady, steady, config)
-    # floor 0.01 and a fifth of the way
+    as_expected = odometry_std(steady, steady, config)
+    # floor 0.01 and a fifth of the distance
     np.testing.assert_allclose(as_expected[:2], 0.01 + 0.2 * 0.1)
-    stuttered = odometry_deviations(np.array([0.3, 0.0, 0.0]), steady, config)
-    assert stuttered[0] == pytest.approx(0.01 + 0.2 * 0.3 + config.surprise_share * 0.2)
+    stuttered = odometry_std(np.array([0.3, 0.0, 0.0]), steady, config)
+    assert stuttered[0] == pytest.approx(0.01 + 0.2 * 0.3 + ACCELERATION_NOISE * 0.2)

@@ -1,4 +1,4 @@
-"""The finished map: one dense grid from key scans and their poses."""
+"""The final map: one dense grid from key scans and their poses."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import MethodError
-from gridslam.lidar_slam.grid_map import draw_map
+from gridslam.lidar_slam.grid_map import UPDATE, draw_map
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.methods.slam_sd.config import MapConfig
 
 RESOLUTION_M = 0.1
-CONFIG = MapConfig()
 
 
 def scan(*returns: tuple[float, float]) -> PreparedScan:
@@ -26,15 +24,15 @@ def at(grid: OccupancyGrid, x: float, y: float) -> float:
 
 
 def draw(
-    scans: list[PreparedScan], poses: np.ndarray, explained: list[np.ndarray] | None = None
+    scans: list[PreparedScan], poses: np.ndarray, masked: list[np.ndarray] | None = None
 ) -> OccupancyGrid:
-    return draw_map(scans, poses, RESOLUTION_M, CONFIG, 100.0, explained)
+    return draw_map(scans, poses, RESOLUTION_M, 100.0, masked)
 
 
-def test_end_points_are_occupied_the_way_there_is_free_the_rest_unknown() -> None:
+def test_endpoints_are_occupied_crossed_cells_free_and_the_rest_unknown() -> None:
     grid = draw([scan((2.05, 0.0))], np.array([[0.0, 0.05, 0.0]]))
-    assert at(grid, 2.05, 0.05) == pytest.approx(1.0 / (1.0 + np.exp(-CONFIG.hit)))
-    assert at(grid, 1.05, 0.05) == pytest.approx(1.0 / (1.0 + np.exp(-CONFIG.miss)))
+    assert at(grid, 2.05, 0.05) == pytest.approx(1.0 / (1.0 + np.exp(-UPDATE.hit)))
+    assert at(grid, 1.05, 0.05) == pytest.approx(1.0 / (1.0 + np.exp(-UPDATE.miss)))
     assert np.isnan(at(grid, 2.25, 0.05))
 
 
@@ -44,7 +42,7 @@ def test_scans_are_placed_by_their_poses() -> None:
     assert at(grid, 0.05, 1.1) > 0.5
 
 
-def test_what_something_else_explains_leaves_no_mark_at_its_end_and_free_space_before_it() -> None:
+def test_a_masked_return_frees_its_beam_and_marks_nothing_at_its_endpoint() -> None:
     poses = np.array([[0.05, 0.05, 0.0]])
     grid = draw([scan((2.0, 0.0), (0.0, 2.0))], poses, [np.array([True, False])])
     assert np.isnan(at(grid, 2.05, 0.05))
@@ -52,7 +50,7 @@ def test_what_something_else_explains_leaves_no_mark_at_its_end_and_free_space_b
     assert at(grid, 0.05, 2.05) > 0.5
 
 
-def test_no_scan_gives_an_empty_map_and_a_path_gone_astray_an_error() -> None:
+def test_no_scan_gives_an_empty_map_and_a_pose_far_away_an_error() -> None:
     assert draw([], np.zeros((0, 3))).probability.size == 0
     with pytest.raises(MethodError, match=r"method\.memory_limit_mb"):
         draw([scan((1.0, 0.0))] * 2, np.array([[0.0, 0, 0], [1e5, 1e5, 0.0]]))

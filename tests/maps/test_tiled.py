@@ -1,4 +1,4 @@
-"""Copy-on-write maps behave as if each had all its cells to itself."""
+"""Copy-on-write maps behave as if each had cells of its own."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ CELL_M = 0.5
 def hit(store: TileStore, index: int, x: float, y: float) -> None:
     """Add 1 to one cell of one map."""
     pose, point = np.zeros(3), np.array([[x, y]])
-    store.own_end_points(np.array([index]), pose[None], point)
-    log_odds.insert_beams(
-        store.directory[index], store.pool, store.origin, CELL_M, pose, point[0], point, 1.0, -1.0, 100.0
-    )
+    store.own_endpoints(np.array([index]), pose[None], point)
+    beams, update = log_odds.Beams(point[0], point), log_odds.LogOddsUpdate(1.0, -1.0, 100.0)
+    log_odds.insert_beams(store.map(index), pose, beams, update)
 
 
 def cells_of(store: TileStore, index: int) -> dict[tuple[int, int], float]:
@@ -50,7 +49,7 @@ def test_maps_never_see_each_others_writes(operations: list[tuple]) -> None:
             store.clear(arguments[0])
             expected[arguments[0]] = {}
         else:
-            # Survivors keep their place, as residual resampling lays them out.
+            # As in residual resampling, survivors keep their index.
             chosen = arguments[0]
             ancestors = np.array([i if i in chosen else chosen[0] for i in range(MAPS)])
             store.redistribute(ancestors)
@@ -62,13 +61,13 @@ def test_maps_never_see_each_others_writes(operations: list[tuple]) -> None:
     assert store.tiles_in_use == len(np.unique(held))
 
 
-def test_a_pose_that_went_astray_ends_in_an_error_not_in_all_memory() -> None:
+def test_a_pose_far_away_is_an_error_before_it_exhausts_memory() -> None:
     store = TileStore(30, 1, 0.05, memory_limit_mb=50.0)
     with pytest.raises(MethodError, match="memory_limit_mb"):
-        store.own_end_points(np.array([0]), np.array([[0.0, 0.0, 0.0], [1e6, 1e6, 0.0]]), np.ones((3, 2)))
+        store.own_endpoints(np.array([0]), np.array([[0.0, 0.0, 0.0], [1e6, 1e6, 0.0]]), np.ones((3, 2)))
 
 
-def test_a_pose_that_is_no_number_is_an_error() -> None:
+def test_a_pose_that_is_not_finite_is_an_error() -> None:
     store = TileStore(1, 1, 0.05)
     with pytest.raises(MethodError, match="not finite"):
-        store.own_end_points(np.array([0]), np.array([[np.nan, 0.0, 0.0]]), np.ones((3, 2)))
+        store.own_endpoints(np.array([0]), np.array([[np.nan, 0.0, 0.0]]), np.ones((3, 2)))

@@ -133,7 +133,7 @@ def test_a_sweep_gives_its_measures_by_log_config_and_override(tmp_path: Path, s
         "command": "map",
         "logs": [{"name": "room", "log": str(small_log), "truth": str(small_log)}],
         "configs": {"best": "slam-sd"},
-        "overrides": {"few": ["method.particles=3", "method.final_stage.enabled=false"]},
+        "overrides": {"few": ["method.particles=3", "method.pose_graph.enabled=false"]},
         "seeds": "0..3",
     }
     sweep = SweepConfig.model_validate(document)

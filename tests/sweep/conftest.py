@@ -92,7 +92,7 @@ def sweep_file(tmp_path: Path, small_log: Path) -> Path:
         "command": "map",
         "logs": [{"name": "room", "log": str(small_log), "truth": str(small_log)}],
         "configs": ["slam-sd"],
-        "overrides": {"few": ["method.particles=3", "method.final_stage.enabled=false"]},
+        "overrides": {"few": ["method.particles=3", "method.pose_graph.enabled=false"]},
         "seeds": "0..2",
     }
     path = tmp_path / "sweep.yaml"

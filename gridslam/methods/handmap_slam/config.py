@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.lidar_slam.config import (
-    FinalStageConfig,
-    FrontEndConfig,
+    LoopClosureConfig,
     MapConfig,
     OdometryConfig,
+    PoseGraphConfig,
     ScanConfig,
 )
 from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
@@ -172,7 +172,7 @@ class HandmapSlamConfig(StrictModel):
     lines: LineConfig = LineConfig()
     scan: ScanConfig = ScanConfig(max_range_m=60.0)
     odometry: OdometryConfig = OdometryConfig()
-    surfaces: FrontEndConfig = FrontEndConfig()
     map: MapConfig = MapConfig()
-    final_stage: FinalStageConfig = FinalStageConfig()
+    pose_graph: PoseGraphConfig = PoseGraphConfig()
+    loop_closure: LoopClosureConfig = LoopClosureConfig()
     exploration: ExplorationConfig = ExplorationConfig()

@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.lidar_slam.front_end import Matched, odometry_deviations
+from gridslam.lidar_slam.front_end import (
+    MAX_CORRESPONDENCE_M,
+    MIN_CORRESPONDENCES,
+    SIGMA_M,
+    ScanMatch,
+)
+from gridslam.lidar_slam.odometry_noise import odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.matching.icp import point_to_plane
 from gridslam.matching.lines import Segments, difference_modulo_pi
@@ -43,31 +49,30 @@ class LineFrontEnd:
         self.lines = Segments.none()  # those of the present scan, in the robot's frame
         self.drawing_pose: DrawingPose | None = None  # at the scan before, to be set by who knows it
 
-    def track(self, scan: PreparedScan, odometry: Floats, has_jumped: bool = False) -> Matched:
+    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
         """The pose at the scan, given T_odom_base `(3,)` at its stamp; the first scan is at the origin."""
         if self._odometry is None or self._former is None:
             self._odometry = odometry
-            return Matched(self.pose, 1.0, True)
+            return ScanMatch(self.pose, 1.0, True)
         step = se2.between(self._odometry, odometry)
-        deviations = odometry_deviations(step, self._step, self._config.odometry)
+        deviations = odometry_std(step, self._step, self._config.odometry)
         self._odometry, self._step = odometry, step
         predicted = se2.compose(self.pose, step)
         turn, by_lines = self._turn_from_drawing(scan, predicted, step)
         predicted[2] = float(se2.wrap_angle(predicted[2] + turn))
-        surfaces = self._config.surfaces
         found = point_to_plane(
             scan.points,
             self._former.points,
             self._former.normals,
             se2.between(self._former_pose, predicted),
-            surfaces.reach_m,
-            surfaces.sigma_m,
+            MAX_CORRESPONDENCE_M,
+            SIGMA_M,
             np.diag(1.0 / deviations**2),
             solve_yaw=not by_lines,
         )
-        is_matched = found.matches >= surfaces.min_points
+        is_matched = found.matches >= MIN_CORRESPONDENCES
         self.pose = np.asarray(se2.compose(self._former_pose, found.pose)) if is_matched else predicted
-        return Matched(self.pose, found.matches / max(len(scan.points), 1), is_matched)
+        return ScanMatch(self.pose, found.matches / max(len(scan.points), 1), is_matched)
 
     def add_key_scan(self, scan: PreparedScan) -> None:
         """The scan at the present pose is the one that the next ones are registered to."""
@@ -105,7 +110,7 @@ class LineFrontEnd:
     def _field_turn(self, scan: PreparedScan, at: DrawingPose) -> float:
         """The turn with which the scan fits the drawing's distance field best, for curved walls that have no lines."""
         points = scan.subset(FIELD_POINTS)[0]
-        if len(points) < self._config.surfaces.min_points:
+        if len(points) < MIN_CORRESPONDENCES:
             return 0.0
         turn, dx, dy = (
             g.ravel() for g in np.meshgrid(FIELD_YAW_RAD, FIELD_SHIFTS_M, FIELD_SHIFTS_M, indexing="ij")

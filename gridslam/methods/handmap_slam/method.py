@@ -11,8 +11,9 @@ from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.lidar_slam.track import is_far
 from gridslam.maps.drawing import Drawing, drawn_map
 from gridslam.matching.lines import Segments
 from gridslam.methods.base import Estimate, RunResult
@@ -49,10 +50,7 @@ class HandmapSlam:
         reading = config.drawing
         start = None if config.start is None else config.start[:2]
         self.drawn = drawn_map(drawing, reading.walls_are, reading.gap_m, start)
-        limits = config.odometry
-        self._placing = ScanPoses(
-            limits.max_speed_mps, limits.max_turn_radps, limits.jump_tolerance_m, limits.jump_tolerance_rad
-        )
+        self._placing = ScanPoses(odometry_limits(config.odometry))
         observer = LineObserver(self.drawn, config.lines)
         self._observer = observer
         self._tracker = DrawingTracker(
@@ -107,7 +105,7 @@ class HandmapSlam:
             self._take(placed)
         if not self._keys:
             return RunResult(Trajectory.empty(), counters=self._all_counters())
-        with self._stopwatch.stage("final_stage"):
+        with self._stopwatch.stage("loop_closure"):
             finished = finish_map(
                 self._config, self._key_scans, np.array(self._track), np.array(self._keys, np.int64)
             )
@@ -138,7 +136,7 @@ class HandmapSlam:
                 lines = self._tracker.lines_of(scan)
                 self._line_front_end.lines = lines
                 self._line_front_end.drawing_pose = self._tracker.pose
-            matched = self._front_end.track(scan, placed.odometry, placed.broken)
+            matched = self._front_end.track(scan, placed.odometry, placed.odometry_jumped)
             self._counters["scan.unmatched"] += not matched.is_matched
             self._counters["used.scan"] += 1
             self._stamps.append(scan.stamp_ns)
@@ -165,20 +163,13 @@ class HandmapSlam:
         if not self._keys:
             return True
         config = self._config
-        return is_far(
-            self._track[self._keys[-1]], self._track[-1], config.key_distance_m, config.key_turn_rad
-        )
+        spacing = KeyScanSpacing(config.key_distance_m, config.key_turn_rad)
+        return spacing.is_due(self._track[self._keys[-1]], self._track[-1])
 
     def _own_measures(self, finished: Finished) -> dict[str, object]:
-        refined = finished.refined
         measures: dict[str, object] = {"key_scans": len(self._keys)}
-        if refined is not None:
-            measures["final_stage"] = {
-                "pairs_searched": refined.loops_tried,
-                "loops_found": refined.loops_found,
-                "loops_rejected": refined.loops_rejected,
-                "matches": refined.matches,
-            }
+        if finished.optimised is not None:
+            measures["pose_graph"] = finished.optimised.measures
         return measures
 
     def _all_counters(self) -> dict[str, int]:

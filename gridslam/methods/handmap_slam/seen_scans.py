@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan
-from gridslam.kernels.scan_points import scan_to_points
+from gridslam.kernels.scan_points import RangeLimits, Sweep, scan_to_points
 from gridslam.kernels.sight_lines import pass_beams
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
@@ -58,16 +58,9 @@ def seen_scan(scan: LaserScan, extrinsics: LidarExtrinsics, twist: Floats, reach
         usable = np.where(ranges >= limit, limit, ranges).astype(np.float32)
         usable[_lost(~(ranges < scan.range_max_m) & ~np.isnan(ranges))] = np.nan
     sign = -1.0 if extrinsics.flipped else 1.0
-    ends, beams = scan_to_points(
-        usable,
-        sign * scan.angle_min_rad,
-        sign * scan.angle_increment_rad,
-        scan.range_min_m,
-        2.0 * limit,
-        extrinsics.pose,
-        twist,
-        scan.time_increment_s,
-    )
+    sweep = Sweep(sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s)
+    limits = RangeLimits(scan.range_min_m, 2.0 * limit)
+    ends, beams = scan_to_points(usable, sweep, limits, extrinsics.pose, twist)
     origin = np.ascontiguousarray(extrinsics.pose[:2])
     return SeenScan(scan.stamp_ns, origin, np.asarray(ends), np.asarray(returned[beams]))
 

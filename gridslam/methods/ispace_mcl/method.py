@@ -21,6 +21,7 @@ from gridslam.methods.ispace_mcl.localizer import Localizer, Update
 from gridslam.methods.ispace_mcl.onboard_depth import OnboardDepth
 from gridslam.methods.ispace_mcl.pictures import coverage_picture
 from gridslam.methods.ispace_mcl.record import Record
+from gridslam.motion.odometry_limits import OdometryLimits
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
@@ -34,7 +35,9 @@ class IspaceMcl:
         self._config = config
         self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
         motion = config.motion
-        self._scans = ScanPoses(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
+        self._scans = ScanPoses(
+            OdometryLimits(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
+        )
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._depth = OnboardDepth(config.scan.depth, config.cameras.frame)
         free = free_cells(occupancy, config.free_below)
@@ -132,7 +135,7 @@ class IspaceMcl:
         if self._beam_count not in (None, beams):
             self._counters["scan.beam_count_changes"] += 1
         self._beam_count = beams
-        self._cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.broken)
+        self._cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.odometry_jumped)
         if self._is_update_due(placed):
             self._weigh(placed)
         if self._update is None or self._updated_at is None:
@@ -144,7 +147,7 @@ class IspaceMcl:
         self._counters["used.scan"] += 1
 
     def _is_update_due(self, placed: PlacedScan) -> bool:
-        if self._updated_at is None or placed.broken:
+        if self._updated_at is None or placed.odometry_jumped:
             return True
         step = se2.between(self._updated_at, placed.odometry)
         config = self._config.update
@@ -168,7 +171,7 @@ class IspaceMcl:
         density = isinstance(self._config.cameras.weight, DensityConfig)  # of all that is seen at a moment
         frames_at = self._cameras.all_frames_at if density else self._cameras.frames_at
         frames = frames_at(placed.scan.stamp_ns)
-        self._update = self._localizer.update(step, placed.odometry, beams, placed.broken, frames)
+        self._update = self._localizer.update(step, placed.odometry, beams, placed.odometry_jumped, frames)
         self._updated_at = placed.odometry
         self._counters["updates"] += 1
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.correlative_matching import correlate, field_pyramid
+from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
 from gridslam.methods.ispace_mcl.config import SearchConfig
 from gridslam.sensors.sight import Segments
 
@@ -133,14 +133,10 @@ def matched_step(before: Floats, after: Floats, step: Floats) -> Floats:
     window_m = 0.15 + 0.3 * way
     yaw_steps = int(np.ceil((0.06 + 0.3 * turn + 0.3 * way) / _YAW_STEP_RAD))
     found, score = correlate(
-        field_pyramid(field, _LEVELS),
-        origin,
-        _CELL_M,
+        FieldPyramid(field_pyramid(field, _LEVELS), origin, _CELL_M),
         np.ascontiguousarray(moving[_evenly(len(moving), min(_MATCH_POINTS, len(moving)))]),
         step,
-        window_m,
-        _YAW_STEP_RAD,
-        yaw_steps,
+        SearchWindow(window_m, _YAW_STEP_RAD, yaw_steps),
         _LEAST_SCORE,
     )
     return step if score < 0.0 else np.asarray(found)

@@ -6,13 +6,16 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import TagInventory
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
+from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
@@ -21,7 +24,7 @@ from gridslam.methods.base import Picture, RunResult, Table
 from gridslam.methods.slam_sd.composition import compose_map
 from gridslam.methods.slam_sd.evidence import SeenRound, SeenScan
 from gridslam.methods.slam_sd.explained import outlines_seen_from, points_on, without_objects
-from gridslam.methods.slam_sd.landmarks import log_object_weights
+from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
 from gridslam.methods.slam_sd.object_config import ObjectsConfig
 from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
 from gridslam.methods.slam_sd.objects import ObjectTracker
@@ -45,11 +48,109 @@ class ObjectResult:
     pictures: Mapping[str, Picture]
     measures: Mapping[str, object]
 
+    def added_to(self, result: RunResult) -> RunResult:
+        """A run's result with its objects; the map becomes the composed one: what a robot would meet now."""
+        return replace(
+            result,
+            occupancy=self.maps["composed"],
+            maps={**result.maps, **self.maps},
+            tables={**result.tables, **self.tables},
+            pictures={**result.pictures, **self.pictures},
+            measures={**result.measures, "objects": self.measures},
+        )
 
-class ObjectLayer:
-    """Tagged objects for slam-sd; without tag reads nothing of a run is changed by it."""
 
-    def __init__(self, database: TagDatabase, config: ObjectsConfig, rng: np.random.Generator) -> None:
+class ObjectLayer(Protocol):
+    """The objects of a run, as slam-sd uses them."""
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Rounds used and skipped, reads that were not believed."""
+
+    @property
+    def found(self) -> list[TrackedObject]:
+        """The objects that have been found."""
+
+    def add_round(self, event: TagInventory) -> None:
+        """Take in one inventory round."""
+
+    def place_rounds(
+        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
+    ) -> None:
+        """Compute the antennas' poses of the waiting rounds up to the last scan."""
+
+    def finish(self, path: Floats) -> None:
+        """Process what waits at the end of the log; `path` `(k, 3)` are the poses of the key scans."""
+
+    def update_history(self, path: Floats) -> None:
+        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+
+    def landmarks(self, path: Floats) -> Edges | None:
+        """Pose graph edges between key scans from which an object was found at the same place."""
+
+    def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """A key scan without the endpoints on objects."""
+
+    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """A key scan without the endpoints on objects that have been moved."""
+
+    def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
+        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+
+    def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
+        """Maps, tables and the picture of the objects; None if no object was found."""
+
+
+class NoObjects:
+    """The layer of a run without a tag database: it counts the rounds that cannot be used."""
+
+    def __init__(self) -> None:
+        self.counters: Counter[str] = Counter()
+        self.found: list[TrackedObject] = []
+
+    def add_round(self, event: TagInventory) -> None:
+        """Count the round."""
+        self.counters["skipped.tags.no_database"] += 1
+
+    def place_rounds(
+        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
+    ) -> None:
+        """No round waits."""
+
+    def finish(self, path: Floats) -> None:
+        """Nothing waits."""
+
+    def update_history(self, path: Floats) -> None:
+        """Nothing was found."""
+
+    def landmarks(self, path: Floats) -> Edges | None:
+        """None."""
+        return None
+
+    def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """The scan itself."""
+        return scan
+
+    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """The scan itself."""
+        return scan
+
+    def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
+        """None."""
+        return None
+
+    def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
+        """None."""
+        return None
+
+
+class TaggedObjects:
+    """Tagged objects for slam-sd; without tag reads a run is the same as without them."""
+
+    def __init__(
+        self, database: TagDatabase, config: ObjectsConfig, rng: np.random.Generator, stopwatch: Stopwatch
+    ) -> None:
+        self._stopwatch = stopwatch
         self._config = config
         self._tracker = ObjectTracker(things_of(database), config, rng)
         self._waiting: list[TagInventory] = []
@@ -90,34 +191,51 @@ class ObjectLayer:
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
         """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
+        with self._stopwatch.stage("objects"):
+            self._add_key_scan(scan, pose, path)
+
+    def _add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
         self._tracker.add_scan(SeenScan(len(self._stamps), scan.stamp_ns, pose, scan), path)
         self._stamps.append(scan.stamp_ns)
 
-    def weigh(self, paths: Floats) -> Floats | None:
+    def log_weights(self, paths: Floats) -> Floats | None:
         """log weights `(n,)` of the particles' paths `(n, k, 3)` by the objects found again since the last call, if any."""
         pairs, self._tracker.found_again = self._tracker.found_again, []
         return log_object_weights(pairs, paths, self._config.move_probability) if pairs else None
 
     def finish(self, path: Floats) -> None:
         """The log is over."""
+        with self._stopwatch.stage("objects"):
+            self._finish(path)
+
+    def _finish(self, path: Floats) -> None:
         self._counters["skipped.tags.no_scan"] += len(self._waiting)
         self._waiting.clear()
         self._tracker.finish(path)
 
-    def settle(self, path: Floats) -> None:
+    def update_history(self, path: Floats) -> None:
         """Decide anew what has moved, with better poses `(k, 3)` of the key scans."""
         self._tracker.settle(path)
 
-    def without_objects(
-        self, key: int, scan: PreparedScan, path: Floats, moved_only: bool = False
-    ) -> PreparedScan:
-        """A key scan without the end points on tagged objects; `moved_only`: without those that have moved meanwhile."""
-        chosen = [thing for thing in self.found if thing.has_moved or not moved_only]
-        outlines = outlines_seen_from(key, scan.stamp_ns, path, chosen)
+    def landmarks(self, path: Floats) -> Edges | None:
+        """Edges between the key scans from which an object was found at the same place."""
+        return landmark_edges(self.found, path) if self.found else None
+
+    def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """A key scan without the endpoints on tagged objects."""
+        outlines = outlines_seen_from(key, scan.stamp_ns, path, self.found)
         return without_objects(scan, outlines, self._config.explained_m)
 
-    def explained(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools]:
-        """Which returns of each key scan are explained by an object."""
+    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
+        """A key scan without the endpoints on objects that have been moved."""
+        moved = [found for found in self.found if found.has_moved]
+        outlines = outlines_seen_from(key, scan.stamp_ns, path, moved)
+        return without_objects(scan, outlines, self._config.explained_m)
+
+    def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
+        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+        if not self.found:
+            return None
         return [
             points_on(
                 scan.returns,
@@ -127,8 +245,10 @@ class ObjectLayer:
             for key, scan in enumerate(scans)
         ]
 
-    def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult:
+    def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
         """Maps, tables and the picture, for the final poses `(k, 3)` of the key scans."""
+        if not self.found:
+            return None
         found, limit = self.found, self._config.open_from_rad
         present = [(thing, stay) for thing in found if (stay := thing.present) is not None]
         composed = compose_map(static, [thing.thing.placed(stay.placed(path)) for thing, stay in present])
@@ -170,15 +290,3 @@ def _pose_at(stamp_ns: int, stamps: Sequence[int], track: Sequence[Floats]) -> F
     if not 0 < span < LONGEST_GAP_NS or stamp_ns < stamps[after - 1]:
         return None
     return se2.interpolate(track[after - 1], track[after], (stamp_ns - stamps[after - 1]) / span)
-
-
-def with_objects(result: RunResult, objects: ObjectResult) -> RunResult:
-    """A run's result with its objects; the map is the composed one, what a robot would meet now."""
-    return replace(
-        result,
-        occupancy=objects.maps["composed"],
-        maps={**result.maps, **objects.maps},
-        tables={**result.tables, **objects.tables},
-        pictures={**result.pictures, **objects.pictures},
-        measures={**result.measures, "objects": objects.measures},
-    )

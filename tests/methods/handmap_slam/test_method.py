@@ -86,7 +86,7 @@ def test_the_paper_s_form_maps_as_well():
         start=START,
         front_end="lines",
         localization={"separate_scales": False},
-        final_stage={"enabled": False},
+        pose_graph={"enabled": False},
     )
     result, pairs, _ = run(config, hall_drawing())
     assert position_errors(result).mean() < 0.15

@@ -12,13 +12,14 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.lidar_slam.config import PoseGraphConfig
 from gridslam.methods.base import RunResult
-from gridslam.methods.slam_sd.config import FinalStageConfig, SlamSdConfig
+from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
 from tests.methods.slam_sd import hall
 
 FINAL = SlamSdConfig(particles=10)
-FILTER = SlamSdConfig(particles=10, final_stage=FinalStageConfig(enabled=False))
+FILTER = SlamSdConfig(particles=10, pose_graph=PoseGraphConfig(enabled=False))
 
 
 def run(events: Iterable[Event], config: SlamSdConfig = FINAL, seed: int = 1) -> RunResult:

@@ -1,0 +1,114 @@
+"""Tracks the robot over a log: joins scans with odometry, runs the front end, selects key scans."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
+from gridslam.lidar_slam.front_end import ScanMatch, Tracking
+from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
+from gridslam.lidar_slam.odometry_noise import odometry_limits
+from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
+from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
+
+Floats = NDArray[np.float64]
+
+
+class ScanTracker:
+    """The robot's path over all scans in the front end's frame, and the key scans on it.
+
+    For each scan of `process` or `flush` a method calls `prepare`, `track` and, when `is_key_scan_due`, `add_key_scan`.
+    """
+
+    def __init__(
+        self, front_end: Tracking, scan: ScanConfig, odometry: OdometryConfig, spacing: KeyScanSpacing
+    ) -> None:
+        self._front_end = front_end
+        self._scan_config = scan
+        self._spacing = spacing
+        self._scan_poses = ScanPoses(odometry_limits(odometry))
+        self._previous: PlacedScan | None = None
+        self._counters: Counter[str] = Counter()
+        self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
+        self.stamps_ns: list[int] = []
+        self.track_poses: list[Floats] = []  # T_track_base (3,) of every scan
+        self.keys: list[int] = []  # rows of the key scans among all scans
+        self.key_scans: list[PreparedScan] = []
+
+    @property
+    def counters(self) -> Counter[str]:
+        """Scans and odometry used, skipped and not matched."""
+        return self._counters + self._scan_poses.counters
+
+    @property
+    def pose(self) -> Floats:
+        """T_track_base (3,) at the last scan; there must be one."""
+        return self.track_poses[-1]
+
+    @property
+    def key_poses(self) -> Floats:
+        """The front end's poses `(k, 3)` of the key scans."""
+        return np.array(self.track_poses)[self.keys]
+
+    def process(self, event: Event) -> Iterator[PlacedScan]:
+        """Take in odometry, a scan or extrinsics; yields the scans whose stamps odometry has reached."""
+        if isinstance(event, Odometry):
+            yield from self._scan_poses.add_odometry(event)
+        elif isinstance(event, LaserScan):
+            yield from self._scan_poses.add_scan(event)
+        elif isinstance(event, Transform) and event.is_static:
+            self.sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
+
+    def flush(self) -> Iterator[PlacedScan]:
+        """The scans that still wait for odometry at the end of the log."""
+        yield from self._scan_poses.flush()
+
+    def lidar_extrinsics(self, scan: LaserScan) -> LidarExtrinsics:
+        """The lidar's pose in the robot's frame; the origin if the log has no extrinsics of it."""
+        return self.sensor_extrinsics.get(scan.frame_id, LidarExtrinsics(np.zeros(3)))
+
+    def twist(self, placed: PlacedScan) -> Floats:
+        """Velocity (vx, vy, wz) `(3,)` by odometry since the last tracked scan."""
+        return twist_between(self._previous, placed)
+
+    def prepare(self, placed: PlacedScan) -> PreparedScan:
+        """The scan's points, with the robot's motion during the sweep removed."""
+        scan = placed.scan
+        prepared = prepare_scan(scan, self.lidar_extrinsics(scan), self.twist(placed), self._scan_config)
+        self._counters["scan.empty"] += not len(prepared.points)
+        return prepared
+
+    def track(self, placed: PlacedScan, scan: PreparedScan) -> ScanMatch:
+        """Match the scan and append its pose to the path."""
+        match = self._front_end.track(scan, placed.odometry, placed.odometry_jumped)
+        self._counters["scan.unmatched"] += not match.is_matched
+        self.stamps_ns.append(scan.stamp_ns)
+        self.track_poses.append(self._front_end.pose.copy())
+        self._previous = placed
+        return match
+
+    @property
+    def is_key_scan_due(self) -> bool:
+        """Whether the last scan is far enough from the last key scan; the first scan always is."""
+        return not self.keys or self._spacing.is_due(self.track_poses[self.keys[-1]], self.pose)
+
+    def add_key_scan(self, scan: PreparedScan) -> Floats:
+        """Make the last tracked scan a key scan; returns the motion `(3,)` since the previous key scan, zero for the first."""
+        step = se2.between(self.track_poses[self.keys[-1]], self.pose) if self.keys else np.zeros(3)
+        self._front_end.add_key_scan(scan)
+        self.keys.append(len(self.track_poses) - 1)
+        self.key_scans.append(scan)
+        return step
+
+    def corrected(self, key_poses: Floats) -> Trajectory:
+        """The path over all scans, given the final poses `(k, 3)` of the key scans."""
+        poses = distribute_corrections(np.array(self.track_poses), np.array(self.keys, np.int64), key_poses)
+        return Trajectory(np.array(self.stamps_ns, np.int64), poses)
