@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 FOLDER = Path("out/fuzz")
-MOST_MEMORY_MB, LONGEST_S = 2500, 20
+MAX_MEMORY_MB, LONGEST_S = 2500, 20
 
 
 def fuzz(name: str, seconds: str) -> None:
@@ -29,7 +29,7 @@ def fuzz(name: str, seconds: str) -> None:
     words.write_text("".join(f'"{_escaped(word)}"\n' for word in WORDS))
     options = [
         f"-dict={words}",
-        f"-max_total_time={seconds}", f"-rss_limit_mb={MOST_MEMORY_MB}", f"-timeout={LONGEST_S}", "-max_len=30000",
+        f"-max_total_time={seconds}", f"-rss_limit_mb={MAX_MEMORY_MB}", f"-timeout={LONGEST_S}", "-max_len=30000",
         f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0",
     ]  # fmt: skip
     atheris.Setup([sys.argv[0], *options, str(corpus)], lambda data: check(name, data))

@@ -29,10 +29,10 @@ def merged(stamps: Streams, by_stamp: bool) -> list[tuple[int, int]]:
     return [entry[-1] for entry in heapq.merge(*(keyed(p, s) for p, s in enumerate(stamps)))]
 
 
-def delivered(
+def played_back(
     stamps: Streams, recorded: list[int], by_stamp: bool, limit: int = 1 << 30
 ) -> tuple[list, list[int]]:
-    """(delivered items, streams of late ones); an item is (stream, place in it)."""
+    """(played_back items, streams of late ones); an item is (stream, place in it)."""
     ranks, _ = ordering.merge_plan(stamps, by_stamp)
     places = dict.fromkeys(stamps, -1)
 
@@ -51,7 +51,7 @@ def test_the_order_is_that_of_a_merge_whatever_the_file_interleaves(
 ) -> None:
     recorded = [stream for stream, listed in stamps.items() for _ in listed]
     shuffle.shuffle(recorded)
-    items, late = delivered(stamps, recorded, by_stamp)
+    items, late = played_back(stamps, recorded, by_stamp)
     assert items == merged(stamps, by_stamp)
     assert not late
 
@@ -62,7 +62,7 @@ def test_with_little_memory_nothing_is_lost_and_the_recorded_order_within_a_stre
 ) -> None:
     recorded = [stream for stream, listed in stamps.items() for _ in listed]
     shuffle.shuffle(recorded)
-    items, late = delivered(stamps, recorded, False, limit)
+    items, late = played_back(stamps, recorded, False, limit)
     assert sorted(items) == sorted(merged(stamps, False))
     for stream in stamps:
         assert [place for s, place in items if s == stream] == sorted(p for s, p in items if s == stream)
@@ -71,7 +71,7 @@ def test_with_little_memory_nothing_is_lost_and_the_recorded_order_within_a_stre
 
 def test_a_step_back_stays_in_its_recorded_place() -> None:
     stamps = {0: [10, 30, 20, 40], 1: [25, 35]}
-    items, _ = delivered(stamps, [0, 1, 0, 1, 0, 0], False)
+    items, _ = played_back(stamps, [0, 1, 0, 1, 0, 0], False)
     assert items == [(0, 0), (1, 0), (0, 1), (0, 2), (1, 1), (0, 3)]
     assert ordering.out_of_order_stamps(stamps[0]) == 1
 
@@ -80,7 +80,7 @@ def test_one_stamp_far_in_the_future_does_not_hold_back_its_stream() -> None:
     second = 10**9
     outlier = [0, second, 5000 * second, 2 * second, 3 * second]
     assert ordering.outlier_places(outlier) == {2}
-    items, _ = delivered({0: outlier, 1: [int(2.5 * second)]}, [0, 0, 0, 0, 1, 0], False)
+    items, _ = played_back({0: outlier, 1: [int(2.5 * second)]}, [0, 0, 0, 0, 1, 0], False)
     assert items == [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (0, 4)]
 
 

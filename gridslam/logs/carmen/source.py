@@ -36,12 +36,12 @@ from gridslam.logs.text import TextLines, packing_of
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
-_PILE_SHARE = 0.001
+_MIN_PILED_FRACTION = 0.001
 _KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), again on each pass beyond
 
 
 @dataclass(slots=True)
-class _Survey:
+class _LaserIndex:
     """What the first pass learns about one kind of laser line."""
 
     largest: float = 0.0
@@ -73,7 +73,7 @@ class CarmenSource:
         self._range_max: dict[bytes, float] = {}
         named = config.topics.get("odom")
         self._odometry_topic = named if isinstance(named, str) else None
-        self._survey()
+        self._index()
 
     def close(self) -> None:
         """Nothing stays open between passes."""
@@ -97,9 +97,9 @@ class CarmenSource:
                 if scan in wanted:
                     yield scan, self._scan(word, laser, where)
 
-    def _survey(self) -> None:
+    def _index(self) -> None:
         """First pass: stamps, the value that means "no return", and where the laser sits."""
-        found: dict[bytes, _Survey] = {}
+        found: dict[bytes, _LaserIndex] = {}
         odom = array("q")
         front_offset: float | None = None
         readings = 0
@@ -111,7 +111,7 @@ class CarmenSource:
                 if isinstance(laser, SkipReason):
                     self.message_counts.skip("scan", laser.value, where)
                 else:
-                    _note_laser(found.setdefault(word, _Survey()), laser)
+                    _note_laser(found.setdefault(word, _LaserIndex()), laser)
                     readings += len(laser.ranges)
                     if readings <= _KEPT_READINGS:
                         self._parsed[number] = laser
@@ -125,21 +125,21 @@ class CarmenSource:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
             elif word and not word.startswith(b"#") and word not in OTHERS:
                 self.message_counts.count("unused.other")
-        for word, survey in found.items():
-            self._add_laser(word, survey, front_offset)
+        for word, index in found.items():
+            self._add_laser(word, index, front_offset)
         self._add_odometry(found, odom)
 
-    def _add_laser(self, word: bytes, survey: _Survey, front_offset: float | None) -> None:
+    def _add_laser(self, word: bytes, index: _LaserIndex, front_offset: float | None) -> None:
         frame = LASERS[word]
         self._scan_of[word] = len(self.streams)
         self.streams.append(
-            RecordedStream("scan", word.decode(), "CARMEN " + word.decode(), "", survey.stamps, {frame: None})
+            RecordedStream("scan", word.decode(), "CARMEN " + word.decode(), "", index.stamps, {frame: None})
         )
-        piled = survey.at_largest >= max(10, _PILE_SHARE * survey.readings)
-        found = survey.largest if piled else DEFAULT_RANGE_MAX_M
+        piled = index.at_largest >= max(10, _MIN_PILED_FRACTION * index.readings)
+        found = index.largest if piled else DEFAULT_RANGE_MAX_M
         self._range_max[word] = as_float32(self._config.range_max_m or found)
-        if survey.offset is not None and not survey.offset_varies:
-            x, y, yaw = survey.offset
+        if index.offset is not None and not index.offset_varies:
+            x, y, yaw = index.offset
         elif word in (b"FLASER", b"ROBOTLASER1") and front_offset is not None:
             x, y, yaw = front_offset, 0.0, 0.0
         else:
@@ -147,7 +147,7 @@ class CarmenSource:
         pose = (x, y, 0.0), rotations.from_euler(0.0, 0.0, yaw)
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
 
-    def _add_odometry(self, found: dict[bytes, _Survey], odom: array[int]) -> None:
+    def _add_odometry(self, found: dict[bytes, _LaserIndex], odom: array[int]) -> None:
         """The odometry in the lines of the main laser; ODOM lines without one, or when config names them."""
         main = max(found, key=lambda word: len(found[word].stamps), default=None)
         if odom and (main is None or self._odometry_topic == "ODOM"):
@@ -192,24 +192,24 @@ class CarmenSource:
         )
 
 
-def _note_laser(survey: _Survey, laser: LaserLine) -> None:
-    """Add one line to the survey: its stamp, its largest readings, the laser's place on the robot."""
-    survey.stamps.append(laser.stamp_ns)
-    survey.readings += len(laser.ranges)
+def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
+    """Add one line to the index: its stamp, its largest readings, the laser's place on the robot."""
+    index.stamps.append(laser.stamp_ns)
+    index.readings += len(laser.ranges)
     largest = float(laser.ranges.max(initial=0.0))
     if not math.isfinite(largest):
         largest = float(np.max(laser.ranges, initial=0.0, where=np.isfinite(laser.ranges)))
-    if largest > survey.largest:
-        survey.largest, survey.at_largest = largest, 0
-    if largest == survey.largest:
-        survey.at_largest += int(np.count_nonzero(laser.ranges == largest))
-    if survey.offset_varies:
+    if largest > index.largest:
+        index.largest, index.at_largest = largest, 0
+    if largest == index.largest:
+        index.at_largest += int(np.count_nonzero(laser.ranges == largest))
+    if index.offset_varies:
         return
     offset = _offset(laser)
-    if survey.offset is None:
-        survey.offset = offset
-    elif max(abs(a - b) for a, b in zip(survey.offset, offset, strict=True)) > _SAME_OFFSET:
-        survey.offset_varies = True
+    if index.offset is None:
+        index.offset = offset
+    elif max(abs(a - b) for a, b in zip(index.offset, offset, strict=True)) > _SAME_OFFSET:
+        index.offset_varies = True
 
 
 def _offset(laser: LaserLine) -> tuple[float, float, float]:

@@ -58,7 +58,7 @@ class WeanHallSource:
         )
         scans = RecordedStream("scan", "L", "Wean Hall scan", "", array("q"), {"laser": None})
         self.streams = [odometry, scans]
-        self._survey()
+        self._index()
 
     def close(self) -> None:
         """Nothing stays open between passes."""
@@ -90,7 +90,7 @@ class WeanHallSource:
                     ),
                 )
 
-    def _survey(self) -> None:
+    def _index(self) -> None:
         offset: tuple[float, float, float] | None = None
         for number, line in self._lines:
             words = line.split()

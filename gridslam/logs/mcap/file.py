@@ -58,7 +58,7 @@ class McapFile:
     _resumed: dict[int, int] = field(default_factory=dict)
     _expected: int | None = None
     _size: int = 0
-    _surveyed: bool = False
+    _is_indexed: bool = False
     _complete: bool = False
 
     def __post_init__(self) -> None:
@@ -74,10 +74,10 @@ class McapFile:
         for message in self._messages():
             number += 1
             yield message
-        if not self._surveyed and self._expected is not None and number < self._expected:
+        if not self._is_indexed and self._expected is not None and number < self._expected:
             missing = self._expected - number
             self.message_counts.note(f"{self.path.name}: {missing} of {self._expected} messages are missing")
-        self._surveyed = True
+        self._is_indexed = True
 
     def _messages(self) -> Iterator[tuple[int, bytes]]:
         with self.path.open("rb") as stream:
@@ -142,7 +142,7 @@ class McapFile:
                 name = body[CHUNK_HEAD.size : start - 8].decode("utf-8", "replace")
                 fault = "chunk_that_cannot_be_unpacked"
                 data = unpack(name, body[start : start + packed_size], size)
-                if data is not None and not self._surveyed:
+                if data is not None and not self._is_indexed:
                     if crc and zlib.crc32(data) != crc:
                         data, fault = None, "chunk_with_wrong_checksum"
                     self.compressions[name or "none"] = self.compressions.get(name or "none", 0) + 1
@@ -282,5 +282,5 @@ class McapFile:
 
     def _lose(self, what: str, at: int) -> None:
         """Enter damage in the message_counts, on the first pass only."""
-        if not self._surveyed:
+        if not self._is_indexed:
             self.message_counts.lose(what, f"{self.path.name} byte {at}")

@@ -11,7 +11,7 @@ from gridslam.logs.ros.source import RosSource
 
 
 def open_mcap(path: Path, config: LogConfig) -> RosSource:
-    """Open and survey an MCAP file."""
+    """Open and index an MCAP file."""
     message_counts = MessageCounts()
     file = McapFile(path, message_counts, config.limits.chunk_mb << 20)
     source = RosSource(file, [path], config, message_counts, "MCAP")

@@ -13,7 +13,7 @@ from gridslam.core.messages import Event, Odometry
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.encoded import Encoded
-from gridslam.logs.ros.types import humble
+from gridslam.logs.ros.types import ros2_types
 
 _CHUNK_BYTES = 1 << 20
 
@@ -88,6 +88,6 @@ class McapWriter:
 
     def _schema(self, name: str) -> int:
         if name not in self._schemas:
-            text, _ = humble().generate_msgdef(name, ros_version=2)
+            text, _ = ros2_types().generate_msgdef(name, ros_version=2)
             self._schemas[name] = self._writer.register_schema(name, "ros2msg", text.encode())
         return self._schemas[name]

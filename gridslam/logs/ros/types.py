@@ -91,9 +91,9 @@ def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
     from rosbags.typesys import Stores, TypesysError, get_typestore
 
     if schema is None or not schema.data.strip():
-        if name not in humble().fielddefs:
+        if name not in ros2_types().fielddefs:
             raise ValueError(f"{name}: the log has no definition of this type")
-        return _decoder(humble(), name)
+        return _decoder(ros2_types(), name)
     if len(schema.data) > _LARGEST_SCHEMA_BYTES:
         raise ValueError(f"{name}: its definition is larger than any real one")
     store = get_typestore(Stores.EMPTY)
@@ -133,12 +133,12 @@ def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:
 def _time_types() -> dict[str, Any]:
     """Time and Duration, which definitions use without giving them."""
     return {
-        name: fields for name, fields in humble().fielddefs.items() if name.startswith("builtin_interfaces/")
+        name: fields for name, fields in ros2_types().fielddefs.items() if name.startswith("builtin_interfaces/")
     }
 
 
 @cache
-def humble() -> Any:
+def ros2_types() -> Any:
     """The types of ROS 2 Humble, and our own."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

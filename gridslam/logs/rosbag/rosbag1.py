@@ -13,7 +13,7 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.source import RosSource
-from gridslam.logs.ros.types import humble
+from gridslam.logs.ros.types import ros2_types
 
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 
@@ -28,7 +28,7 @@ class Ros1Bag:
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self._message_counts = message_counts
-        self._surveyed = False
+        self._is_indexed = False
         try:
             with Reader(path) as reader:
                 connections = list(reader.connections)
@@ -52,9 +52,9 @@ class Ros1Bag:
                     read += 1
                     yield connection.id, self._to_cdr(raw, connection.msgtype)
         except (ReaderError, *_DAMAGE) as error:
-            if not self._surveyed:
+            if not self._is_indexed:
                 self._message_counts.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
-        self._surveyed = True
+        self._is_indexed = True
 
     def _to_cdr(self, raw: bytes, name: str) -> bytes:
         """The message in CDR; no bytes (which count as undecodable) where it cannot be had."""
@@ -74,13 +74,13 @@ def _types_of(connections: Iterable[Any]) -> Any:
     for connection in connections:
         with suppress(TypesysError):  # a message of such a type cannot be turned into CDR and is counted then
             types.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
-    types["std_msgs/msg/Header"] = humble().fielddefs["std_msgs/msg/Header"]
+    types["std_msgs/msg/Header"] = ros2_types().fielddefs["std_msgs/msg/Header"]
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     return store
 
 
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:
-    """Open and survey a ROS 1 bag."""
+    """Open and index a ROS 1 bag."""
     message_counts = MessageCounts()
     return RosSource(Ros1Bag(path, message_counts), [path], config, message_counts, "ROS 1 bag", "none")

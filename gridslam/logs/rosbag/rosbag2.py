@@ -30,7 +30,7 @@ class Db3File:
         self.schemas: dict[int, Schema] = {}
         self._message_counts = message_counts
         self._limit = limit_bytes
-        self._surveyed = False
+        self._is_indexed = False
         try:
             with closing(self._connect()) as database:
                 definitions = self._definitions(database)
@@ -52,14 +52,14 @@ class Db3File:
                     read += 1
                     if isinstance(data, bytes) and len(data) <= self._limit:
                         yield channel, data
-                    elif not self._surveyed:
+                    elif not self._is_indexed:
                         self._message_counts.lose("too_large_record", f"{self.path.name} message {read}")
         except sqlite3.Error as error:
-            if not self._surveyed:
+            if not self._is_indexed:
                 self._message_counts.lose(
                     "rest_of_database", f"{self.path.name} after message {read} ({error})"
                 )
-        self._surveyed = True
+        self._is_indexed = True
 
     def _connect(self) -> sqlite3.Connection:
         return sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
@@ -110,7 +110,7 @@ class Recordings:
 
 
 def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
-    """Open and survey a rosbag2 folder or a single .db3 file."""
+    """Open and index a rosbag2 folder or a single .db3 file."""
     message_counts = MessageCounts()
     limit_bytes = config.limits.chunk_mb << 20
     files = _files_of(path) if path.is_dir() else [path]
