@@ -12,9 +12,9 @@ from pydantic import BaseModel
 
 from gridslam.api import localize, map_log
 from gridslam.core.errors import ConfigError
+from gridslam.core.nested import flatten
 from gridslam.core.threads import limit_threads
 from gridslam.report.directory import check_free
-from gridslam.report.document import flatten
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
 from gridslam.runs.run import Command, Run, Stop

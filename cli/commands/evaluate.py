@@ -184,10 +184,10 @@ def _options(
     max_heading_deg: float,
 ) -> EvaluationOptions:
     from gridslam.core.errors import ConfigError
+    from gridslam.core.stamps import END_S
     from gridslam.evaluation.document import EvaluationOptions
     from gridslam.evaluation.pose_errors import Delta
     from gridslam.evaluation.run_files import run_command_of
-    from gridslam.logs.stamps import END_S
 
     if align is None:
         align = AlignName.se2 if run_command_of(path) in ("map", "explore") else AlignName.none
@@ -221,9 +221,9 @@ _UNITS = {
 
 def _show(document: dict[str, Any]) -> None:
     """The document for people: a line for each key."""
-    from gridslam.evaluation.gates import flatten
+    from gridslam.evaluation.gates import measures_of
 
-    rows = [(key, _text(value), _unit(key)) for key, value in flatten(document).items()]
+    rows = [(key, _text(value), _unit(key)) for key, value in measures_of(document).items()]
     console.emit_table(("measure", "value", "unit"), rows)
 
 

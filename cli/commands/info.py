@@ -65,7 +65,7 @@ def run(
 
 def describe(log: Log) -> dict[str, Any]:
     """The log as one JSON document. Stamps are decimal text in seconds, exact to the nanosecond."""
-    from gridslam.logs.stamps import format_stamp
+    from gridslam.core.stamps import format_stamp
 
     starts = [i.first_stamp_ns for i in log.streams if i.first_stamp_ns is not None]
     ends = [i.last_stamp_ns for i in log.streams if i.last_stamp_ns is not None]
@@ -134,7 +134,7 @@ def _show(document: dict[str, Any]) -> None:
 
 
 def _row(stream: dict[str, Any]) -> tuple[object, ...]:
-    from gridslam.logs.stamps import NS_PER_S, parse_stamp
+    from gridslam.core.stamps import NS_PER_S, parse_stamp
 
     rate = "-"
     first, last = (parse_stamp(stream[key] or "") for key in ("first", "last"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,3 +53,19 @@ class Trajectory:
         span = np.maximum(self.stamps_ns[right] - self.stamps_ns[left], 1)
         fraction = np.clip((query - self.stamps_ns[left]) / span, 0.0, 1.0)
         return se2.interpolate(self.poses[left], self.poses[right], fraction), inside
+
+
+def pose_at(
+    stamp_ns: int, stamps_ns: Sequence[int], poses: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64] | None:
+    """The pose `(3,)` at a stamp, interpolated between the poses before and after it.
+
+    `stamps_ns` ascend, one for each of `poses`. None for a stamp before the first or after the last of them.
+    """
+    after = bisect_left(stamps_ns, stamp_ns)
+    if after == len(stamps_ns) or (after == 0 and stamps_ns[0] != stamp_ns):
+        return None
+    if stamps_ns[after] == stamp_ns:
+        return poses[after]
+    fraction = (stamp_ns - stamps_ns[after - 1]) / (stamps_ns[after] - stamps_ns[after - 1])
+    return se2.interpolate(poses[after - 1], poses[after], fraction)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
+from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, Alignment, find_alignment
 from gridslam.evaluation.association import DEFAULT_MAX_DIFFERENCE_NS, Pairs, Sync, associate
@@ -20,7 +21,6 @@ from gridslam.evaluation.object_errors import MapObject, object_errors
 from gridslam.evaluation.pose_errors import Delta, PoseErrors, absolute_errors, relative_errors
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.evaluation.statistics import statistics
-from gridslam.logs.stamps import format_stamp
 from gridslam.maps.occupancy import OccupancyGrid
 
 Document: TypeAlias = dict[str, Any]

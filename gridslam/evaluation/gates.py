@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 from gridslam.config.errors import nearest
 from gridslam.core.errors import ConfigError
+from gridslam.core.nested import flatten
 
 Value: TypeAlias = float | int | bool | str | None
 
@@ -57,20 +58,14 @@ def parse_gate(text: str) -> Gate:
     return Gate(key, comparison, bound)
 
 
-def flatten(document: Mapping[str, Any], prefix: str = "") -> dict[str, Value]:
-    """Nested objects as dotted keys."""
-    flat: dict[str, Value] = {}
-    for name, value in document.items():
-        if isinstance(value, Mapping):
-            flat.update(flatten(value, f"{prefix}{name}."))
-        elif not isinstance(value, (list, tuple)):
-            flat[f"{prefix}{name}"] = value
-    return flat
+def measures_of(document: Mapping[str, Any]) -> dict[str, Value]:
+    """The measures of a document by dotted key; lists are none."""
+    return {key: value for key, value in flatten(document).items() if not isinstance(value, (list, tuple))}
 
 
 def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mapping[str, str]) -> None:
     """ConfigError for a key that the document lacks; `needs` names what the measures under a first part need."""
-    flat = flatten(document)
+    flat = measures_of(document)
     for gate in gates:
         if gate.key in flat:
             continue
@@ -82,7 +77,7 @@ def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mappin
 
 def failures(gates: Sequence[Gate], document: Mapping[str, Any]) -> list[str]:
     """One line for each gate that does not hold. What has no value (NaN, null) passes no gate."""
-    flat = flatten(document)
+    flat = measures_of(document)
     return [_failure(gate, flat[gate.key]) for gate in gates if not _holds(gate, flat[gate.key])]
 
 

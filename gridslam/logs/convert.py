@@ -10,9 +10,9 @@ from pathlib import Path
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Transform
+from gridslam.core.stamps import NS_PER_S
 from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, kind_of_event
 from gridslam.logs.log import Log
-from gridslam.logs.stamps import NS_PER_S
 from gridslam.logs.streams import StreamInfo
 from gridslam.logs.write import open_writer
 

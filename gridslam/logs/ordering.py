@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.logs.stamps import NS_PER_S
+from gridslam.core.stamps import NS_PER_S
 
 T = TypeVar("T")
 OUTLIER_S = 60

@@ -10,8 +10,8 @@ import numpy as np
 
 from gridslam.core.errors import InputError
 from gridslam.core.poses import yaw_of_quaternion
+from gridslam.core.stamps import parse_stamp
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.stamps import parse_stamp
 
 MAX_BYTES = 1 << 30
 LARGEST_M = 1e9  # beyond it no centimetre is left in the arithmetic

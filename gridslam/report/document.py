@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 import gridslam
+from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.stamps import format_stamp
 from gridslam.report.directory import REPORT_FORMAT
 from gridslam.report.environment import made_with, peak_memory_mb
 from gridslam.report.errors_over_time import errors_of
@@ -112,12 +112,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
     return str(value)
-
-
-def flatten(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and plain values of a nested document."""
-    for key, value in document.items():
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value

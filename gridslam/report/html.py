@@ -14,7 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
-from gridslam.report.document import flatten
+from gridslam.core.nested import flatten
 from gridslam.report.errors_over_time import errors_of
 from gridslam.report.plots import Line, time_plot
 from gridslam.runs.run import Run

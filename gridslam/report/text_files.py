@@ -10,8 +10,8 @@ import numpy as np
 
 from gridslam.core.files import write_atomic
 from gridslam.core.poses import quaternion_of_yaw
+from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.stamps import format_stamp
 from gridslam.methods.base import Table
 
 

@@ -15,7 +15,7 @@ import yaml
 from gridslam.core.files import write_atomic
 from gridslam.core.messages import Odometry
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.logs.stamps import format_stamp
+from gridslam.core.stamps import format_stamp
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import OccupancyGrid

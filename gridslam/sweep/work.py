@@ -101,18 +101,18 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
 
     from gridslam.evaluation.document import EvaluationOptions, evaluate, without_nan
     from gridslam.evaluation.from_files import load_result, load_truth
-    from gridslam.evaluation.gates import flatten
+    from gridslam.evaluation.gates import measures_of
     from gridslam.report.directory import REPORT_NAME
 
     report = json.loads((job.directory / REPORT_NAME).read_bytes())
     path, skipped = report["trajectory"], report["counts"]["skipped_by_reason"]
     facts = {"status": report["status"], "poses": path["poses"], "length_m": path["length_m"]}
-    measures = flatten({"run": {**facts, "skipped": sum(skipped.values())}, "method": report["measures"]})
+    measures = measures_of({"run": {**facts, "skipped": sum(skipped.values())}, "method": report["measures"]})
     if job.truth.is_there:
         options = job.options
         files = job.truth
         truth = load_truth(files.truth, files.truth_map, files.relations, files.objects)
-        measures |= flatten(
+        measures |= measures_of(
             without_nan(
                 evaluate(
                     load_result(job.directory, truth),

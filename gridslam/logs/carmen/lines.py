@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Odometry, canonical_yaw
+from gridslam.core.stamps import parse_stamp
 from gridslam.logs.skips import SkipReason
-from gridslam.logs.stamps import parse_stamp
 
 # Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
 LASERS = {

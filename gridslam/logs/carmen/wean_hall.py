@@ -15,12 +15,12 @@ import numpy as np
 
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32, canonical_yaw, readonly
 from gridslam.core.poses import between
+from gridslam.core.stamps import parse_stamp
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason
-from gridslam.logs.stamps import parse_stamp
 from gridslam.logs.streams import RecordedStream
 from gridslam.logs.text import TextLines, packing_of
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
+from gridslam.core.stamps import END_S, NS_PER_S
 from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES
-from gridslam.logs.stamps import END_S, NS_PER_S
 
 if TYPE_CHECKING:
     CsvKind: TypeAlias = str

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
+from gridslam.core.stamps import END_NS, NS_PER_S, parse_stamp
 from gridslam.logs.csv.layout import CsvStream
 from gridslam.logs.csv.row import Row, TableColumns
 from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
-from gridslam.logs.stamps import END_NS, NS_PER_S, parse_stamp
 from gridslam.logs.text import TextLines
 
 _FACTORS: dict[str, Callable[[float], float]] = {

@@ -16,11 +16,11 @@ import yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, partial_folder, put_folder
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
+from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, kind_of_event
-from gridslam.logs.stamps import END_NS, format_stamp
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
 _PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)

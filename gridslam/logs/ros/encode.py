@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
+from gridslam.core.stamps import END_NS
 from gridslam.logs.kinds import kind_of_event
 from gridslam.logs.ros.encoded import Encoded
-from gridslam.logs.stamps import END_NS
 
 
 def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:

@@ -13,11 +13,11 @@ from functools import lru_cache
 import numpy as np
 
 from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
+from gridslam.core.stamps import NS_PER_S, join_stamp
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
 from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
-from gridslam.logs.stamps import NS_PER_S, join_stamp
 from gridslam.logs.streams import printable
 
 _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from gridslam.core.messages import canonical_yaw
+from gridslam.core.stamps import join_stamp
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
-from gridslam.logs.stamps import join_stamp
 
 
 def head(message: Any) -> tuple[int | None, str]:

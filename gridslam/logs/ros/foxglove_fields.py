@@ -6,7 +6,7 @@ import base64
 import binascii
 from typing import Any
 
-from gridslam.logs.stamps import join_stamp
+from gridslam.core.stamps import join_stamp
 
 
 def stamp_ns_of(stamp: Any) -> int | None:

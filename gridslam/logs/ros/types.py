@@ -133,7 +133,9 @@ def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:
 def _time_types() -> dict[str, Any]:
     """Time and Duration, which definitions use without giving them."""
     return {
-        name: fields for name, fields in ros2_types().fielddefs.items() if name.startswith("builtin_interfaces/")
+        name: fields
+        for name, fields in ros2_types().fielddefs.items()
+        if name.startswith("builtin_interfaces/")
     }
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
+from gridslam.core.trajectory import pose_at
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
@@ -225,11 +226,10 @@ class Explorer:
     def _odometry_at(self, stamp_ns: int) -> Floats:
         """T_odom_base at a stamp, between the two nearest; beyond what is kept, the nearest."""
         stamps = [stamp for stamp, _ in self._odometry]
-        after = bisect.bisect_left(stamps, stamp_ns)
-        if after == 0 or after == len(stamps):
-            return self._odometry[min(after, len(stamps) - 1)][1]
-        (t0, a), (t1, b) = self._odometry[after - 1], self._odometry[after]
-        return se2.interpolate(a, b, (stamp_ns - t0) / (t1 - t0))
+        inside_ns = min(max(stamp_ns, stamps[0]), stamps[-1])
+        pose = pose_at(inside_ns, stamps, [pose for _, pose in self._odometry])
+        assert pose is not None  # the stamp is among those kept
+        return pose
 
     def _twist_at(self, stamp_ns: int) -> Floats:
         """Velocity (vx, vy, wz) by odometry about a stamp."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from gridslam.core.stamps import format_stamp
 from gridslam.methods.base import Picture, Table
 from gridslam.methods.handmap_slam.observation_plan import ObservationPlan, Status
 
@@ -26,8 +27,7 @@ def tour_table(plan: ObservationPlan) -> Table:
     settled = sorted(plan.targets, key=lambda t: t.order or len(plan.targets) + 1)
     rows = []
     for target in settled:
-        seconds, rest = divmod(target.stamp_ns, 10**9)
-        stamp = f"{seconds}.{rest:09d}" if target.order else ""
+        stamp = format_stamp(target.stamp_ns) if target.order else ""
         x, y = (round(float(v), 3) for v in target.xy)
         rows.append((target.order, x, y, target.status, stamp, int(target.walls.sum()), target.reason))
     return Table(COLUMNS, rows)

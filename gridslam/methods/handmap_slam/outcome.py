@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.stamps import format_stamp
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.distance_field import distance_to_occupied
 from gridslam.maps.drawing import DrawnMap
@@ -42,7 +43,7 @@ def line_table(updates: Sequence[Update], observer: LineObserver) -> Table:
         for line in update.lines:
             ends = (*observer.lines.starts[line.line], *observer.lines.ends[line.line])
             numbers = [round(float(v), 3) for v in (*ends, line.drawn_m, line.observed_m)]
-            stamp = f"{update.pose.stamp_ns // 10**9}.{update.pose.stamp_ns % 10**9:09d}"
+            stamp = format_stamp(update.pose.stamp_ns)
             rows.append((stamp, line.line, line.family, *numbers, round(line.probability, 6)))
     return Table(LINE_COLUMNS, rows)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
+from gridslam.core.trajectory import pose_at
 from gridslam.methods.ispace_mcl.camera_config import CamerasConfig
 from gridslam.methods.ispace_mcl.environment import Frame, moving_cells
 from gridslam.sensors.fixed_camera import CameraSettings, FixedCamera, Pinhole, Sighting
@@ -203,14 +204,11 @@ class Cameras:
 
     def _pose_at(self, stamp_ns: int) -> Floats | None:
         """T_odom_base at a moment between scans; None before the first."""
-        later = None
-        for when, pose in reversed(self._path):
-            if when <= stamp_ns:
-                if later is None or later[0] == when:
-                    return pose
-                return se2.interpolate(pose, later[1], (stamp_ns - when) / (later[0] - when))
-            later = (when, pose)
-        return None
+        if not self._path or stamp_ns < self._path[0][0]:
+            return None
+        if stamp_ns >= self._path[-1][0]:
+            return self._path[-1][1]
+        return pose_at(stamp_ns, [stamp for stamp, _ in self._path], [pose for _, pose in self._path])
 
     def _skip(self, name: str, reason: str, with_depth: bool = False) -> None:
         self.counters[f"skipped.image.{reason}"] += 1

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.filters.particles import Belief
 from gridslam.methods.base import Series, Table
@@ -89,7 +90,7 @@ def _row(stamp_ns: int, pose: np.ndarray, update: Update) -> tuple[object, ...]:
     covariance = _variances(update.belief)
     assessment = update.assessment
     return (
-        f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d}",
+        format_stamp(stamp_ns),
         *(float(v) for v in pose),
         *covariance,
         assessment.confidence,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import wrap_angle
+from gridslam.core.stamps import format_stamp
 from gridslam.methods.base import Table
 from gridslam.methods.slam_sd.stays import Stay, TrackedObject
 
@@ -49,8 +50,8 @@ def objects_table(objects: Iterable[TrackedObject], path: Floats, open_from_rad:
                 state_of(stay, open_from_rad),
                 _text(found.present is not None),
                 _angle(stay),
-                _seconds(found.stays[0].first_ns),
-                _seconds(stay.last_ns),
+                format_stamp(found.stays[0].first_ns),
+                format_stamp(stay.last_ns),
                 sum(other.reads for other in found.stays),
                 *(f"{covariance[i, i]:.9f}" for i in range(3)),
                 *(f"{covariance[i, j]:.9f}" for i, j in ((0, 1), (0, 2), (1, 2))),
@@ -83,7 +84,7 @@ def _history_rows(
     begun = {stay.first_ns for stay in found.stays[1:]}
     for stay in found.seen:
         row = [
-            _seconds(stay.last_ns),
+            format_stamp(stay.last_ns),
             *_identity(found, stay, path),
             _text(stay.first_ns in begun),
             state_of(stay, open_from_rad),
@@ -100,10 +101,6 @@ def _identity(found: TrackedObject, stay: Stay, path: Floats) -> list[object]:
 
 def _angle(stay: Stay) -> str:
     return "" if stay.door_angle is None else f"{stay.door_angle:.6f}"
-
-
-def _seconds(stamp_ns: int) -> str:
-    return f"{stamp_ns // 1_000_000_000}.{stamp_ns % 1_000_000_000:09d}"
 
 
 def _text(value: bool) -> str:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gridslam.logs.stamps import END_NS, format_stamp, join_stamp, parse_stamp
+from gridslam.core.stamps import END_NS, format_stamp, join_stamp, parse_stamp
 
 
 @pytest.mark.parametrize(
