@@ -6,10 +6,11 @@ import bz2
 import gzip
 import zlib
 from collections.abc import Iterator
-from io import BufferedIOBase
+from io import BufferedIOBase, BufferedReader
 from pathlib import Path
 
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.read_ahead import BLOCK_BYTES, ReadAhead
 
 _KEPT_BYTES = (
     96 << 20
@@ -25,6 +26,14 @@ def open_unpacked(path: Path) -> BufferedIOBase:
     if magic == b"BZh":
         return bz2.open(path, "rb")
     return path.open("rb")
+
+
+def open_ahead(path: Path) -> BufferedIOBase:
+    """As `open_unpacked`; what is packed is unpacked in a thread of its own."""
+    stream = open_unpacked(path)
+    if packing_of(path) == "none":
+        return stream
+    return BufferedReader(ReadAhead(stream), BLOCK_BYTES)
 
 
 def packing_of(path: Path) -> str:
@@ -76,7 +85,7 @@ class TextLines:
 
     def _unpacked(self) -> Iterator[bytes]:
         number = 0
-        with open_unpacked(self.path) as stream:
+        with open_ahead(self.path) as stream:
             while True:
                 try:
                     line = stream.readline(self._limit)

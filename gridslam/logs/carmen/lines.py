@@ -11,6 +11,7 @@ The tail is counted from the end; the time is ipc_timestamp.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import Odometry, canonical_yaw
 from gridslam.core.stamps import parse_stamp
+from gridslam.logs.carmen.decimals import parse_decimals
 from gridslam.logs.skips import SkipReason
 
 # Message: the laser's frame. FLASER is the front laser of old logs, ROBOTLASER1 of newer ones.
@@ -30,6 +32,8 @@ LASERS = {
     **{b"LASER%d" % n: f"laser{n}" for n in range(3, 6)},
 }
 OTHERS = frozenset({b"ODOM", b"PARAM", b"SYNC", b"TRUEPOS"})
+_TAIL = 6  # numbers behind the ranges of an old laser line: the laser's pose and the robot's
+_MAX_COUNT_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +69,48 @@ def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[flo
         return -0.5 * math.radians(field_of_view_deg), increment
     intervals = count - 1 if count % 2 else count
     return -0.5 * math.pi, math.pi / max(intervals, 1)
+
+
+def old_laser_lines(lines: Sequence[bytes]) -> list[LaserLine | None]:
+    """FLASER lines (or others of the same form) taken apart together, ten times as fast as one by one.
+
+    None for a line that is not in the usual form, single spaces and all: `laser_line` says more about it.
+    """
+    counts: list[int] = []
+    stamps: list[int | None] = []
+    numbers: list[bytes] = []
+    for line in lines:
+        count, stamp, middle = _ends_of(line)
+        counts.append(count)
+        stamps.append(stamp)
+        numbers.append(middle)
+    used = [i for i, count in enumerate(counts) if count >= 0]
+    try:
+        values = parse_decimals(b" ".join([numbers[i] for i in used])) if used else np.zeros(0)
+    except ValueError:
+        return [None] * len(lines)
+    taken: list[LaserLine | None] = [None] * len(lines)
+    end = 0
+    for i in used:
+        start, end = end, end + counts[i] + _TAIL
+        stamp = stamps[i]
+        tail = values[end - _TAIL : end].tolist()
+        if stamp is not None and math.isfinite(sum(tail)):
+            ranges = values[start : end - _TAIL]
+            taken[i] = LaserLine(stamp, ranges, tuple(tail[:3]), tuple(tail[3:]))
+    return taken
+
+
+def _ends_of(line: bytes) -> tuple[int, int | None, bytes]:
+    """The beam count, the stamp and the numbers in between of a line; a count of -1 where its form is not the usual one."""
+    head, tail = line.split(b" ", 2), line.rsplit(b" ", 3)
+    if len(head) != 3 or len(tail) != 4 or not head[1].isdigit() or len(head[1]) > _MAX_COUNT_DIGITS:
+        return -1, None, b""
+    count = int(head[1])
+    middle = tail[0][len(head[0]) + len(head[1]) + 2 :]
+    if middle.count(b" ") != count + _TAIL - 1 or b"  " in middle or b"\t" in line:
+        return -1, None, b""
+    return count, parse_stamp(tail[1].decode("ascii", "replace")), middle
 
 
 def laser_line(word: bytes, line: bytes) -> LaserLine | SkipReason:

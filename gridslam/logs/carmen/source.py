@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -26,6 +26,7 @@ from gridslam.logs.carmen.lines import (
     laser_line,
     odom_line,
     odometry_in,
+    old_laser_lines,
 )
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
@@ -37,6 +38,8 @@ DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
+_BATCH_LINES = 256
+_BATCH_BYTES = 1 << 19
 _KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), again on each pass beyond
 
 
@@ -80,18 +83,16 @@ class CarmenSource:
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Odometry and scan of every line, in the file's order."""
-        for number, line in self._lines:
-            word = line[:12].split(b" ", 1)[0]
-            where = f"{self._lines.path.name} line {number}"
+        for number, word, line, laser in self._taken_apart():
             scan, odometry = self._scan_of.get(word), self._odometry_of.get(word)
             if word == b"ODOM" and odometry in wanted and odometry is not None:
                 read = odom_line(line)
                 if not isinstance(read, SkipReason):
                     yield odometry, read
             elif scan is not None and (scan in wanted or odometry in wanted):
-                laser = self._parsed.get(number) or laser_line(word, line)
-                if isinstance(laser, SkipReason):
+                if laser is None or isinstance(laser, SkipReason):
                     continue
+                where = f"{self._lines.path.name} line {number}"
                 if odometry is not None and odometry in wanted:
                     yield odometry, odometry_in(laser)
                 if scan in wanted:
@@ -103,18 +104,15 @@ class CarmenSource:
         odom = array("q")
         front_offset: float | None = None
         readings = 0
-        for number, line in self._lines:
-            word = line[:12].split(b" ", 1)[0]
+        for number, word, line, laser in self._taken_apart():
             where = f"{self._lines.path.name} line {number}"
-            if word in LASERS:
-                laser = laser_line(word, line)
-                if isinstance(laser, SkipReason):
-                    self.message_counts.skip("scan", laser.value, where)
-                else:
-                    _note_laser(found.setdefault(word, _LaserIndex()), laser)
-                    readings += len(laser.ranges)
-                    if readings <= _KEPT_READINGS:
-                        self._parsed[number] = laser
+            if isinstance(laser, SkipReason):
+                self.message_counts.skip("scan", laser.value, where)
+            elif laser is not None:
+                _note_laser(found.setdefault(word, _LaserIndex()), laser)
+                readings += len(laser.ranges)
+                if readings <= _KEPT_READINGS:
+                    self._parsed[number] = laser
             elif word == b"ODOM":
                 read = odom_line(line)
                 if isinstance(read, SkipReason):
@@ -128,6 +126,21 @@ class CarmenSource:
         for word, index in found.items():
             self._add_laser(word, index, front_offset)
         self._add_odometry(found, odom)
+
+    def _taken_apart(self) -> Iterator[tuple[int, bytes, bytes, LaserLine | SkipReason | None]]:
+        """(number, first word, line, what a laser line holds) of every line; laser lines are parsed in batches."""
+        for batch in _batches(self._lines):
+            words = [line[:12].split(b" ", 1)[0] for _, line in batch]
+            at = [i for i, word in enumerate(words) if word in LASERS and batch[i][0] not in self._parsed]
+            together = [i for i in at if not words[i].startswith(b"ROBOTLASER")]
+            parsed: dict[int, LaserLine | SkipReason | None] = dict(
+                zip(together, old_laser_lines([batch[i][1] for i in together]), strict=True)
+            )
+            for i in at:
+                if parsed.get(i) is None:
+                    parsed[i] = laser_line(words[i], batch[i][1])
+            for i, (number, line) in enumerate(batch):
+                yield number, words[i], line, parsed.get(i) or self._parsed.get(number)
 
     def _add_laser(self, word: bytes, index: _LaserIndex, front_offset: float | None) -> None:
         frame = LASERS[word]
@@ -190,6 +203,20 @@ class CarmenSource:
             0.0,
             as_float32(range_max),
         )
+
+
+def _batches(lines: Iterable[tuple[int, bytes]]) -> Iterator[list[tuple[int, bytes]]]:
+    """Up to `_BATCH_LINES` numbered lines at a time, fewer where they are long."""
+    batch: list[tuple[int, bytes]] = []
+    size = 0
+    for line in lines:
+        batch.append(line)
+        size += len(line[1])
+        if len(batch) >= _BATCH_LINES or size >= _BATCH_BYTES:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
 
 
 def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
