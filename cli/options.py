@@ -86,6 +86,8 @@ def common(command: Callable[..., None]) -> Callable[..., None]:
             command(*args, **kwargs)
         except KeyboardInterrupt:  # typer's own answer to it differs between its releases
             raise typer.Abort from None
+        except EOFError as error:  # typer would take it for an interruption
+            raise RuntimeError("a file or stream ended early") from error
 
     added = {"quiet": _Quiet, "debug": _Debug}
     signature = inspect.signature(command, eval_str=True)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
-from gridslam.kernels import raycast
-from gridslam.kernels.compiled import cache_directory, sources_of
+import pytest
+
+from gridslam.kernels import machine_code_cache, raycast
+from gridslam.kernels.machine_code_cache import cache_directory, sources_of
+from tests.conftest import REPOSITORY
 
 
 def folder_of(module: Path) -> Path:
@@ -46,3 +53,61 @@ def test_the_folder_lies_beside_the_sources_where_that_can_be_written(tmp_path: 
 def test_kernels_are_kept_in_the_folder_of_their_module() -> None:
     folder = Path(raycast.cast._cache.cache_path)
     assert cache_directory(Path(raycast.__file__)) in folder.parents
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {repository!r})
+from pathlib import Path
+from gridslam.kernels import machine_code_cache, start
+start.start()
+print(start._same._cache.cache_path if hasattr(start._same._cache, "cache_path") else "none")
+"""
+
+
+def run_start(cache: Path) -> str:
+    """Compile or load the smallest kernel in a process of its own, its machine code kept in `cache`."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(repository=str(REPOSITORY))],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("keep", [0, 10, 0.5])
+def test_damaged_files_are_compiled_anew(tmp_path: Path, keep: float) -> None:
+    run_start(tmp_path)
+    files = [file for file in tmp_path.rglob("*") if file.suffix in (".nbi", ".nbc")]
+    assert len(files) == 2
+    for file in files:
+        data = file.read_bytes()
+        file.write_bytes(data[: int(keep * len(data)) if keep < 1 else int(keep)])
+    run_start(tmp_path)
+    assert all(len(file.read_bytes()) > 100 for file in files)
+
+
+def test_a_folder_that_cannot_be_written_stops_nothing() -> None:
+    assert "/proc" not in run_start(Path("/proc/gridslam"))
+
+
+def test_read_only_sources_and_home_lead_to_a_private_temporary_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_code_cache, "_is_writable", lambda folder: False)
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    machine_code_cache._private_temporary_folder.cache_clear()
+    (tmp_path / "loops.py").write_text("")
+    folder = folder_of(tmp_path / "loops.py").parent
+    assert folder.parent == tmp_path
+    assert folder.stat().st_mode & 0o077 == 0
+    folder.chmod(0o777)
+    machine_code_cache._private_temporary_folder.cache_clear()
+    assert folder_of(tmp_path / "loops.py").parent != folder
+    machine_code_cache._private_temporary_folder.cache_clear()
+    cache_directory.cache_clear()
