@@ -56,7 +56,7 @@ Drawing = Annotated[
         "--drawing",
         metavar="PNG",
         readable=False,
-        help=f"A hand-drawn map of the place ({methods_with(lambda entry: 'drawing' in entry.inputs)}).",
+        help=f"A hand-drawn map of the place ({methods_with(lambda entry: 'drawing' in entry.input_names)}).",
     ),
 ]
 Tags = Annotated[
@@ -65,8 +65,13 @@ Tags = Annotated[
         "--tags",
         metavar="TAGS.yaml",
         readable=False,
-        help=f"What the RFID tags are fixed to ({methods_with(lambda entry: 'tags' in entry.inputs)}).",
+        help=f"What the RFID tags are fixed to ({methods_with(lambda entry: 'tags' in entry.input_names)}).",
     ),
+]
+
+Inputs = Annotated[
+    list[str] | None,
+    typer.Option("--input", metavar="NAME=FILE", help="A further input of a method of another package."),
 ]
 
 _Quiet = Annotated[

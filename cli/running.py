@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -72,13 +72,10 @@ def _run(
         console.say("compiling kernels, once per installation: about a minute")
 
     with console.progress_bar(command) as show, telling_of_compilation(tell):
-        drawing, tags = options.inputs.get("drawing"), options.inputs.get("tags")
         if command == "map":
-            done = map_log(options.log, config, drawing=drawing, tags=tags, progress=show, stop=stop)
+            done = map_log(options.log, config, inputs=options.inputs, progress=show, stop=stop)
         else:
-            done = localize(
-                options.log, map_path, config, drawing=drawing, tags=tags, progress=show, stop=stop
-            )
+            done = localize(options.log, map_path, config, inputs=options.inputs, progress=show, stop=stop)
         return done.run
 
 
@@ -143,6 +140,15 @@ def start_override(text: str, option: str = "--start") -> str:
     return f"method.start=[{x!r}, {y!r}, {yaw!r}]"
 
 
-def given(**paths: Path | None) -> dict[str, Path]:
-    """The inputs that the command line names."""
-    return {name: path for name, path in paths.items() if path is not None}
+def given(further: Sequence[str] | None = None, **paths: Path | None) -> dict[str, Path]:
+    """The inputs of a command line by name: those with an option of their own, and texts `NAME=FILE` of `--input`.
+
+    Raises ConfigError: a text is not of that form.
+    """
+    inputs = {name: path for name, path in paths.items() if path is not None}
+    for text in further or ():
+        name, equals, file = text.partition("=")
+        if not (name and equals and file):
+            raise ConfigError(f"--input {text}: expected NAME=FILE")
+        inputs[name] = Path(file)
+    return inputs

@@ -125,6 +125,7 @@ def map_log(
     *,
     drawing: AnyPath | None = None,
     tags: AnyPath | None = None,
+    inputs: Mapping[str, AnyPath] | None = None,
     seed: int | None = None,
     progress: Show | None = None,
     stop: Stop | None = None,
@@ -132,13 +133,14 @@ def map_log(
 ) -> FinishedRun:
     """Map a log: what `gridslam map` does, without writing anything.
 
-    `config` and `settings` are those of `load_config`; `drawing` (handmap-slam) and `tags` (slam-sd) are files. `progress` is
+    `config` and `settings` are those of `load_config`; `drawing` (handmap-slam) and `tags` (slam-sd) are files,
+    `inputs` the files of further inputs of a plug-in method, by name. `progress` is
     called with a `Progress` now and then; when `stop` returns True, the run ends with what it has.
     Raises ConfigError, LogError (unreadable, or a stream is missing), MethodError.
     """
     loaded = load_config(config, (), seed, settings)
-    inputs = read_inputs(_given(drawing=drawing, tags=tags))
-    return FinishedRun(run_map(loaded, Path(log), progress or _ignore, stop or _never, inputs))
+    contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
+    return FinishedRun(run_map(loaded, Path(log), progress or _ignore, stop or _never, contents))
 
 
 def localize(
@@ -148,6 +150,7 @@ def localize(
     *,
     drawing: AnyPath | None = None,
     tags: AnyPath | None = None,
+    inputs: Mapping[str, AnyPath] | None = None,
     seed: int | None = None,
     progress: Show | None = None,
     stop: Stop | None = None,
@@ -159,9 +162,9 @@ def localize(
     """
     loaded = load_config(config, (), seed, settings)
     given_map = None if map_path is None else Path(map_path)
-    inputs = read_inputs(_given(drawing=drawing, tags=tags))
+    contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
     return FinishedRun(
-        run_localize(loaded, Path(log), given_map, progress or _ignore, stop or _never, inputs)
+        run_localize(loaded, Path(log), given_map, progress or _ignore, stop or _never, contents)
     )
 
 
@@ -221,7 +224,7 @@ def load_trajectory(path: AnyPath) -> Trajectory:
     return read_trajectory(Path(path))
 
 
-def _given(**paths: AnyPath | None) -> dict[str, Path]:
+def _given(paths: Mapping[str, AnyPath | None]) -> dict[str, Path]:
     return {name: Path(path) for name, path in paths.items() if path is not None}
 
 

@@ -100,7 +100,7 @@ def run(
     def tell() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
-    inputs = read_inputs({"drawing": drawing})
+    inputs = read_inputs({"drawing": drawing}, settings.method_name)
     target = output.resolve()
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:

@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-from ..options import AsJson, ConfigName, Force, Jobs, LogPath, Output, Overrides, Seed, Strict, methods_with
+from ..options import (
+    AsJson,
+    ConfigName,
+    Force,
+    Inputs,
+    Jobs,
+    LogPath,
+    Output,
+    Overrides,
+    Seed,
+    Strict,
+    methods_with,
+)
 
 MapPath = Annotated[
     Path | None,
@@ -31,6 +43,7 @@ def run(
     output: Output,
     map_path: MapPath = None,
     start: Start = None,
+    further: Inputs = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -39,8 +52,8 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Find the robot, all along a log, on a given map."""
-    from ..running import RunOptions, run_command, start_override
+    from ..running import RunOptions, given, run_command, start_override
 
     overrides = (*(override or ()), *([start_override(start)] if start else []))
-    options = RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json)
+    options = RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json, given(further))
     run_command("localize", options, map_path)

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from ..options import AsJson, ConfigName, Drawing, Force, Jobs, LogPath, Output, Overrides, Seed, Strict, Tags
+from ..options import (
+    AsJson,
+    ConfigName,
+    Drawing,
+    Force,
+    Inputs,
+    Jobs,
+    LogPath,
+    Output,
+    Overrides,
+    Seed,
+    Strict,
+    Tags,
+)
 
 
 def run(
@@ -11,6 +24,7 @@ def run(
     output: Output,
     drawing: Drawing = None,
     tags: Tags = None,
+    further: Inputs = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -21,6 +35,6 @@ def run(
     """Make a map and a trajectory from a log."""
     from ..running import RunOptions, given, run_command
 
-    inputs = given(drawing=drawing, tags=tags)
+    inputs = given(further, drawing=drawing, tags=tags)
     overrides = tuple(override or ())
     run_command("map", RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json, inputs))

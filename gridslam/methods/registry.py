@@ -13,6 +13,30 @@ from gridslam.methods.plugins import WithPlugins
 
 
 @dataclass(frozen=True, slots=True)
+class InputKind:
+    """A file that a run may be given besides the log; the method's constructor gets its content as keyword argument `name`.
+
+    `reader` and `example` are "module:function". The reader takes the file's path and returns the content; it raises a
+    GridslamError for a file that it cannot use. `example` takes nothing and returns a content with which kernels are compiled
+    ahead. A run must be given an input that `is_needed`.
+    """
+
+    name: str
+    reader: str
+    is_needed: bool = False
+    example: str = ""
+
+
+DRAWING = InputKind(
+    "drawing",
+    reader="gridslam.maps.drawing:load_drawing",
+    is_needed=True,
+    example="gridslam.simulation.scripted:scripted_drawing",
+)
+TAGS = InputKind("tags", reader="gridslam.maps.tag_database:load_tag_database")
+
+
+@dataclass(frozen=True, slots=True)
 class MethodEntry:
     """`config`, `mapper` and `localizer` are "module:Name"; an empty text means that the method has no such command."""
 
@@ -21,12 +45,16 @@ class MethodEntry:
     localizer: str = ""
     needs: tuple[str, ...] = ()  # streams that a log must have; "scan|depth": one of them
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
-    inputs: tuple[str, ...] = ()  # what a run may be given besides the log; arrives as keyword arguments
-    needs_inputs: tuple[str, ...] = ()  # those of the inputs that a run must be given
+    inputs: tuple[InputKind, ...] = ()  # what a run may be given besides the log
     localizes_without_map: bool = False  # its poses come from outside, so `localize` needs no map
     explorer: str = (
         ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
     )
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs that a run may be given."""
+        return tuple(kind.name for kind in self.inputs)
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -42,7 +70,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             mapper="gridslam.methods.slam_sd.method:SlamSd",
             needs=("scan", "odom"),
             uses=("tags",),
-            inputs=("tags",),
+            inputs=(TAGS,),
         ),
         "stereo-bayes": MethodEntry(
             config="gridslam.methods.stereo_bayes.config:StereoBayesConfig",
@@ -70,8 +98,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
             explorer="gridslam.methods.handmap_slam.explorer:MappingExplorer",
             needs=("scan", "odom"),
-            inputs=("drawing",),
-            needs_inputs=("drawing",),
+            inputs=(DRAWING,),
         ),
     }
 )

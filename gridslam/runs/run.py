@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -30,12 +30,6 @@ from gridslam.runs.run_counts import Counts, merge_counts
 Status = Literal["complete", "interrupted", "lossy"]
 Command = Literal["map", "localize", "explore"]
 
-INPUT_READERS: Mapping[str, str] = MappingProxyType(
-    {
-        "drawing": "gridslam.maps.drawing:load_drawing",
-        "tags": "gridslam.maps.tag_database:load_tag_database",
-    }
-)
 LONGEST_BATCH = 256
 SHORT_BATCH_S = 0.01
 LONG_BATCH_S = 0.04
@@ -195,34 +189,38 @@ def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[.
     return builder
 
 
-def read_inputs(paths: Mapping[str, Path]) -> Mapping[str, Input]:
-    """The files that a run is given besides the log, by name, read by the reader of their name.
+def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
+    """The files that a run of a method is given besides the log, by name, each read by the reader in the method's entry.
 
-    Raises ConfigError: one is missing or unreadable; the readers raise their own errors for what is wrong inside.
+    Raises ConfigError: the method does not take one of them, or a file is missing or unreadable. The readers raise their own
+    errors for the content.
     """
+    refuse_unknown_inputs(method, paths)
+    kinds = {kind.name: kind for kind in registry.METHODS[method].inputs}
     inputs = {}
     for name, path in paths.items():
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise ConfigError(f"--{name} {path}: cannot be read ({error.strerror or error})") from error
-        inputs[name] = Input(registry.load(INPUT_READERS[name])(path), path, digest)
+        inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
     return inputs
 
 
-def refuse_unknown_inputs(method: str, inputs: Mapping[str, Input]) -> None:
-    """Raises ConfigError: the method has no use for something that it was given."""
+def refuse_unknown_inputs(method: str, inputs: Collection[str]) -> None:
+    """Raises ConfigError: the method has no use for an input of this name."""
     for name in inputs:
-        if name not in registry.METHODS[method].inputs:
-            able = [n for n, e in registry.METHODS.items() if name in e.inputs]
-            raise ConfigError(f"--{name}: {method} has no use for it; methods that have: {', '.join(able)}")
+        if name not in registry.METHODS[method].input_names:
+            able = [n for n, e in registry.METHODS.items() if name in e.input_names]
+            methods = f"methods that have: {', '.join(able)}" if able else "nor has any other method"
+            raise ConfigError(f"--{name}: {method} has no use for it; {methods}")
 
 
 def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
-    """Raises ConfigError: the method cannot do without something that it was not given."""
-    for name in registry.METHODS[method].needs_inputs:
-        if name not in inputs:
-            raise ConfigError(f"--{name}: {method} needs it: add --{name} FILE to the command")
+    """Raises ConfigError: an input that the method needs is missing."""
+    for kind in registry.METHODS[method].inputs:
+        if kind.is_needed and kind.name not in inputs:
+            raise ConfigError(f"--{kind.name}: {method} needs it: add --{kind.name} FILE to the command")
 
 
 @dataclass(frozen=True, slots=True)

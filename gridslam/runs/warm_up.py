@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import BUILT_IN, MethodEntry
 from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
 from gridslam.planning.dwa import Drive
-from gridslam.simulation.scripted import scripted_drawing, scripted_log
+from gridslam.simulation.scripted import scripted_log
 from gridslam.simulation.world_config import World
-
-INPUTS: Mapping[str, Callable[[], object]] = MappingProxyType({"drawing": scripted_drawing})
-
 
 DRIVE = Drive(radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0)
 COMMAND_EVERY = 50  # events
@@ -52,7 +47,9 @@ def warm_up() -> None:
 
 def _mapper(entry: MethodEntry) -> Method:
     method: Method = registry.load(entry.mapper)(
-        registry.load(entry.config)(), 0, **{name: INPUTS[name]() for name in entry.needs_inputs}
+        registry.load(entry.config)(),
+        0,
+        **{kind.name: registry.load(kind.example)() for kind in entry.inputs if kind.is_needed},
     )
     return method
 

@@ -41,6 +41,9 @@ class LogEntry(StrictModel):
     map: str | None = Field(None, description="localize: the map; of a world, absent: the true map")
     drawing: str | None = None
     tags: str | None = None
+    inputs: dict[str, str] = Field(
+        default_factory=dict, description="files for further inputs of a plug-in method, by name"
+    )
     truth: str | None = Field(
         None, description="as evaluate --truth; absent: the folder NAME.truth, if there is one"
     )

@@ -17,8 +17,6 @@ from gridslam.simulation.world_config import builtin_worlds, load_world
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes, content_key, program_key
 
-INPUTS = ("drawing", "tags")
-
 
 @dataclass(frozen=True, slots=True)
 class SimulateJob:
@@ -149,7 +147,8 @@ def run_job(
     places = _Places(folder, truth_folder)
     map_text = entry.map or ("{truth}/map.yaml" if entry.world and settings.needs_map else None)
     map_path = places.path(map_text)
-    inputs = {name: path for name in INPUTS if (path := places.path(getattr(entry, name))) is not None}
+    given = {"drawing": entry.drawing, "tags": entry.tags, **entry.inputs}
+    inputs = {name: path for name, text in given.items() if (path := places.path(text)) is not None}
     truth = places.truth(entry)
     options = sweep.evaluate.model_dump()
     key = content_key(

@@ -84,7 +84,7 @@ def _make(job: RunJob, stop: Stop) -> dict[str, float]:
     from gridslam.runs.run_config import validate_run_config
 
     config = validate_run_config(job.settings, job.label)
-    inputs = read_inputs(job.inputs)
+    inputs = read_inputs(job.inputs, config.method_name)
     if job.command == "map":
         run = run_map(config, job.log_path, lambda progress: None, stop, inputs)
     else:

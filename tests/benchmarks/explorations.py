@@ -94,7 +94,7 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
     world, world_path = _world_of(trial, seed)
     x, y, yaw = trial.start
     config = load_run_config(trial.config, [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
-    inputs = read_inputs({"drawing": trial.drawing})
+    inputs = read_inputs({"drawing": trial.drawing}, "handmap-slam")
     with tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.process_time()
         done = explore(config, world, world_path, inputs, folder, lambda _: None, lambda: False)

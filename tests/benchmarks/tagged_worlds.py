@@ -86,7 +86,7 @@ def simulated(world: str, seed: int, overrides: Sequence[str] = (), name: str = 
 def mapped(log: Path, config: str, seed: int, overrides: Sequence[str] = (), tags: bool = True) -> Outcome:
     """Map a log and judge the result."""
     truth = truth_folder(log)
-    inputs = read_inputs({"tags": truth / "tags.yaml"}) if tags else {}
+    inputs = read_inputs({"tags": truth / "tags.yaml"}, "slam-sd") if tags else {}
     started = time.process_time()
     run = run_map(load_run_config(config, overrides, seed), log, lambda _: None, lambda: False, inputs)
     cpu_s = time.process_time() - started

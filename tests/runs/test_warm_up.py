@@ -19,7 +19,9 @@ HAND = REPOSITORY / "sample_logs" / "handmap-slam.truth"
 
 def explore_for_two_seconds(folder: Path) -> None:
     world, path = load_world("hand-corridor-20", ("max_duration_s=2",), 0)
-    inputs = read_inputs({"drawing": REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"})
+    inputs = read_inputs(
+        {"drawing": REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"}, "handmap-slam"
+    )
     config = load_run_config("handmap-slam", ["method.start=[2.7, 3.2, 0]"])
     explore(config, world, path, inputs, folder, lambda progress: None, lambda: False)
 
