@@ -21,7 +21,7 @@ SHOW_EVERY_S = 0.1
 
 
 @dataclass(slots=True)
-class Settings:
+class ConsoleOptions:
     """What the options --quiet and --debug, common to all commands, have chosen; whether stderr was written to."""
 
     quiet: bool = False
@@ -29,7 +29,7 @@ class Settings:
     has_spoken: bool = False
 
 
-settings = Settings()
+settings = ConsoleOptions()
 
 
 def start() -> None:
@@ -153,6 +153,6 @@ def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
                 return
             shown = now
             rate = f"{progress.scans / max(now - started, 1e-3):.0f} scans/s" if progress.scans else ""
-            bar.update(task, completed=progress.events, total=progress.most_events, rate=rate)
+            bar.update(task, completed=progress.events, total=progress.max_events, rate=rate)
 
         yield show

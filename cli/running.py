@@ -24,7 +24,7 @@ from . import console
 from .interruption import stop_on_signals
 
 LOSSY, INTERRUPTED = 3, 130
-MOST_PROBLEMS = 10
+MAX_PROBLEMS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +66,12 @@ def _run(
     command: Command, config: RunConfig[BaseModel], options: RunOptions, map_path: Path | None, stop: Stop
 ) -> Run:
     """The run itself, with a progress bar and a word when kernels have to be compiled first."""
-    from gridslam.kernels.compiling import telling_of_compilation  # imports numba: not before the checks
+    from gridslam.kernels.compiling import announcing_compilation  # imports numba: not before the checks
 
     def tell() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
-    with console.progress_bar(command) as show, telling_of_compilation(tell):
+    with console.progress_bar(command) as show, announcing_compilation(tell):
         if command == "map":
             done = map_log(options.log, config, inputs=options.inputs, progress=show, stop=stop)
         else:
@@ -90,10 +90,10 @@ def _warn_of_other_versions(config: RunConfig[BaseModel]) -> None:
 
 
 def _tell_problems(run: Run) -> None:
-    for problem in run.problems[:MOST_PROBLEMS]:
+    for problem in run.problems[:MAX_PROBLEMS]:
         console.say(f"{run.log_path}: {problem}")
-    if len(run.problems) > MOST_PROBLEMS:
-        console.say(f"{run.log_path}: and {len(run.problems) - MOST_PROBLEMS} more, see report.json")
+    if len(run.problems) > MAX_PROBLEMS:
+        console.say(f"{run.log_path}: and {len(run.problems) - MAX_PROBLEMS} more, see report.json")
 
 
 def _exit_unless_whole(run: Run, options: RunOptions) -> None:

@@ -89,7 +89,7 @@ MaxDifference = Annotated[
 DeltaSize = Annotated[float, typer.Option("--delta", metavar="N", help="How far apart RPE's poses are.")]
 DeltaUnitOption = Annotated[DeltaUnitName, typer.Option("--delta-unit", help="What --delta counts.")]
 AllPairs = Annotated[bool, typer.Option("--all-pairs", help="RPE over all pairs, not consecutive ones.")]
-Reach = Annotated[
+CompletenessRadius = Annotated[
     float | None,
     typer.Option(
         "--reach", metavar="M", min=0.0, help="Completeness: true walls this near to what was mapped."
@@ -121,7 +121,7 @@ def run(
     delta: DeltaSize = 1.0,
     delta_unit: DeltaUnitOption = DeltaUnitName.frames,
     all_pairs: AllPairs = False,
-    reach: Reach = None,
+    completeness_radius: CompletenessRadius = None,
     max_position: MaxPosition = 0.5,
     max_heading: MaxHeading = 10.0,
     require: Require = None,
@@ -149,7 +149,7 @@ def run(
         delta,
         delta_unit,
         all_pairs,
-        reach,
+        completeness_radius,
         max_position,
         max_heading,
     )
@@ -179,7 +179,7 @@ def _options(
     delta: float,
     unit: DeltaUnitName,
     all_pairs: bool,
-    reach_m: float | None,
+    completeness_radius_m: float | None,
     max_position_m: float,
     max_heading_deg: float,
 ) -> EvaluationOptions:
@@ -206,7 +206,7 @@ def _options(
         sync=sync.value,
         max_difference_ns=round(max_difference_s * 1e9),
         delta=Delta(delta, unit.value, all_pairs),
-        reach_m=reach_m,
+        completeness_radius_m=completeness_radius_m,
         max_position_m=max_position_m,
         max_heading_deg=max_heading_deg,
     )

@@ -94,7 +94,7 @@ def run(
     place, path = load_world(world, world_override or (), world_seed)
     if jobs is not None:
         limit_threads(jobs)
-    from gridslam.kernels.compiling import telling_of_compilation
+    from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.explore import LOG_NAME, TRUTH_NAME, explore
 
     def tell() -> None:
@@ -104,7 +104,7 @@ def run(
     target = output.resolve()
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:
-        with console.progress_bar("explore") as show, telling_of_compilation(tell):
+        with console.progress_bar("explore") as show, announcing_compilation(tell):
             done = explore(settings, place, path, inputs, folder, show, stop, longest)
         for problem in done.run.problems:
             console.say(f"{world}: {problem}")

@@ -89,7 +89,7 @@ def run(
     """Plan the path of lines and arcs that takes the least time from start to goal on a map."""
     import numpy as np
 
-    from gridslam.kernels.compiling import telling_of_compilation
+    from gridslam.kernels.compiling import announcing_compilation
     from gridslam.maps.load import load_any_map
     from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
     from gridslam.planning.footprint import cover_polygon, disc
@@ -118,7 +118,7 @@ def run(
     if output is not None:
         check_free(output, force)
     occupancy = load_any_map(map_path)
-    with telling_of_compilation(
+    with announcing_compilation(
         lambda: console.say("compiling the planner, once per installation: half a minute")
     ):
         plan = plan_path(occupancy, begin, end, options)

@@ -12,7 +12,7 @@ from ..options import AsJson
 
 if TYPE_CHECKING:
     from gridslam.simulation.record import Recorded
-    from gridslam.simulation.world_config import World
+    from gridslam.simulation.world_config import WorldConfig
 
 STEPS = 1000  # of the progress bar
 WorldName = Annotated[
@@ -74,19 +74,19 @@ def run(
             "output": str(output),
             "truth": str(done.truth),
             "duration_s": round(done.duration_s, 3),
-            "way_m": round(done.way_m, 3),
+            "distance_m": round(done.distance_m, 3),
             "messages": done.messages,
         }
         if not as_json:
-            console.say(f"{done.duration_s:.0f} s, {done.way_m:.0f} m; the truth is in {done.truth}")
+            console.say(f"{done.duration_s:.0f} s, {done.distance_m:.0f} m; ground truth in {done.truth}")
             console.emit_table(("message", "count"), list(done.messages.items()))
     if as_json:
         console.emit_json(document)
 
 
-def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:
+def _record(world: WorldConfig, folder: Path, output: Path, force: bool) -> Recorded:
     """The recording, with a progress bar and a word when the ray caster has to be compiled first."""
-    from gridslam.kernels.compiling import telling_of_compilation
+    from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.run import Progress
     from gridslam.simulation.record import record_world
 
@@ -97,13 +97,13 @@ def _record(world: World, folder: Path, output: Path, force: bool) -> Recorded:
 
     with (
         console.progress_bar("simulate") as show,
-        telling_of_compilation(tell),
+        announcing_compilation(tell),
         stop_on_signals("stopping; half a log is not kept") as stop,
     ):
 
-        def go_on(share: float) -> None:
+        def go_on(fraction: float) -> None:
             if stop():
                 raise KeyboardInterrupt
-            show(Progress(round(share * STEPS), STEPS, 0))
+            show(Progress(round(fraction * STEPS), STEPS, 0))
 
         return record_world(world, folder, output, force, go_on)

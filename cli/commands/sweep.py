@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gridslam.sweep.sweep import SweepResult
 
 FAILED_GATE, FAILED_RUNS, INTERRUPTED = 1, 4, 130
-MOST_LISTED = 10
+MAX_LISTED = 10
 USUAL = (
     "ape.trans.rmse", "ape.rot.rmse", "relations.trans.mean", "relations.rot.mean", "final.trans",
     "localization.success", "localization.time_to_convergence", "map.accuracy.mean", "map.iou",
@@ -107,12 +107,12 @@ def _text(measure: Measure | None) -> str:
 
 def _exit_unless_whole(result: SweepResult, output: Path) -> None:
     """130 interrupted, 4 some runs failed, 1 a gate failed; each is listed on stderr."""
-    for row in result.failed[:MOST_LISTED]:
-        console.complain(f"error: {row.label}: {row.outcome.error}")
-    for line in result.failed_gates[:MOST_LISTED]:
+    for row in result.failed[:MAX_LISTED]:
+        console.complain(f"error: {row.label}: {row.result.error}")
+    for line in result.failed_gates[:MAX_LISTED]:
         console.complain(f"error: {line}")
     for what, count in (("runs", len(result.failed)), ("gates", len(result.failed_gates))):
-        if count > MOST_LISTED:
+        if count > MAX_LISTED:
             console.complain(f"error: {count} {what} failed; {output / 'summary.json'} lists all")
     if result.is_interrupted:
         console.complain(f"interrupted: {output} holds the runs up to there; the same command goes on")

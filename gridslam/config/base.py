@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, model_validator
 
 
 class StrictModel(BaseModel):
-    """Immutable; an unknown key is an error; numbers must be finite."""
+    """Immutable model: an unknown key is an error, and numbers must be finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    former_keys: ClassVar[Mapping[str, str]] = {}
+    """Former key -> present key: files written with the former names are still read."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rename_former_keys(cls, document: Any) -> Any:
+        if not isinstance(document, dict) or not cls.former_keys.keys() & document.keys():
+            return document
+        return {cls.former_keys.get(key, key): value for key, value in document.items()}

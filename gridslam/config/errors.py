@@ -13,10 +13,10 @@ from pydantic_core import ErrorDetails
 
 from gridslam.core.errors import ConfigError
 
-MOST_SHOWN = 5
-LONGEST_VALUE = 60
+MAX_SHOWN = 5
+MAX_VALUE_LENGTH = 60
 _SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = LONGEST_VALUE + 1
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = MAX_VALUE_LENGTH + 1
 
 
 def config_error(
@@ -27,16 +27,16 @@ def config_error(
     `overridden` holds the key paths that came from --set, not from the source: they are marked.
     """
     details = error.errors(include_url=False, include_context=True)
-    lines = [_describe(detail, model, overridden) for detail in details[:MOST_SHOWN]]
-    if len(details) > MOST_SHOWN:
-        lines.append(f"and {len(details) - MOST_SHOWN} more")
+    lines = [_describe(detail, model, overridden) for detail in details[:MAX_SHOWN]]
+    if len(details) > MAX_SHOWN:
+        lines.append(f"and {len(details) - MAX_SHOWN} more")
     return ConfigError(f"{source}: " + "; ".join(lines))
 
 
 def short(value: object) -> str:
     """The value for a message. It is never written out in full: a few bytes of YAML can stand for very much."""
     text = _SHORT.repr(value)
-    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+    return text if len(text) <= MAX_VALUE_LENGTH else text[: MAX_VALUE_LENGTH - 3] + "..."
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:

@@ -67,7 +67,7 @@ class EvaluationOptions:
     sync: Sync = "nearest"
     max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS
     delta: Delta = field(default_factory=Delta)
-    reach_m: float | None = None
+    completeness_radius_m: float | None = None
     max_position_m: float = 0.5  # of a localization, and of a correct object
     max_heading_deg: float = 10.0
 
@@ -88,7 +88,7 @@ def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Docume
     T_truth_map = alignment.T_truth_estimate
     if result.occupancy is not None and truth.occupancy is not None:
         document["map"] = _map_measures(
-            result.occupancy, result.probability, truth.occupancy, T_truth_map, options.reach_m
+            result.occupancy, result.probability, truth.occupancy, T_truth_map, options.completeness_radius_m
         )
     if result.objects is not None and truth.objects is not None:
         document |= _object_measures(result.objects, truth.objects, T_truth_map, options.max_position_m)
@@ -186,9 +186,9 @@ def _map_measures(
     probability: OccupancyGrid | None,
     truth: OccupancyGrid,
     T_truth_map: NDArray[np.float64],
-    reach_m: float | None,
+    completeness_radius_m: float | None,
 ) -> Document:
-    walls = wall_distances(built, truth, T_truth_map, reach_m)
+    walls = wall_distances(built, truth, T_truth_map, completeness_radius_m)
     document: Document = {
         "accuracy": _distances(walls.accuracy),
         "completeness": _distances(walls.completeness),

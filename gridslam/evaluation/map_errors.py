@@ -31,20 +31,20 @@ def wall_distances(
     built: OccupancyGrid,
     truth: OccupancyGrid,
     T_truth_built: NDArray[np.float64],
-    reach_m: float | None = None,
+    completeness_radius_m: float | None = None,
 ) -> WallDistances:
     """Both distances, with the built map moved by `T_truth_built` (x, y, yaw) into the truth's frame.
 
     A wall cell is one with probability > 0.5. The inside of a thick true wall, which nothing can observe, counts
-    for accuracy only. With `reach_m` completeness leaves out true walls farther than that from every known cell
+    for accuracy only. With `completeness_radius_m` completeness leaves out true walls farther than that from every known cell
     of the built map. Empty where one of the maps has no wall.
     """
     mapped = se2.transform_points(T_truth_built, _centres(built, _walls(built)))
     true = _centres(truth, _walls(truth))
     seen = _centres(truth, _borders_on_free(truth))
-    if reach_m is not None and len(seen):
+    if completeness_radius_m is not None and len(seen):
         known = se2.transform_points(T_truth_built, _centres(built, ~np.isnan(built.probability)))
-        seen = seen[_nearest(seen, known) <= reach_m] if len(known) else seen[:0]
+        seen = seen[_nearest(seen, known) <= completeness_radius_m] if len(known) else seen[:0]
     return WallDistances(_nearest(mapped, true), _nearest(seen, mapped))
 
 

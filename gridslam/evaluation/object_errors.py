@@ -55,7 +55,7 @@ def object_errors(
         bool(distance <= max_position_m) and _agrees(found[i], truth[i])
         for i, distance in zip(ids, position, strict=True)
     ]
-    doors = {i for i, thing in truth.items() if thing.state is not None}
+    doors = {i for i, obj in truth.items() if obj.state is not None}
     return ObjectErrors(
         count=len(truth),
         found=len(ids),

@@ -86,12 +86,15 @@ def _consecutive_pairs(
 
 
 def _all_pairs(steps: NDArray[np.float64], size: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    way = np.concatenate(([0.0], np.cumsum(steps)))
-    first = np.arange(len(way) - 1)
-    after = np.clip(np.searchsorted(way, way[:-1] + size, side="left"), first + 1, len(way) - 1)
+    travel = np.concatenate(([0.0], np.cumsum(steps)))
+    first = np.arange(len(travel) - 1)
+    after = np.clip(np.searchsorted(travel, travel[:-1] + size, side="left"), first + 1, len(travel) - 1)
     # Where the robot stood still several poses are equally far along: the first of them, as evo takes.
-    before = np.maximum(np.searchsorted(way, way[after - 1], side="left"), first + 1)
-    to_after, to_before = np.abs(way[after] - way[:-1] - size), np.abs(way[before] - way[:-1] - size)
+    before = np.maximum(np.searchsorted(travel, travel[after - 1], side="left"), first + 1)
+    to_after, to_before = (
+        np.abs(travel[after] - travel[:-1] - size),
+        np.abs(travel[before] - travel[:-1] - size),
+    )
     last = np.where(to_before <= to_after, before, after)
     is_near = np.minimum(to_before, to_after) <= size * RELATIVE_TOLERANCE
     return first[is_near], last[is_near]

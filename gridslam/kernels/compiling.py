@@ -26,7 +26,7 @@ class _FirstStart(event.Listener):
 
 
 @contextmanager
-def telling_of_compilation(tell: Callable[[], None]) -> Iterator[None]:
+def announcing_compilation(tell: Callable[[], None]) -> Iterator[None]:
     """Within the block `tell` is called once, when a kernel is compiled that numba's cache does not hold."""
     with event.install_listener("numba:compile", _FirstStart(tell)):
         yield

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-MOST_POINTS = 2000
+MAX_POINTS = 2000
 COLOUR = "#1e6ec8"
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",  # text stays text: small, and searchable in the browser
@@ -54,12 +54,12 @@ def time_plot(lines: Sequence[Line], y_label: str) -> str:
 def thin_out(
     times_s: NDArray[np.float64], values: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """At most MOST_POINTS finite points: least and greatest of each stretch, so that no peak is lost."""
+    """At most MAX_POINTS finite points: least and greatest of each stretch, so that no peak is lost."""
     finite = np.isfinite(values) & np.isfinite(times_s)
     times, present = times_s[finite], values[finite]
-    if len(times) <= MOST_POINTS:
+    if len(times) <= MAX_POINTS:
         return times, present
-    edges = np.linspace(0, len(times), MOST_POINTS // 2 + 1).astype(int)
+    edges = np.linspace(0, len(times), MAX_POINTS // 2 + 1).astype(int)
     picks = [
         index
         for first, last in pairwise(edges)

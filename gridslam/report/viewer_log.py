@@ -24,7 +24,7 @@ from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occup
 from gridslam.runs.run import Run
 
 SHOWN = frozenset({"scan", "range", "odom"})  # odom names the base frame; pictures need not be unpacked again
-MOST_PATH_POSES = 10_000
+MAX_PATH_POSES = 10_000
 OBJECT_SIZE_M, TEXT_SIZE_M = 0.4, 0.25
 STANDS, MOVED = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
 
@@ -88,7 +88,7 @@ def _at(extrinsics: Transform, stamp_ns: int) -> Transform:
 def _path(trajectory: Trajectory, start_ns: int) -> Encoded:
     """The whole path; of a very long one every n-th pose and the last (map -> base has them all)."""
     count = len(trajectory)
-    kept = np.unique(np.r_[np.arange(0, count, -(-count // MOST_PATH_POSES)), count - 1])
+    kept = np.unique(np.r_[np.arange(0, count, -(-count // MAX_PATH_POSES)), count - 1])
     return path("/path", start_ns, trajectory.stamps_ns[kept], trajectory.poses[kept])
 
 

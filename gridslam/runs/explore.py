@@ -33,7 +33,7 @@ from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.record import write_truth
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 
 STEPS_PER_COMMAND = 10  # of 10 ms
 HOLD_NS = 250_000_000  # messages come at most so late
@@ -106,7 +106,7 @@ class InStampOrder:
 
 def explore(
     config: RunConfig[BaseModel],
-    world: World,
+    world: WorldConfig,
     world_path: Path,
     inputs: Mapping[str, Input],
     folder: Path,
@@ -163,7 +163,7 @@ def explore(
             compile_s=clock.seconds,
             given={name: item.path.name for name, item in inputs.items()},
         )
-        return Explored(run, loop.ended, simulator.time_s, simulator.robot.way_m, loop.watch.clearance_m)
+        return Explored(run, loop.ended, simulator.time_s, simulator.robot.distance_m, loop.watch.clearance_m)
 
 
 class _Loop:
@@ -192,7 +192,7 @@ class _Loop:
         self, write: Callable[[Event], None], write_truth: Callable[[Odometry], None], stop: Stop
     ) -> None:
         """Until nothing is left to look at, the time is over, the robot touches something, or somebody says stop."""
-        for mount in self.simulator.mounts():
+        for mount in self.simulator.extrinsics():
             self._take(mount, write)
         self._note_truth(write_truth)
         while not self._is_over(stop):
@@ -247,7 +247,7 @@ class _Loop:
         self.path.append(pose)
 
 
-def drive_of(world: World) -> Drive:
+def drive_of(world: WorldConfig) -> Drive:
     """What the world's robot can do."""
     wheels = world.robot.wheels
     return Drive(
@@ -255,7 +255,7 @@ def drive_of(world: World) -> Drive:
     )
 
 
-def _checked(config: RunConfig[BaseModel], world: World, inputs: Mapping[str, Input]) -> MethodEntry:
+def _checked(config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[str, Input]) -> MethodEntry:
     name = config.method_name
     entry = registry.METHODS[name]
     if not entry.explorer:
@@ -283,7 +283,7 @@ def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object
     facts: dict[str, object] = {
         "ended": loop.ended,
         "duration_s": round(simulator.time_s, 2),
-        "way_m": round(simulator.robot.way_m, 2),
+        "way_m": round(simulator.robot.distance_m, 2),
         "least_clearance_m": round(float(loop.watch.clearance_m), 3),
     }
     return {**measures, "exploration": {**facts, **(told if isinstance(told, dict) else {})}}

@@ -43,7 +43,7 @@ class Progress:
     """
 
     events: int
-    most_events: int
+    max_events: int
     scans: int
     is_finishing: bool = False
 

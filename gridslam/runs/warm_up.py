@@ -11,7 +11,7 @@ from gridslam.methods.registry import BUILT_IN, MethodEntry
 from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
 from gridslam.planning.dwa import Drive
 from gridslam.simulation.scripted import scripted_log
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 
 DRIVE = Drive(radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0)
 COMMAND_EVERY = 50  # events
@@ -69,7 +69,7 @@ def _simulate() -> None:
     """A moment in a room."""
     from gridslam.simulation.simulator import Simulator
 
-    simulator = Simulator(World.model_validate(ROOM), Path())
+    simulator = Simulator(WorldConfig.model_validate(ROOM), Path())
     for _ in range(100):
         simulator.step(1.0, 1.0)
 

@@ -1,0 +1,1 @@
+"""The simulator: worlds, a robot and its sensors, and the logs with ground truth that they give."""

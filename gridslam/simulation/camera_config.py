@@ -1,17 +1,22 @@
-"""Cameras of a world file: stereo pairs and RGB-D, on the robot or fixed in the world."""
+"""Cameras of a world file: stereo and RGB-D, on the robot or fixed in the world."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, PositiveFloat
 
 from gridslam.simulation.sensor_config import SensorExtrinsics, Stream
-from gridslam.simulation.shapes import NotNegative, Share
+from gridslam.simulation.shapes import Fraction, NotNegative
 
 
 class Camera(Stream):
-    """A pinhole camera that looks along its extrinsics's x axis; pixels have normal noise of `noise_levels` (of 255)."""
+    """A pinhole camera that looks along the x axis of its extrinsics. Pixel noise is normal; `noise_levels` is its
+    standard deviation in grey levels (0 to 255).
+    """
+
+    former_keys: ClassVar[Mapping[str, str]] = {"mounting": "extrinsics"}
 
     name: str = Field(min_length=1, pattern="^[A-Za-z][A-Za-z0-9_]*$")
     extrinsics: SensorExtrinsics = SensorExtrinsics(z=0.6)
@@ -23,9 +28,11 @@ class Camera(Stream):
 
 
 class RgbdCamera(Camera):
-    """Colour and depth of the same pixels. The deviation of a depth is depth_noise_m + depth_noise_per_m2 * depth^2; all of
-    them are wrong by `depth_offset_m`. There is no depth outside [depth_min_m, depth_max_m], for the share `holes` of the
-    pixels, beyond an incidence of `grazing_deg`, and beside edges of more than 5 % of the depth.
+    """Colour and depth of the same pixels.
+
+    The standard deviation of a depth is depth_noise_m + depth_noise_per_m2 * depth^2; `depth_offset_m` is added to every
+    depth. A pixel has no depth outside [depth_min_m, depth_max_m], where its incidence exceeds `grazing_deg`, beside a depth
+    edge of more than 5 % (`edge_shadow`), and at random for the fraction `holes` of the pixels.
     """
 
     kind: Literal["rgbd"] = "rgbd"
@@ -35,13 +42,13 @@ class RgbdCamera(Camera):
     depth_noise_per_m2: NotNegative = 0.002
     depth_offset_m: float = 0.0
     depth_resolution_m: NotNegative = 0.001
-    holes: Share = 0.01
+    holes: Fraction = 0.01
     grazing_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 80.0
     edge_shadow: bool = True
 
 
 class StereoCamera(Camera):
-    """Two rectified grey cameras: the extrinsics is the left one's, the right one is `baseline_m` to its right."""
+    """Two rectified grey cameras. The extrinsics are those of the left one; the right one is `baseline_m` to its right."""
 
     kind: Literal["stereo"] = "stereo"
     baseline_m: PositiveFloat = 0.12

@@ -1,4 +1,4 @@
-"""Stereo and RGB-D cameras on the robot, and RGB-D cameras fixed in the world."""
+"""Simulated cameras: stereo and RGB-D on the robot, RGB-D fixed in the world."""
 
 from __future__ import annotations
 
@@ -12,20 +12,23 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, StereoPair, Transform, readonly
 from gridslam.simulation.camera_config import RgbdCamera, StereoCamera
 from gridslam.simulation.drive import DrivenRobot
-from gridslam.simulation.mesh import Mesh, joined, moving_mesh, robot_mesh, standing_mesh
-from gridslam.simulation.mounts import planar
-from gridslam.simulation.renderer import Renderer, View
+from gridslam.simulation.extrinsics import planar
+from gridslam.simulation.mesh import Mesh, joined, moving_mesh, robot_mesh, static_mesh
+from gridslam.simulation.renderer import CameraView, Renderer
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.sensor_config import SensorExtrinsics
 from gridslam.simulation.timing import Schedule
 
 Array = NDArray[np.float64]
-EDGE_SHARE = 0.05
+EDGE_FRACTION = 0.05  # a depth step larger than this fraction of the depth casts a shadow in the depth image
 GREY = np.array([0.299, 0.587, 0.114], np.float32)
 
 
 class CameraSensor:
-    """One camera with its own schedule. `is_fixed`: the extrinsics is in the map frame, and the robot is in view."""
+    """One camera with its own schedule.
+
+    With `is_fixed` the extrinsics are in the map frame, and the robot is rendered as part of the scene.
+    """
 
     def __init__(
         self,
@@ -41,11 +44,11 @@ class CameraSensor:
         self._is_fixed = is_fixed
         self._schedule = Schedule(config, start_ns, rng, phase=0.4)
         self._renderer = Renderer(config.width_px, config.height_px, config.focal_px)
-        self._standing: Mesh | None = None
+        self._static_mesh: Mesh | None = None
         self.frame = f"{config.name}_optical"
 
     def infos(self, stamp_ns: int) -> list[CameraInfo]:
-        """The calibration messages."""
+        """The camera's calibration messages: one for RGB-D, left and right for stereo."""
         if isinstance(self._config, RgbdCamera):
             return [self._info(stamp_ns, self._config.name, 0.0)]
         baseline = self._config.baseline_m
@@ -54,15 +57,15 @@ class CameraSensor:
             self._info(stamp_ns, f"{self._config.name}/right", baseline),
         ]
 
-    def mount(self, stamp_ns: int, parent: str) -> Transform:
-        """T_parent_optical: x right, y down, z along the view."""
+    def extrinsics(self, stamp_ns: int, parent: str) -> Transform:
+        """T_parent_optical as a static transform; the optical frame has x right, y down, z along the view."""
         extrinsics = self._config.extrinsics
         forward, left, up = axes(extrinsics, 0.0).T
         quat = _quaternion(np.column_stack([-left, -up, forward]))
         return Transform(stamp_ns, parent, self.frame, (extrinsics.x, extrinsics.y, extrinsics.z), quat, True)
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
-        """The pictures of this step."""
+        """The images taken at this step."""
         if not self._schedule.is_due(now_ns):
             return []
         self._schedule.take()
@@ -75,19 +78,19 @@ class CameraSensor:
         return self._stereo(self._config, stamp, mesh, robot)
 
     def _mesh(self, robot: DrivenRobot, scene: Scene, time_s: float) -> Mesh:
-        if self._standing is None:
-            self._standing = standing_mesh(scene.world, self._folder, scene)
-        parts = [self._standing, moving_mesh(scene.world, scene, time_s)]
+        if self._static_mesh is None:
+            self._static_mesh = static_mesh(scene.world, self._folder, scene)
+        parts = [self._static_mesh, moving_mesh(scene.world, scene, time_s)]
         if self._is_fixed:
             parts.append(robot_mesh(scene.world, robot))
         return joined(parts)
 
-    def _view(self, mesh: Mesh, robot: DrivenRobot, to_the_right_m: float = 0.0) -> View:
+    def _view(self, mesh: Mesh, robot: DrivenRobot, right_offset_m: float = 0.0) -> CameraView:
         base = np.zeros(3) if self._is_fixed else robot.pose
         extrinsics = self._config.extrinsics
         x, y, _ = se2.compose(base, planar(extrinsics)).tolist()
         rotation = axes(extrinsics, float(base[2]))
-        position = np.array([x, y, extrinsics.z]) - to_the_right_m * rotation[:, 1]
+        position = np.array([x, y, extrinsics.z]) - right_offset_m * rotation[:, 1]
         return self._renderer.render(mesh, position, rotation)
 
     def _rgbd(self, config: RgbdCamera, stamp: int, mesh: Mesh, robot: DrivenRobot) -> list[Event]:
@@ -106,7 +109,7 @@ class CameraSensor:
         return [*self.infos(stamp), StereoPair(stamp, self.frame, left, right)]
 
     def _exposed(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Light (0 to 255) as noisy pixels."""
+        """Pixel values of light levels (0 to 255), with noise."""
         noise = self._config.noise_levels * self._rng.standard_normal(light.shape, np.float32)
         return np.clip(np.rint(light + noise), 0, 255).astype(np.uint8)
 
@@ -120,8 +123,8 @@ class CameraSensor:
         return CameraInfo(stamp_ns, self.frame, c.width_px, c.height_px, K, P, D, name)
 
 
-def noisy_depth(config: RgbdCamera, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Depths as the sensor reports them, NaN where it has none."""
+def noisy_depth(config: RgbdCamera, view: CameraView, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Depths `(rows, cols)` (m) as the sensor reports them, NaN where it reports none."""
     depth = view.depth_m.astype(np.float64)
     normal, hole = rng.standard_normal(depth.shape, np.float32), rng.random(depth.shape, np.float32)
     with np.errstate(invalid="ignore"):
@@ -137,15 +140,15 @@ def noisy_depth(config: RgbdCamera, view: View, rng: np.random.Generator) -> NDA
 
 
 def _beside_edges(depth: Array) -> NDArray[np.bool_]:
-    """Far pixels whose left neighbour is much nearer: the projector's light does not reach them."""
+    """Mask `(rows, cols)` of far pixels whose left neighbour is much nearer: the projector's light does not reach them."""
     shadow = np.zeros(depth.shape, bool)
     with np.errstate(invalid="ignore"):
-        shadow[:, 1:] = depth[:, 1:] - depth[:, :-1] > EDGE_SHARE * depth[:, 1:]
+        shadow[:, 1:] = depth[:, 1:] - depth[:, :-1] > EDGE_FRACTION * depth[:, 1:]
     return shadow
 
 
 def axes(extrinsics: SensorExtrinsics, base_yaw_rad: float) -> Array:
-    """Forward, left, up of a camera as columns `(3, 3)`; pitch is positive downwards."""
+    """Axes of a camera in the map frame as columns forward, left, up `(3, 3)`; pitch is positive downwards."""
     yaw, pitch = base_yaw_rad + math.radians(extrinsics.yaw_deg), math.radians(extrinsics.pitch_deg)
     cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     return np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])

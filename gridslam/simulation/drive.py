@@ -1,4 +1,4 @@
-"""The robot's body: wheels that accelerate, slip and wear, and the pose that results."""
+"""The differential drive: wheel acceleration, slip and geometry errors, and the pose that results."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gridslam.simulation.shapes import PoseDeg
 
 STEP_NS = 10_000_000
 STEP_S = STEP_NS * 1e-9
-_DRAWS = 4096
+_DRAWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, slots=True)
 class TrueWheels:
-    """Radii and base as they really are."""
+    """The true wheel radii and wheel base, which differ from the nominal ones."""
 
     left_radius_m: float
     right_radius_m: float
@@ -27,7 +27,7 @@ class TrueWheels:
 
 
 class DrivenRobot:
-    """True state of the robot, advanced in steps of 10 ms; yaw is not wrapped, so that it can be interpolated."""
+    """True state of the robot, advanced in steps of 10 ms. Yaw is not wrapped, so that it can be interpolated."""
 
     def __init__(self, wheels: Wheels, start: PoseDeg, rng: np.random.Generator) -> None:
         self.wheels = wheels
@@ -41,10 +41,10 @@ class DrivenRobot:
         self.left_rad = self.right_rad = 0.0  # wheel angles
         self.left_radps = self.right_radps = 0.0
         self.v_mps = self.w_radps = 0.0
-        self.way_m = 0.0
+        self.distance_m = 0.0
         self._slips = [0.0, 0.0]
-        self._keep = math.exp(-STEP_S / wheels.slip_length_s)
-        self._fresh = wheels.slip_deviation * math.sqrt(1.0 - self._keep**2)
+        self._slip_decay = math.exp(-STEP_S / wheels.slip_correlation_time_s)
+        self._slip_noise = wheels.slip_deviation * math.sqrt(1.0 - self._slip_decay**2)
         self._rng = rng
         self._draws: list[float] = []
         self._grip = Grip(wheels.grip_losses, rng) if wheels.grip_losses else None
@@ -54,7 +54,7 @@ class DrivenRobot:
 
     @property
     def time_s(self) -> float:
-        """Seconds since the beginning."""
+        """Simulated time (s) since the start."""
         return self._steps * STEP_S
 
     @property
@@ -63,11 +63,11 @@ class DrivenRobot:
         return np.array([self.x, self.y, self.yaw])
 
     def step(self, left_radps: float, right_radps: float) -> None:
-        """Advance by 10 ms towards the commanded wheel speeds, as fast as the drive can accelerate."""
-        most = self.wheels.acceleration_mps2 / self.wheels.radius_m * STEP_S
+        """Advance by 10 ms. The wheel speeds approach the commanded ones at the drive's acceleration."""
+        max_change = self.wheels.acceleration_mps2 / self.wheels.radius_m * STEP_S
         limit = self.wheels.max_speed_mps / self.wheels.radius_m
-        self.left_radps = _towards(self.left_radps, min(max(left_radps, -limit), limit), most)
-        self.right_radps = _towards(self.right_radps, min(max(right_radps, -limit), limit), most)
+        self.left_radps = _towards(self.left_radps, min(max(left_radps, -limit), limit), max_change)
+        self.right_radps = _towards(self.right_radps, min(max(right_radps, -limit), limit), max_change)
         self.left_rad += self.left_radps * STEP_S
         self.right_rad += self.right_radps * STEP_S
         left_slip, right_slip = self._next_slips()
@@ -75,42 +75,42 @@ class DrivenRobot:
         right = self.right_radps * STEP_S * self.true.right_radius_m * (1.0 - right_slip)
         if self._grip:
             left, right = self._grip.kept(left, right)
-        forward, turn = 0.5 * (left + right), (right - left) / self.true.base_m
-        turn *= 1.0 - self.wheels.turn_slip
-        middle = self.yaw + 0.5 * turn
-        self.x += forward * math.cos(middle)
-        self.y += forward * math.sin(middle)
-        self.yaw += turn
-        self.way_m += abs(forward)
-        self.v_mps, self.w_radps = forward / STEP_S, turn / STEP_S
-        self._remember()
+        forward, rotation = 0.5 * (left + right), (right - left) / self.true.base_m
+        rotation *= 1.0 - self.wheels.turn_slip
+        mid_yaw = self.yaw + 0.5 * rotation
+        self.x += forward * math.cos(mid_yaw)
+        self.y += forward * math.sin(mid_yaw)
+        self.yaw += rotation
+        self.distance_m += abs(forward)
+        self.v_mps, self.w_radps = forward / STEP_S, rotation / STEP_S
+        self._record()
 
     def poses_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """True poses `(n, 3)` at past times `(n,)`, linear between steps; before the beginning: the first."""
+        """True poses `(n, 3)` at past times `(n,)` (s), linear between steps; the first pose before the start."""
         at = np.clip(np.asarray(times_s) / STEP_S, 0.0, self._steps)
         before = np.minimum(at.astype(np.int64), max(self._steps - 1, 0))
         after = np.minimum(before + 1, self._steps)
-        share = (at - before)[:, None]
-        poses = self._history[before] * (1.0 - share) + self._history[after] * share
+        fraction = (at - before)[:, None]
+        poses = self._history[before] * (1.0 - fraction) + self._history[after] * fraction
         return np.asarray(poses)
 
-    def _remember(self) -> None:
+    def _record(self) -> None:
         self._steps += 1
         if self._steps == len(self._history):
             self._history = np.concatenate([self._history, np.empty_like(self._history)])
         self._history[self._steps] = self.x, self.y, self.yaw
 
     def _next_slips(self) -> tuple[float, float]:
-        """Both wheels' slips: first-order processes about the mean."""
-        if not self._fresh:
+        """Slip of both wheels: first-order processes around the mean."""
+        if not self._slip_noise:
             return self.wheels.slip_mean, self.wheels.slip_mean
         if not self._draws:
-            self._draws = self._rng.standard_normal(_DRAWS).tolist()
-        self._slips[0] = self._keep * self._slips[0] + self._fresh * self._draws.pop()
-        self._slips[1] = self._keep * self._slips[1] + self._fresh * self._draws.pop()
+            self._draws = self._rng.standard_normal(_DRAWS_AT_ONCE).tolist()
+        self._slips[0] = self._slip_decay * self._slips[0] + self._slip_noise * self._draws.pop()
+        self._slips[1] = self._slip_decay * self._slips[1] + self._slip_noise * self._draws.pop()
         mean = self.wheels.slip_mean
         return mean + self._slips[0], mean + self._slips[1]
 
 
-def _towards(value: float, target: float, most: float) -> float:
-    return value + min(max(target - value, -most), most)
+def _towards(value: float, target: float, max_change: float) -> float:
+    return value + min(max(target - value, -max_change), max_change)

@@ -1,4 +1,4 @@
-"""Odometry: wheel angles in whole ticks, and the pose that the maker's radius and base make of them."""
+"""Wheel odometry: wheel angles in whole ticks, and the pose integrated from them with the nominal radius and base."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Encoders:
         self._config = config
         self._schedule = Schedule(config, start_ns, rng)
         self._pose = [0.0, 0.0, 0.0]
-        self._before = (0.0, 0.0)
-        self._before_s = 0.0
+        self._last_wheels = (0.0, 0.0)
+        self._last_s = 0.0
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The messages of this step."""
@@ -44,19 +44,19 @@ class Encoders:
         return events
 
     def _quantised(self, angle_rad: float) -> float:
-        ticks = self._config.ticks_per_turn
+        ticks = self._config.ticks_per_revolution
         return math.floor(angle_rad * ticks / math.tau) * math.tau / ticks if ticks else angle_rad
 
     def _advance(self, wheels: tuple[float, float], robot: DrivenRobot) -> tuple[float, float]:
-        """Go along the arc that the ticks say; returns forward speed and turn rate."""
+        """Integrate the arc that the wheel angles describe; returns forward speed (m/s) and yaw rate (rad/s)."""
         radius, base = robot.wheels.radius_m, robot.wheels.base_m
-        left, right = ((new - old) * radius for new, old in zip(wheels, self._before, strict=True))
-        forward, turn = 0.5 * (left + right), (right - left) / base
+        left, right = ((new - old) * radius for new, old in zip(wheels, self._last_wheels, strict=True))
+        forward, rotation = 0.5 * (left + right), (right - left) / base
         x, y, yaw = self._pose
-        chord = forward * (math.sin(0.5 * turn) / (0.5 * turn) if turn else 1.0)
-        x += chord * math.cos(yaw + 0.5 * turn)
-        y += chord * math.sin(yaw + 0.5 * turn)
-        self._pose = [x, y, math.remainder(yaw + turn, math.tau)]
-        span_s = robot.time_s - self._before_s
-        self._before, self._before_s = wheels, robot.time_s
-        return (forward / span_s, turn / span_s) if span_s > 0.0 else (0.0, 0.0)
+        chord = forward * (math.sin(0.5 * rotation) / (0.5 * rotation) if rotation else 1.0)
+        x += chord * math.cos(yaw + 0.5 * rotation)
+        y += chord * math.sin(yaw + 0.5 * rotation)
+        self._pose = [x, y, math.remainder(yaw + rotation, math.tau)]
+        span_s = robot.time_s - self._last_s
+        self._last_wheels, self._last_s = wheels, robot.time_s
+        return (forward / span_s, rotation / span_s) if span_s > 0.0 else (0.0, 0.0)

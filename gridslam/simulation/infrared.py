@@ -1,4 +1,4 @@
-"""Triangulating infrared rangers on servos: one sweep of all of them while the robot stands."""
+"""Triangulating infrared rangers on servos, swept while the robot stands."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Range, as_float32
 from gridslam.simulation.drive import DrivenRobot
-from gridslam.simulation.mounts import planar
+from gridslam.simulation.extrinsics import planar
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.sensor_config import Infrared
 
 Array = NDArray[np.float64]
-FURTHEST = 2.0  # readings are at most this many times range_max
-SEES_TO = 4.0  # something this many times range_max away still gives a reading
-EDGE_M = 0.03
+MAX_READING = 2.0  # readings are clipped at this multiple of range_max_m
+MAX_CAST = 4.0  # surfaces up to this multiple of range_max_m still give a reading
+EDGE_M = 0.03  # range step across the beam from which an edge is assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class _Reading:
 
 
 class InfraredRangers:
-    """Sweeps on demand; their readings are handed out as the servos turn."""
+    """Sweeps all rangers on demand and returns their readings as the servos turn."""
 
     def __init__(self, configs: tuple[Infrared, ...], start_ns: int, rng: np.random.Generator) -> None:
         self._configs = configs
@@ -38,17 +38,17 @@ class InfraredRangers:
 
     @property
     def is_sweeping(self) -> bool:
-        """Whether servos still turn; the robot must stand as long as they do."""
+        """Whether a sweep is in progress; the robot must stand meanwhile."""
         return bool(self._waiting)
 
     def start(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> None:
-        """Begin a sweep of all rangers."""
+        """Start a sweep of all rangers."""
         for config in self._configs:
             self._waiting += self._sweep(config, now_ns, robot, scene)
         self._waiting.sort(key=lambda reading: reading.taken_ns)
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
-        """The readings taken up to now."""
+        """The readings taken since the last call."""
         count = sum(reading.taken_ns <= now_ns for reading in self._waiting) if self._waiting else 0
         taken, self._waiting = self._waiting[:count], self._waiting[count:]
         return [reading.event for reading in taken]
@@ -68,15 +68,15 @@ class InfraredRangers:
 def read_ranges(
     config: Infrared, bearings: Array, pose: Array, scene: Scene, time_s: float, rng: np.random.Generator
 ) -> Array:
-    """Readings `(n,)` at servo bearings `(n,)` of a robot that stands at `pose`."""
+    """Readings `(n,)` (m) at servo bearings `(n,)` (rad) of a robot that stands at `pose`."""
     n = len(bearings)
     sensor = se2.compose(pose, planar(config.extrinsics))
-    turned = sensor[2] + bearings + math.radians(config.servo_deviation_deg) * rng.standard_normal(n)
-    reach = SEES_TO * config.range_max_m
-    middle = scene.cast(_rays(sensor, turned), reach, time_s)
-    half = np.arctan2(0.5 * config.spot_m, np.maximum(middle.ranges_m, 1e-3))
+    yaws = sensor[2] + bearings + math.radians(config.servo_deviation_deg) * rng.standard_normal(n)
+    max_range_m = MAX_CAST * config.range_max_m
+    middle = scene.cast(_rays(sensor, yaws), max_range_m, time_s)
+    half = np.arctan2(0.5 * config.beam_width_m, np.maximum(middle.ranges_m, 1e-3))
     borders = scene.cast(
-        np.concatenate([_rays(sensor, turned - half), _rays(sensor, turned + half)]), reach, time_s
+        np.concatenate([_rays(sensor, yaws - half), _rays(sensor, yaws + half)]), max_range_m, time_s
     )
     sides = borders.ranges_m.reshape(2, n)
     ranges = _past_edges(config, middle.ranges_m, sides.min(axis=0), sides.max(axis=0), rng)
@@ -85,23 +85,23 @@ def read_ranges(
     ranges = ranges + (config.noise_m + config.noise_per_m2 * ranges**2) * rng.standard_normal(n)
     wrong = rng.random(n) < config.outliers
     ranges = np.where(wrong, config.range_max_m * rng.random(n), ranges)
-    return np.clip(ranges, 0.0, FURTHEST * config.range_max_m)
+    return np.clip(ranges, 0.0, MAX_READING * config.range_max_m)
 
 
 def _past_edges(config: Infrared, middle: Array, near: Array, far: Array, rng: np.random.Generator) -> Array:
-    """Part of the spot on each of two surfaces: its centre of gravity says neither, or beyond either."""
+    """Readings of a beam that falls on two surfaces: between them, or beyond either, by its centre of gravity."""
     draw, where = rng.random((2, len(middle)))
     is_edge = (far - near > EDGE_M) & (np.abs(far + near - 2.0 * middle) > 0.5 * (far - near))
-    wrong = is_edge & (draw < config.edge_wrong)
-    reached = np.minimum(far, FURTHEST * config.range_max_m)
-    return np.where(wrong, near + (1.6 * where - 0.3) * (reached - near), middle)
+    wrong = is_edge & (draw < config.edge_errors)
+    far = np.minimum(far, MAX_READING * config.range_max_m)
+    return np.where(wrong, near + (1.6 * where - 0.3) * (far - near), middle)
 
 
 def _folded(config: Infrared, ranges: Array) -> Array:
-    """Nearer than the minimum the spot leaves the detector: the reading grows again."""
+    """Readings below the minimum range, where the response of a triangulating ranger folds back."""
     near = np.maximum(ranges, 1e-3)
     return np.where(ranges < config.range_min_m, config.range_min_m**2 / near, ranges)
 
 
-def _rays(sensor: Array, turned: Array) -> Array:
-    return np.column_stack([np.tile(sensor[:2], (len(turned), 1)), np.cos(turned), np.sin(turned)])
+def _rays(sensor: Array, yaws: Array) -> Array:
+    return np.column_stack([np.tile(sensor[:2], (len(yaws), 1)), np.cos(yaws), np.sin(yaws)])

@@ -1,4 +1,4 @@
-"""The planar lidar: rays from where the robot is at each beam's own moment, and how readings go wrong."""
+"""The planar lidar: rays cast from the robot's pose at the time of each beam, and the errors of the readings."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, as_float32, readonly
 from gridslam.simulation.drive import DrivenRobot
-from gridslam.simulation.mounts import planar
+from gridslam.simulation.extrinsics import planar
 from gridslam.simulation.scene import Hits, Scene
 from gridslam.simulation.sensor_config import Lidar
 from gridslam.simulation.timing import Schedule
 
 Array = NDArray[np.float64]
-LARGEST_GROWTH = 10.0  # of the noise at grazing incidence
+MAX_GRAZING_FACTOR = 10.0  # of the noise at grazing incidence
 
 
 class LidarSensor:
-    """Sweeps that begin on schedule and are handed out when their last beam is in."""
+    """Starts sweeps on schedule and returns each when its last beam has been measured."""
 
     def __init__(self, config: Lidar, start_ns: int, rng: np.random.Generator) -> None:
         self.config = config
@@ -35,64 +35,64 @@ class LidarSensor:
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The scans that are complete at this step."""
-        begun_ns = self._schedule.next_ns
-        if begun_ns + round(1e9 * self.config.sweep_s) > now_ns:
+        start_ns_of_sweep = self._schedule.next_ns
+        if start_ns_of_sweep + round(1e9 * self.config.sweep_s) > now_ns:
             return []
         self._schedule.take()
-        ranges = self.sweep(begun_ns * 1e-9, robot, scene)
-        stamp = self._schedule.stamp_ns(begun_ns)
+        ranges = self.sweep(start_ns_of_sweep * 1e-9, robot, scene)
+        stamp = self._schedule.stamp_ns(start_ns_of_sweep)
         return [] if stamp is None else [self._message(stamp, ranges)]
 
-    def sweep(self, begun_s: float, robot: DrivenRobot, scene: Scene) -> Array:
-        """Ranges `(beams,)` of one sweep, infinite where nothing came back."""
+    def sweep(self, start_s: float, robot: DrivenRobot, scene: Scene) -> Array:
+        """Ranges `(beams,)` (m) of one sweep that starts at `start_s`, infinite where there was no echo."""
         config = self.config
-        times: Array = np.asarray(begun_s + self._between_s * np.arange(config.beams), np.float64)
+        times: Array = np.asarray(start_s + self._between_s * np.arange(config.beams), np.float64)
         poses = se2.compose(robot.poses_at(times), planar(config.extrinsics))
-        middle_s = begun_s + 0.5 * config.sweep_s
+        middle_s = start_s + 0.5 * config.sweep_s
         hits = scene.cast(_rays(poses, self.bearings), config.range_max_m, middle_s)
         ranges = self._mixed(hits.ranges_m, poses, scene, middle_s)
         ranges = ranges + config.bias_m + self._noise(ranges, hits.cosines)
-        ranges = self._strays(ranges)
+        ranges = self._with_dust(ranges)
         ranges = np.where(self._lost(hits), np.inf, ranges)
         if config.resolution_m:
             ranges = np.round(ranges / config.resolution_m) * config.resolution_m
         return np.where(ranges >= config.range_max_m, np.inf, np.maximum(ranges, 0.0))
 
     def _mixed(self, ranges: Array, poses: Array, scene: Scene, time_s: float) -> Array:
-        """Beams that fall on two surfaces: sometimes the reading lies in between."""
+        """Mixed pixels: readings between the two surfaces that a beam falls on."""
         config = self.config
         draw, weight = self._rng.random((2, config.beams))
-        if not (config.mixing_share and config.divergence_deg):
+        if not (config.mixing_probability and config.divergence_deg):
             return ranges
         half = 0.5 * math.radians(config.divergence_deg)
         both = np.concatenate([_rays(poses, self.bearings - half), _rays(poses, self.bearings + half)])
         borders = scene.cast(both, config.range_max_m, time_s).ranges_m.reshape(2, -1)
         near, far = borders.min(axis=0), borders.max(axis=0)
-        # on a plane, however slanted, the middle lies half-way between the borders; at an edge it lies on one of the surfaces
+        # On a plane the central ray lies half-way between the border rays, however slanted; at an edge it lies on one of them.
         is_edge = np.abs(far + near - 2.0 * ranges) > 0.5 * (far - near)
-        two = (
+        is_mixed = (
             is_edge
-            & (far - near > config.mixing_m)
+            & (far - near > config.mixing_gap_m)
             & (far < config.range_max_m)
-            & (draw < config.mixing_share)
+            & (draw < config.mixing_probability)
         )
-        return np.where(two, near + weight * (far - near), ranges)
+        return np.where(is_mixed, near + weight * (far - near), ranges)
 
     def _noise(self, ranges: Array, cosines: Array) -> Array:
-        """A mixture of two normal distributions, wider far away and at grazing incidence."""
+        """Noise `(beams,)`: a mixture of two normal distributions, wider at long range and grazing incidence."""
         config = self.config
         normal, tail = self._rng.standard_normal(config.beams), self._rng.random(config.beams)
-        growth = 1.0 + config.grazing_gain * (1.0 / np.maximum(cosines, 1e-3) - 1.0)
-        sigma = (config.noise_m + config.noise_per_m * ranges) * np.minimum(growth, LARGEST_GROWTH)
-        return np.asarray(sigma * np.where(tail < config.tail_share, config.tail_scale, 1.0) * normal)
+        factor = 1.0 + config.grazing_gain * (1.0 / np.maximum(cosines, 1e-3) - 1.0)
+        sigma = (config.noise_m + config.noise_per_m * ranges) * np.minimum(factor, MAX_GRAZING_FACTOR)
+        return np.asarray(sigma * np.where(tail < config.tail_fraction, config.tail_scale, 1.0) * normal)
 
-    def _strays(self, ranges: Array) -> Array:
-        """Something small in the air sends light back."""
+    def _with_dust(self, ranges: Array) -> Array:
+        """Outliers: readings of dust in the air, anywhere before the surface."""
         draw, where = self._rng.random((2, self.config.beams))
-        return np.where(draw < self.config.stray, where * ranges, ranges)
+        return np.where(draw < self.config.outliers, where * ranges, ranges)
 
     def _lost(self, hits: Hits) -> NDArray[np.bool_]:
-        """Beams without an echo: at random, and more from dark surfaces at grazing incidence."""
+        """Mask `(beams,)` of beams without an echo: at random, and more often from dark surfaces at grazing incidence."""
         config = self.config
         grazing = config.grazing_dropout * (1.0 - hits.cosines) ** 4 * (1.0 - hits.reflectivity)
         return np.asarray(~hits.is_hit | (self._rng.random(config.beams) < config.dropout + grazing))

@@ -1,4 +1,4 @@
-"""The world as coloured triangles: outlines become upright faces as high as their section says, with floor and ceiling."""
+"""The world as coloured triangles: segments become upright faces, with a floor and a ceiling."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.simulation import outlines
+from gridslam.simulation import geometry
 from gridslam.simulation.drive import DrivenRobot
-from gridslam.simulation.outlines import Array
-from gridslam.simulation.plan import plan_segments
+from gridslam.simulation.floor_plan import plan_segments
+from gridslam.simulation.geometry import Array
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Surface, Texture
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 
 TEXTURES: tuple[str, ...] = get_args(Texture)
-SIDES_OF_A_CYLINDER = 20
+CYLINDER_SIDES = 20
 CEILING_M = 2.6
-AROUND_M = 2.0
+MARGIN_M = 2.0  # of floor and ceiling around the walls
 ROBOT_HEIGHT_M = 0.5
 FLOOR = Surface(colour=(130, 125, 115), texture="carpet")
 CEILING = Surface(colour=(225, 225, 220), texture="plain")
@@ -48,24 +48,24 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
     )
 
 
-def standing_mesh(world: World, folder: Path, scene: Scene) -> Mesh:
-    """All that never moves."""
-    parts = [upright(outlines.wall(w), w.height_m, w) for w in world.walls]
-    parts += [solid(outlines.box(b), b.height_m, b) for b in world.boxes]
+def static_mesh(world: WorldConfig, folder: Path, scene: Scene) -> Mesh:
+    """Walls, furniture, cylinders, floor and ceiling."""
+    parts = [upright(geometry.wall(w), w.height_m, w) for w in world.walls]
+    parts += [solid(geometry.box(b), b.height_m, b) for b in world.boxes]
     parts += [solid(_ring(c.centre, c.radius_m), c.height_m, c) for c in world.cylinders]
     if world.plan:
         parts.append(upright(plan_segments(world.plan, folder), CEILING_M, Surface()))
-    points = scene.standing.reshape(-1, 2)
-    low, high = points.min(axis=0) - AROUND_M, points.max(axis=0) + AROUND_M
-    corners = outlines.rectangle(*low.tolist(), *high.tolist())[:, :2]
+    points = scene.static_segments.reshape(-1, 2)
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    corners = geometry.rectangle(*low.tolist(), *high.tolist())[:, :2]
     parts += [lid(corners, 0.0, FLOOR), lid(corners, CEILING_M, CEILING)]
     return joined(parts)
 
 
-def moving_mesh(world: World, scene: Scene, time_s: float) -> Mesh:
-    """Doors, tagged objects and people as they are now."""
-    parts = [solid(outlines.leaf(d, scene.openings[d.id]), d.height_m, d) for d in world.doors]
-    parts += [solid(outlines.tagged(o, scene.object_poses[o.id]), o.height_m, o) for o in world.objects]
+def moving_mesh(world: WorldConfig, scene: Scene, time_s: float) -> Mesh:
+    """Doors, tagged objects and people at a time."""
+    parts = [solid(geometry.leaf(d, scene.openings[d.id]), d.height_m, d) for d in world.doors]
+    parts += [solid(geometry.movable(o, scene.object_poses[o.id]), o.height_m, o) for o in world.objects]
     for walker in scene.walkers:
         x, y, _ = walker.pose(time_s)
         clothes = Surface(colour=walker.person.colour, texture="checks")
@@ -73,7 +73,7 @@ def moving_mesh(world: World, scene: Scene, time_s: float) -> Mesh:
     return joined(parts)
 
 
-def robot_mesh(world: World, robot: DrivenRobot) -> Mesh:
+def robot_mesh(world: WorldConfig, robot: DrivenRobot) -> Mesh:
     """The robot as fixed cameras see it."""
     return solid(_ring((robot.x, robot.y), world.robot.radius_m), ROBOT_HEIGHT_M, ROBOT)
 
@@ -94,14 +94,14 @@ def lid(corners: Array, height_m: float, surface: Surface) -> Mesh:
 
 
 def solid(sides: Array, height_m: float, surface: Surface) -> Mesh:
-    """A prism over a convex outline `(n, 4)`, with its top."""
+    """A prism over a convex footprint `(n, 4)`, with its top."""
     return joined([upright(sides, height_m, surface), lid(sides[:, :2], height_m, surface)])
 
 
 def _ring(centre: Sequence[float], radius_m: float) -> Array:
-    angle = np.arange(SIDES_OF_A_CYLINDER) * (2.0 * math.pi / SIDES_OF_A_CYLINDER)
+    angle = np.arange(CYLINDER_SIDES) * (2.0 * math.pi / CYLINDER_SIDES)
     points = np.asarray(centre) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
-    return outlines.polyline(points, closed=True)
+    return geometry.polyline(points, closed=True)
 
 
 def _painted(triangles: Array, surface: Surface) -> Mesh:

@@ -1,4 +1,4 @@
-"""A picture of a world: walls, furniture, doors, objects, people's ways, and the robot's route."""
+"""A picture of a world: walls, furniture, doors, objects, people's paths and the robot's route."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import numpy as np
 
 from gridslam.core.files import write_atomic
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 
-LONGEST_IN = 14.0
+MAX_SIZE_IN = 14.0
 
 
-def draw_world(world: World, folder: Path, output: Path) -> None:
+def draw_world(world: WorldConfig, folder: Path, output: Path) -> None:
     """Write the picture (PNG)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     scene = Scene(world, folder)
-    points = scene.standing.reshape(-1, 2)
+    points = scene.static_segments.reshape(-1, 2)
     width, height = (float(v) for v in np.ptp(points, axis=0) + 1.0)
-    scale = LONGEST_IN / max(width, height)
+    scale = MAX_SIZE_IN / max(width, height)
     figure = Figure(figsize=(max(width * scale, 3.0) + 1.0, max(height * scale, 2.0) + 1.0), dpi=80)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    _draw_things(axes, scene)
+    _draw_shapes(axes, scene)
     _draw_route(axes, world)
     for person in world.people:
         axes.plot(*np.array(person.path).T, color="tab:red", linestyle=":", linewidth=1)
@@ -49,15 +49,15 @@ def draw_world(world: World, folder: Path, output: Path) -> None:
     write_atomic(output, picture.getvalue())
 
 
-def _draw_things(axes: Any, scene: Scene) -> None:
+def _draw_shapes(axes: Any, scene: Scene) -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Circle
 
     axes.add_collection(
-        LineCollection(list(scene.standing.reshape(-1, 2, 2)), colors="black", linewidths=1.2)
+        LineCollection(list(scene.static_segments.reshape(-1, 2, 2)), colors="black", linewidths=1.2)
     )
     axes.add_collection(
-        LineCollection(list(scene.moving.reshape(-1, 2, 2)), colors="tab:blue", linewidths=1.5)
+        LineCollection(list(scene.moving_segments.reshape(-1, 2, 2)), colors="tab:blue", linewidths=1.5)
     )
     for x, y, radius in scene.circles(0.0).tolist():
         axes.add_patch(Circle((x, y), radius, fill=False, color="black"))
@@ -66,7 +66,7 @@ def _draw_things(axes: Any, scene: Scene) -> None:
     axes.autoscale_view()
 
 
-def _draw_route(axes: Any, world: World) -> None:
+def _draw_route(axes: Any, world: WorldConfig) -> None:
     x, y, yaw_deg = world.robot.start
     route = np.array([(x, y), *world.robot.route])
     axes.plot(*route.T, color="tab:green", linewidth=0.8, marker=".", markersize=4)
@@ -76,7 +76,7 @@ def _draw_route(axes: Any, world: World) -> None:
 
 
 def _draw_arrow(axes: Any, x: float, y: float, yaw: float, colour: str) -> None:
-    """An arrow of the same size in every picture."""
+    """Draw an arrow whose size does not depend on the scale."""
     axes.quiver(
         x, y, math.cos(yaw), math.sin(yaw), color=colour, angles="xy", units="inches", width=0.02, scale=4.0
     )

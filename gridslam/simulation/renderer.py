@@ -1,4 +1,4 @@
-"""Pictures and depth of a mesh: rays by Embree (the extra `sim`), procedural textures, one lamp and ambient light."""
+"""Renders colour and depth of a mesh: rays cast by Embree (the extra `sim`), procedural textures, one lamp, ambient light."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gridslam.simulation.mesh import TEXTURES, Mesh
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
-LAMP = np.array([0.35, 0.48, 0.80], np.float32)  # direction to the light, about a unit vector
+LAMP = np.array([0.35, 0.48, 0.80], np.float32)  # direction to the light, nearly a unit vector
 AMBIENT, DIRECT = 0.55, 0.45
 TILE = 256  # texels of the noise tile
-# Per texture: contrast of the noise whose texels are so large (m); `checks` and `brick` have a pattern as well.
+# Contrast of the noise by texture, for each size of texels (m); `checks` and `brick` have a pattern as well.
 TEXEL_M = (0.008, 0.03, 0.12)
 CONTRAST: dict[str, tuple[float, float, float]] = {
     "plain": (0.02, 0.02, 0.03),
@@ -32,9 +32,9 @@ BRICK_M, ROW_M, JOINT_M, CHECK_M = 0.25, 0.08, 0.012, 0.12
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """What one camera sees: colour `(rows, cols, 3)` (0 to 255), depth along the axis (infinite where nothing is), cosine of
-    incidence, each `(rows, cols)`.
+class CameraView:
+    """A rendered image: colour `(rows, cols, 3)` (0 to 255); depth along the optical axis (m, infinite without a surface) and
+    cosine of incidence `(rows, cols)`.
     """
 
     colour: Pixels
@@ -55,20 +55,20 @@ class Renderer:
         self._directions = np.stack([np.ones_like(x), -x, -y], axis=-1).reshape(-1, 3).astype(np.float32)
         self._tile = random_stream(0, "texture").uniform(-1.0, 1.0, (TILE, TILE)).astype(np.float32)
 
-    def render(self, mesh: Mesh, position: Array, rotation: Array) -> View:
+    def render(self, mesh: Mesh, position: Array, rotation: Array) -> CameraView:
         """The view from `position` `(3,)` with the axes `rotation` `(3, 3)` (columns: forward, left, up)."""
         directions = np.ascontiguousarray(self._directions @ rotation.T.astype(np.float32))
         origins = np.ascontiguousarray(np.broadcast_to(position, directions.shape), np.float32)
         hit = _embree_scene(mesh.triangles).run(origins, directions, query="INTERSECT", output=True)
         index: NDArray[np.int32] = hit["primID"]
-        seen = index >= 0
-        depth = np.where(seen, hit["tfar"], np.float32(np.inf)).astype(np.float32)
+        is_hit = index >= 0
+        depth = np.where(is_hit, hit["tfar"], np.float32(np.inf)).astype(np.float32)
         colour, cosine = self._shade(
-            mesh, np.maximum(index, 0), origins, directions, np.where(seen, depth, 0)
+            mesh, np.maximum(index, 0), origins, directions, np.where(is_hit, depth, 0)
         )
-        colour[~seen] = 0.0
+        colour[~is_hit] = 0.0
         shape = self._shape
-        return View(colour.reshape(*shape, 3), depth.reshape(shape), cosine.reshape(shape))
+        return CameraView(colour.reshape(*shape, 3), depth.reshape(shape), cosine.reshape(shape))
 
     def _shade(
         self, mesh: Mesh, index: NDArray[np.int32], origins: Pixels, directions: Pixels, depth: Pixels
@@ -88,7 +88,7 @@ class Renderer:
         return (mesh.colours[index] * brightness[:, None]).astype(np.float32), cosine.astype(np.float32)
 
     def _texture(self, texture: NDArray[np.int32], across: Pixels, up: Pixels, footprint: Pixels) -> Pixels:
-        """Factor on the colour `(n,)`; what is finer than a pixel's footprint fades out, so that nothing flickers."""
+        """Factors on the colour `(n,)`. Texture finer than a pixel's footprint fades out, which avoids flicker."""
         import cv2
 
         shape = self._shape
@@ -106,7 +106,7 @@ class Renderer:
 
 
 def _dark_parts(texture: NDArray[np.int32], across: Pixels, up: Pixels) -> NDArray[np.bool_]:
-    """The joints between bricks, and every other check."""
+    """Mask `(n,)` of the joints between bricks and of every other check."""
     row = np.floor(up / ROW_M)
     in_joint = (up % ROW_M < JOINT_M) | ((across + 0.5 * BRICK_M * (row % 2)) % BRICK_M < JOINT_M)
     dark = (np.floor(across / CHECK_M) + np.floor(up / CHECK_M)) % 2 == 0

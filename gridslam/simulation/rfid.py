@@ -1,4 +1,4 @@
-"""An RFID reader: what power comes back from each tag, and which tags a round therefore reads."""
+"""RFID reader: a link budget gives the power from each tag, and the power decides which tags a round reads."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, TagInventory, as_float32
 from gridslam.simulation.drive import DrivenRobot
-from gridslam.simulation.mounts import planar
+from gridslam.simulation.extrinsics import planar
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.sensor_config import Antenna
 from gridslam.simulation.timing import Schedule
 
-FLOOR = 0.1  # of the cosine of a tag's turn: some power reaches a tag from behind
+MIN_FACING = 0.1  # smallest factor for a tag's orientation: some power arrives from behind
 THRESHOLD_DBM = -70.0
-BEFORE_TAG_M = 0.02
+TAG_CLEARANCE_M = 0.02  # a surface this close to the tag does not block it
 
 
 class RfidReader:
-    """Inventory rounds of one antenna, empty ones included."""
+    """Inventory rounds of one antenna, including empty ones."""
 
     def __init__(self, config: Antenna, start_ns: int, rng: np.random.Generator) -> None:
         self._config = config
@@ -49,8 +49,8 @@ class RfidReader:
         power = mean_power_db(self._config, pose, np.array(list(tags.values())), scene, time_s)
         power = power + self._config.fading_db * self._rng.standard_normal(count)
         read = (power > 0.0) & (self._rng.random(count) >= self._config.missed)
-        stray, which = float(self._rng.random()), int(self._rng.integers(count))
-        if stray < self._config.stray:
+        draw, which = float(self._rng.random()), int(self._rng.integers(count))
+        if draw < self._config.false_reads:
             read[which] = True
         names = list(tags)
         found = [i for i in range(count) if read[i]]
@@ -61,16 +61,16 @@ class RfidReader:
 def mean_power_db(
     config: Antenna, pose: NDArray[np.float64], tags: NDArray[np.float64], scene: Scene, time_s: float
 ) -> NDArray[np.float64]:
-    """Power above the reader's threshold `(n,)`, before fading, from tags at poses `(n, 3)`."""
+    """Power `(n,)` (dB above the reader's threshold, without fading) from tags at poses `(n, 3)`."""
     antenna = se2.compose(pose, planar(config.extrinsics))
-    way = tags[:, :2] - antenna[:2]
-    distance = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.05)
-    direction = np.arctan2(way[:, 1], way[:, 0])
+    offset = tags[:, :2] - antenna[:2]
+    distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 0.05)
+    direction = np.arctan2(offset[:, 1], offset[:, 0])
     bearing = np.degrees(se2.wrap_angle(direction - antenna[2]))
     facing = np.cos(se2.wrap_angle(direction + math.pi - tags[:, 2]))
     rays = np.column_stack([np.tile(antenna[:2], (len(tags), 1)), np.cos(direction), np.sin(direction)])
-    reach = float(distance.max())
-    blocked = scene.cast(rays, reach, time_s).ranges_m < distance - BEFORE_TAG_M
+    max_range_m = float(distance.max())
+    blocked = scene.cast(rays, max_range_m, time_s).ranges_m < distance - TAG_CLEARANCE_M
     power = config.gain_db - 40.0 * np.log10(distance) - 12.0 * (bearing / config.half_power_deg) ** 2
-    power += 20.0 * np.log10(np.maximum(facing, FLOOR)) - config.wall_loss_db * blocked
+    power += 20.0 * np.log10(np.maximum(facing, MIN_FACING)) - config.wall_loss_db * blocked
     return np.asarray(power)

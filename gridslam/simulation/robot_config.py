@@ -1,13 +1,14 @@
-"""The section `robot` of a world file: what it is built like, how it fails, and where it drives."""
+"""The section `robot` of a world file: its drive, the drive's errors, and where it drives."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from pydantic import Field, PositiveFloat, model_validator
 
 from gridslam.config.base import StrictModel
-from gridslam.simulation.shapes import NotNegative, Point, PoseDeg, Share
+from gridslam.simulation.shapes import Fraction, NotNegative, Point, PoseDeg
 
 
 class GripLosses(StrictModel):
@@ -23,37 +24,39 @@ class GripLosses(StrictModel):
 
 
 class Wheels(StrictModel):
-    """The drive as its maker describes it, and how it differs from that.
+    """Nominal geometry of the differential drive, and its errors.
 
-    Slip is a share of the wheel's way that is lost (or gained), the same for neighbouring moments: it has the deviation
-    `slip_deviation` and forgets itself over `slip_length_s`. Turning rubs the wheels sideways: of every turn the share
-    `turn_slip` is lost.
+    Slip is the fraction of a wheel's travel that is lost (negative: gained). It is a first-order process per wheel with mean
+    `slip_mean`, standard deviation `slip_deviation` and correlation time `slip_correlation_time_s`. Of every rotation of the
+    robot the fraction `turn_slip` is lost.
     """
+
+    former_keys: ClassVar[Mapping[str, str]] = {"slip_length_s": "slip_correlation_time_s"}
 
     radius_m: PositiveFloat = 0.1
     base_m: PositiveFloat = 0.4
-    left_radius_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0  # share by which the true one is larger
+    left_radius_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0  # fraction of the radius
     right_radius_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     base_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     error_deviation: Annotated[float, Field(ge=0.0, lt=0.1)] = 0.0  # of the three errors, drawn once per seed
     slip_mean: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     slip_deviation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
-    slip_length_s: PositiveFloat = 2.0
-    turn_slip: Share = 0.0
+    slip_correlation_time_s: PositiveFloat = 2.0
+    turn_slip: Fraction = 0.0
     grip_losses: GripLosses | None = None
     acceleration_mps2: PositiveFloat = 0.8
     max_speed_mps: PositiveFloat = 1.5
 
 
 class Stops(StrictModel):
-    """The robot stands still for a scan each time it has driven `every_m`."""
+    """The robot stops for a sweep every `every_m` metres, and waits `settle_s` before it drives on."""
 
     every_m: PositiveFloat
     settle_s: NotNegative = 0.3
 
 
-class Motion(StrictModel):
-    """A part of a driven path: so many seconds with these speeds."""
+class PathSegment(StrictModel):
+    """A segment of an open-loop path: constant speeds for a time."""
 
     seconds: PositiveFloat
     forward_mps: float = 0.0
@@ -61,11 +64,13 @@ class Motion(StrictModel):
 
 
 class Robot(StrictModel):
-    """Where the robot begins and how it drives: to way points, or as `path` says (each of its parts counts as a way point)."""
+    """Start pose of the robot, and its drive: along waypoints (`route`), or open loop along `path`, whose segments count as
+    waypoints.
+    """
 
     start: PoseDeg
     route: tuple[Point, ...] = Field(default=(), max_length=10_000)
-    path: tuple[Motion, ...] = Field(default=(), max_length=100_000)
+    path: tuple[PathSegment, ...] = Field(default=(), max_length=100_000)
     laps: Annotated[int, Field(ge=1, le=1000)] = 1
     speed_mps: PositiveFloat = 0.6
     turn_radps: PositiveFloat = 0.8
@@ -76,9 +81,9 @@ class Robot(StrictModel):
     wheels: Wheels = Wheels()
 
     @model_validator(mode="after")
-    def _one_way(self) -> Robot:
+    def _one_drive(self) -> Robot:
         if self.route and self.path:
-            raise ValueError("give either a route of way points or a driven path, not both")
+            raise ValueError("give either a route of waypoints or a path, not both")
         if self.path and self.stops:
-            raise ValueError("stops go with a route; in a path, a part without speeds stops the robot")
+            raise ValueError("stops need a route; in a path, a segment without speeds stops the robot")
         return self

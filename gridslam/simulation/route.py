@@ -1,4 +1,4 @@
-"""A whole drive along the route of the world file, as a stream of events with the truth."""
+"""A drive along the route of a world file, as a stream of events with the ground truth."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ TRUTH_EVERY_STEPS = 10
 
 
 def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
-    """All events of the drive, each with whether it is the truth (an Odometry in the frame `map`, ten times a second).
+    """All events of the drive, each with a flag: true for the ground truth (Odometry in the frame `map`, ten times a second).
 
-    Raises ConfigError where a way point is not reached within the world's `max_duration_s`.
+    Raises ConfigError: a waypoint is not reached within the world's `max_duration_s`.
     """
-    yield from ((mount, False) for mount in simulator.mounts())
+    yield from ((transform, False) for transform in simulator.extrinsics())
     yield simulator.truth(), True
     robot = simulator.world.robot
     driver = PathDriver(robot) if robot.path else RouteDriver(robot)
@@ -28,7 +28,7 @@ def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
     while not driver.finished:
         command = driver.command(simulator.robot, simulator.is_sweeping)
         while reached < driver.reached:
-            simulator.scene.reach(reached)
+            simulator.scene.arrive_at_waypoint(reached)
             reached += 1
         yield from ((event, False) for event in simulator.step(*command))
         if driver.wants_sweep:
@@ -47,14 +47,14 @@ def _too_long(simulator: Simulator, reached: int) -> ConfigError:
     points = robot.route * robot.laps
     x, y = points[min(reached, len(points) - 1)] if points else robot.start[:2]
     return ConfigError(
-        f"robot.route: way point {reached} at ({x:g}, {y:g}) is not reached within {limit:g} s; "
-        "check the way or raise max_duration_s"
+        f"robot.route: waypoint {reached} at ({x:g}, {y:g}) is not reached within {limit:g} s; "
+        "check the route or raise max_duration_s"
     )
 
 
 def route_length_m(robot: Robot) -> float:
-    """Length of the way from the start through all way points, or of the driven path, in all laps."""
+    """Length (m) of the route from the start through all waypoints, or of the path, over all laps."""
     if robot.path:
-        return robot.laps * sum(abs(part.forward_mps) * part.seconds for part in robot.path)
+        return robot.laps * sum(abs(segment.forward_mps) * segment.seconds for segment in robot.path)
     points = np.array([robot.start[:2], *(robot.route * robot.laps)])
     return float(np.hypot(*np.diff(points, axis=0).T).sum())

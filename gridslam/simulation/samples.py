@@ -1,4 +1,4 @@
-"""The sample logs: `python -m gridslam.simulation.samples FOLDER [NAME ...]` writes them, byte for byte the same each time."""
+"""The sample logs: `python -m gridslam.simulation.samples FOLDER [NAME ...]` writes them, always the same bytes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from gridslam.simulation.world_config import load_world
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A log's name, the built-in world that it is made in, and what is changed there."""
+    """Name of a sample log, the built-in world that it is recorded in, and overrides of that world."""
 
     name: str
     world: str
     overrides: tuple[str, ...] = ()
 
 
-# Pictures are what makes logs large: the samples have few and small ones.
+# Images make logs large: the samples have few and small ones.
 _SMALL = (
     "width_px: 112, height_px: 84, focal_px: 84, rate_hz: 1, noise_levels: 0.2, depth_max_m: 9, "
     "depth_noise_per_m2: 0.001, depth_resolution_m: 0.02"
@@ -45,7 +45,7 @@ SAMPLES = (
 
 
 def write_samples(folder: Path, names: Sequence[str] = ()) -> None:
-    """Write all samples, or those named."""
+    """Write the samples with the given names, or all of them."""
     folder.mkdir(parents=True, exist_ok=True)
     for sample in SAMPLES:
         if not names or sample.name in names:

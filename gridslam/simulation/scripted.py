@@ -1,6 +1,6 @@
-"""A robot that drives twice around a block inside a hall, computed from the walls' equations.
+"""A scripted log: a robot drives around a block inside a hall, with ranges computed in closed form.
 
-It needs no world file and no renderer: the kernels are warmed up on its events.
+It needs neither a world file nor a renderer; the kernels are warmed up on its events.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from gridslam.maps.drawing import RESOLUTION_M, Drawing
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
 SPEED_M = 0.06  # per period
-TURN_RAD = 0.08
+TURN_RAD = 0.08  # per period
 RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
-SWEEP_EVERY = 60  # periods; an infrared ranger on a servo that looks ahead
+SWEEP_EVERY = 60  # periods between sweeps of the infrared ranger, which looks ahead
 RANGER_LIMITS_M = 0.2, 5.0
 STEREO_PX = 40, 80  # rows, columns of a small disparity image
 STEREO_FOCAL_PX, STEREO_BASELINE_M = 70.0, 0.12
@@ -53,7 +53,7 @@ ROUTE: tuple[tuple[float, float], ...] = ((2.0, 1.5), (12.0, 1.5), (12.0, 7.5), 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviation of a range (m), and of odometry as shares of the motion, with its systematic part."""
+    """Standard deviation of a range (m), of odometry (as a fraction of the motion), and odometry's systematic errors."""
 
     range_m: float = 0.01
     translation: float = 0.05
@@ -73,7 +73,7 @@ def walls() -> NDArray[np.float64]:
 
 
 def scripted_drawing() -> Drawing:
-    """The hall and its blocks drawn with a pencil one pixel wide, a margin of a metre about them."""
+    """The hall and its blocks drawn one pixel wide, with a margin of a metre."""
     margin, step = 1.0, RESOLUTION_M
     rows, cols = (round((extent + 2.0 * margin) / step) for extent in (HALL[3], HALL[2]))
     levels = np.full((rows, cols), 255, np.uint8)
@@ -85,53 +85,57 @@ def scripted_drawing() -> Drawing:
 
 
 def true_path(laps: int = 2) -> NDArray[np.float64]:
-    """Poses `(n, 3)`, one a period: straight along the route's sides, turning on the spot at its corners."""
+    """True poses `(n, 3)`, one per period: straight along the route, turning on the spot at its corners."""
     corners = np.array(ROUTE * laps + ROUTE[:1])
     pieces = []
     for start, end, after in zip(corners, corners[1:], [*corners[2:], corners[-1]], strict=False):
-        way = end - start
-        yaw = float(np.arctan2(way[1], way[0]))
-        steps = round(float(np.hypot(*way)) / SPEED_M)
-        along = start + np.arange(steps)[:, None] / steps * way
+        side = end - start
+        yaw = float(np.arctan2(side[1], side[0]))
+        steps = round(float(np.hypot(*side)) / SPEED_M)
+        along = start + np.arange(steps)[:, None] / steps * side
         pieces.append(np.column_stack([along, np.full(steps, yaw)]))
-        turn = float(se2.wrap_angle(np.arctan2(*(after - end)[::-1]) - yaw)) if (after != end).any() else 0.0
-        n = max(round(abs(turn) / TURN_RAD), 1)
-        pieces.append(np.column_stack([np.tile(end, (n, 1)), se2.wrap_angle(yaw + np.arange(n) / n * turn)]))
+        rotation = (
+            float(se2.wrap_angle(np.arctan2(*(after - end)[::-1]) - yaw)) if (after != end).any() else 0.0
+        )
+        n = max(round(abs(rotation) / TURN_RAD), 1)
+        pieces.append(
+            np.column_stack([np.tile(end, (n, 1)), se2.wrap_angle(yaw + np.arange(n) / n * rotation)])
+        )
     return np.concatenate(pieces)
 
 
 def ranges_from(pose: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Exact distance `(m,)` to the nearest wall along each bearing `(m,)` from a laser pose `(3,)`."""
+    """Exact distances `(m,)` (m) to the nearest wall along bearings `(m,)` (rad) from a laser pose `(3,)`."""
     x0, y0, x1, y1 = walls().T[:, None, :]
     cos, sin = np.cos(pose[2] + bearings)[:, None], np.sin(pose[2] + bearings)[:, None]
     dx, dy, ox, oy = x1 - x0, y1 - y0, x0 - pose[0], y0 - pose[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         cross = cos * dy - sin * dx
         distance = (ox * dy - oy * dx) / cross
-        share = (ox * sin - oy * cos) / cross
-    hit = (distance > 0) & (share >= 0) & (share <= 1)
+        along_wall = (ox * sin - oy * cos) / cross
+    hit = (distance > 0) & (along_wall >= 0) & (along_wall <= 1)
     return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
 
 
 def scripted_log(
     laps: int = 2, beams: int = 180, seed: int = 0, noise: Noise | None = None
 ) -> Iterator[tuple[Event, Odometry | None]]:
-    """Events in order, each odometry with the true pose of its moment; first the laser's extrinsics."""
+    """Events in order, each odometry with the true pose at its stamp; static transforms come first."""
     noise = noise or Noise()
     rng = random_stream(seed, "scripted log")
     bearings = np.linspace(-np.pi / 2, np.pi / 2, beams)
     yield Transform(START_NS, "base_link", "laser", (LASER_X_M, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), True), None
     yield Transform(START_NS, "base_link", "stereo_optical", (0.0, 0.0, 0.5), OPTICAL, True), None
-    believed, before = np.zeros(3), None
+    estimate, before = np.zeros(3), None
     for k, pose in enumerate(true_path(laps)):
         stamp = START_NS + k * PERIOD_NS
         if before is not None:
             step = se2.between(before, pose)
             step[0] *= noise.scale + noise.translation * rng.standard_normal()
             step[2] = step[2] * (1 + noise.rotation * rng.standard_normal()) + noise.drift_rad
-            believed = se2.compose(believed, step)
+            estimate = se2.compose(estimate, step)
         before = pose
-        yield _odometry(stamp, "odom", believed), _odometry(stamp, "map", pose)
+        yield _odometry(stamp, "odom", estimate), _odometry(stamp, "map", pose)
         exact = ranges_from(se2.compose(pose, [LASER_X_M, 0.0, 0.0]), bearings)
         ranges = exact + noise.range_m * rng.standard_normal(beams)
         yield _scan(stamp, bearings, ranges), None
@@ -143,7 +147,7 @@ def scripted_log(
 def _sweep(
     stamp_ns: int, pose: NDArray[np.float64], noise: Noise, rng: np.random.Generator
 ) -> Iterator[Range]:
-    """A sweep of the ranger within a period, as if the robot stood."""
+    """A sweep of the ranger within one period, as if the robot stood."""
     bearings = np.radians(np.arange(-60.0, 61.0, 2.0))
     ranges = ranges_from(pose, bearings) + noise.range_m * rng.standard_normal(len(bearings))
     limits = tuple(map(as_float32, RANGER_LIMITS_M))
@@ -154,7 +158,7 @@ def _sweep(
 
 
 def _disparity(stamp_ns: int, pose: NDArray[np.float64]) -> Disparity:
-    """Walls before a stereo head that looks ahead, without a floor."""
+    """Disparities of the walls before a stereo head that looks ahead; there is no floor."""
     rows, cols = STEREO_PX
     x = (np.arange(cols) - 0.5 * (cols - 1)) / STEREO_FOCAL_PX
     depths = ranges_from(pose, -np.arctan(x)) * np.cos(np.arctan(x))

@@ -1,21 +1,22 @@
-"""The section `sensors` of a world file: what the robot carries, where it is mounted, and how it errs.
+"""The section `sensors` of a world file: sensors, their extrinsics and their errors.
 
-Every stamp of a stream is late by `latency_s` (as a driver stamps what it receives), with the deviation `jitter_s`; the
-share `missing` of the messages is lost.
+Stamps of a stream are late by `latency_s` (a driver stamps a message on arrival), with the standard deviation `jitter_s`.
+The fraction `missing` of the messages is lost.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from pydantic import Field, PositiveFloat, model_validator
 
 from gridslam.config.base import StrictModel
-from gridslam.simulation.shapes import NotNegative, Share
+from gridslam.simulation.shapes import Fraction, NotNegative
 
 
 class SensorExtrinsics(StrictModel):
-    """A sensor's place on the robot."""
+    """Pose of a sensor in the base frame: metres and degrees, pitch positive downwards."""
 
     x: float = 0.0
     y: float = 0.0
@@ -25,22 +26,31 @@ class SensorExtrinsics(StrictModel):
 
 
 class Stream(StrictModel):
-    """How often messages come, and how regularly."""
+    """Rate, delay and losses of a stream of messages."""
 
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
     latency_s: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     jitter_s: Annotated[float, Field(ge=0.0, lt=0.1)] = 0.0
-    missing: Share = 0.0
+    missing: Fraction = 0.0
 
 
 class Lidar(Stream):
-    """A scanner in the plane. The deviation of a range is
+    """A planar scanner. The standard deviation of a range is
 
-    sigma = (noise_m + noise_per_m * range) * (1 + grazing_gain * (1 / cos(incidence) - 1)), at most 10 times its first factor;
+    sigma = (noise_m + noise_per_m * range) * (1 + grazing_gain * (1 / cos(incidence) - 1)), at most 10 times the first factor.
 
-    the share `tail_share` of the readings has `tail_scale` times that. A beam that is `divergence_deg` wide and falls on two
-    surfaces `mixing_m` or more apart reads something in between with the probability `mixing_share`.
+    The fraction `tail_fraction` of the readings has `tail_scale` times that. A beam has the width `divergence_deg`; where it
+    falls on two surfaces at least `mixing_gap_m` apart, the reading lies between them with the probability
+    `mixing_probability`.
     """
+
+    former_keys: ClassVar[Mapping[str, str]] = {
+        "mounting": "extrinsics",
+        "tail_share": "tail_fraction",
+        "stray": "outliers",
+        "mixing_m": "mixing_gap_m",
+        "mixing_share": "mixing_probability",
+    }
 
     frame: str = "laser"
     extrinsics: SensorExtrinsics = SensorExtrinsics()
@@ -53,15 +63,15 @@ class Lidar(Stream):
     noise_m: NotNegative = 0.01
     noise_per_m: NotNegative = 0.0005
     grazing_gain: NotNegative = 0.15
-    tail_share: Share = 0.01
+    tail_fraction: Fraction = 0.01
     tail_scale: PositiveFloat = 8.0
     bias_m: float = 0.0
-    dropout: Share = 0.002  # of all beams
-    grazing_dropout: Share = 0.3  # more, at an incidence of 90 degrees on a black surface
-    stray: Share = 0.0005  # readings from dust, anywhere before the surface
+    dropout: Fraction = 0.002  # of all beams, without an echo
+    grazing_dropout: Fraction = 0.3  # added at an incidence of 90 degrees on a black surface
+    outliers: Fraction = 0.0005  # readings of dust, anywhere before the surface
     divergence_deg: NotNegative = 0.3
-    mixing_m: PositiveFloat = 0.1
-    mixing_share: Share = 0.6
+    mixing_gap_m: PositiveFloat = 0.1
+    mixing_probability: Fraction = 0.6
 
     @model_validator(mode="after")
     def _possible(self) -> Lidar:
@@ -73,32 +83,46 @@ class Lidar(Stream):
 
 
 class WheelOdometry(Stream):
-    """Poses (and, where `publish_wheels`, wheel angles) from the encoders, with the maker's wheel radius and base."""
+    """Poses from the encoders by the nominal wheel radius and base; with `publish_wheels` also wheel angles."""
+
+    former_keys: ClassVar[Mapping[str, str]] = {"ticks_per_turn": "ticks_per_revolution"}
 
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 20.0
-    ticks_per_turn: Annotated[int, Field(ge=0)] = 2048  # 0: without quantisation
+    ticks_per_revolution: Annotated[int, Field(ge=0)] = 2048  # 0: no quantisation
     publish_odometry: bool = True
     publish_wheels: bool = False
 
 
 class Gyro(Stream):
-    """Turn rate: scale * true + bias + noise, the bias beginning at `bias_deviation_radps` and walking."""
+    """Yaw rate: (1 + scale_error) * true rate + bias + noise.
+
+    The bias starts at a random value of standard deviation `bias_deviation_radps` and walks randomly.
+    """
+
+    former_keys: ClassVar[Mapping[str, str]] = {"walk_radps_per_sqrt_s": "bias_walk_radps_per_sqrt_s"}
 
     frame: str = "imu"
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 50.0
     noise_radps: NotNegative = 0.002
     bias_deviation_radps: NotNegative = 0.002
-    walk_radps_per_sqrt_s: NotNegative = 0.0001
+    bias_walk_radps_per_sqrt_s: NotNegative = 0.0001
     scale_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
 
 
 class Infrared(StrictModel):
     """A triangulating ranger on a servo, swept while the robot stands.
 
-    The deviation of a reading is noise_m + noise_per_m2 * range^2. The spot is `spot_m` wide: past an edge the reading is pulled
-    between both surfaces or beyond; at grazing angles it is short by `grazing_bias_m` / cos. Below `range_min_m` the
-    response folds back (too far), beyond `range_max_m` it fades out: such readings are recorded as they come.
+    The standard deviation of a reading is noise_m + noise_per_m2 * range^2. Where the beam (`beam_width_m` wide) falls on an
+    edge, the reading lies between both surfaces or beyond them with the probability `edge_errors`. At grazing incidence it is
+    short by grazing_bias_m * (1 / cos(incidence) - 1). Below `range_min_m` the response folds back to larger readings.
+    Readings outside the valid range are recorded all the same.
     """
+
+    former_keys: ClassVar[Mapping[str, str]] = {
+        "mounting": "extrinsics",
+        "spot_m": "beam_width_m",
+        "edge_wrong": "edge_errors",
+    }
 
     name: str = Field(min_length=1)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
@@ -111,19 +135,23 @@ class Infrared(StrictModel):
     servo_deviation_deg: NotNegative = 0.3
     noise_m: NotNegative = 0.003
     noise_per_m2: NotNegative = 0.02
-    spot_m: NotNegative = 0.02
-    edge_wrong: Share = 0.5
+    beam_width_m: NotNegative = 0.02
+    edge_errors: Fraction = 0.5
     grazing_bias_m: NotNegative = 0.002
-    outliers: Share = 0.005
+    outliers: Fraction = 0.005
 
 
 class Antenna(Stream):
-    """A reader whose round reads a tag when the power that comes back exceeds the threshold.
+    """An RFID antenna. An inventory round reads a tag when its power is above the threshold:
 
-    power (dB) = gain - 40 log10(distance / 1 m) - 12 (bearing / half_power_deg)^2 + 20 log10(cos of the tag's turn, at least
-    0.1) - `wall_loss_db` when anything stands between + fading (normal, `fading_db`); read when power > 0, unless missed
-    all the same.
+    power (dB) = gain_db - 40 log10(distance / 1 m) - 12 (bearing / half_power_deg)^2
+                 + 20 log10(cosine of the tag's orientation, at least 0.1)
+                 - wall_loss_db where a surface blocks the line of sight + normal fading of `fading_db`.
+
+    The fraction `missed` of the readable tags is not read.
     """
+
+    former_keys: ClassVar[Mapping[str, str]] = {"mounting": "extrinsics", "stray": "false_reads"}
 
     name: str = Field(min_length=1)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
@@ -132,17 +160,19 @@ class Antenna(Stream):
     half_power_deg: PositiveFloat = 70.0
     fading_db: PositiveFloat = 3.0
     wall_loss_db: NotNegative = 15.0
-    missed: Share = 0.05
-    stray: Share = 0.002  # rounds that hold a tag from anywhere in the world
+    missed: Fraction = 0.05
+    false_reads: Fraction = 0.002  # of the rounds: they also report a random tag of the world
 
 
-class Fixes(Stream):
-    """Absolute poses from outside: stamped when taken, delivered `delay_s` later, some of them wrong."""
+class AbsolutePoses(Stream):
+    """Absolute poses from an external source: stamped when measured, received `delay_s` later, the fraction `outliers` wrong by
+    0.5 to 1.5 times `outlier_m`.
+    """
 
     frame: str = "map"
     rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     delay_s: NotNegative = 0.2
     noise_m: PositiveFloat = 0.03
     noise_deg: PositiveFloat = 1.0
-    outliers: Share = 0.03
+    outliers: Fraction = 0.03
     outlier_m: NotNegative = 1.0

@@ -1,19 +1,24 @@
-"""The section `sensors` of a world file as a whole."""
+"""The section `sensors` of a world file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from gridslam.config.base import StrictModel
 from gridslam.simulation.camera_config import AnyCamera
-from gridslam.simulation.sensor_config import Antenna, Fixes, Gyro, Infrared, Lidar, WheelOdometry
+from gridslam.simulation.sensor_config import AbsolutePoses, Antenna, Gyro, Infrared, Lidar, WheelOdometry
 
 
 class Sensors(StrictModel):
-    """Everything on board."""
+    """The sensors on board."""
+
+    former_keys: ClassVar[Mapping[str, str]] = {"fixes": "absolute_poses"}
 
     lidar: Lidar | None = None
     odometry: WheelOdometry | None = WheelOdometry()
     gyro: Gyro | None = None
     infrared: tuple[Infrared, ...] = ()
     antennas: tuple[Antenna, ...] = ()
-    fixes: Fixes | None = None
+    absolute_poses: AbsolutePoses | None = None
     cameras: tuple[AnyCamera, ...] = ()

@@ -1,11 +1,12 @@
-"""What stands in a world: the sections of a world file about walls, furniture, doors, tagged objects and people.
+"""Sections of a world file: walls, furniture, doors, movable objects and people.
 
-Lengths are metres in the map frame, angles degrees counter-clockwise (names end in `_deg`). Heights matter to cameras only.
+Lengths are metres in the map frame, angles degrees counter-clockwise (names end in `_deg`). Only cameras use heights.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, PositiveFloat, model_validator
 
@@ -13,24 +14,24 @@ from gridslam.config.base import StrictModel
 
 Point = tuple[float, float]
 PoseDeg = tuple[float, float, float]  # x, y (m), yaw (degrees)
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Opening = Annotated[float, Field(ge=-180.0, le=180.0)]  # degrees
-WayPoint = Annotated[int, Field(ge=0)]
+WaypointIndex = Annotated[int, Field(ge=0)]
 
 Texture = Literal["plain", "plaster", "wood", "brick", "checks", "carpet"]
 
 
 class Surface(StrictModel):
-    """How a surface looks: to the lidar (share of light sent back) and to cameras."""
+    """Appearance of a surface: reflectivity for the lidar, texture and colour for cameras."""
 
-    reflectivity: Share = 0.7
+    reflectivity: Fraction = 0.7
     texture: Texture = "plaster"
     colour: tuple[int, int, int] = (200, 195, 185)
 
 
 class Wall(Surface):
-    """A polyline or a rectangle (x0, y0, x1, y1) of walls without thickness."""
+    """Walls without thickness: a polyline, or a rectangle (x0, y0, x1, y1)."""
 
     points: tuple[Point, ...] = Field(default=(), max_length=10_000)
     rectangle: tuple[float, float, float, float] | None = None
@@ -42,7 +43,7 @@ class Wall(Surface):
         if (self.rectangle is None) == (len(self.points) < 2):
             raise ValueError("a wall has either two or more points, or a rectangle [x0, y0, x1, y1]")
         if any(a == b for a, b in zip(self.points, self.points[1:], strict=False)):
-            raise ValueError("two points that follow each other are equal")
+            raise ValueError("two consecutive points are equal")
         if self.rectangle is not None and (
             self.rectangle[0] >= self.rectangle[2] or self.rectangle[1] >= self.rectangle[3]
         ):
@@ -51,7 +52,7 @@ class Wall(Surface):
 
 
 class Box(Surface):
-    """A piece of furniture with a rectangular outline."""
+    """A piece of furniture with a rectangular footprint."""
 
     centre: Point
     size: tuple[PositiveFloat, PositiveFloat]  # along its own x and y
@@ -70,7 +71,7 @@ class Cylinder(Surface):
 
 
 class Tag(StrictModel):
-    """An RFID tag on an object, in the object's own frame."""
+    """An RFID tag on an object, in the object's frame."""
 
     id: str = Field(min_length=1)
     position: Point = (0.0, 0.0)
@@ -78,7 +79,9 @@ class Tag(StrictModel):
 
 
 class Door(Surface):
-    """A leaf on a hinge: closed it points along `closed_deg`, opened it is turned by `opening_deg` (either sign)."""
+    """A leaf on a hinge. Closed, it points along `closed_deg`; it is opened by `opening_deg`, of either sign."""
+
+    former_keys: ClassVar[Mapping[str, str]] = {"turns": "openings_deg"}
 
     id: str = Field(min_length=1)
     hinge: Point
@@ -88,30 +91,28 @@ class Door(Surface):
     opening_deg: Opening = 0.0
     kind: str = "door"
     tag: Tag | None = None
-    turns: dict[WayPoint, Annotated[float, Field(ge=-180.0, le=180.0)]] = Field(
-        default_factory=dict
-    )  # way point reached: opening
+    openings_deg: dict[WaypointIndex, Opening] = Field(default_factory=dict)  # waypoint reached: opening
     height_m: PositiveFloat = 2.0
     colour: tuple[int, int, int] = (120, 80, 50)
     texture: Texture = "wood"
 
 
-class TaggedObject(Surface):
-    """A thing with a rectangular outline that may be elsewhere at the robot's next visit."""
+class MovableObject(Surface):
+    """An object with a rectangular footprint, moved when the robot reaches the waypoints in `moves`."""
 
     id: str = Field(min_length=1)
     kind: str = "bin"
     pose: PoseDeg
     size: tuple[PositiveFloat, PositiveFloat]
     tag: Tag | None = None
-    moves: dict[WayPoint, PoseDeg] = Field(default_factory=dict)  # way point reached: the new pose
+    moves: dict[WaypointIndex, PoseDeg] = Field(default_factory=dict)  # waypoint reached: the new pose
     height_m: PositiveFloat = 0.8
     colour: tuple[int, int, int] = (60, 90, 140)
     texture: Texture = "plain"
 
 
 class Person(StrictModel):
-    """Somebody who walks along a path and back, with a speed that changes at random; the lidar sees two legs."""
+    """A person who walks along a path and back at a random speed; the lidar sees two legs."""
 
     path: tuple[Point, ...] = Field(min_length=2)
     speed_mps: PositiveFloat = 1.0

@@ -1,4 +1,4 @@
-"""The closed loop: command wheel speeds, step, read what the sensors say.
+"""The simulator as a closed loop: command wheel speeds, step, take the sensors' messages.
 
 simulator = Simulator(world, folder)
 for event in simulator.step(left_radps, right_radps): ...
@@ -13,35 +13,36 @@ from typing import Protocol
 
 from gridslam.core.messages import Event, Odometry, Transform, canonical_yaw
 from gridslam.core.random import random_stream
+from gridslam.simulation.absolute_poses import AbsolutePoseSource
 from gridslam.simulation.camera_config import RgbdCamera, StereoCamera
 from gridslam.simulation.cameras import CameraSensor
 from gridslam.simulation.drive import STEP_NS, DrivenRobot
 from gridslam.simulation.encoders import BASE_FRAME, Encoders
-from gridslam.simulation.fixes import FixSource
+from gridslam.simulation.extrinsics import static_transform
 from gridslam.simulation.gyro import GyroSensor
 from gridslam.simulation.infrared import InfraredRangers
 from gridslam.simulation.lidar import LidarSensor
-from gridslam.simulation.mounts import static_transform
 from gridslam.simulation.rfid import RfidReader
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 
 MAP_FRAME = "map"
+POSE_STREAM = "fixes"  # names the random stream of absolute poses: another name would change recorded logs
 
 
 class Sensor(Protocol):
-    """Anything that says something as time passes."""
+    """A source of messages."""
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
-        """The messages that are complete at this step."""
+        """The messages that become available at this step."""
 
 
 class Simulator:
-    """A world, the robot in it, and its sensors, advanced in steps of 10 ms. Same world, same commands: same events."""
+    """A world, a robot and its sensors, advanced in steps of 10 ms. Same world and commands give the same events."""
 
     step_s = STEP_NS * 1e-9
 
-    def __init__(self, world: World, folder: Path) -> None:
+    def __init__(self, world: WorldConfig, folder: Path) -> None:
         self.world = world
         self.scene = Scene(world, folder)
         self.robot = DrivenRobot(world.robot.wheels, world.robot.start, random_stream(world.seed, "wheels"))
@@ -55,30 +56,30 @@ class Simulator:
 
     @property
     def time_s(self) -> float:
-        """Seconds since the beginning."""
+        """Simulated time (s) since the start."""
         return self._now_ns * 1e-9
 
     @property
     def is_sweeping(self) -> bool:
-        """Whether infrared rangers are sweeping; the robot must stand meanwhile."""
+        """Whether the infrared rangers are sweeping; the robot must stand meanwhile."""
         return self._rangers.is_sweeping
 
-    def mounts(self) -> list[Transform]:
-        """The static transforms of all sensors."""
+    def extrinsics(self) -> list[Transform]:
+        """Static transforms of all sensors: T_base_sensor, and T_map_camera of fixed cameras."""
         sensors, stamp = self.world.sensors, self.world.start_ns
-        mounted = [(sensors.lidar.extrinsics, sensors.lidar.frame)] if sensors.lidar else []
-        mounted += [(ranger.extrinsics, ranger.name) for ranger in sensors.infrared]
-        mounted += [(antenna.extrinsics, antenna.name) for antenna in sensors.antennas]
-        transforms = [static_transform(extrinsics, frame, stamp) for extrinsics, frame in mounted]
-        transforms += [camera.mount(stamp, BASE_FRAME) for camera in self._cameras]
-        return transforms + [camera.mount(stamp, MAP_FRAME) for camera in self._fixed_cameras]
+        sensor_frames = [(sensors.lidar.extrinsics, sensors.lidar.frame)] if sensors.lidar else []
+        sensor_frames += [(ranger.extrinsics, ranger.name) for ranger in sensors.infrared]
+        sensor_frames += [(antenna.extrinsics, antenna.name) for antenna in sensors.antennas]
+        transforms = [static_transform(extrinsics, frame, stamp) for extrinsics, frame in sensor_frames]
+        transforms += [camera.extrinsics(stamp, BASE_FRAME) for camera in self._cameras]
+        return transforms + [camera.extrinsics(stamp, MAP_FRAME) for camera in self._fixed_cameras]
 
     def start_sweep(self) -> None:
-        """Let the infrared rangers sweep once."""
+        """Start one sweep of the infrared rangers."""
         self._rangers.start(self._now_ns, self.robot, self.scene)
 
     def step(self, left_radps: float, right_radps: float) -> list[Event]:
-        """Drive for 10 ms with these wheel speeds; what the sensors said by then."""
+        """Drive for 10 ms with these wheel speeds (rad/s); returns the messages of all sensors."""
         self.robot.step(left_radps, right_radps)
         self._now_ns += STEP_NS
         events: list[Event] = []
@@ -87,7 +88,7 @@ class Simulator:
         return events
 
     def truth(self) -> Odometry:
-        """T_map_base as it really is."""
+        """The true pose T_map_base, as odometry in the frame `map`."""
         x, y, yaw = self.robot.pose.tolist()
         return Odometry(
             self.world.start_ns + self._now_ns,
@@ -106,7 +107,7 @@ def _wrapped(yaw_rad: float) -> float:
 
 
 def _cameras(
-    world: World, folder: Path, configs: Iterable[RgbdCamera | StereoCamera], is_fixed: bool
+    world: WorldConfig, folder: Path, configs: Iterable[RgbdCamera | StereoCamera], is_fixed: bool
 ) -> list[CameraSensor]:
     return [
         CameraSensor(c, world.start_ns, random_stream(world.seed, f"camera {c.name}"), folder, is_fixed)
@@ -114,18 +115,18 @@ def _cameras(
     ]
 
 
-def _sensors(world: World) -> list[Sensor]:
-    """The sensors of a world, each with random numbers of its own."""
-    seed, start, wanted = world.seed, world.start_ns, world.sensors
+def _sensors(world: WorldConfig) -> list[Sensor]:
+    """The sensors of a world, each with a random stream of its own."""
+    seed, start, configs = world.seed, world.start_ns, world.sensors
     sensors: list[Sensor] = []
-    if wanted.odometry:
-        sensors.append(Encoders(wanted.odometry, start, random_stream(seed, "odometry")))
-    if wanted.gyro:
-        sensors.append(GyroSensor(wanted.gyro, start, random_stream(seed, "gyro")))
-    if wanted.lidar:
-        sensors.append(LidarSensor(wanted.lidar, start, random_stream(seed, "lidar")))
-    readers = ((antenna, random_stream(seed, f"antenna {antenna.name}")) for antenna in wanted.antennas)
+    if configs.odometry:
+        sensors.append(Encoders(configs.odometry, start, random_stream(seed, "odometry")))
+    if configs.gyro:
+        sensors.append(GyroSensor(configs.gyro, start, random_stream(seed, "gyro")))
+    if configs.lidar:
+        sensors.append(LidarSensor(configs.lidar, start, random_stream(seed, "lidar")))
+    readers = ((antenna, random_stream(seed, f"antenna {antenna.name}")) for antenna in configs.antennas)
     sensors += [RfidReader(antenna, start, rng) for antenna, rng in readers]
-    if wanted.fixes:
-        sensors.append(FixSource(wanted.fixes, start, random_stream(seed, "fixes")))
+    if configs.absolute_poses:
+        sensors.append(AbsolutePoseSource(configs.absolute_poses, start, random_stream(seed, POSE_STREAM)))
     return sensors

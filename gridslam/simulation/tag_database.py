@@ -1,28 +1,28 @@
-"""The tag database that a world implies: what its owner would know of doors and tagged objects."""
+"""The tag database of a world: doors and tagged objects as their owner would describe them."""
 
 from __future__ import annotations
 
 import yaml
 
-from gridslam.simulation.shapes import Door, TaggedObject
-from gridslam.simulation.world_config import World
+from gridslam.simulation.shapes import Door, MovableObject
+from gridslam.simulation.world_config import WorldConfig
 
 
-def tag_database_yaml(world: World) -> str:
-    """The YAML text; where things stand is not in it."""
-    objects = [_entry(thing) for thing in world.things if thing.tag]
+def tag_database_yaml(world: WorldConfig) -> str:
+    """The database as YAML text; it does not hold where the objects are."""
+    objects = [_entry(obj) for obj in world.movable_objects if obj.tag]
     document = {"version": 1, "objects": objects}
     return yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110)
 
 
-def _entry(thing: Door | TaggedObject) -> dict[str, object]:
-    assert thing.tag is not None
-    tag = {"id": thing.tag.id, "position": list(thing.tag.position), "facing_deg": thing.tag.facing_deg}
-    if isinstance(thing, Door):
-        half = 0.5 * thing.thickness_m
-        corners = [[0.0, -half], [thing.width_m, -half], [thing.width_m, half], [0.0, half]]
-        entry = {"id": thing.id, "class": thing.kind, "outline": corners, "hinge": [0.0, 0.0]}
+def _entry(obj: Door | MovableObject) -> dict[str, object]:
+    assert obj.tag is not None
+    tag = {"id": obj.tag.id, "position": list(obj.tag.position), "facing_deg": obj.tag.facing_deg}
+    if isinstance(obj, Door):
+        half = 0.5 * obj.thickness_m
+        corners = [[0.0, -half], [obj.width_m, -half], [obj.width_m, half], [0.0, half]]
+        entry = {"id": obj.id, "class": obj.kind, "outline": corners, "hinge": [0.0, 0.0]}
     else:
-        x, y = 0.5 * thing.size[0], 0.5 * thing.size[1]
-        entry = {"id": thing.id, "class": thing.kind, "outline": [[-x, -y], [x, -y], [x, y], [-x, y]]}
+        x, y = 0.5 * obj.size[0], 0.5 * obj.size[1]
+        entry = {"id": obj.id, "class": obj.kind, "outline": [[-x, -y], [x, -y], [x, y], [-x, y]]}
     return {**entry, "tags": [tag]}

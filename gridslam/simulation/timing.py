@@ -1,4 +1,4 @@
-"""When a sensor speaks, and which stamp its messages carry."""
+"""When a sensor measures, and the stamps of its messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gridslam.simulation.sensor_config import Stream
 
 
 class Schedule:
-    """Moments of a stream (ns since the beginning), and the stamps and losses of its messages."""
+    """Measurement times of a stream (ns since the start), and the stamps and losses of its messages."""
 
     def __init__(self, stream: Stream, start_ns: int, rng: np.random.Generator, phase: float = 0.0) -> None:
         self._period_ns = 1e9 / stream.rate_hz
@@ -21,23 +21,23 @@ class Schedule:
 
     @property
     def next_ns(self) -> int:
-        """When the next message is taken."""
+        """Time (ns) of the next measurement."""
         return round(self._phase_ns + self._count * self._period_ns)
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether the next message is to be taken now."""
+        """Whether the next measurement is due."""
         return self.next_ns <= now_ns
 
     def take(self) -> None:
-        """Go on to the next message."""
+        """Go on to the next measurement."""
         self._count += 1
 
     def stamp_ns(self, taken_ns: float) -> int | None:
-        """The stamp of a message taken at a moment; None where the message is lost. Stamps of a stream only grow."""
-        late, lost = float(self._rng.standard_normal()), float(self._rng.random())
+        """The stamp (ns) of a measurement, or None if its message is lost. Stamps of a stream increase strictly."""
+        delay, lost = float(self._rng.standard_normal()), float(self._rng.random())
         if lost < self._stream.missing:
             return None
-        delay_ns = 1e9 * (self._stream.latency_s + self._stream.jitter_s * late)
+        delay_ns = 1e9 * (self._stream.latency_s + self._stream.jitter_s * delay)
         stamp = self._start_ns + round(taken_ns + max(delay_ns, 0.0))
         self._last_stamp_ns = max(stamp, self._last_stamp_ns + 1)
         return self._last_stamp_ns

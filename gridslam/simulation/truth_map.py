@@ -1,4 +1,4 @@
-"""The true map: walls and furniture drawn as cells, what the robot could reach free, all else unknown."""
+"""The true map: static shapes are occupied, cells that the robot can reach are free, all others unknown."""
 
 from __future__ import annotations
 
@@ -9,23 +9,26 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.simulation.outlines import Array
+from gridslam.simulation.geometry import Array
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.world_config import TruthMap
 
 SAMPLES_PER_CELL = 5
-MOST_CELLS = 100_000_000
+MAX_CELLS = 100_000_000
 
 
 def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
-    """What stands still and carries no tag; doors and tagged objects are in objects.csv instead."""
-    segments, circles = scene.standing, scene.cylinders
+    """The static map. Doors and movable objects are excluded; they are in objects.csv.
+
+    Raises ConfigError: the map would have too many cells.
+    """
+    segments, circles = scene.static_segments, scene.cylinders
     centres, radii = circles[:, :2], circles[:, 2:]
     corners = np.concatenate([segments.reshape(-1, 2), centres - radii, centres + radii])
     resolution = config.resolution_m
     low = np.floor((corners.min(axis=0) - config.margin_m) / resolution) * resolution
     cols, rows = (int(v) for v in np.ceil((corners.max(axis=0) + config.margin_m - low) / resolution))
-    if rows * cols > MOST_CELLS:
+    if rows * cols > MAX_CELLS:
         raise ConfigError(
             f"truth.resolution_m: a map of {rows} x {cols} cells is too large; make the cells larger than {resolution:g} m"
         )
@@ -43,14 +46,14 @@ def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
 
 
 def reachable(free: NDArray[np.bool_], row: int, col: int) -> NDArray[np.bool_]:
-    """Free cells connected with a start cell along rows and columns; none where it lies outside or is not free."""
+    """Mask of the free cells that are 4-connected to a start cell; empty if the start is outside or not free."""
     found = np.zeros_like(free)
     rows, cols = free.shape
     if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
         return found
-    waiting = deque([(row, col)])
-    while waiting:
-        r, c = waiting.popleft()
+    queue = deque([(row, col)])
+    while queue:
+        r, c = queue.popleft()
         if found[r, c]:
             continue
         left, right = c, c
@@ -59,11 +62,11 @@ def reachable(free: NDArray[np.bool_], row: int, col: int) -> NDArray[np.bool_]:
         while right < cols - 1 and free[r, right + 1] and not found[r, right + 1]:
             right += 1
         found[r, left : right + 1] = True
-        for beside in (r - 1, r + 1):
-            if 0 <= beside < rows:
-                open_cells = free[beside, left : right + 1] & ~found[beside, left : right + 1]
+        for neighbour in (r - 1, r + 1):
+            if 0 <= neighbour < rows:
+                open_cells = free[neighbour, left : right + 1] & ~found[neighbour, left : right + 1]
                 starts = np.flatnonzero(open_cells & ~np.r_[False, open_cells[:-1]])
-                waiting.extend((beside, left + int(k)) for k in starts)
+                queue.extend((neighbour, left + int(k)) for k in starts)
     return found
 
 

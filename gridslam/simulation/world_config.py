@@ -1,4 +1,4 @@
-"""A world file: all of it as one model, read from YAML or by a built-in name."""
+"""The model of a world file, read from YAML or by the name of a built-in world."""
 
 from __future__ import annotations
 
@@ -19,65 +19,65 @@ from gridslam.simulation.camera_config import RgbdCamera
 from gridslam.simulation.places.build import with_place
 from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.sensor_suite import Sensors
-from gridslam.simulation.shapes import Box, Cylinder, Door, NotNegative, Person, Point, TaggedObject, Wall
+from gridslam.simulation.shapes import Box, Cylinder, Door, MovableObject, NotNegative, Person, Point, Wall
 
 
-class Plan(StrictModel):
-    """Walls taken from a map_server YAML, or from a picture of a plan with the size of its pixels."""
+class FloorPlan(StrictModel):
+    """Walls taken from a map_server YAML, or from an image of a floor plan with the size of its pixels."""
 
     file: str = Field(min_length=1)
-    resolution_m: PositiveFloat | None = None  # of a picture's pixels; a map has its own
-    origin: Point = (0.0, 0.0)  # of a picture's lower-left corner
+    resolution_m: PositiveFloat | None = None  # size of an image's pixel; a map states its own
+    origin: Point = (0.0, 0.0)  # lower-left corner of an image
     walls_are: str = Field(default="dark", pattern="^(dark|bright)$")
     simplify_m: NotNegative = 0.05
 
 
 class TruthMap(StrictModel):
-    """How the true map is drawn."""
+    """Resolution and margin of the true map."""
 
     resolution_m: PositiveFloat = 0.05
     margin_m: NotNegative = 1.0
 
 
-class World(StrictModel):
+class WorldConfig(StrictModel):
     """A place, what moves in it, a robot and its sensors."""
 
     version: Annotated[int, Field(ge=1, le=1)] = 1
     seed: Annotated[int, Field(ge=0)] = 0
     start_ns: Annotated[int, Field(ge=0, lt=2**61)] = 1_700_000_000_000_000_000
     max_duration_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = 3600.0
-    plan: Plan | None = None
+    plan: FloorPlan | None = None
     walls: tuple[Wall, ...] = ()
     boxes: tuple[Box, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
     doors: tuple[Door, ...] = ()
-    objects: tuple[TaggedObject, ...] = ()
+    objects: tuple[MovableObject, ...] = ()
     people: tuple[Person, ...] = ()
-    fixed_cameras: tuple[RgbdCamera, ...] = ()  # their sensor_extrinsics are in the map frame
+    fixed_cameras: tuple[RgbdCamera, ...] = ()  # their extrinsics are in the map frame
     robot: Robot
     sensors: Sensors = Sensors()
     truth: TruthMap = TruthMap()
 
     @property
-    def things(self) -> list[Door | TaggedObject]:
-        """All that may move between visits."""
+    def movable_objects(self) -> list[Door | MovableObject]:
+        """Doors and objects: everything that the world file can move."""
         return [*self.doors, *self.objects]
 
     @model_validator(mode="after")
-    def _consistent(self) -> World:
-        named = self.things
-        _refuse_twice("id", [thing.id for thing in named])
-        _refuse_twice("tag id", [thing.tag.id for thing in named if thing.tag])
+    def _consistent(self) -> WorldConfig:
+        named = self.movable_objects
+        _refuse_twice("id", [obj.id for obj in named])
+        _refuse_twice("tag id", [obj.tag.id for obj in named if obj.tag])
         _refuse_twice("infrared name", [ranger.name for ranger in self.sensors.infrared])
         _refuse_twice("antenna name", [antenna.name for antenna in self.sensors.antennas])
         cameras = [*self.sensors.cameras, *self.fixed_cameras]
         _refuse_twice("camera name", [camera.name for camera in cameras])
         if self.robot.stops and not self.sensors.infrared:
-            raise ValueError("robot.stops: stops are for sweeps of infrared rangers, and there is none")
+            raise ValueError("robot.stops: only infrared rangers need stops, and there are none")
         if self.sensors.infrared and not self.robot.stops:
-            raise ValueError("sensors.infrared: rangers sweep while the robot stands: robot.stops is missing")
+            raise ValueError("sensors.infrared: rangers sweep while the robot stands; robot.stops is missing")
         if not (self.plan or self.walls or self.boxes):
-            raise ValueError("an empty world: neither plan nor walls nor boxes")
+            raise ValueError("the world is empty: it has neither plan nor walls nor boxes")
         return self
 
 
@@ -95,10 +95,10 @@ def builtin_worlds() -> list[str]:
 
 def load_world(
     name_or_path: str, overrides: Sequence[str] = (), seed: int | None = None
-) -> tuple[World, Path]:
-    """The world of a file or of a built-in name, and its path (files that it names are relative to that).
+) -> tuple[WorldConfig, Path]:
+    """The world of a file or of a built-in name, and the path of its file, to which its own paths are relative.
 
-    Raises ConfigError: no such world, not YAML, or what the model refuses, with the key path.
+    Raises ConfigError: no such world, invalid YAML, or a wrong key or value, with its key path.
     """
     path = _path_of(name_or_path)
     document = apply_overrides(read_yaml(path), overrides)
@@ -108,12 +108,12 @@ def load_world(
     return validate_world(document, name_or_path, overrides), path
 
 
-def validate_world(document: dict[str, Any], source: str, overrides: Sequence[str] = ()) -> World:
-    """The model of a document; ConfigError says what is wrong with it and where."""
+def validate_world(document: dict[str, Any], source: str, overrides: Sequence[str] = ()) -> WorldConfig:
+    """The checked world of a document. Raises ConfigError with the key path and what is wrong there."""
     try:
-        return World.model_validate(document)
+        return WorldConfig.model_validate(document)
     except ValidationError as error:
-        raise config_error(error, World, source, overridden_keys(overrides)) from None
+        raise config_error(error, WorldConfig, source, overridden_keys(overrides)) from None
 
 
 def _path_of(name_or_path: str) -> Path:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gridslam.core.errors import ConfigError, MethodError
-from gridslam.sweep.outcome import Outcome
+from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.work import Job, Stop, do
 
 POLL_S = 0.2
@@ -21,8 +21,8 @@ _one_at_a_time = threading.Lock()
 _log = logging.getLogger(__name__)
 
 
-def run_on_cluster(jobs: Sequence[Job], address: str, stop: Stop) -> Iterator[tuple[int, Outcome]]:
-    """Do the jobs on the workers of a scheduler; the place of each in `jobs` and its outcome, as they end.
+def run_on_cluster(jobs: Sequence[Job], address: str, stop: Stop) -> Iterator[tuple[int, JobResult]]:
+    """Do the jobs on the workers of a scheduler; the place of each in `jobs` and its result, as they end.
 
     Workers need this gridslam installed and the sweep's files under the same paths. The work of a worker that dies is
     done again by another one; work at which several workers have died one after the other (Dask's
@@ -48,7 +48,7 @@ def run_on_cluster(jobs: Sequence[Job], address: str, stop: Stop) -> Iterator[tu
                 continue
             if future.status == "cancelled":
                 raise MethodError(f"--scheduler {address}: lost; the same command goes on with what is left")
-            yield places.pop(future.key), _outcome(future)
+            yield places.pop(future.key), _result(future)
     finally:
         client.close()  # what was not begun is dropped with its futures
 
@@ -78,20 +78,20 @@ def _refuse_lost(client: Any, address: str) -> None:
         raise MethodError(f"--scheduler {address}: lost; the same command goes on with what is left")
 
 
-def _outcome(future: Any) -> Outcome:
+def _result(future: Any) -> JobResult:
     if future.status == "finished":
-        outcome = future.result()
-        assert isinstance(outcome, Outcome)
-        return outcome
+        result = future.result()
+        assert isinstance(result, JobResult)
+        return result
     error = future.exception()
     if type(error).__name__ == "KilledWorker":
-        return Outcome("failed", "the workers that were at it died (out of memory?)")
-    return Outcome(
+        return JobResult("failed", "the workers that were at it died (out of memory?)")
+    return JobResult(
         "failed", f"the worker could not do it: {type(error).__name__}: {' '.join(str(error).split())}"
     )
 
 
-def _do_on_worker(job: Job) -> Outcome:
+def _do_on_worker(job: Job) -> JobResult:
     """One run at a time in a worker's process: numba's thread pool serves one caller. (`--nthreads 1` wastes nothing.)"""
     with _one_at_a_time:
         return do(job, lambda: False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -16,7 +16,7 @@ from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
-MOST_SEEDS = 100_000
+MAX_SEEDS = 100_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
 
 Name = Annotated[str, Field(max_length=80, description="also the name of a folder")]
@@ -68,14 +68,16 @@ class LogEntry(StrictModel):
 
 
 class Evaluation(StrictModel):
-    """How the measures are taken; the options of `gridslam evaluate`."""
+    """How the measures are taken: the options of `gridslam evaluate`."""
+
+    former_keys: ClassVar[Mapping[str, str]] = {"reach_m": "completeness_radius_m"}
 
     align: Literal["none", "se2", "origin"] | None = Field(
         None, description="absent: se2 for map, none for localize"
     )
     sync: Literal["nearest", "interpolate"] = "nearest"
     max_difference_s: float = Field(0.01, ge=0.0)
-    reach_m: float | None = Field(None, ge=0.0)
+    completeness_radius_m: float | None = Field(None, ge=0.0)
     max_position_m: float = Field(0.5, ge=0.0)
     max_heading_deg: float = Field(10.0, ge=0.0)
 
@@ -127,8 +129,8 @@ class SweepConfig(StrictModel):
         if match is None:
             return [value] if isinstance(value, int) else value
         first, last = int(match[1]), int(match[2])
-        if not first <= last < first + MOST_SEEDS:
-            raise ValueError(f"{value}: expected FIRST..LAST, at most {MOST_SEEDS} seeds")
+        if not first <= last < first + MAX_SEEDS:
+            raise ValueError(f"{value}: expected FIRST..LAST, at most {MAX_SEEDS} seeds")
         return list(range(first, last + 1))
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ from typing import Any
 from gridslam.config.errors import nearest
 from gridslam.core.errors import ConfigError
 from gridslam.evaluation.gates import Gate, Value, failures, parse_gate
-from gridslam.sweep.outcome import Row
+from gridslam.sweep.job_result import RunRow
 from gridslam.sweep.summary import STATISTICS, Group
 
 _OF_GROUP = re.compile(r"\s*([a-z_0-9]+)\(\s*([A-Za-z_][\w.-]*)\s*\)\s*(\S.*)")
@@ -45,7 +45,7 @@ def parse_sweep_gate(
     return SweepGate(parse_gate(key + bound), statistic, log, config, override)
 
 
-def failed_gates(gates: Iterable[SweepGate], rows: Sequence[Row], groups: Sequence[Group]) -> list[str]:
+def failed_gates(gates: Iterable[SweepGate], rows: Sequence[RunRow], groups: Sequence[Group]) -> list[str]:
     """One line for each bound that does not hold, and where. Runs that failed are not asked: they have no measures.
 
     A measure that a run or a group lacks meets no bound.
@@ -53,7 +53,7 @@ def failed_gates(gates: Iterable[SweepGate], rows: Sequence[Row], groups: Sequen
     return [line for gate in gates for line in _failures(gate, rows, groups)]
 
 
-def _failures(gate: SweepGate, rows: Sequence[Row], groups: Sequence[Group]) -> list[str]:
+def _failures(gate: SweepGate, rows: Sequence[RunRow], groups: Sequence[Group]) -> list[str]:
     lines, concerned = [], False
     if gate.statistic:
         for group in groups:

@@ -15,15 +15,15 @@ from multiprocessing.context import SpawnProcess
 from types import FrameType
 
 from gridslam.core.threads import threads_each
-from gridslam.sweep.outcome import Outcome
+from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.work import Job, Stop, do
 
 POLL_S = 0.2
 LEAVE_S = 5.0
 
 
-def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, Outcome]]:
-    """Do the jobs on so many processes; the place of each in `jobs` and its outcome, as they end.
+def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, JobResult]]:
+    """Do the jobs on so many processes; the place of each in `jobs` and its result, as they end.
 
     The machine's cores are divided among the processes. A process that dies (killed for want of memory) fails the job
     that it was at, and a new one takes its place. When `stop` says so, or the caller goes away, all are ended.
@@ -41,8 +41,8 @@ def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tup
                 ready = wait([w.pipe for w in team if w.job is not None], POLL_S)
                 for place, worker in enumerate(team):
                     if worker.pipe in ready and worker.job is not None:
-                        job, outcome = worker.job, worker.outcome()
-                        yield job, outcome
+                        job, result = worker.job, worker.result()
+                        yield job, result
                         if worker.is_lost:
                             worker.end()
                             team[place] = _Worker.start()
@@ -71,19 +71,19 @@ class _Worker:
 
     def give(self, place: int, job: Job) -> None:
         self.job = place
-        with suppress(OSError):  # it died while idle: the pipe's end tells so, in `outcome`
+        with suppress(OSError):  # it died while idle: the pipe's end tells so, in `result`
             self.pipe.send(job)
 
-    def outcome(self) -> Outcome:
+    def result(self) -> JobResult:
         self.job = None
         try:
-            outcome = self.pipe.recv()
+            result = self.pipe.recv()
         except (EOFError, OSError):
             self.is_lost = True
             self.process.join(LEAVE_S)
-            return Outcome("failed", _last_words(self.process.exitcode))
-        assert isinstance(outcome, Outcome)
-        return outcome
+            return JobResult("failed", _last_words(self.process.exitcode))
+        assert isinstance(result, JobResult)
+        return result
 
     def end(self) -> None:
         """An idle process goes by itself; one at work is told to, and has some seconds to tidy up."""
@@ -105,7 +105,7 @@ def _last_words(exit_code: int | None) -> str:
 
 
 def _serve(pipe: Connection, parent: int) -> None:
-    """A process of the team: jobs in, outcomes out, until the pipe ends.
+    """A process of the team: jobs in, results out, until the pipe ends.
 
     Ctrl-C reaches all processes of a terminal; what it means is for the parent to say.
     """

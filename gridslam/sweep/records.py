@@ -14,8 +14,8 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.files import write_atomic
 from gridslam.report.directory import is_run_directory
 from gridslam.report.document import json_bytes
-from gridslam.sweep.outcome import Outcome
-from gridslam.sweep.plan import RunJob, SimulateJob
+from gridslam.sweep.job_result import JobResult
+from gridslam.sweep.jobs import RunJob, SimulateJob
 
 MARKER, FORMAT, VERSION = "sweep.json", "gridslam sweep", 1
 
@@ -65,28 +65,28 @@ class Records:
     def __init__(self, output: Path) -> None:
         self._folder = output / "records"
 
-    def outcome(self, job: RunJob | SimulateJob) -> Outcome | None:
+    def result(self, job: RunJob | SimulateJob) -> JobResult | None:
         """What came of this very job before; None: it has to be done. A failure is tried again."""
         record = self._read(job)
         key = job.evaluation_key if isinstance(job, RunJob) else job.key
         if record.get("evaluation_key") != key or not job.directory.is_dir():
             return None
-        return Outcome("done", measures=record["measures"], cost=record["cost"])
+        return JobResult("done", measures=record["measures"], cost=record["cost"])
 
     def is_made(self, job: RunJob) -> bool:
         """Whether the run itself is there, and only has to be measured anew."""
         return self._read(job).get("key") == job.key and is_run_directory(job.directory)
 
-    def write(self, job: RunJob | SimulateJob, outcome: Outcome) -> None:
+    def write(self, job: RunJob | SimulateJob, result: JobResult) -> None:
         """Keep what came of a job; what failed leaves no record."""
         path = self._path(job)
-        if outcome.state != "done":
+        if result.state != "done":
             path.unlink(missing_ok=True)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
         evaluation_key = job.evaluation_key if isinstance(job, RunJob) else job.key
         document = {"key": job.key, "evaluation_key": evaluation_key, "label": job.label}
-        write_atomic(path, json_bytes({**document, "measures": outcome.measures, "cost": outcome.cost}))
+        write_atomic(path, json_bytes({**document, "measures": result.measures, "cost": result.cost}))
 
     def _path(self, job: RunJob | SimulateJob) -> Path:
         return self._folder / job.directory.relative_to(self._folder.parent).with_suffix(".json")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gridslam.sweep.outcome import Row
+from gridslam.sweep.job_result import RunRow
 
 NUMBERS = ("mean", "mean_low", "mean_high", "sd", "min", "median", "max")
 RATES = ("rate", "rate_low", "rate_high")
@@ -42,17 +42,17 @@ class Group:
     measures: Mapping[str, Measure]
 
 
-def summarize(rows: Sequence[Row], successes: Sequence[str] = ()) -> list[Group]:
+def summarize(rows: Sequence[RunRow], successes: Sequence[str] = ()) -> list[Group]:
     """The groups in the order of the rows. A failed run is no success of any kind (keys `success.*` in `successes`)."""
-    grouped: dict[tuple[str, str, str], list[Row]] = {}
+    grouped: dict[tuple[str, str, str], list[RunRow]] = {}
     for row in rows:
         grouped.setdefault((row.log, row.config, row.override), []).append(row)
     return [_group(*name, members, successes) for name, members in grouped.items()]
 
 
-def _group(log: str, config: str, override: str, rows: Sequence[Row], successes: Sequence[str]) -> Group:
+def _group(log: str, config: str, override: str, rows: Sequence[RunRow], successes: Sequence[str]) -> Group:
     done = [row for row in rows if row.is_done]
-    tried = [row for row in rows if row.outcome.state != "not run"]
+    tried = [row for row in rows if row.result.state != "not run"]
     measures = {"run.done": _rate([row.is_done for row in tried], 0)} if tried else {}
     for key in successes:
         if tried:

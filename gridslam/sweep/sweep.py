@@ -12,37 +12,37 @@ from gridslam.evaluation.gates import parse_gate
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes
 from gridslam.sweep.gates import SweepGate, failed_gates, meets
-from gridslam.sweep.outcome import Outcome, Row
-from gridslam.sweep.plan import RunJob, Settings, run_job, settings_of_sweep, simulated, simulations
+from gridslam.sweep.job_result import JobResult, RunRow
+from gridslam.sweep.jobs import RunJob, RunSettings, run_job, settings_of_sweep, simulated, simulations
 from gridslam.sweep.records import Records, sweep_directory
 from gridslam.sweep.summary import Group, summarize
 from gridslam.sweep.tables import summary_document, write_tables
 from gridslam.sweep.work import Job, Stop
 
-Runner: TypeAlias = Callable[[Sequence[Job]], Iterator[tuple[int, Outcome]]]
-Tell: TypeAlias = Callable[[str], None]
+Runner: TypeAlias = Callable[[Sequence[Job]], Iterator[tuple[int, JobResult]]]
+Report: TypeAlias = Callable[[str], None]
 
-NOT_RUN = Outcome("not run")
+NOT_RUN = JobResult("not run")
 
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
     """All runs in the order of the file, their groups, the gates that failed; `document` is summary.json."""
 
-    rows: Sequence[Row]
+    rows: Sequence[RunRow]
     groups: Sequence[Group]
     failed_gates: Sequence[str]
     document: Mapping[str, Any]
 
     @property
-    def failed(self) -> list[Row]:
+    def failed(self) -> list[RunRow]:
         """The runs that failed."""
-        return [row for row in self.rows if row.outcome.state == "failed"]
+        return [row for row in self.rows if row.result.state == "failed"]
 
     @property
     def is_interrupted(self) -> bool:
         """Whether there are runs that were not tried."""
-        return any(row.outcome.state == "not run" for row in self.rows)
+        return any(row.result.state == "not run" for row in self.rows)
 
 
 def run_sweep(
@@ -50,14 +50,14 @@ def run_sweep(
     folder: Path,
     output: Path,
     run: Runner,
-    tell: Tell,
+    report: Report,
     stop: Stop,
     gates: Sequence[SweepGate] = (),
 ) -> SweepResult:
     """Do what is not done yet, and write the tables of all of it.
 
     `folder` is what the paths in the file are relative to, `run` does the work (`run_locally`, `run_on_cluster`),
-    `tell` gets a line for each finished run. Raises ConfigError: before anything is run or written, for what is wrong.
+    `report` gets a line for each finished run. Raises ConfigError: before anything is run or written, for what is wrong.
     """
     settings = settings_of_sweep(sweep, folder)
     directory, hashes = output.resolve(), Hashes()
@@ -70,9 +70,9 @@ def run_sweep(
         if entry.world is None
     }
     with sweep_directory(directory):
-        work = _Work(Records(directory), run, tell, stop)
+        work = _Work(Records(directory), run, report, stop)
         made = dict(zip([job.directory for job in worlds], work.do(worlds), strict=True))
-        lost: dict[int, Outcome] = {}
+        lost: dict[int, JobResult] = {}
         for place, (entry, one) in enumerate(combinations):
             if entry.world is not None:
                 found = made[simulated(directory, entry.label, one.seed)]
@@ -80,67 +80,69 @@ def run_sweep(
                     lost[place] = _without_log(found)
                 else:
                     planned[place] = run_job(sweep, folder, directory, entry, one, hashes)
-        outcomes = (
+        results = (
             dict(zip(sorted(planned), work.do([planned[i] for i in sorted(planned)]), strict=True)) | lost
         )
-        rows = [_row(sweep, entry, one, outcomes[i]) for i, (entry, one) in enumerate(combinations)]
+        rows = [_row(sweep, entry, one, results[i]) for i, (entry, one) in enumerate(combinations)]
         return _finish(sweep, directory, rows, [*sweep.gates(), *gates])
 
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """Jobs in, their outcomes out, in the order of the jobs; what is done already is not done again."""
+    """Jobs in, their results out, in the order of the jobs; what is done already is not done again."""
 
     records: Records
     run: Runner
-    tell: Tell
+    report: Report
     stop: Stop
 
-    def do(self, jobs: Sequence[Job]) -> list[Outcome]:
-        found = [self.records.outcome(job) for job in jobs]
-        left = [self._prepared(job) for job, outcome in zip(jobs, found, strict=True) if outcome is None]
-        places = [place for place, outcome in enumerate(found) if outcome is None]
+    def do(self, jobs: Sequence[Job]) -> list[JobResult]:
+        found = [self.records.result(job) for job in jobs]
+        left = [self._prepared(job) for job, result in zip(jobs, found, strict=True) if result is None]
+        places = [place for place, result in enumerate(found) if result is None]
         if len(left) < len(jobs):
-            self.tell(f"{len(jobs) - len(left)} of {len(jobs)} are done already")
+            self.report(f"{len(jobs) - len(left)} of {len(jobs)} are done already")
         if left and not self.stop():
-            for count, (place, outcome) in enumerate(self.run(left), start=1):
-                self.records.write(left[place], outcome)
-                found[places[place]] = outcome
-                self.tell(f"{count}/{len(left)} {left[place].label}: {_in_words(outcome)}")
-        return [NOT_RUN if outcome is None else outcome for outcome in found]
+            for count, (place, result) in enumerate(self.run(left), start=1):
+                self.records.write(left[place], result)
+                found[places[place]] = result
+                self.report(f"{count}/{len(left)} {left[place].label}: {_in_words(result)}")
+        return [NOT_RUN if result is None else result for result in found]
 
     def _prepared(self, job: Job) -> Job:
         return replace(job, is_made=self.records.is_made(job)) if isinstance(job, RunJob) else job
 
 
-def _in_words(outcome: Outcome) -> str:
-    return f"{outcome.cost['wall_s']:.1f} s" if outcome.state == "done" else f"failed: {outcome.error}"
+def _in_words(result: JobResult) -> str:
+    return f"{result.cost['wall_s']:.1f} s" if result.state == "done" else f"failed: {result.error}"
 
 
-def _without_log(simulation: Outcome) -> Outcome:
+def _without_log(simulation: JobResult) -> JobResult:
     if simulation.state == "not run":
         return NOT_RUN
-    return Outcome("failed", f"its log could not be simulated: {simulation.error}")
+    return JobResult("failed", f"its log could not be simulated: {simulation.error}")
 
 
-def _row(sweep: SweepConfig, entry: LogEntry, settings: Settings, outcome: Outcome) -> Row:
-    measures = dict(outcome.measures)
-    if outcome.state == "done":
+def _row(sweep: SweepConfig, entry: LogEntry, settings: RunSettings, result: JobResult) -> RunRow:
+    measures = dict(result.measures)
+    if result.state == "done":
         for name, bounds in sweep.successes.items():
-            measures[f"success.{name}"] = meets([parse_gate(text) for text in bounds], outcome.measures)
-    return Row(entry.label, settings.config, settings.override, settings.seed, outcome, measures)
+            measures[f"success.{name}"] = meets([parse_gate(text) for text in bounds], result.measures)
+    return RunRow(entry.label, settings.config, settings.override, settings.seed, result, measures)
 
 
-def _finish(sweep: SweepConfig, directory: Path, rows: list[Row], gates: Sequence[SweepGate]) -> SweepResult:
+def _finish(
+    sweep: SweepConfig, directory: Path, rows: list[RunRow], gates: Sequence[SweepGate]
+) -> SweepResult:
     groups = summarize(rows, [f"success.{name}" for name in sweep.successes])
     failures = failed_gates(gates, rows, groups)
-    states = [row.outcome.state for row in rows]
+    states = [row.result.state for row in rows]
     document = {
         "command": sweep.command,
         "status": "interrupted" if "not run" in states else "complete",
         "runs": {state.replace(" ", "_"): states.count(state) for state in ("done", "failed", "not run")},
         "failed": [
-            {"run": row.label, "error": row.outcome.error} for row in rows if row.outcome.state == "failed"
+            {"run": row.label, "error": row.result.error} for row in rows if row.result.state == "failed"
         ],
         "failed_gates": failures,
         "groups": summary_document(groups),

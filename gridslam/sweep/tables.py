@@ -11,7 +11,7 @@ from typing import Any
 
 from gridslam.core.files import write_atomic
 from gridslam.report.document import json_bytes, plain
-from gridslam.sweep.outcome import Row
+from gridslam.sweep.job_result import RunRow
 from gridslam.sweep.summary import NUMBERS, RATES, Group
 
 PLACE = ("log", "config", "override")
@@ -19,22 +19,22 @@ COSTS = ("wall_s", "cpu_s", "peak_mb", "read_s", "process_s")
 
 
 def write_tables(
-    folder: Path, rows: Sequence[Row], document: dict[str, Any], groups: Sequence[Group]
+    folder: Path, rows: Sequence[RunRow], document: dict[str, Any], groups: Sequence[Group]
 ) -> None:
     """runs.csv and runs.json (a line for each run), summary.csv and summary.json, and costs.csv: seconds and memory."""
     _write_csv(folder / "runs.csv", *run_table(rows))
     write_atomic(folder / "runs.json", json_bytes({"runs": [_run_document(row) for row in rows]}))
     _write_csv(folder / "summary.csv", *summary_table(groups))
     write_atomic(folder / "summary.json", json_bytes(document))
-    costs = [[*_place(row), row.seed, *(row.outcome.cost.get(name) for name in COSTS)] for row in rows]
+    costs = [[*_place(row), row.seed, *(row.result.cost.get(name) for name in COSTS)] for row in rows]
     _write_csv(folder / "costs.csv", (*PLACE, "seed", *COSTS), costs)
 
 
-def run_table(rows: Sequence[Row]) -> tuple[list[str], list[list[object]]]:
+def run_table(rows: Sequence[RunRow]) -> tuple[list[str], list[list[object]]]:
     """Columns and lines: where, seed, state, error, and every measure that any run has."""
     keys = list(dict.fromkeys(key for row in rows for key in row.measures))
     lines: list[list[object]] = [
-        [*_place(row), row.seed, row.outcome.state, row.outcome.error, *(row.measures.get(k) for k in keys)]
+        [*_place(row), row.seed, row.result.state, row.result.error, *(row.measures.get(k) for k in keys)]
         for row in rows
     ]
     return [*PLACE, "seed", "state", "error", *keys], lines
@@ -69,19 +69,19 @@ def summary_document(groups: Iterable[Group]) -> list[dict[str, Any]]:
     ]
 
 
-def _run_document(row: Row) -> dict[str, Any]:
-    outcome = row.outcome
+def _run_document(row: RunRow) -> dict[str, Any]:
+    result = row.result
     place = dict(zip(PLACE, _place(row), strict=True))
     return {
         **place,
         "seed": row.seed,
-        "state": outcome.state,
-        "error": outcome.error,
+        "state": result.state,
+        "error": result.error,
         "measures": dict(row.measures),
     }
 
 
-def _place(row: Row) -> tuple[str, str, str]:
+def _place(row: RunRow) -> tuple[str, str, str]:
     return row.log, row.config, row.override
 
 

@@ -12,17 +12,17 @@ from typing import TypeAlias
 
 from gridslam.core.errors import GridslamError, MethodError
 from gridslam.sweep.contents import program_key
-from gridslam.sweep.outcome import Outcome
-from gridslam.sweep.plan import RunJob, SimulateJob
+from gridslam.sweep.job_result import JobResult
+from gridslam.sweep.jobs import RunJob, SimulateJob
 
 Job: TypeAlias = RunJob | SimulateJob
 Stop: TypeAlias = Callable[[], bool]
 
 
-def do(job: Job, stop: Stop) -> Outcome:
+def do(job: Job, stop: Stop) -> JobResult:
     """Do it, and say what came of it: whatever goes wrong in one run fails that run only.
 
-    The process is that of one run at a time. An `Outcome` is returned for everything but KeyboardInterrupt.
+    The process is that of one run at a time. An `JobResult` is returned for everything but KeyboardInterrupt.
     """
     from gridslam.report.environment import peak_memory_mb, restart_peak_memory
 
@@ -35,25 +35,25 @@ def do(job: Job, stop: Stop) -> Outcome:
             )
         done = _simulate(job) if isinstance(job, SimulateJob) else _run(job, stop)
     except GridslamError as error:
-        return Outcome("failed", " ".join(str(error).split()))
+        return JobResult("failed", " ".join(str(error).split()))
     except MemoryError:
-        return Outcome("failed", "out of memory: take coarser cells, fewer particles or fewer jobs")
+        return JobResult("failed", "out of memory: take coarser cells, fewer particles or fewer jobs")
     except OSError as error:
-        return Outcome("failed", f"{error.filename or 'output'}: {error.strerror or error}")
+        return JobResult("failed", f"{error.filename or 'output'}: {error.strerror or error}")
     except Exception as error:  # the error boundary of a run, as cli.main is of a command
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         text = " ".join(str(error).split())
-        return Outcome("failed", f"internal error, please report it: {type(error).__name__}: {text}{place}")
+        return JobResult("failed", f"internal error, please report it: {type(error).__name__}: {text}{place}")
     cost = {
         "wall_s": time.perf_counter() - started,
         "cpu_s": time.process_time() - cpu,
         "peak_mb": peak_memory_mb(),
     }
-    return Outcome("done", measures=done.measures, cost={**cost, **done.cost})
+    return JobResult("done", measures=done.measures, cost={**cost, **done.cost})
 
 
-def _simulate(job: SimulateJob) -> Outcome:
+def _simulate(job: SimulateJob) -> JobResult:
     """log.mcap and log.truth/ in the job's directory, which appears when both are whole."""
     from gridslam.simulation.record import record_world
     from gridslam.simulation.world_config import validate_world
@@ -69,12 +69,12 @@ def _simulate(job: SimulateJob) -> Outcome:
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    return Outcome("done")
+    return JobResult("done")
 
 
-def _run(job: RunJob, stop: Stop) -> Outcome:
+def _run(job: RunJob, stop: Stop) -> JobResult:
     cost = {} if job.is_made else _make(job, stop)
-    return Outcome("done", measures=_measure(job), cost=cost)
+    return JobResult("done", measures=_measure(job), cost=cost)
 
 
 def _make(job: RunJob, stop: Stop) -> dict[str, float]:
@@ -121,7 +121,7 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
                         align=options["align"] or ("se2" if job.command == "map" else "none"),
                         sync=options["sync"],
                         max_difference_ns=round(options["max_difference_s"] * 1e9),
-                        reach_m=options["reach_m"],
+                        completeness_radius_m=options["completeness_radius_m"],
                         max_position_m=options["max_position_m"],
                         max_heading_deg=options["max_heading_deg"],
                     ),

@@ -18,7 +18,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.runs.run import run_localize
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.ispace_trials import Trial, interval, judged
 from tests.benchmarks.real_places import data_dir
@@ -77,11 +77,13 @@ def log_of(map_path: Path, number: int) -> Path:
     return log
 
 
-def world_of(map_path: Path, grid: OccupancyGrid, reach_m: float, length_m: float, number: int) -> World:
+def world_of(
+    map_path: Path, grid: OccupancyGrid, reach_m: float, length_m: float, number: int
+) -> WorldConfig:
     """The place with a start and a way drawn from the number."""
     rng = np.random.default_rng([number, len(map_path.stem)])
     way = way_through(grid, length_m, rng)
-    return World.model_validate(
+    return WorldConfig.model_validate(
         {
             "version": 1,
             "seed": number,

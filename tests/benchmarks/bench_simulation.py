@@ -14,7 +14,7 @@ from gridslam.core.messages import Odometry
 from gridslam.core.random import random_stream
 from gridslam.simulation.camera_config import RgbdCamera
 from gridslam.simulation.cameras import CameraSensor
-from gridslam.simulation.outlines import radians
+from gridslam.simulation.geometry import radians
 from gridslam.simulation.record import record_world
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator

@@ -28,7 +28,7 @@ from gridslam.planning.descent import Shyness, cost_to_go, prices, steepest_way
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import World, load_world, validate_world
+from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Judged:
         return np.hypot(*(np.array([(p.x_m, p.y_m) for p in self.drawn]) - wanted).T)
 
 
-def drive(world: World, folder: Path) -> Drive:
+def drive(world: WorldConfig, folder: Path) -> Drive:
     """Drive a world's route."""
     simulator = Simulator(world, folder)
     grid = true_map(simulator.scene, world.truth)

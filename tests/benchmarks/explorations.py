@@ -33,7 +33,7 @@ from gridslam.runs.explore import Explored, explore
 from gridslam.runs.run import read_inputs
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.shapes import Box, Wall
-from gridslam.simulation.world_config import World, load_world, validate_world
+from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
 from tests.benchmarks.harness import say
 from tests.benchmarks.real_places import data_dir
 
@@ -48,7 +48,7 @@ class Trial:
     """A world, a drawing of it, where the robot starts in the drawing, and what is changed."""
 
     name: str
-    world: str | World
+    world: str | WorldConfig
     drawing: Path
     start: tuple[float, float, float]
     seeds: tuple[int, ...]
@@ -106,8 +106,8 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
     return outcome
 
 
-def _world_of(trial: Trial, seed: int) -> tuple[World, Path]:
-    if isinstance(trial.world, World):
+def _world_of(trial: Trial, seed: int) -> tuple[WorldConfig, Path]:
+    if isinstance(trial.world, WorldConfig):
         world, path = trial.world.model_copy(update={"seed": seed}), trial.folder / "world.yaml"
         path = path if path.exists() else DRAWINGS / "corridor.png"
     else:
@@ -118,7 +118,7 @@ def _world_of(trial: Trial, seed: int) -> tuple[World, Path]:
     ), path
 
 
-def _random_boxes(world: World, count: int, seed: int) -> Iterator[Box]:
+def _random_boxes(world: WorldConfig, count: int, seed: int) -> Iterator[Box]:
     """Boxes in a corridor along x that leave a way of a metre at least, away from the start."""
     rng = np.random.default_rng([seed, count])
     length, width = (world.walls[0].rectangle or (0, 0, 25, 4))[2:]
@@ -248,7 +248,7 @@ def trials() -> dict[str, list[Trial]]:
 WALLED_UP = Wall(points=((2.4, 10.4), (3.6, 10.4)))  # the door of the upper left room
 
 
-def _with_extra_door() -> World:
+def _with_extra_door() -> WorldConfig:
     """The building with a door in the wall between the two upper rooms."""
     world, _ = load_world("hand-building")
     walls = [w for w in world.walls if w.points != ((7.0, 10.4), (7.0, 17.0))]

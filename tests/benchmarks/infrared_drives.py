@@ -19,12 +19,12 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
-from gridslam.simulation.mounts import planar
+from gridslam.simulation.extrinsics import planar
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import World, load_world
+from gridslam.simulation.world_config import WorldConfig, load_world
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ REACH_STEP_RAD = np.radians(0.1)
 class Drive:
     """The events of a drive, the true path, the true map, and the same map with the walls out of the rangers' reach unknown."""
 
-    world: World
+    world: WorldConfig
     events: list[Event]
     truth: Trajectory
     walls: OccupancyGrid
@@ -60,7 +60,7 @@ def drive(world_name: str, seed: int) -> Drive:
 
 
 def in_reach(
-    scene: Scene, world: World, walls: OccupancyGrid, truth: Trajectory, events: list[Event]
+    scene: Scene, world: WorldConfig, walls: OccupancyGrid, truth: Trajectory, events: list[Event]
 ) -> OccupancyGrid:
     """The true map without the walls that no ranger could measure.
 

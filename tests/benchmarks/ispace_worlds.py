@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gridslam.simulation.record import record_world
-from gridslam.simulation.world_config import World, load_world
+from gridslam.simulation.world_config import WorldConfig, load_world
 from tests.conftest import REPOSITORY
 
 FOLDER = REPOSITORY / "out" / "benchmarks" / "ispace"
@@ -26,7 +26,7 @@ Things = dict[str, Any]
 Adding = Callable[[np.random.Generator, Things], None]
 
 
-def world_of(kind: str, number: int) -> World:
+def world_of(kind: str, number: int) -> WorldConfig:
     """The corridor of a kind, with start, way and people drawn from the number."""
     rng = np.random.default_rng([number, list(KINDS).index(kind)])
     base, _ = load_world("ispace-corridor-blind" if kind == "blind" else "ispace-corridor")
@@ -36,7 +36,7 @@ def world_of(kind: str, number: int) -> World:
     add_drive(rng, document, kind)
     document["people"] = [walker(rng) for _ in range(int(rng.integers(2, 5)))]
     KINDS[kind](rng, document)
-    return World.model_validate(document)
+    return WorldConfig.model_validate(document)
 
 
 def add_drive(rng: np.random.Generator, document: Things, kind: str) -> None:

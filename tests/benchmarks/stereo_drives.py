@@ -26,7 +26,7 @@ from gridslam.motion.absolute_pose_filter import PoseBelief
 from gridslam.runs.run import feed
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
-from gridslam.simulation.world_config import World, load_world
+from gridslam.simulation.world_config import WorldConfig, load_world
 from tests.benchmarks.stereo_rooms import footprint, outlines_of
 from tests.conftest import REPOSITORY
 
@@ -49,7 +49,7 @@ CAMERA = {
 }
 
 
-def world_of(number: int) -> World:
+def world_of(number: int) -> WorldConfig:
     """A room of about 6 x 5 m, five to eight boxes at its walls and in its middle, and a round between them."""
     rng = np.random.default_rng([number, 7])
     base, _ = load_world("stereo-room")
@@ -74,7 +74,7 @@ def world_of(number: int) -> World:
         "route": [*way[1:].tolist(), way[0].tolist(), way[1].tolist()],
     }
     document["sensors"]["cameras"] = [CAMERA]
-    return World.model_validate(document)
+    return WorldConfig.model_validate(document)
 
 
 def boxes_of(rng: np.random.Generator, room: Sequence[float], way: NDArray[np.float64]) -> list[Any]:
@@ -139,7 +139,7 @@ def drive_of(number: int) -> Drive:
     )
 
 
-def _outlines(world: World) -> list[NDArray[np.float64]]:
+def _outlines(world: WorldConfig) -> list[NDArray[np.float64]]:
     room = world.walls[0].rectangle
     assert room is not None
     boxes = [footprint(np.array(b.centre), np.array(b.size), np.radians(b.yaw_deg)) for b in world.boxes]

@@ -18,7 +18,7 @@ from shapely.geometry import Polygon, box
 from gridslam.core import poses as se2
 from gridslam.core.cameras import StereoHead
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 from tests.conftest import REPOSITORY
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ def room_of(seed: int, frames: int = 60) -> Room:
             continue  # the robot's way
         entries.append({"centre": centre.tolist(), "size": size.tolist(), "yaw_deg": yaw, "height_m": 1.2})
         boxes.append(footprint(centre, size, np.radians(yaw)))
-    world = World.model_validate(
+    world = WorldConfig.model_validate(
         {
             "walls": [{"rectangle": [0, 0, *ROOM_M]}],
             "boxes": entries,

@@ -6,12 +6,12 @@ import pytest
 from pydantic import Field, ValidationError
 
 from gridslam.config.base import StrictModel
-from gridslam.config.errors import LONGEST_VALUE, config_error, nearest, short
+from gridslam.config.errors import MAX_VALUE_LENGTH, config_error, nearest, short
 
 
 class Near(StrictModel):
     kind: Literal["near"] = "near"
-    reach_m: float = Field(1.0, gt=0.0)
+    range_m: float = Field(1.0, gt=0.0)
 
 
 class Far(StrictModel):
@@ -39,9 +39,15 @@ class Outer(StrictModel):
         ({}, "needed: this key is missing"),
         ({"neded": 1}, "neded: no such key (did you mean 'needed'?)"),
         ({"value": 1}, "value: no such key (did you mean 'inner.value'?)"),
-        ({"model": {"kind": "near", "rech_m": 1}}, "model.rech_m: no such key (did you mean 'reach_m'?)"),
+        (
+            {"model": {"kind": "near", "rnge_m": 1}},
+            "model.rnge_m: no such key (did you mean 'range_m'?)",
+        ),
         ({"model": {"kind": "far", "rang_m": 1}}, "model.rang_m: no such key (did you mean 'range_m'?)"),
-        ({"model": {"kind": "near", "reach_m": 0}}, "model.reach_m: input should be greater than 0, got 0"),
+        (
+            {"model": {"kind": "near", "range_m": 0}},
+            "model.range_m: input should be greater than 0, got 0",
+        ),
         ({"model": {"kind": "middle"}}, "model.kind: expected 'near', 'far', got 'middle'"),
         ({"model": {}}, "model: the key 'kind' is missing"),
         ({"model": 3}, "model: "),
@@ -85,7 +91,7 @@ def test_a_value_that_unfolds_to_gigabytes_is_told_in_a_few_words() -> None:
     value: list[object] = ["x"]
     for _ in range(40):
         value = [value] * 9
-    assert len(short(value)) <= LONGEST_VALUE
+    assert len(short(value)) <= MAX_VALUE_LENGTH
 
 
 def test_a_text_of_usual_length_is_told_in_full() -> None:

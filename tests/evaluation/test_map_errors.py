@@ -49,7 +49,7 @@ def test_reach_leaves_out_walls_far_from_all_that_was_mapped() -> None:
     truth = grid(["#........#"])
     built = grid(["#...      "])
     assert sorted(wall_distances(built, truth, HERE).completeness) == pytest.approx([0.0, 0.9])
-    assert wall_distances(built, truth, HERE, reach_m=0.2).completeness.tolist() == [0.0]
+    assert wall_distances(built, truth, HERE, completeness_radius_m=0.2).completeness.tolist() == [0.0]
 
 
 def test_a_map_in_another_frame_is_moved_into_the_truths() -> None:

@@ -4,7 +4,7 @@ import time
 
 from numba import njit
 
-from gridslam.kernels.compiling import telling_of_compilation, timing_compilation
+from gridslam.kernels.compiling import announcing_compilation, timing_compilation
 
 
 def test_compilation_is_told_once_and_only_when_it_happens() -> None:
@@ -17,11 +17,11 @@ def test_compilation_is_told_once_and_only_when_it_happens() -> None:
         return x + 2.0
 
     told: list[str] = []
-    with telling_of_compilation(lambda: told.append("compiling")):
+    with announcing_compilation(lambda: told.append("compiling")):
         assert one(1.0) == 2.0
         assert two(1.0) == 3.0
     assert told == ["compiling"]
-    with telling_of_compilation(lambda: told.append("again")):
+    with announcing_compilation(lambda: told.append("again")):
         assert one(2.0) == 3.0
     assert told == ["compiling"]
 

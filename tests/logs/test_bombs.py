@@ -20,9 +20,9 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Image as ImageEvent
 from gridslam.logs.cameras import MAX_PIXELS, unpack_picture
 from gridslam.logs.open import open_log
-from gridslam.simulation import plan as plans
-from gridslam.simulation.plan import plan_segments
-from gridslam.simulation.world_config import Plan
+from gridslam.simulation import floor_plan as plans
+from gridslam.simulation.floor_plan import plan_segments
+from gridslam.simulation.world_config import FloorPlan
 
 ADDRESS_SPACE = 1_500_000_000  # of the reading process; the bombs would take more
 
@@ -126,4 +126,4 @@ def test_a_plan_that_is_no_harmless_picture_is_refused(
     (tmp_path / name).write_bytes(data)
     assert plans.MOST_PIXELS == 25_000_000
     with pytest.raises(ConfigError, match=message):
-        plan_segments(Plan(file=name, resolution_m=0.05), tmp_path)
+        plan_segments(FloorPlan(file=name, resolution_m=0.05), tmp_path)

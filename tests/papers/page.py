@@ -14,7 +14,7 @@ from PIL import Image
 
 from gridslam.core.files import write_atomic
 
-MOST_BYTES = 150_000  # of a picture
+MAX_BYTES = 150_000  # of a picture
 COLUMNS = ("", "the paper", "gridslam, the paper's form", "gridslam", "seeds")
 HEAD = """# The papers' tables and figures, and ours
 
@@ -85,7 +85,7 @@ def png_of(rgb: NDArray[np.uint8]) -> bytes:
     image = Image.fromarray(rgb)
     png = _coded(image)
     for colours in (256, 64, 16):
-        if len(png) <= MOST_BYTES:
+        if len(png) <= MAX_BYTES:
             break
         png = _coded(image.quantize(colours, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE))
     return png

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from gridslam.sweep.config import SweepConfig, load_sweep
-from gridslam.sweep.plan import settings_of_sweep
+from gridslam.sweep.jobs import settings_of_sweep
 from tests.conftest import REPOSITORY
 from tests.papers.make import NAMES, module_of
 from tests.papers.page import (

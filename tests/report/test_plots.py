@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gridslam.report.plots import MOST_POINTS, Line, thin_out, time_plot
+from gridslam.report.plots import MAX_POINTS, Line, thin_out, time_plot
 
 
 @pytest.mark.parametrize(
@@ -37,6 +37,6 @@ def test_thinning_keeps_the_peaks_and_the_order() -> None:
     values[54_321] = 7.0
     values[99_999] = -2.0
     times, kept = thin_out(np.arange(100_000.0), values)
-    assert len(kept) <= MOST_POINTS
+    assert len(kept) <= MAX_POINTS
     assert (kept.max(), kept.min()) == (7.0, -2.0)
     assert (np.diff(times) >= 0).all()

@@ -132,7 +132,7 @@ def test_progress_counts_events_and_scans_to_the_end(
     shown: list[Progress] = []
     run_map(load_run_config(str(config_file)), small_log, shown.append, lambda: False)
     assert shown[-1].scans == 60
-    assert shown[-1].events <= shown[-1].most_events
+    assert shown[-1].events <= shown[-1].max_events
     assert [p.events for p in shown] == sorted(p.events for p in shown)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gridslam.kernels.compiling import telling_of_compilation
+from gridslam.kernels.compiling import announcing_compilation
 from gridslam.maps.map_server import load_map
 from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
 from gridslam.runs.explore import explore
@@ -29,7 +29,7 @@ def explore_for_two_seconds(folder: Path) -> None:
 def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) -> None:
     warm_up()
     told: list[str] = []
-    with telling_of_compilation(lambda: told.append("compiling")):
+    with announcing_compilation(lambda: told.append("compiling")):
         run_map(load_run_config("slam-sd"), small_log, lambda progress: None, lambda: False)
         infrared = REPOSITORY / "sample_logs" / "ir-scan.mcap"
         run_map(load_run_config("ir-scan"), infrared, lambda progress: None, lambda: False)

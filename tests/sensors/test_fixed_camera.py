@@ -37,7 +37,7 @@ def filmed(
     moved = {**CAMERA, "extrinsics": {**CAMERA["extrinsics"], **(turned or {})}}
     world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e9}, **changes)
     simulator = Simulator(world, Path())
-    mount = next(m for m in simulator.mounts() if isinstance(m, Transform) and m.frame_id == "map")
+    mount = next(m for m in simulator.extrinsics() if isinstance(m, Transform) and m.frame_id == "map")
     events = [e for _ in range(int(seconds * 100)) for e in simulator.step(0.0, 0.0)]
     info = next(e for e in events if isinstance(e, CameraInfo))
     images = [e.pixels for e in events if isinstance(e, Image)]

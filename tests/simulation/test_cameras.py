@@ -42,7 +42,7 @@ def rotation_of(transform: Transform) -> np.ndarray:
 
 def test_every_depth_pixel_lies_on_a_surface_by_calibration_and_mounting() -> None:
     simulator = Simulator(room(sensors=camera()), Path())
-    mount = first(list(simulator.mounts()), Transform)
+    mount = first(list(simulator.extrinsics()), Transform)
     events = simulator.step(0.0, 0.0)
     depth, info = first(events, DepthImage).depth_m.astype(float), first(events, CameraInfo)
     v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]

@@ -8,10 +8,10 @@ import pytest
 
 from gridslam.simulation.contact import ContactWatch, surface_distance
 from gridslam.simulation.simulator import Simulator
-from gridslam.simulation.world_config import World, validate_world
+from gridslam.simulation.world_config import WorldConfig, validate_world
 
 
-def world(**more: object) -> World:
+def world(**more: object) -> WorldConfig:
     """A room of 6 x 4 m; the robot of 0.25 m radius looks along x."""
     robot = {"start": [2, 2, 0], "radius_m": 0.25}
     return validate_world({"walls": [{"rectangle": [0, 0, 6, 4]}], "robot": robot, **more}, "room")

@@ -52,7 +52,7 @@ def test_the_route_is_as_long_as_asked_and_ends_where_it_begins(kind: Kind, trav
 def test_the_route_keeps_clear_of_walls_by_a_hand(kind: Kind) -> None:
     for seed in range(4):
         world = place(kind, seed, 500.0)
-        nearest = clearance(world, Scene(world, Path()).standing)
+        nearest = clearance(world, Scene(world, Path()).static_segments)
         assert nearest > world.robot.radius_m + 0.1, f"seed {seed}"
 
 
@@ -99,7 +99,7 @@ def test_scans_of_a_place_lose_readings_and_hold_wild_ones() -> None:
     scans = [event for event in events if isinstance(event, LaserScan)]
     lost = np.mean([~np.isfinite(scan.ranges_m) for scan in scans])
     assert 0.003 < lost < 0.5
-    assert simulator.robot.way_m == pytest.approx(100.0, rel=0.1)
+    assert simulator.robot.distance_m == pytest.approx(100.0, rel=0.1)
 
 
 def test_wheels_that_spin_yaw_the_robot_and_are_rare() -> None:
@@ -110,7 +110,7 @@ def test_wheels_that_spin_yaw_the_robot_and_are_rare() -> None:
         document["sensors"] = {}
         document["robot"] |= {"wheels": {"grip_losses": losses}, "route": [], "path": [straight(100.0)]}
         simulator, _ = driven(validate_world(document, "place"))
-        travels.append((simulator.robot.way_m, abs(simulator.robot.yaw)))
+        travels.append((simulator.robot.distance_m, abs(simulator.robot.yaw)))
     assert 0.2 < travels[0][0] - travels[1][0] < 2.0
 
 

@@ -52,7 +52,7 @@ def test_without_noise_every_range_of_a_moving_robot_among_furniture_is_the_anal
     found = [event for _ in range(300) for event in simulator.step(4.0, 6.0)]
     scan = [event for event in found if isinstance(event, LaserScan)][-1]
     begun_s = (scan.stamp_ns - world.start_ns) * 1e-9
-    segments = np.concatenate([simulator.scene.standing, simulator.scene.moving])
+    segments = np.concatenate([simulator.scene.static_segments, simulator.scene.moving_segments])
     worst = 0.0
     for i, measured in enumerate(scan.ranges_m.tolist()):
         at = (begun_s + i * 0.08 / 59) / STEP_S
@@ -66,7 +66,13 @@ def test_without_noise_every_range_of_a_moving_robot_among_furniture_is_the_anal
 
 def test_mean_and_variance_are_those_of_the_world_file() -> None:
     found = scans(
-        300, noise_m=0.01, noise_per_m=0.002, bias_m=0.005, grazing_gain=0.0, tail_share=0.05, tail_scale=4.0
+        300,
+        noise_m=0.01,
+        noise_per_m=0.002,
+        bias_m=0.005,
+        grazing_gain=0.0,
+        tail_fraction=0.05,
+        tail_scale=4.0,
     )
     exact = exact_ranges(found[0])
     errors = np.array([scan.ranges_m for scan in found]) - exact
@@ -89,7 +95,7 @@ def test_noise_grows_with_the_angle_of_incidence() -> None:
 
 
 def test_the_shares_of_lost_and_stray_readings_are_those_of_the_world_file() -> None:
-    found = np.array([scan.ranges_m for scan in scans(300, dropout=0.03, stray=0.02)])
+    found = np.array([scan.ranges_m for scan in scans(300, dropout=0.03, outliers=0.02)])
     n = found.size
     exact = exact_ranges(scans(1)[0])
     assert abs(np.isinf(found).mean() - 0.03) < 4 * np.sqrt(0.03 * 0.97 / n)
@@ -104,7 +110,7 @@ def test_mixed_pixels_lie_between_both_surfaces_and_only_at_edges() -> None:
                 **EXACT_LIDAR,
                 "rate_hz": 50.0,
                 "beams": 1441,
-                "mixing_share": 0.5,
+                "mixing_probability": 0.5,
                 "divergence_deg": 0.5,
             }
         },

@@ -26,7 +26,7 @@ SMALL = """
 version: 1
 seed: 5
 walls: [{rectangle: [0, 0, 6, 4]}]
-doors: [{id: d, hinge: [2, 4], width_m: 0.9, turns: {1: -80}, tag: {id: tag-d, position: [0.45, -0.02], facing_deg: -90}}]
+doors: [{id: d, hinge: [2, 4], width_m: 0.9, openings_deg: {1: -80}, tag: {id: tag-d, position: [0.45, -0.02], facing_deg: -90}}]
 objects: [{id: b, pose: [4, 3.6, -90], size: [0.4, 0.4], moves: {0: [4.5, 3.6, -90]}, tag: {id: tag-b, position: [0.2, 0]}}]
 people: [{path: [[1, 3], [5, 3]]}]
 robot: {start: [1, 1, 0], route: [[4, 1], [4, 2], [1, 2]], wheels: {slip_deviation: 0.02}}
@@ -35,7 +35,7 @@ sensors:
   gyro: {}
   odometry: {publish_wheels: true}
   antennas: [{name: antenna}]
-  fixes: {}
+  absolute_poses: {}
 """
 
 

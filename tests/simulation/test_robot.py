@@ -47,7 +47,9 @@ def test_unequal_wheels_bend_the_way() -> None:
 
 
 def test_slip_has_the_mean_deviation_and_memory_of_the_world_file() -> None:
-    it = robot(Wheels(acceleration_mps2=1e6, slip_mean=0.02, slip_deviation=0.05, slip_length_s=0.5))
+    it = robot(
+        Wheels(acceleration_mps2=1e6, slip_mean=0.02, slip_deviation=0.05, slip_correlation_time_s=0.5)
+    )
     lost = []
     for _ in range(40_000):
         it.step(5.0, 5.0)
@@ -62,7 +64,7 @@ def test_slip_has_the_mean_deviation_and_memory_of_the_world_file() -> None:
 def test_without_errors_odometry_is_the_truth() -> None:
     world = room(
         robot={"start": [1, 1, 90], "route": [[1, 3], [6, 3], [6, 1]]},
-        sensors={"odometry": {"ticks_per_turn": 0}},
+        sensors={"odometry": {"ticks_per_revolution": 0}},
     )
     simulator, events = driven(world)
     last = [event for event in events if isinstance(event, Odometry)][-1]
@@ -75,7 +77,7 @@ def test_wheel_angles_are_whole_ticks() -> None:
     wheels = {"acceleration_mps2": 1e6}
     world = room(
         robot={"start": [3, 2, 0], "wheels": wheels},
-        sensors={"odometry": {"ticks_per_turn": 100, "publish_wheels": True}},
+        sensors={"odometry": {"ticks_per_revolution": 100, "publish_wheels": True}},
     )
     ticks = [event for event in recorded(world, 200, (3.0, 4.0)) if isinstance(event, WheelTicks)]
     turns = np.array([[t.left_rad, t.right_rad] for t in ticks]) * 100 / (2 * np.pi)
@@ -91,19 +93,19 @@ def rates(seed: int, count: int, **gyro: float) -> np.ndarray:
 
 
 def test_gyro_noise_is_that_of_the_world_file() -> None:
-    found = rates(0, 5000, noise_radps=0.01, bias_deviation_radps=0.0, walk_radps_per_sqrt_s=0.0)
+    found = rates(0, 5000, noise_radps=0.01, bias_deviation_radps=0.0, bias_walk_radps_per_sqrt_s=0.0)
     assert abs(found.mean()) < 4 * 0.01 / np.sqrt(5000)
     assert found.std() == pytest.approx(0.01, rel=4 / np.sqrt(2 * 5000))
 
 
-def test_gyro_bias_begins_and_walks_as_the_world_file_says() -> None:
-    settings = {"noise_radps": 0.0, "bias_deviation_radps": 0.02, "walk_radps_per_sqrt_s": 0.001}
+def test_gyro_bias_starts_and_walks_as_the_world_file_says() -> None:
+    settings = {"noise_radps": 0.0, "bias_deviation_radps": 0.02, "bias_walk_radps_per_sqrt_s": 0.001}
     walks = np.array([rates(seed, 400, **settings) for seed in range(200)])
     assert walks[:, 0].std() == pytest.approx(0.02, rel=0.2)
     assert (walks[:, -1] - walks[:, 0]).std() == pytest.approx(0.001 * np.sqrt(4.0), rel=0.2)
 
 
-def test_the_route_is_driven_through_every_way_point() -> None:
+def test_the_route_is_driven_through_every_waypoint() -> None:
     world = room(robot={"start": [1, 1, 0], "route": [[7, 1], [7, 4], [1, 4]], "laps": 2, "arrival_m": 0.1})
     simulator, _ = driven(world)
     path = simulator.robot.poses_at(np.arange(0.0, simulator.time_s, 0.05))[:, :2]
@@ -111,9 +113,9 @@ def test_the_route_is_driven_through_every_way_point() -> None:
         assert np.linalg.norm(path - point, axis=1).min() < 0.1
 
 
-def test_a_way_point_out_of_reach_is_an_error_that_names_it() -> None:
+def test_a_waypoint_out_of_reach_is_an_error_that_names_it() -> None:
     world = room(robot={"start": [1, 1, 0], "route": [[2, 1], [900, 1]]}, max_duration_s=20.0)
-    with pytest.raises(ConfigError, match=r"way point 1 at \(900, 1\) is not reached within 20 s"):
+    with pytest.raises(ConfigError, match=r"waypoint 1 at \(900, 1\) is not reached within 20 s"):
         driven(world)
 
 
@@ -136,7 +138,7 @@ def test_stepping_gives_the_truth_at_any_time() -> None:
     assert 3.0 < truth.x_m < 3.2
 
 
-def test_a_driven_path_is_driven_without_looking() -> None:
+def test_a_driven_path_is_driven_open_loop() -> None:
     path = [
         {"seconds": 10, "forward_mps": 0.3},
         {"seconds": 5, "turn_radps": 0.2},
@@ -153,5 +155,5 @@ def test_a_driven_path_is_driven_without_looking() -> None:
 
 
 def test_a_route_and_a_path_together_are_an_error() -> None:
-    with pytest.raises(ConfigError, match="robot: give either a route of way points or a driven path"):
+    with pytest.raises(ConfigError, match="robot: give either a route of waypoints or a path"):
         room(robot={"start": [1, 1, 0], "route": [[2, 2]], "path": [{"seconds": 1}]})

@@ -13,11 +13,11 @@ import yaml
 
 from gridslam.core.errors import ConfigError
 from gridslam.maps.occupancy import GridGeometry
-from gridslam.simulation.plan import outlines_of, plan_segments
+from gridslam.simulation.floor_plan import contour_segments, plan_segments
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import Plan, builtin_worlds, load_world, validate_world
+from gridslam.simulation.world_config import FloorPlan, builtin_worlds, load_world, validate_world
 from tests.conftest import REPOSITORY
 from tests.reference.segment_casting import cast_one
 from tests.simulation.places import driven, room
@@ -49,7 +49,7 @@ def test_every_route_keeps_clear_of_what_stands(name: str) -> None:
         ({"sensors": {"lidar": {"beam": 3}}}, "sensors.lidar.beam: no such key.*'beams'"),
         ({"sensors": {"lidar": {"sweep_s": 0.5}}}, "a sweep of 0.5 s does not fit 10 scans a second"),
         ({"robot": {"start": [0, 0]}}, "robot.start"),
-        ({"walls": []}, "an empty world"),
+        ({"walls": []}, "the world is empty"),
         (
             {"doors": [{"id": "a", "hinge": [1, 1]}, {"id": "a", "hinge": [2, 1]}]},
             "the id 'a' is given twice",
@@ -66,15 +66,15 @@ def test_an_unknown_world_is_an_error_that_names_the_nearest() -> None:
         load_world("ofice")
 
 
-def test_a_door_turns_about_its_hinge_when_its_way_point_is_reached() -> None:
-    world = room(doors=[{"id": "d", "hinge": [4, 5], "width_m": 1, "turns": {"2": -90}}])
+def test_a_door_turns_about_its_hinge_when_its_waypoint_is_reached() -> None:
+    world = room(doors=[{"id": "d", "hinge": [4, 5], "width_m": 1, "openings_deg": {"2": -90}}])
     scene = Scene(world, Path())
     door = world.doors[0]
     assert isinstance(door, Door)
-    scene.reach(1)
-    assert scene.moving[:, [0, 2]].max() == pytest.approx(5.0)
-    scene.reach(2)
-    assert scene.moving[:, [1, 3]].min() == pytest.approx(4.0)
+    scene.arrive_at_waypoint(1)
+    assert scene.moving_segments[:, [0, 2]].max() == pytest.approx(5.0)
+    scene.arrive_at_waypoint(2)
+    assert scene.moving_segments[:, [1, 3]].min() == pytest.approx(4.0)
     assert scene.pose_of(door) == pytest.approx([4, 5, -np.pi / 2])
 
 
@@ -92,7 +92,7 @@ def test_the_walls_of_a_map_lie_on_the_borders_of_its_cells() -> None:
     occupied = np.zeros((40, 60), bool)
     occupied[[0, -1]] = True
     occupied[:, [0, -1]] = True
-    segments = outlines_of(occupied, GridGeometry(0.1, (-1.0, 2.0)), 0.02)
+    segments = contour_segments(occupied, GridGeometry(0.1, (-1.0, 2.0)), 0.02)
     ray = np.array([2.0, 4.0, 1.0, 0.0])
     assert cast_one(segments, np.zeros((0, 3)), ray, 50.0) == pytest.approx(5.0 - 0.1 - 2.0, abs=0.02)
 
@@ -100,7 +100,7 @@ def test_the_walls_of_a_map_lie_on_the_borders_of_its_cells() -> None:
 def test_a_slanted_wall_of_a_map_becomes_one_smooth_wall() -> None:
     rows, cols = np.mgrid[0:200, 0:200]
     occupied = np.abs(rows - 0.5 * cols - 40) < 2
-    segments = outlines_of(occupied, GridGeometry(0.05, (0.0, 0.0)), 0.05)
+    segments = contour_segments(occupied, GridGeometry(0.05, (0.0, 0.0)), 0.05)
     assert len(segments) < 20
 
 
@@ -109,7 +109,7 @@ def test_a_slanted_wall_of_a_map_becomes_one_smooth_wall() -> None:
 def test_a_world_is_made_from_a_real_map(data_dir: Path, name: str) -> None:
     if not (data_dir / name).exists():
         pytest.skip(f"no {name}")
-    segments = plan_segments(Plan(file=str(data_dir / name)), Path())
+    segments = plan_segments(FloorPlan(file=str(data_dir / name)), Path())
     assert 4 < len(segments) < 20_000
 
 
@@ -118,7 +118,7 @@ def test_a_world_is_made_from_a_drawing(data_dir: Path) -> None:
     drawings = sorted((data_dir / "sketches").rglob("*.png"))
     assert drawings
     for drawing in drawings:
-        plan = Plan(file=str(drawing), resolution_m=0.1, walls_are="bright")
+        plan = FloorPlan(file=str(drawing), resolution_m=0.1, walls_are="bright")
         assert 4 <= len(plan_segments(plan, Path())) < 20_000
 
 
@@ -149,3 +149,18 @@ def test_the_program_on_the_simulators_page_works() -> None:
     names: dict[str, Any] = {}
     exec(block.replace("60.0", "1.0"), names)
     assert names["true_pose"].x_m > 8.2
+
+
+def test_keys_of_earlier_world_files_are_read() -> None:
+    former = room(
+        doors=[{"id": "d", "hinge": [4, 5], "turns": {"2": -90}}],
+        sensors={"lidar": {"mounting": {"x": 0.2}, "stray": 0.01, "tail_share": 0.02}, "fixes": {}},
+    )
+    present = room(
+        doors=[{"id": "d", "hinge": [4, 5], "openings_deg": {"2": -90}}],
+        sensors={
+            "lidar": {"extrinsics": {"x": 0.2}, "outliers": 0.01, "tail_fraction": 0.02},
+            "absolute_poses": {},
+        },
+    )
+    assert former == present

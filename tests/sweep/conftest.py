@@ -11,7 +11,7 @@ import yaml
 
 from gridslam.methods import registry
 from gridslam.sweep.config import SweepConfig, load_sweep
-from gridslam.sweep.outcome import Outcome
+from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.sweep import SweepResult, run_sweep
 from gridslam.sweep.work import Job, do
 from tests.dead_reckoning import register
@@ -59,7 +59,7 @@ class Bench:
         """Run a sweep, its jobs in a certain order, and stop after so many; `ran` is then what was done anew."""
         self.ran, self.told = [], []
 
-        def inline(jobs: Sequence[Job]) -> Iterator[tuple[int, Outcome]]:
+        def inline(jobs: Sequence[Job]) -> Iterator[tuple[int, JobResult]]:
             for place in list(order(range(len(jobs))))[:most]:
                 yield place, self._do(jobs[place])
 
@@ -67,7 +67,7 @@ class Bench:
             self.sweep(**changes), self.folder, self.output, inline, self.told.append, lambda: False
         )
 
-    def _do(self, job: Job) -> Outcome:
+    def _do(self, job: Job) -> JobResult:
         measured_only = getattr(job, "is_made", False)
         self.ran.append(f"{job.label}{' (measured)' if measured_only else ''}")
         return do(job, lambda: False)

@@ -9,13 +9,13 @@ import pytest
 from scipy import stats
 
 from gridslam.evaluation.gates import Value
-from gridslam.sweep.outcome import Outcome, Row, State
+from gridslam.sweep.job_result import JobResult, RunRow, State
 from gridslam.sweep.summary import number_statistics, summarize, wilson_interval
 
 
-def row(seed: int, config: str = "c", state: State = "done", **measures: Value) -> Row:
+def row(seed: int, config: str = "c", state: State = "done", **measures: Value) -> RunRow:
     found = {key.replace("__", "."): value for key, value in measures.items()}
-    return Row("log", config, "default", seed, Outcome(state, measures=found), found)
+    return RunRow("log", config, "default", seed, JobResult(state, measures=found), found)
 
 
 @pytest.mark.parametrize(

@@ -121,9 +121,9 @@ def test_a_run_directory_that_was_deleted_is_made_again(bench: Bench) -> None:
 def test_a_run_that_fails_is_listed_and_the_others_go_on(bench: Bench, kind: str) -> None:
     overrides = {"good": [], "bad": [f"method.fail={kind}"]}
     result = bench.run(overrides=overrides, seeds=0)
-    assert [row.outcome.state for row in result.rows] == ["done", "failed"]
+    assert [row.result.state for row in result.rows] == ["done", "failed"]
     assert [row.label for row in result.failed] == ["room plain bad seed 0"]
-    assert result.failed[0].outcome.error
+    assert result.failed[0].result.error
     assert not (bench.output / "runs/room/plain/bad/seed-0").exists()
     assert result.document["failed"][0]["run"] == "room plain bad seed 0"
     bench.run(overrides=overrides, seeds=0)
@@ -157,7 +157,7 @@ def test_worlds_are_simulated_once_for_each_seed(bench: Bench) -> None:
 def test_localize_in_worlds_is_given_the_true_map(bench: Bench) -> None:
     bench.take_world()
     result = bench.run(command="localize", seeds=0)
-    assert [row.outcome.error for row in result.failed] == []
+    assert [row.result.error for row in result.failed] == []
     assert "localization.success" in result.rows[0].measures
 
 
@@ -165,8 +165,8 @@ def test_a_world_that_cannot_be_simulated_fails_its_runs_only(bench: Bench) -> N
     room = bench.logs[0]
     bench.logs = [{"world": "sd-corridor-short", "world_set": ["truth.resolution_m=0.00001"]}, room]
     result = bench.run(seeds=0)
-    assert [row.outcome.state for row in result.rows] == ["failed", "done"]
-    assert "could not be simulated" in result.rows[0].outcome.error
+    assert [row.result.state for row in result.rows] == ["failed", "done"]
+    assert "could not be simulated" in result.rows[0].result.error
 
 
 @pytest.mark.parametrize(

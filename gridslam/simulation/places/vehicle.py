@@ -61,7 +61,7 @@ def sensors(kind: Kind, rng: np.random.Generator) -> Sensors:
         jitter_s=0.002,
         missing=0.003,
         dropout=round(float(rng.uniform(0.003, 0.03)), 4),
-        stray=round(float(rng.uniform(0.0005, 0.004)), 5),
+        outliers=round(float(rng.uniform(0.0005, 0.004)), 5),
     )
     return Sensors(lidar=lidar, odometry=WheelOdometry(rate_hz=12.5, jitter_s=0.001, missing=0.002))
 

@@ -19,14 +19,14 @@ from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, Fro
 from gridslam.runs.explore import drive_of
 from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
-from gridslam.simulation.world_config import World, validate_world
+from gridslam.simulation.world_config import WorldConfig, validate_world
 
 SCALE_X, SCALE_Y = 1.3, 0.9
 MARGIN_M = 0.5  # of the drawing about the hall, drawing metres
 LENGTH_M, WIDTH_M = 14.0, 6.0
 
 
-def hall(*walls: list[list[float]], boxes: tuple[tuple[float, float], ...] = ()) -> World:
+def hall(*walls: list[list[float]], boxes: tuple[tuple[float, float], ...] = ()) -> WorldConfig:
     """A hall with a room behind a wall at x = 9 whose door is at y = 2 .. 3.4; further walls and boxes."""
     return validate_world(
         {
@@ -65,13 +65,13 @@ class Drive:
     touched: bool
 
 
-def drive(world: World, drawn: DrawnMap, config: ExplorationConfig, longest_s: float = 150.0) -> Drive:
+def drive(world: WorldConfig, drawn: DrawnMap, config: ExplorationConfig, longest_s: float = 150.0) -> Drive:
     """The closed loop with the true pose in place of an estimate."""
     simulator = Simulator(world, Path())
     explorer = Explorer(config, drawn, drive_of(world), seed=1)
     watch = ContactWatch(simulator)
     start = simulator.robot.pose.copy()
-    for mount in simulator.mounts():
+    for mount in simulator.extrinsics():
         explorer.see(mount)
     estimate = pose = None
     while not explorer.is_finished and simulator.time_s < longest_s and not watch.is_touching:

@@ -15,7 +15,7 @@ from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.truth_map import true_map
-from gridslam.simulation.world_config import World
+from gridslam.simulation.world_config import WorldConfig
 from tests.simulation.places import driven, room
 
 pytest.importorskip("embreex", reason="cameras need the extra sim")
@@ -27,7 +27,7 @@ CAMERA: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def drive() -> tuple[World, OccupancyGrid, list[Event], np.ndarray]:
+def drive() -> tuple[WorldConfig, OccupancyGrid, list[Event], np.ndarray]:
     """A round through a furnished room with a camera and no lidar: world, map, events, and the last true pose."""
     world = room(
         walls=[{"rectangle": [0, 0, 8, 5]}, {"points": [[5, 0], [5, 1.5]]}],
@@ -37,7 +37,7 @@ def drive() -> tuple[World, OccupancyGrid, list[Event], np.ndarray]:
     )
     simulator, events = driven(world)
     scene: Scene = simulator.scene
-    return world, true_map(scene, world.truth), [*simulator.mounts(), *events], simulator.robot.pose
+    return world, true_map(scene, world.truth), [*simulator.extrinsics(), *events], simulator.robot.pose
 
 
 def located(events: list[Event], grid: OccupancyGrid, **changes: Any) -> Any:

@@ -18,7 +18,7 @@ from gridslam.simulation.simulator import Simulator
 from tests.simulation.places import driven, recorded, room
 
 EXACT: dict[str, Any] = {
-    "name": "front", "servo_deviation_deg": 0, "noise_m": 0, "noise_per_m2": 0, "spot_m": 0,
+    "name": "front", "servo_deviation_deg": 0, "noise_m": 0, "noise_per_m2": 0, "beam_width_m": 0,
     "grazing_bias_m": 0, "outliers": 0, "range_max_m": 8.0,
 }  # fmt: skip
 POSE = np.array([3.0, 2.0, 0.0])
@@ -61,7 +61,7 @@ def test_readings_outside_the_valid_range_are_recorded_as_they_come() -> None:
 
 def test_past_an_edge_readings_lie_between_or_beyond_both_surfaces() -> None:
     world = room(boxes=[{"centre": [4.5, 3.0], "size": [1.0, 2.0]}])  # its corner at (4, 2), straight ahead
-    config = Infrared(**{**EXACT, "spot_m": 0.04, "edge_wrong": 0.5})
+    config = Infrared(**{**EXACT, "beam_width_m": 0.04, "edge_errors": 0.5})
     found = read_ranges(config, np.full(2000, -0.002), POSE, Scene(world, Path()), 0.0, random_stream(1, "i"))
     wrong = np.abs(found - 5.0 / np.cos(0.002)) > 1e-6
     assert wrong.mean() == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(2000))
@@ -87,7 +87,7 @@ def test_rangers_sweep_at_every_stop_while_the_robot_stands() -> None:
 
 def rounds(x: float, yaw_deg: float, count: int = 3000, **antenna: Any) -> float:
     """Share of rounds that read one tag on a bin at (6, 2.5) which looks towards -x."""
-    settings = {"name": "a", "rate_hz": 100.0, "missed": 0.0, "stray": 0.0, "gain_db": 10.0, **antenna}
+    settings = {"name": "a", "rate_hz": 100.0, "missed": 0.0, "false_reads": 0.0, "gain_db": 10.0, **antenna}
     world = room(
         robot={"start": [x, 2.5, yaw_deg], "wait_at_start_s": 1e9},
         sensors={"antennas": [settings], "odometry": None},
@@ -115,11 +115,11 @@ def test_a_tag_that_looks_away_is_read_less() -> None:
 
 def test_missed_and_stray_reads_have_the_shares_of_the_world_file() -> None:
     assert rounds(5.3, 0.0, missed=0.2) == pytest.approx(0.8, abs=4 * sqrt(0.16 / 3000))
-    assert rounds(1.0, 180.0, stray=0.05) == pytest.approx(0.05, abs=4 * sqrt(0.05 / 3000))
+    assert rounds(1.0, 180.0, false_reads=0.05) == pytest.approx(0.05, abs=4 * sqrt(0.05 / 3000))
 
 
 def fixes(count: int, **settings: Any) -> tuple[np.ndarray, list[AbsolutePose]]:
-    world = room(sensors={"fixes": {"rate_hz": 100.0, "delay_s": 0.0, **settings}, "odometry": None})
+    world = room(sensors={"absolute_poses": {"rate_hz": 100.0, "delay_s": 0.0, **settings}, "odometry": None})
     found = [event for event in recorded(world, count) if isinstance(event, AbsolutePose)]
     return np.array([fix.pose for fix in found]) - [3.0, 2.0, 0.0], found
 
@@ -140,7 +140,7 @@ def test_the_share_of_wrong_fixes_is_that_of_the_world_file() -> None:
 
 def test_fixes_come_late_with_the_stamp_of_their_moment() -> None:
     simulator = Simulator(
-        room(sensors={"fixes": {"rate_hz": 10.0, "delay_s": 0.25}, "odometry": None}), Path()
+        room(sensors={"absolute_poses": {"rate_hz": 10.0, "delay_s": 0.25}, "odometry": None}), Path()
     )
     for _ in range(100):
         for event in simulator.step(0.0, 0.0):

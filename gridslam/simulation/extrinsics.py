@@ -1,4 +1,4 @@
-"""Where sensors sit on the robot."""
+"""Sensor extrinsics as poses and as static transforms."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gridslam.simulation.sensor_config import SensorExtrinsics
 
 
 def planar(extrinsics: SensorExtrinsics) -> NDArray[np.float64]:
-    """T_base_sensor in the plane."""
+    """T_base_sensor in the plane: x, y (m), yaw (rad)."""
     return np.array([extrinsics.x, extrinsics.y, math.radians(extrinsics.yaw_deg)])
 
 
 def static_transform(extrinsics: SensorExtrinsics, frame: str, stamp_ns: int) -> Transform:
-    """The message that tells a sensor's extrinsics: yaw about the vertical, then pitch (down is positive)."""
+    """T_base_sensor as a static transform: yaw about the vertical, then pitch (positive downwards)."""
     half_yaw, half_pitch = 0.5 * math.radians(extrinsics.yaw_deg), 0.5 * math.radians(extrinsics.pitch_deg)
     cy, sy, cp, sp = math.cos(half_yaw), math.sin(half_yaw), math.cos(half_pitch), math.sin(half_pitch)
-    turn = (cy * cp, -sy * sp, cy * sp, sy * cp)
-    return Transform(stamp_ns, BASE_FRAME, frame, (extrinsics.x, extrinsics.y, extrinsics.z), turn, True)
+    quat_wxyz = (cy * cp, -sy * sp, cy * sp, sy * cp)
+    return Transform(stamp_ns, BASE_FRAME, frame, (extrinsics.x, extrinsics.y, extrinsics.z), quat_wxyz, True)

@@ -12,7 +12,7 @@ State = Literal["done", "failed", "not run"]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class JobResult:
     """A finished piece of work, or why it failed.
 
     `measures` are the dotted keys of the evaluation, `cost` its seconds and memory: these differ from one time to
@@ -26,20 +26,20 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class RunRow:
     """A line of the table of runs."""
 
     log: str
     config: str
     override: str
     seed: int
-    outcome: Outcome
-    measures: Mapping[str, Value]  # the outcome's and the sweep's own successes
+    result: JobResult
+    measures: Mapping[str, Value]  # the result's and the sweep's own successes
 
     @property
     def is_done(self) -> bool:
         """Whether the run was made and measured."""
-        return self.outcome.state == "done"
+        return self.result.state == "done"
 
     @property
     def label(self) -> str:

@@ -73,7 +73,7 @@ class RunJob:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class RunSettings:
     """A config with one set of overrides and one seed."""
 
     config: str
@@ -83,7 +83,7 @@ class Settings:
     needs_map: bool = False  # its method localizes on a map only
 
 
-def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[Settings]:
+def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
     """Every config with every override and seed, checked. Raises ConfigError: one is wrong."""
     html = f"output.html={'true' if sweep.html else 'false'}"
     found = []
@@ -94,7 +94,7 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[Settings]:
         run_config = load_run_config(name, (html, *items), sweep.seeds[0])
         needs_map = _check_method(sweep, run_config.method_name)
         document = settings_of(run_config)
-        found += [Settings(config, override, s, {**document, "seed": s}, needs_map) for s in sweep.seeds]
+        found += [RunSettings(config, override, s, {**document, "seed": s}, needs_map) for s in sweep.seeds]
     return found
 
 
@@ -135,7 +135,7 @@ def simulated(output: Path, name: str, seed: int) -> Path:
 
 
 def run_job(
-    sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: Settings, hashes: Hashes
+    sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: RunSettings, hashes: Hashes
 ) -> RunJob:
     """One run. Raises ConfigError or MapError: a file that it needs cannot be read."""
     if entry.world is None:

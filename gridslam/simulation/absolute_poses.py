@@ -1,4 +1,4 @@
-"""Absolute poses from outside, late and sometimes wrong."""
+"""Absolute poses from an external source: they arrive late, and some are outliers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import AbsolutePose, Event, readonly
 from gridslam.simulation.drive import DrivenRobot
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.sensor_config import Fixes
+from gridslam.simulation.sensor_config import AbsolutePoses
 from gridslam.simulation.timing import Schedule
 
 
-class FixSource:
-    """Fixes with the stamp of the moment that they are about, handed out after the delay."""
+class AbsolutePoseSource:
+    """Absolute poses stamped when they were measured and returned after the delay."""
 
-    def __init__(self, config: Fixes, start_ns: int, rng: np.random.Generator) -> None:
+    def __init__(self, config: AbsolutePoses, start_ns: int, rng: np.random.Generator) -> None:
         self._config = config
         self._rng = rng
         self._schedule = Schedule(config, start_ns, rng, phase=0.7)
         self._waiting: deque[tuple[int, AbsolutePose]] = deque()
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
-        """The fixes that arrive at this step."""
+        """The absolute poses that arrive at this step."""
         if self._schedule.is_due(now_ns):
             self._schedule.take()
             self._measure(now_ns, robot)
@@ -38,15 +38,15 @@ class FixSource:
         config = self._config
         sigma = np.array([config.noise_m, config.noise_m, math.radians(config.noise_deg)])
         error = sigma * self._rng.standard_normal(3)
-        wrong, direction, share = self._rng.random(3).tolist()
-        if wrong < config.outliers:
-            way = config.outlier_m * (0.5 + share)
-            error[:2] += way * math.cos(math.tau * direction), way * math.sin(math.tau * direction)
+        draw, direction, length = self._rng.random(3).tolist()
+        if draw < config.outliers:
+            offset = config.outlier_m * (0.5 + length)
+            error[:2] += offset * math.cos(math.tau * direction), offset * math.sin(math.tau * direction)
         pose = robot.pose + error
         pose[2] = float(se2.wrap_angle(pose[2]))
         stamp = self._schedule.stamp_ns(now_ns)
         if stamp is not None:
-            fix = AbsolutePose(
+            measured = AbsolutePose(
                 stamp, config.frame, readonly(pose, np.float64), readonly(np.diag(sigma**2), np.float64)
             )
-            self._waiting.append((now_ns + round(1e9 * config.delay_s), fix))
+            self._waiting.append((now_ns + round(1e9 * config.delay_s), measured))
