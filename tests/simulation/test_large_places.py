@@ -21,14 +21,14 @@ from gridslam.simulation.places.vehicle import drift_of
 from gridslam.simulation.route import drive_route, route_length_m
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
-from gridslam.simulation.world_config import World, load_world, validate_world
+from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
 from tests.simulation.places import driven
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 Floats = NDArray[np.float64]
 
 
-def place(kind: Kind, seed: int, travel_m: float = 1000.0) -> World:
+def place(kind: Kind, seed: int, travel_m: float = 1000.0) -> WorldConfig:
     return validate_world(place_document(kind, seed, travel_m), "place")
 
 
@@ -118,7 +118,7 @@ def straight(distance_m: float) -> dict[str, float]:
     return {"seconds": distance_m, "forward_mps": 1.0}
 
 
-def clearance(world: World, walls: Floats) -> float:
+def clearance(world: WorldConfig, walls: Floats) -> float:
     """Least distance (m) between points of the route, half a metre apart, and walls `(n, 4)`."""
     corners = np.array([world.robot.start[:2], *world.robot.route])
     points = np.concatenate(
@@ -147,7 +147,7 @@ def ranges_along(scene: Scene, x: Floats) -> Floats:
     return scene.cast(np.concatenate(rays), 8.0, 0.0).ranges_m.reshape(len(x), 360)
 
 
-def odometry_drift(world: World, stretch_m: float = 100.0) -> float:
+def odometry_drift(world: WorldConfig, stretch_m: float = 100.0) -> float:
     """Mean error of odometry over all stretches of the path, as a fraction of their length."""
     odometry, truth = [], []
     for event, is_truth in drive_route(Simulator(world, Path())):
