@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import LaserScan, Odometry, Transform
-from gridslam.lidar_slam.config import FrontEndConfig, OdometryConfig, ScanConfig
+from gridslam.core.messages import Odometry
+from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
-from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.lidar_slam.track import is_far
-from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
-from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.motion.scan_poses import PlacedScan
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.route import drive_route
@@ -47,20 +47,27 @@ def place_of(seed: int) -> tuple[Kind, float]:
 def tracked_place(kind: Kind, seed: int, travel_m: float) -> TrackedPlace:
     """Drive through the place of a seed, and track the robot by the front end alone."""
     simulator = Simulator(validate_world(place_document(kind, seed, travel_m), "place"), Path())
-    tracker = _Tracker()
+    odometry = OdometryConfig()
+    spacing = KeyScanSpacing(KEY_DISTANCE_M, KEY_TURN_RAD)
+    tracker = ScanTracker(FrontEnd(odometry, MEMORY_MB), ScanConfig(), odometry, spacing)
     truth: list[tuple[int, float, float, float]] = []
     for event, is_truth in drive_route(simulator):
         if is_truth:
             assert isinstance(event, Odometry)
             truth.append((event.stamp_ns, event.x_m, event.y_m, event.yaw_rad))
-        elif isinstance(event, Odometry):
-            tracker.take(tracker.placing.add_odometry(event))
-        elif isinstance(event, LaserScan):
-            tracker.take(tracker.placing.add_scan(event))
-        elif isinstance(event, Transform):
-            tracker.extrinsics[event.child_frame_id] = extrinsics_of(event)
-    tracker.take(tracker.placing.flush())
-    return TrackedPlace(tracker.scans, np.array(tracker.track), _at(np.array(truth), tracker.scans))
+        else:
+            _track(tracker, tracker.process(event))
+    _track(tracker, tracker.flush())
+    return TrackedPlace(tracker.key_scans, tracker.key_poses, _at(np.array(truth), tracker.key_scans))
+
+
+def _track(tracker: ScanTracker, placed_scans: Iterable[PlacedScan]) -> None:
+    """Track these scans; those far enough from the last key scan become key scans."""
+    for placed in placed_scans:
+        scan = tracker.prepare(placed)
+        tracker.track(placed, scan)
+        if tracker.is_key_scan_due:
+            tracker.add_key_scan(scan)
 
 
 def _at(truth: Floats, scans: list[PreparedScan]) -> Floats:
@@ -70,34 +77,3 @@ def _at(truth: Floats, scans: list[PreparedScan]) -> Floats:
     times = truth[:, 0] - start
     columns = truth[:, 1], truth[:, 2], np.unwrap(truth[:, 3])
     return np.column_stack([np.interp(stamps, times, column) for column in columns])
-
-
-class _Tracker:
-    """Scans in, key scans and their track out."""
-
-    def __init__(self) -> None:
-        odometry = OdometryConfig()
-        self.placing = ScanPoses(
-            odometry.max_speed_mps,
-            odometry.max_turn_radps,
-            odometry.jump_tolerance_m,
-            odometry.jump_tolerance_rad,
-        )
-        self.extrinsics: dict[str, LidarExtrinsics] = {}
-        self.scans: list[PreparedScan] = []
-        self.track: list[Floats] = []
-        self._front_end = FrontEnd(FrontEndConfig(), odometry, MEMORY_MB)
-        self._last: PlacedScan | None = None
-
-    def take(self, placed_scans: Iterable[PlacedScan]) -> None:
-        """Track these scans; those far enough from the last key scan become key scans."""
-        for placed in placed_scans:
-            extrinsics = self.extrinsics[placed.scan.frame_id]
-            scan = prepare_scan(placed.scan, extrinsics, twist_between(self._last, placed), ScanConfig())
-            self._front_end.track(scan, placed.odometry, placed.broken)
-            self._last = placed
-            pose = self._front_end.pose.copy()
-            if not self.track or is_far(self.track[-1], pose, KEY_DISTANCE_M, KEY_TURN_RAD):
-                self._front_end.add_key_scan(scan)
-                self.scans.append(scan)
-                self.track.append(pose)

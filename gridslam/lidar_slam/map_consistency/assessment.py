@@ -1,0 +1,209 @@
+"""The doubt about a finished map, and the places that it comes from.
+
+Calibrated on maps with a known truth: at the default threshold of 0.5 right maps pass and wrong ones do not (see
+docs/slam-sd.md and tests/benchmarks/bench_doubt.py). It cannot know of errors where no place was seen twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.graph.pose_graph import Edges
+from gridslam.graph.pose_graph import residuals as residual_poses
+from gridslam.lidar_slam.map_consistency.contradictions import Contradictions, find_contradictions
+from gridslam.lidar_slam.map_consistency.passages import distance_driven, find_passages, spaced_scans
+from gridslam.lidar_slam.map_consistency.tension import StretchedPath, loop_residuals, most_stretched
+from gridslam.lidar_slam.scans import PreparedScan
+
+Floats = NDArray[np.float64]
+
+Kind = Literal["contradiction", "stretch", "loop"]
+
+REASONS: dict[Kind, str] = {
+    "contradiction": "{:.1f} m of wall in space that another passage saw free",
+    "stretch": "the path is {:.1f} m longer or shorter than scan matching measured",
+    "loop": "a loop closure is missed by {:.2f} m",
+}
+DOUBTFUL = 0.5  # maps with more doubt are warned about
+EVEN_WALL_M = 3.0  # contradicted wall in one place at which the doubt is 0.5
+EVEN_STRETCH_M = 1.5  # change of a path's length over 5 m at which the doubt is 0.5
+EVEN_RESIDUAL = 8.0  # normalised residual of an accepted loop at which the doubt is 0.5
+STEEPNESS = 3.0  # of the logistic curve over the logarithm
+MENTIONED = 0.1  # places with less doubt are not listed
+MAX_PLACES = 20
+MIN_SCANS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class DoubtfulPlace:
+    """A place of the map (m), what is wrong there, its size (m; of a loop: its error), its doubt, and two scans that show it."""
+
+    kind: Kind
+    x_m: float
+    y_m: float
+    size_m: float
+    doubt: float
+    stamps_ns: tuple[int, int]
+
+    @property
+    def reason(self) -> str:
+        """What is wrong, in words."""
+        return REASONS[self.kind].format(self.size_m)
+
+
+@dataclass(frozen=True, slots=True)
+class MapConsistency:
+    """Doubt in [0, 1], its places (most doubtful first), and how much of the map could be checked.
+
+    `compared_wall_m` of wall were seen by more than one passage; `contradicted_wall_m` of it are looked through by another one.
+    `revisited` is the fraction of the path with other passages near it; the longest part without is
+    `longest_unchecked_m`.
+    """
+
+    doubt: float
+    places: tuple[DoubtfulPlace, ...]
+    compared_wall_m: float
+    contradicted_wall_m: float
+    largest_stretch_m: float
+    largest_loop_residual: float
+    revisited: float
+    longest_unchecked_m: float
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the map should not be used unseen."""
+        return self.doubt > DOUBTFUL
+
+    @property
+    def summary(self) -> str:
+        """One line: the doubt, and where it comes from."""
+        if self.places and self.is_doubtful:
+            place = self.places[0]
+            return (
+                f"the map contradicts itself near ({place.x_m:.1f}, {place.y_m:.1f}): {place.reason} "
+                f"(doubt {self.doubt:.2f}, {len(self.places)} doubtful places)"
+            )
+        if not self.compared_wall_m:
+            return "doubt unknown: no place was seen twice"
+        return f"doubt {self.doubt:.2f}; {100.0 * self.revisited:.0f} % of the path was checked by another passage"
+
+    @property
+    def measures(self) -> dict[str, object]:
+        """The numbers and places, for report.json."""
+        return {
+            "doubt": round(self.doubt, 4),
+            "is_doubtful": self.is_doubtful,
+            "compared_wall_m": round(self.compared_wall_m, 2),
+            "contradicted_wall_m": round(self.contradicted_wall_m, 2),
+            "largest_stretch_m": round(self.largest_stretch_m, 3),
+            "largest_loop_residual": round(self.largest_loop_residual, 2),
+            "revisited": round(self.revisited, 4),
+            "longest_unchecked_m": round(self.longest_unchecked_m, 1),
+            "places": [
+                {
+                    "kind": place.kind,
+                    "x_m": round(place.x_m, 2),
+                    "y_m": round(place.y_m, 2),
+                    "reason": place.reason,
+                    "size_m": round(place.size_m, 2),
+                    "doubt": round(place.doubt, 3),
+                }
+                for place in self.places
+            ],
+        }
+
+
+def assess_map(
+    scans: Sequence[PreparedScan], poses: Floats, track: Floats, loops: Edges | None = None
+) -> MapConsistency:
+    """How consistent a map is, given its key scans, their final poses `(n, 3)` and the front end's `(n, 3)`.
+
+    `loops` are the accepted loop closures between the key scans, with the covariance of each match.
+    """
+    rows = spaced_scans(distance_driven(poses)) if len(poses) else np.zeros(0, np.int64)
+    if len(rows) < MIN_SCANS:
+        return MapConsistency(0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    chosen = [scans[row] for row in rows]
+    passages = find_passages(poses[rows], distance_driven(poses)[rows])
+    found = find_contradictions(chosen, poses[rows], passages)
+    stretched = most_stretched(track[rows], poses[rows], passages.travel_m)
+    stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
+    places = _contradicted_places(found, stamps) + _stretched_places(stretched, stamps)
+    residuals = np.zeros(1)
+    if loops is not None and len(loops):
+        residuals = loop_residuals(poses, loops)
+        places += _strained_loops(scans, poses, loops, residuals)
+    places = sorted(places, key=lambda place: (-place.doubt, place.x_m, place.y_m))
+    agreement = math.prod(1.0 - place.doubt for place in _worst_of_each_kind(places))
+    unchecked = _longest_unchecked_m(passages.travel_m, passages.is_revisited)
+    return MapConsistency(
+        1.0 - agreement,
+        tuple(place for place in places if place.doubt >= MENTIONED)[:MAX_PLACES],
+        found.compared_wall_m,
+        sum(place.wall_m for place in found.places),
+        stretched.stretch_m if stretched else 0.0,
+        float(residuals.max()),
+        float(passages.is_revisited.mean()),
+        unchecked,
+    )
+
+
+def doubt_of(value: float, even: float) -> float:
+    """A logistic curve over the logarithm of a positive value: 0.5 at `even`."""
+    return 1.0 / (1.0 + (even / value) ** STEEPNESS) if value > 0.0 else 0.0
+
+
+def _contradicted_places(found: Contradictions, stamps: NDArray[np.int64]) -> list[DoubtfulPlace]:
+    return [
+        DoubtfulPlace(
+            "contradiction",
+            place.x_m,
+            place.y_m,
+            place.wall_m,
+            doubt_of(place.wall_m, EVEN_WALL_M),
+            (int(stamps[place.seen_by]), int(stamps[place.looked_through_by])),
+        )
+        for place in found.places
+    ]
+
+
+def _stretched_places(stretched: StretchedPath | None, stamps: NDArray[np.int64]) -> list[DoubtfulPlace]:
+    if stretched is None:
+        return []
+    stamp = int(stamps[stretched.scan])
+    doubt = doubt_of(stretched.stretch_m, EVEN_STRETCH_M)
+    return [
+        DoubtfulPlace("stretch", stretched.x_m, stretched.y_m, stretched.stretch_m, doubt, (stamp, stamp))
+    ]
+
+
+def _strained_loops(
+    scans: Sequence[PreparedScan], poses: Floats, loops: Edges, residuals: Floats
+) -> list[DoubtfulPlace]:
+    worst = int(np.argmax(residuals))
+    source, target = int(loops.source[worst]), int(loops.target[worst])
+    x, y = poses[target, :2].tolist()
+    error = residual_poses(poses, loops)[worst]
+    doubt = doubt_of(float(residuals[worst]), EVEN_RESIDUAL)
+    stamps = scans[source].stamp_ns, scans[target].stamp_ns
+    return [DoubtfulPlace("loop", x, y, float(np.hypot(error[0], error[1])), doubt, stamps)]
+
+
+def _worst_of_each_kind(places: Sequence[DoubtfulPlace]) -> list[DoubtfulPlace]:
+    """The first place of each kind, the most doubtful one: small contradictions here and there do not add up."""
+    worst: dict[Kind, DoubtfulPlace] = {}
+    for place in places:
+        worst.setdefault(place.kind, place)
+    return list(worst.values())
+
+
+def _longest_unchecked_m(travel_m: Floats, is_revisited: NDArray[np.bool_]) -> float:
+    """The longest part of the path without another passage near it."""
+    checked = np.concatenate([travel_m[:1], travel_m[is_revisited], travel_m[-1:]])
+    return float(np.diff(checked).max())
