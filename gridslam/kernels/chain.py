@@ -1,6 +1,8 @@
-"""What one measurement along a ray says about its cells, when the first obstacle hides the rest (stereo-bayes 2.1 - 2.3)."""
+"""Likelihoods of the cells along a ray whose first obstacle hides the cells behind it (stereo-bayes, sections 2.1 to 2.3)."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -8,10 +10,33 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
 
+Floats = NDArray[np.float64]
+
+
+class CellPriors(NamedTuple):
+    """P(E_k) of the cells, strictly between 0 and 1, and the correlation of each cell with the one before it.
+
+    The first correlation is not used. `(n,)` for one ray, `(m, n)` for m rays.
+    """
+
+    occupied: Floats
+    correlation: Floats
+
+
+class RayEvidence(NamedTuple):
+    """The evidence of a measurement o for every cell: P(o | E_k), P(o | not E_k), and P(o, nothing before k is occupied).
+
+    `(n,)` for one ray. For m rays `(m, n)`, all divided by P(o).
+    """
+
+    occupied: Floats
+    empty: Floats
+    reached: Floats
+
 
 @compiled
 def bounded_covariance(p: float, p_next: float, correlation: float) -> float:
-    """r alpha of two neighbours, alpha = sqrt(p q p' q'), such that their joint distribution exists (Frechet limits)."""
+    """r alpha of two neighbours, alpha = sqrt(p q p' q'), bounded so that their joint distribution exists (Frechet limits)."""
     covariance = correlation * np.sqrt(p * (1.0 - p) * p_next * (1.0 - p_next))
     low = max(0.0, p + p_next - 1.0) - p * p_next
     high = min(p, p_next) - p * p_next
@@ -19,22 +44,13 @@ def bounded_covariance(p: float, p_next: float, correlation: float) -> float:
 
 
 @compiled
-def hidden_chain(
-    prior: NDArray[np.float64],
-    correlation: NDArray[np.float64],
-    first: NDArray[np.float64],
-    none: float,
-    occupied: NDArray[np.float64],
-    empty: NDArray[np.float64],
-    reached: NDArray[np.float64],
-) -> float:
-    """Exact likelihoods of a Markov chain of cells of which the first occupied one is measured (eqs. 5 - 8).
+def hidden_chain(priors: CellPriors, first: Floats, none: float, evidence: RayEvidence) -> float:
+    """P(o) for a Markov chain of cells whose first occupied one is measured; exact (eqs. 5 - 8).
 
-    `prior` `(n,)` are P(E_k), strictly between 0 and 1; `correlation` `(n,)` that of each cell with the one before it (the first
-    is not used); `first` `(n,)` is P(o | first = k), `none` is P(o | no obstacle). Writes P(o | E_k) into `occupied` and
-    P(o | not E_k) into `empty`, and P(o, nothing before k is occupied) into `reached`; returns P(o). One pass outwards and one
-    back, O(n).
+    `first` `(n,)` is P(o | first = k), `none` is P(o | no obstacle). Fills `evidence`. One pass outwards and one back, O(n).
     """
+    prior, correlation = priors.occupied, priors.correlation
+    occupied, empty, reached = evidence.occupied, evidence.empty, evidence.reached
     n = prior.shape[0]
     hit = np.empty(n)  # P(o, first = k)
     clear, h1, h0 = 1.0, 0.0, 0.0
@@ -53,7 +69,7 @@ def hidden_chain(
         )
         clear *= 1.0 - from_empty
         occupied[k], empty[k] = h1, h0
-    later = none * clear  # P(o, first hit behind k or none)
+    later = none * clear  # P(o, the first obstacle is behind k or absent)
     for k in range(n - 1, -1, -1):
         occupied[k] /= prior[k]
         empty[k] = (empty[k] + later) / (1.0 - prior[k])
@@ -63,24 +79,18 @@ def hidden_chain(
 
 
 @compiled
-def front_is_empty(
-    prior: NDArray[np.float64],
-    first: NDArray[np.float64],
-    none: float,
-    occupied: NDArray[np.float64],
-    empty: NDArray[np.float64],
-    reached: NDArray[np.float64],
-) -> float:
-    """The conventional likelihoods: all cells before the one that explains the measurement are taken to be empty.
+def assume_front_empty(prior: Floats, first: Floats, none: float, evidence: RayEvidence) -> float:
+    """P(o) of the conventional method, which takes all cells before the one that explains the measurement as empty.
 
-    So cell k explains it with a weight of P(E_k) alone, and none does with that of all being empty: P(o | E_k) is
-    P(o | first = k), P(o | not E_k) the weighted mean over the cells behind k. Arguments and result as of `hidden_chain`.
+    Cell k explains the measurement with the weight P(E_k); no cell does with the probability that all are empty. So P(o | E_k)
+    is P(o | first = k), and P(o | not E_k) is the weighted mean over the cells behind k. Arguments as in `hidden_chain`.
     """
+    occupied, empty, reached = evidence.occupied, evidence.empty, evidence.reached
     clear, weight, mass = (
         1.0,
         0.0,
         0.0,
-    )  # of the cells behind: all empty, sum of P(E), sum of P(E) P(o | first)
+    )  # over the cells behind k: all empty, sum of P(E), sum of P(E) P(o | first)
     for k in range(prior.shape[0] - 1, -1, -1):
         occupied[k], empty[k] = first[k], (mass + clear * none) / (weight + clear)
         clear *= 1.0 - prior[k]
@@ -94,40 +104,34 @@ def front_is_empty(
 
 @compiled_parallel
 def likelihoods_of_rays(
-    priors: NDArray[np.float64],
-    correlations: NDArray[np.float64],
-    firsts: NDArray[np.float64],
-    nones: NDArray[np.float64],
-    assume_front_empty: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """P(o | E_k) / P(o), P(o | not E_k) / P(o) and P(nothing before k is occupied | o) `(m, n)` for m rays of n cells.
+    priors: CellPriors, firsts: Floats, nones: Floats, front_is_empty: bool
+) -> RayEvidence:
+    """Evidence `(m, n)` of m rays of n cells, divided by P(o): see `hidden_chain`.
 
-    See `hidden_chain`. The three likelihoods of the paper: front taken as empty (independent), correlations of 0 (occlusion),
-    or others (chain).
+    `firsts` `(m, n)` and `nones` `(m,)` are P(o | first = k) and P(o | no obstacle). The three likelihoods of the paper:
+    `front_is_empty` (independent), correlations of 0 (occlusion), or any others (chain).
     """
-    m, n = priors.shape
+    m, n = priors.occupied.shape
     occupied, empty, reached = np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
     for i in prange(m):
-        if assume_front_empty:
-            total = front_is_empty(priors[i], firsts[i], nones[i], occupied[i], empty[i], reached[i])
+        ray = RayEvidence(occupied[i], empty[i], reached[i])
+        if front_is_empty:
+            total = assume_front_empty(priors.occupied[i], firsts[i], nones[i], ray)
         else:
-            total = hidden_chain(
-                priors[i], correlations[i], firsts[i], nones[i], occupied[i], empty[i], reached[i]
-            )
+            cells = CellPriors(priors.occupied[i], priors.correlation[i])
+            total = hidden_chain(cells, firsts[i], nones[i], ray)
         occupied[i] /= total
         empty[i] /= total
         reached[i] /= total
-    return occupied, empty, reached
+    return RayEvidence(occupied, empty, reached)
 
 
 @compiled_parallel
-def expected_behind(
-    reached: NDArray[np.float64], correlations: NDArray[np.float64], prior: float
-) -> NDArray[np.float64]:
-    """P(E_k | o) `(m, n)` for a ray behind whose first obstacle nothing but the chain with the one `prior` is known.
+def expected_behind(reached: Floats, correlations: Floats, prior: float) -> Floats:
+    """P(E_k | o) `(m, n)` if nothing but the chain and the one `prior` is known behind the first obstacle of a ray.
 
-    `reached` `(m, n)` is P(nothing before k is occupied | o) and `correlations` `(m, n)` those of each cell with the one
-    before it, as of `likelihoods_of_rays`. What lies before the first obstacle is empty.
+    `reached` `(m, n)` is P(nothing before k is occupied | o), `correlations` `(m, n)` are those of each cell with the one before
+    it, both as in `likelihoods_of_rays`. The cells before the first obstacle are empty.
     """
     m, n = reached.shape
     expected = np.empty((m, n))

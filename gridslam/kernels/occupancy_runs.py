@@ -1,4 +1,4 @@
-"""How far the same state of occupancy goes on along rows, columns and diagonals."""
+"""Lengths of runs of equal occupancy along rows, columns and diagonals."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ UNKNOWN = -1
 def follow_runs(
     state: NDArray[np.int8], starts: NDArray[np.int64], steps: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Steps `(n,)` to the first cell of another state, and whether it came.
+    """Number of steps `(n,)` to the first cell of another state, and whether such a cell was met `(n,)`.
 
-    The walks begin in cells `starts` `(n, 2)` and go along `steps` `(n, 2)`, both (row, col). `state` is 1 occupied, 0
-    free, UNKNOWN. Where the map ends, or an unknown cell comes first, the run is cut off: the number is that of the steps
-    within the same state.
+    The walks start in cells `starts` `(n, 2)` and follow `steps` `(n, 2)`, both (row, col). `state` `(rows, cols)` is 1 occupied,
+    0 free, UNKNOWN. A walk is censored where the map ends or an unknown cell comes first: its length is then the number of steps
+    within its own state.
     """
     n = starts.shape[0]
     rows, cols = state.shape

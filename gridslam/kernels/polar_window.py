@@ -2,18 +2,45 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
+from gridslam.kernels.chain import CellPriors
 from gridslam.kernels.compiled import compiled, compiled_parallel
 
 Floats = NDArray[np.float64]
 
 
+class GridRays(NamedTuple):
+    """Rays in a grid, in cells: `origin` `(2,)` (x, y), `angles` `(m,)` (rad), range of the first cell's centre, number of cells.
+
+    Consecutive cells of a ray are one cell apart.
+    """
+
+    origin: Floats
+    angles: Floats
+    first: float
+    cells: int
+
+
+class PolarWindow(NamedTuple):
+    """c values of n cells along m rays, `values` `(c, m, n)`, and `default` `(c,)` where no ray is near.
+
+    `bearings` `(m,)` (rad) ascend, in the axes of the map; `max_offset_rad` is the largest angle to a ray that counts as near.
+    """
+
+    values: Floats
+    default: Floats
+    bearings: Floats
+    max_offset_rad: float
+
+
 @compiled
-def nearest_ray(bearings: Floats, angle: float, reach: float) -> int:
-    """Index of the ray nearest to an angle, -1 where none is within `reach`; `bearings` `(m,)` ascend."""
+def nearest_ray(bearings: Floats, angle: float, max_offset: float) -> int:
+    """Index of the ray nearest to an angle, -1 if none is within `max_offset` (rad); `bearings` `(m,)` ascend."""
     low, high = 0, bearings.shape[0]
     while low < high:
         middle = (low + high) // 2
@@ -21,102 +48,80 @@ def nearest_ray(bearings: Floats, angle: float, reach: float) -> int:
             low = middle + 1
         else:
             high = middle
-    best = -1
+    nearest = -1
     for i in (low - 1, low):
-        if 0 <= i < bearings.shape[0] and abs(bearings[i] - angle) <= reach:
-            reach, best = abs(bearings[i] - angle), i
-    return best
+        if 0 <= i < bearings.shape[0] and abs(bearings[i] - angle) <= max_offset:
+            max_offset, nearest = abs(bearings[i] - angle), i
+    return nearest
 
 
 @compiled_parallel
-def priors_of_rays(
-    log_odds: Floats, eye: Floats, angles: Floats, first: float, count: int, prior: float, correlation: float
-) -> tuple[Floats, Floats]:
-    """P(E) of the cells along rays, and the correlation of each with the one before it `(m, count)`.
+def priors_of_rays(log_odds: Floats, rays: GridRays, prior_log_odds: float, correlation: float) -> CellPriors:
+    """P(E) of the cells along rays, and the correlation of each with the one before it, `(m, count)`.
 
-    `log_odds` `(rows, cols)`, to which those of the `prior` are added; in cells of the grid, `eye` `(2,)` is the rays' origin
-    (x, y) and `first` the range of the first cell's middle; the cells of a ray are one apart. `correlation` is that of cells one
-    cell apart; a diagonal step is longer (eq. 8), and what falls into the same cell again is the same.
+    `log_odds` `(rows, cols)` are relative to `prior_log_odds`. `correlation` is that of cells one cell apart; a diagonal step is
+    longer (eq. 8), and a cell that is met again correlates by 1.
     """
-    m = angles.shape[0]
+    m, count, origin = rays.angles.shape[0], rays.cells, rays.origin
     priors, correlations = np.empty((m, count)), np.empty((m, count))
     diagonal = correlation ** np.sqrt(2.0)
     for i in prange(m):
-        dx, dy = np.cos(angles[i]), np.sin(angles[i])
-        row_before, col_before = 0, 0
+        dx, dy = np.cos(rays.angles[i]), np.sin(rays.angles[i])
+        last_row, last_col = 0, 0
         for k in range(count):
-            row, col = int(np.floor(eye[1] + (first + k) * dy)), int(np.floor(eye[0] + (first + k) * dx))
-            priors[i, k] = 1.0 / (1.0 + np.exp(-(log_odds[row, col] + prior)))
-            moved = abs(row - row_before) + abs(col - col_before)
-            correlations[i, k] = 1.0 if moved == 0 else correlation if moved == 1 else diagonal
-            row_before, col_before = row, col
-    return priors, correlations
+            row = int(np.floor(origin[1] + (rays.first + k) * dy))
+            col = int(np.floor(origin[0] + (rays.first + k) * dx))
+            priors[i, k] = 1.0 / (1.0 + np.exp(-(log_odds[row, col] + prior_log_odds)))
+            steps = abs(row - last_row) + abs(col - last_col)
+            correlations[i, k] = 1.0 if steps == 0 else correlation if steps == 1 else diagonal
+            last_row, last_col = row, col
+    return CellPriors(priors, correlations)
 
 
 @compiled_parallel
-def averaged_over_turns(
-    polar: Floats,
-    rest: Floats,
-    bearings: Floats,
-    reach_rad: float,
-    turns: Floats,
-    weights: Floats,
-    angles: Floats,
-) -> Floats:
-    """Values `(c, a, n)` at the `angles` `(a,)`: the mean over all rays being turned by `turns` `(k,)` with `weights` `(k,)`.
-
-    `polar` `(c, m, n)` are the values along the rays with `bearings` `(m,)`; `rest` `(c,)` is what there is where no ray is
-    within `reach_rad`.
-    """
+def averaged_over_yaw(window: PolarWindow, yaw_offsets: Floats, weights: Floats, angles: Floats) -> Floats:
+    """Values `(c, a, n)` at the `angles` `(a,)`: the mean over all rays rotated by `yaw_offsets` `(k,)` with `weights` `(k,)`."""
+    polar, default = window.values, window.default
     channels, _, n = polar.shape
     mean = np.empty((channels, angles.shape[0], n))
     for a in prange(angles.shape[0]):
         for c in range(channels):
-            mean[c, a, :] = rest[c]
-        for t in range(turns.shape[0]):
-            i = nearest_ray(bearings, angles[a] - turns[t], reach_rad)
+            mean[c, a, :] = default[c]
+        for t in range(yaw_offsets.shape[0]):
+            i = nearest_ray(window.bearings, angles[a] - yaw_offsets[t], window.max_offset_rad)
             if i >= 0:
                 for c in range(channels):
                     for k in range(n):
-                        mean[c, a, k] += weights[t] * (polar[c, i, k] - rest[c])
+                        mean[c, a, k] += weights[t] * (polar[c, i, k] - default[c])
     return mean
 
 
 @compiled_parallel
-def window_of_rays(
-    polar: Floats,
-    rest: Floats,
-    bearings: Floats,
-    reach_rad: float,
-    first: float,
-    corner: Floats,
-    rows: int,
-    cols: int,
-) -> Floats:
+def window_of_rays(window: PolarWindow, first: float, corner: Floats, rows: int, cols: int) -> Floats:
     """Values `(c, rows, cols)` of the cells around the origin of rays.
 
-    `polar` `(c, m, n)` are c values of n cells along m rays with `bearings` `(m,)` in the map's axes, ascending; `rest` `(c,)`
-    is what cells have that no ray is within `reach_rad` of. In cells: `first` is the range at which the rays' cells begin,
-    `corner` `(2,)` x, y of the first cell's middle seen from the origin.
+    In cells: `first` is the range at which the rays' cells start, `corner` `(2,)` is x, y of the first cell's centre relative to
+    the origin.
     """
+    polar, bearings = window.values, window.bearings
     channels, _, n = polar.shape
-    window = np.empty((channels, rows, cols))
+    cells = np.empty((channels, rows, cols))
     middle = 0.5 * (bearings[0] + bearings[-1])
-    spread = 0.5 * (bearings[-1] - bearings[0]) + reach_rad
-    ahead_x, ahead_y, least = np.cos(middle), np.sin(middle), np.cos(min(spread, np.pi))
+    half_view = 0.5 * (bearings[-1] - bearings[0]) + window.max_offset_rad
+    ahead_x, ahead_y, min_cosine = np.cos(middle), np.sin(middle), np.cos(min(half_view, np.pi))
     for row in prange(rows):
         for col in range(cols):
             for c in range(channels):
-                window[c, row, col] = rest[c]
+                cells[c, row, col] = window.default[c]
             x, y = corner[0] + col, corner[1] + row
-            away = np.sqrt(x * x + y * y)
-            k = int(np.floor(away - first))
-            if k < 0 or k >= n or x * ahead_x + y * ahead_y < least * away:
+            distance = np.sqrt(x * x + y * y)
+            k = int(np.floor(distance - first))
+            if k < 0 or k >= n or x * ahead_x + y * ahead_y < min_cosine * distance:
                 continue
             angle = np.arctan2(y, x)
             angle += 2.0 * np.pi * np.round((middle - angle) / (2.0 * np.pi))
-            i = nearest_ray(bearings, angle, reach_rad)
+            i = nearest_ray(bearings, angle, window.max_offset_rad)
             if i >= 0:
                 for c in range(channels):
-                    window[c, row, col] = polar[c, i, k]
-    return window
+                    cells[c, row, col] = polar[c, i, k]
+    return cells

@@ -1,4 +1,4 @@
-"""Stereo visual odometry: features tracked between frames, placed by disparity, moved by PnP in RANSAC (stereo-bayes 1)."""
+"""Stereo visual odometry: features tracked between frames, 3-D points by disparity, motion by PnP in RANSAC (stereo-bayes 1)."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 Disparities = NDArray[np.float32]
 
-_WINDOW, _LEVELS = (21, 21), 4
+TRACKING_WINDOW_PX, PYRAMID_LEVELS = (21, 21), 4
+MAX_ROUND_TRIP_PX = 0.5  # between a corner and itself tracked forward and back
+RANSAC_ITERATIONS, RANSAC_CONFIDENCE = 200, 0.999
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
-    """Numbers of features, their spacing, and what counts as an inlier (px)."""
+    """Number, quality and spacing of the features, largest reprojection error of an inlier (px), and minima."""
 
     features: int = 1200
     quality: float = 0.005
     spacing_px: int = 7
     inlier_px: float = 1.0
-    least_inliers: int = 12
-    least_disparity_px: float = 1.0
+    min_inliers: int = 12
+    min_disparity_px: float = 1.0
 
 
 class VisualOdometry:
-    """The motion of the robot over the ground between consecutive frames of a stereo head."""
+    """Motion of the robot over the ground between consecutive frames of a stereo head."""
 
     def __init__(self, head: StereoHead, settings: TrackingSettings | None = None) -> None:
         self._head = head
@@ -39,74 +41,80 @@ class VisualOdometry:
         self._disparity: Disparities | None = None
 
     def step(self, left: Grey, disparity: Disparities) -> Floats | None:
-        """T_before_now `(3,)` of the robot; None for the first frame, and where too little could be tracked."""
-        before, places = self._left, self._disparity
+        """T_last_now `(3,)` of the robot; None for the first frame, or if too few features could be tracked."""
+        last, last_disparity = self._left, self._disparity
         self._left, self._disparity = left, disparity
-        if before is None or places is None or before.shape != left.shape:
+        if last is None or last_disparity is None or last.shape != left.shape:
             return None
-        seen, points = self._features(before, places)
-        if len(seen) < self._settings.least_inliers:
+        corners, points = self._features(last, last_disparity)
+        if len(corners) < self._settings.min_inliers:
             return None
-        there, kept = _tracked(before, left, seen)
-        motion = self._motion(points[kept], there[kept])
+        pixels, kept = _tracked(last, left, corners)
+        motion = self._motion(points[kept], pixels[kept])
         return None if motion is None else self._over_ground(*motion)
 
     def _features(self, left: Grey, disparity: Disparities) -> tuple[NDArray[np.float32], Floats]:
-        """Corners `(n, 2)` (x, y) with a disparity, and their places `(n, 3)` in the optical frame."""
+        """Corners `(n, 2)` (x, y) (px) with a disparity, and their points `(n, 3)` (m) in the optical frame."""
         s = self._settings
-        corners = cv2.goodFeaturesToTrack(left, s.features, s.quality, s.spacing_px)
-        if corners is None:
+        found = cv2.goodFeaturesToTrack(left, s.features, s.quality, s.spacing_px)
+        if found is None:
             return np.zeros((0, 2), np.float32), np.zeros((0, 3))
-        seen = corners.reshape(-1, 2)
-        cols, rows = np.rint(seen).astype(np.int64).T
+        corners = found.reshape(-1, 2)
+        cols, rows = np.rint(corners).astype(np.int64).T
         d = disparity[rows, cols].astype(np.float64)
         with np.errstate(invalid="ignore"):
-            placed = d > s.least_disparity_px
-        seen, d = seen[placed], d[placed]
+            has_disparity = d > s.min_disparity_px
+        corners, d = corners[has_disparity], d[has_disparity]
         depth = self._head.focal_px * self._head.baseline_m / d
-        x = (seen[:, 0] - self._head.centre_px[0]) / self._head.focal_px * depth
-        y = (seen[:, 1] - self._head.centre_px[1]) / self._head.focal_px * depth
-        return seen, np.stack([x, y, depth], axis=1)
+        x = (corners[:, 0] - self._head.centre_px[0]) / self._head.focal_px * depth
+        y = (corners[:, 1] - self._head.centre_px[1]) / self._head.focal_px * depth
+        return corners, np.stack([x, y, depth], axis=1)
 
-    def _motion(self, points: Floats, seen: NDArray[np.float32]) -> tuple[Floats, Floats] | None:
-        """Rotation `(3, 3)` and translation `(3,)` of the points from the former to the present optical frame."""
+    def _motion(self, points: Floats, corners: NDArray[np.float32]) -> tuple[Floats, Floats] | None:
+        """Rotation `(3, 3)` and translation `(3,)` of the points `(n, 3)` from the last to the present optical frame."""
         s = self._settings
-        if len(points) < s.least_inliers:
+        if len(points) < s.min_inliers:
             return None
         f, (cx, cy) = self._head.focal_px, self._head.centre_px
         K = np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
         cv2.setRNGSeed(0)
-        pixels = seen.astype(np.float64)
-        good, turn, shift, inliers = cv2.solvePnPRansac(
-            points, pixels, K, None, iterationsCount=200, reprojectionError=s.inlier_px, confidence=0.999
+        pixels = corners.astype(np.float64)
+        is_found, rotation, shift, inliers = cv2.solvePnPRansac(
+            points,
+            pixels,
+            K,
+            None,
+            iterationsCount=RANSAC_ITERATIONS,
+            reprojectionError=s.inlier_px,
+            confidence=RANSAC_CONFIDENCE,
         )
-        if not good or inliers is None or len(inliers) < s.least_inliers:
+        if not is_found or inliers is None or len(inliers) < s.min_inliers:
             return None
         chosen = inliers.ravel()
-        turn, shift = cv2.solvePnPRefineLM(points[chosen], pixels[chosen], K, None, turn, shift)
-        return np.asarray(cv2.Rodrigues(turn)[0], np.float64), np.asarray(shift.ravel(), np.float64)
+        rotation, shift = cv2.solvePnPRefineLM(points[chosen], pixels[chosen], K, None, rotation, shift)
+        return np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(shift.ravel(), np.float64)
 
     def _over_ground(self, rotation: Floats, translation: Floats) -> Floats:
-        """T_before_now of the robot in the plane, from the motion of points between the optical frames."""
-        mount = np.eye(4)
-        mount[:3, :3], mount[:3, 3] = self._head.rotation, self._head.position
-        now_before = np.eye(4)
-        now_before[:3, :3], now_before[:3, 3] = rotation, translation
-        moved = mount @ np.linalg.inv(now_before) @ np.linalg.inv(mount)
-        return np.array([moved[0, 3], moved[1, 3], np.arctan2(moved[1, 0], moved[0, 0])])
+        """T_last_now `(3,)` of the robot in the plane, from the motion of points between the optical frames."""
+        T_base_optical = np.eye(4)
+        T_base_optical[:3, :3], T_base_optical[:3, 3] = self._head.rotation, self._head.position
+        now_last = np.eye(4)
+        now_last[:3, :3], now_last[:3, 3] = rotation, translation
+        motion = T_base_optical @ np.linalg.inv(now_last) @ np.linalg.inv(T_base_optical)
+        return np.array([motion[0, 3], motion[1, 3], np.arctan2(motion[1, 0], motion[0, 0])])
 
 
 def _tracked(
-    before: Grey, now: Grey, seen: NDArray[np.float32]
+    last: Grey, now: Grey, corners: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where the corners `(n, 2)` are now, and which of them lead back to where they came from."""
-    start = seen.reshape(-1, 1, 2)
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
-        before, now, start, start.copy(), winSize=_WINDOW, maxLevel=_LEVELS
+    """The corners `(n, 2)` in the present image, and a mask of those that track back to their old position."""
+    start = corners.reshape(-1, 1, 2)
+    tracked, found, _ = cv2.calcOpticalFlowPyrLK(
+        last, now, start, start.copy(), winSize=TRACKING_WINDOW_PX, maxLevel=PYRAMID_LEVELS
     )
     back, found_back, _ = cv2.calcOpticalFlowPyrLK(
-        now, before, there, there.copy(), winSize=_WINDOW, maxLevel=_LEVELS
+        now, last, tracked, tracked.copy(), winSize=TRACKING_WINDOW_PX, maxLevel=PYRAMID_LEVELS
     )
-    off = np.abs(back.reshape(-1, 2) - seen).max(axis=1)
-    kept = (found.ravel() == 1) & (found_back.ravel() == 1) & (off < 0.5)
-    return np.asarray(there.reshape(-1, 2), np.float32), np.asarray(kept)
+    round_trip = np.abs(back.reshape(-1, 2) - corners).max(axis=1)
+    kept = (found.ravel() == 1) & (found_back.ravel() == 1) & (round_trip < MAX_ROUND_TRIP_PX)
+    return np.asarray(tracked.reshape(-1, 2), np.float32), np.asarray(kept)

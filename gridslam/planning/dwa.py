@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.wheel_window import free_ways
+from gridslam.kernels.wheel_window import free_distances
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def choose_speeds(
     """
     speeds = reachable(now, drive, window)
     ways = np.asarray(
-        free_ways(speeds, obstacles, drive.base_m, drive.radius_m + window.margin_m, window.far_m)
+        free_distances(speeds, obstacles, drive.base_m, drive.radius_m + window.margin_m, window.far_m)
     )
     fastest = np.abs(speeds).max(axis=1)
     needed = fastest * (window.period_s + window.delay_s) + fastest**2 / (2.0 * drive.acceleration_mps2)

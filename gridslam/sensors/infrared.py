@@ -1,4 +1,4 @@
-"""Scans of infrared rangers that servos sweep: which readings are to be trusted, and where they end."""
+"""Scans of infrared rangers on servos: reliability of the readings, and their end points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RangeNoise:
-    """Deviation of a reading: noise_m + noise_per_m2 * range^2 along the beam, `bearing_rad` * range across it."""
+    """Standard deviation of a reading: noise_m + noise_per_m2 * range^2 along the beam, `bearing_rad` * range across it."""
 
     noise_m: float = 0.004
     noise_per_m2: float = 0.015
@@ -30,11 +30,10 @@ class RangeNoise:
 
 @dataclass(frozen=True, slots=True)
 class InfraredScan:
-    """The samples of one stop (paper section 2.4), sensor after sensor, each sensor's in the order in which they were taken.
+    """The samples of one stop (paper section 2.4), sensor by sensor, each sensor's in the order of measurement.
 
-    `sensor` `(n,)` counts the `names`; `bearing_rad` is the servo's angle; `range_m` and its limits are as recorded.
-    `sensor_extrinsics`
-    are those of the sensors.
+    `sensor` `(n,)` is the index of the sensor in `names` and `sensor_extrinsics`; `bearing_rad` `(n,)` is the servo's angle;
+    `range_m` `(n,)` and its limits are as recorded.
     """
 
     stamp_ns: int
@@ -54,20 +53,20 @@ class InfraredScan:
         return np.asarray((self.range_m > self.range_min_m) & (self.range_m < self.range_max_m))
 
     def origins(self) -> Floats:
-        """Where the beams begin, `(n, 2)` in the robot's frame."""
+        """Origins of the beams, `(n, 2)` in the robot's frame."""
         return np.asarray(self._poses()[self.sensor, :2])
 
     def directions(self) -> Floats:
         """Headings of the beams `(n,)` in the robot's frame."""
-        sense = np.array([-1.0 if m.flipped else 1.0 for m in self.sensor_extrinsics])
-        return np.asarray(self._poses()[self.sensor, 2] + sense[self.sensor] * self.bearing_rad)
+        sign = np.array([-1.0 if m.flipped else 1.0 for m in self.sensor_extrinsics])
+        return np.asarray(self._poses()[self.sensor, 2] + sign[self.sensor] * self.bearing_rad)
 
-    def ends(self) -> Floats:
-        """Where the readings end, `(n, 2)` in the robot's frame; not finite where the reading is not."""
+    def endpoints(self) -> Floats:
+        """End points of the beams, `(n, 2)` in the robot's frame; not finite where the reading is not finite."""
         angle = self.directions()
         with np.errstate(invalid="ignore"):
-            steps = self.range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        return np.asarray(self.origins() + steps)
+            beams = self.range_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return np.asarray(self.origins() + beams)
 
     def _poses(self) -> Floats:
         return np.array([m.pose for m in self.sensor_extrinsics]).reshape(-1, 3)
@@ -76,8 +75,8 @@ class InfraredScan:
 def reliability(scan: InfraredScan, neighbour_m: float) -> Floats:
     """bel_k = L(l_k) D(l_{k-1}, l_k, l_{k+1}) `(n,)`, paper section 2.5.
 
-    D is 1 if both neighbours differ by less than `neighbour_m`, 0 if both differ by more (or as much), else 0.5. The first
-    and the last sample of a sweep have one neighbour, which counts for both; a single sample has none and is not trusted.
+    D is 1 if both neighbours differ by less than `neighbour_m` (m), 0 if neither does, else 0.5. The first and the last sample of
+    a sweep have one neighbour, which counts twice; a single sample has none and gets 0.
     """
     n = len(scan)
     agrees = np.zeros(max(n - 1, 0), bool)
@@ -96,9 +95,10 @@ def reliability(scan: InfraredScan, neighbour_m: float) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class BeamEnds:
-    """Readings that are used: origins, end points and unit directions `(n, 2)` in the robot's frame; range, bel and index in
-    the scan `(n,)`.
+class ReliableReadings:
+    """The readings of a scan that are used.
+
+    Origins, end points and unit directions `(n, 2)` in the robot's frame; range (m), reliability and index in the scan `(n,)`.
     """
 
     origins: Floats
@@ -118,29 +118,29 @@ class BeamEnds:
         return np.asarray(along * radial + (1.0 - along) * across)
 
     def in_map(self, pose: Floats) -> Floats:
-        """End points `(n, 2)` seen from a pose `(3,)`."""
+        """End points `(n, 2)` in the map, for T_map_base `(3,)`."""
         return se2.transform_points(pose, self.points)
 
 
-def spacing_m(ends: Sequence[BeamEnds]) -> float:
-    """How far apart the end points of neighbouring samples are in the median of several scans (m); NaN where there are none."""
-    apart = []
-    for scan in ends:
-        beside = np.diff(scan.index) == 1
-        apart.append(np.hypot(*np.diff(scan.points, axis=0)[beside].T))
-    together = np.concatenate([np.zeros(0), *apart])
+def spacing_m(scans: Sequence[ReliableReadings]) -> float:
+    """Median distance (m) between the end points of consecutive samples in several scans; NaN without any such pair."""
+    distances = []
+    for readings in scans:
+        consecutive = np.diff(readings.index) == 1
+        distances.append(np.hypot(*np.diff(readings.points, axis=0)[consecutive].T))
+    together = np.concatenate([np.zeros(0), *distances])
     return float(np.median(together)) if len(together) else math.nan
 
 
-def reliable_ends(scan: InfraredScan, bel: Floats) -> BeamEnds:
-    """The readings with bel > 0."""
+def reliable_readings(scan: InfraredScan, bel: Floats) -> ReliableReadings:
+    """The readings of a scan whose reliability `bel` `(n,)` is positive."""
     index = np.flatnonzero(bel > 0.0)
     angle = scan.directions()[index]
-    return BeamEnds(
-        scan.origins()[index],
-        scan.ends()[index],
-        np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        scan.range_m[index],
-        bel[index],
-        index,
+    return ReliableReadings(
+        origins=scan.origins()[index],
+        points=scan.endpoints()[index],
+        directions=np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        ranges_m=scan.range_m[index],
+        bel=bel[index],
+        index=index,
     )

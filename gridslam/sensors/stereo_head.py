@@ -1,4 +1,4 @@
-"""What a rectified stereo head measures: disparities, and of them one for each bin of columns."""
+"""Measurements of a rectified stereo head: disparities, and one of them for each bin of columns."""
 
 from __future__ import annotations
 
@@ -9,85 +9,116 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.cameras import StereoHead
-from gridslam.kernels.stereo_columns import MATCHED, NONE, STEPS_PER_PX, UNKNOWN, measure_columns
+from gridslam.kernels.stereo_columns import (
+    MATCHED,
+    NONE,
+    STEPS_PER_PX,
+    UNKNOWN,
+    BinCriteria,
+    HeightBand,
+    measure_columns,
+)
 
 Floats = NDArray[np.float64]
 Disparities = NDArray[np.float32]
 
 
-__all__ = ["MATCHED", "NONE", "UNKNOWN", "ColumnSettings", "Columns", "Matcher", "measured_columns"]
+__all__ = [
+    "MATCHED",
+    "NONE",
+    "UNKNOWN",
+    "ColumnSettings",
+    "StereoColumns",
+    "StereoMatcher",
+    "measured_columns",
+]
+
+MIN_EXTENT_ROWS = 2.0  # of any obstacle
+BLOCK_PX = 5  # side of the matched block
+UNIQUENESS_PERCENT = 10  # margin over the second best match
+SPECKLE_PX, SPECKLE_RANGE = 100, 2  # smaller islands of disparity are removed; disparities within one
+MAX_LEFT_RIGHT_PX = 1  # difference between the disparities of the left and the right image
+P1_FACTOR, P2_FACTOR = 8, 32  # smoothness penalties of SGBM, as OpenCV recommends
+DISPARITY_STEPS = 16.0  # per pixel, in OpenCV's disparity images
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnSettings:
-    """How columns are read; see the method's config."""
+    """Selection of a disparity in each bin of columns.
+
+    `bin_px` columns are one bin. Points between `low_m` and `high_m` (m) above the floor that cover at least `min_height_m` are
+    obstacles. Bins with a smaller fraction of matched pixels than `min_matched_ratio` stay unknown. `take_nearest`: the nearest
+    obstacle counts, else the most frequent disparity. `max_px` is the largest disparity.
+    """
 
     bin_px: int
     low_m: float
     high_m: float
-    least_height_m: float
-    least_share: float
+    min_height_m: float
+    min_matched_ratio: float
     take_nearest: bool
-    most_px: float
+    max_px: float
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
-    """One measurement per bin: directions in the robot's frame `(m,)`, disparities `(m,)`, and status `(m,)`."""
+class StereoColumns:
+    """One measurement per bin: bearing in the robot's frame `(m,)` (rad), disparity `(m,)` (px), and status `(m,)`."""
 
     bearings: Floats
     disparities_px: Floats
     status: NDArray[np.uint8]
 
 
-def measured_columns(disparity: Disparities, head: StereoHead, settings: ColumnSettings) -> Columns:
-    """The first obstacle of every bin of columns."""
+def measured_columns(disparity: Disparities, head: StereoHead, settings: ColumnSettings) -> StereoColumns:
+    """The obstacle of every bin of columns in a disparity image `(rows, cols)` (px)."""
     rows, cols = disparity.shape
-    steps = int(settings.most_px * STEPS_PER_PX) + 1
+    steps = int(settings.max_px * STEPS_PER_PX) + 1
     d = np.arange(steps) / STEPS_PER_PX
-    extent = np.maximum(settings.least_height_m * d / head.baseline_m, 2.0) * settings.bin_px
-    found, status = measure_columns(
-        np.ascontiguousarray(disparity, np.float32),
-        head.slope(rows, cols),
-        head.focal_px * head.baseline_m,
-        float(head.position[2]),
-        settings.low_m,
-        settings.high_m,
-        settings.bin_px,
-        settings.most_px,
-        extent,
-        settings.least_share,
-        settings.take_nearest,
+    extent = np.maximum(settings.min_height_m * d / head.baseline_m, MIN_EXTENT_ROWS) * settings.bin_px
+    band = HeightBand(
+        slope=head.slope(rows, cols),
+        focal_baseline=head.focal_px * head.baseline_m,
+        camera_m=float(head.position[2]),
+        low_m=settings.low_m,
+        high_m=settings.high_m,
     )
+    criteria = BinCriteria(
+        bin_px=settings.bin_px,
+        max_px=settings.max_px,
+        min_extent_px=extent,
+        min_matched_ratio=settings.min_matched_ratio,
+        take_nearest=settings.take_nearest,
+    )
+    found, status = measure_columns(np.ascontiguousarray(disparity, np.float32), band, criteria)
     middles: Floats = (np.arange(len(found), dtype=np.float64) + 0.5) * settings.bin_px - 0.5
-    return Columns(head.bearings(middles), found, status)
+    return StereoColumns(head.bearings(middles), found, status)
 
 
-class Matcher:
-    """Disparities by OpenCV: semi-global (SGBM) or block matching (BM)."""
+class StereoMatcher:
+    """Disparities by OpenCV: semi-global matching ("sgbm") or block matching ("bm"), up to `disparities` pixels."""
 
-    def __init__(self, kind: str, disparities: int, block_px: int, uniqueness: int, speckle_px: int) -> None:
+    def __init__(self, kind: str, disparities: int) -> None:
         if kind == "bm":
-            matcher = cv2.StereoBM.create(disparities, max(block_px, 5))
-            matcher.setUniquenessRatio(uniqueness)
-            matcher.setSpeckleWindowSize(speckle_px)
-            matcher.setSpeckleRange(2)
+            matcher = cv2.StereoBM.create(disparities, BLOCK_PX)
+            matcher.setUniquenessRatio(UNIQUENESS_PERCENT)
+            matcher.setSpeckleWindowSize(SPECKLE_PX)
+            matcher.setSpeckleRange(SPECKLE_RANGE)
             self._matcher: cv2.StereoMatcher = matcher
         else:
             self._matcher = cv2.StereoSGBM.create(
                 minDisparity=0,
                 numDisparities=disparities,
-                blockSize=block_px,
-                P1=8 * block_px**2,
-                P2=32 * block_px**2,
-                disp12MaxDiff=1,
-                uniquenessRatio=uniqueness,
-                speckleWindowSize=speckle_px,
-                speckleRange=2,
+                blockSize=BLOCK_PX,
+                P1=P1_FACTOR * BLOCK_PX**2,
+                P2=P2_FACTOR * BLOCK_PX**2,
+                disp12MaxDiff=MAX_LEFT_RIGHT_PX,
+                uniquenessRatio=UNIQUENESS_PERCENT,
+                speckleWindowSize=SPECKLE_PX,
+                speckleRange=SPECKLE_RANGE,
                 mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
             )
 
     def disparity(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Disparities:
-        """Disparity image `(rows, cols)` of the left one, NaN where there is no match."""
+        """Disparities `(rows, cols)` (px) of the left image, NaN without a match."""
         fixed = self._matcher.compute(np.ascontiguousarray(left), np.ascontiguousarray(right))
-        return np.where(fixed > 0, fixed.astype(np.float32) / 16.0, np.float32(np.nan))
+        return np.where(fixed > 0, fixed.astype(np.float32) / DISPARITY_STEPS, np.float32(np.nan))

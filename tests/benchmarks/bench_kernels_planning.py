@@ -12,7 +12,7 @@ from gridslam.kernels.planning.fast_marching import arrival_costs
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.kernels.planning.shortest_tour import exact_tour
 from gridslam.kernels.sight_lines import pass_beams
-from gridslam.kernels.wheel_window import free_ways
+from gridslam.kernels.wheel_window import free_distances
 from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
 from tests.benchmarks.harness import Row
@@ -39,7 +39,7 @@ def rows() -> Iterator[Row]:
             ("exact_tour", 500.0, tour(rng)),
             ("sees_faces", 70.0, sight(rng)),
             ("pass_beams", 100.0, beams(rng)),
-            ("free_ways", 1500.0, ways(rng)),
+            ("free_distances", 1500.0, ways(rng)),
         )
     )
 
@@ -140,9 +140,9 @@ def ways(rng: np.random.Generator) -> Pair:
     obstacles = obstacles[np.hypot(*obstacles.T) > 0.5]
     speeds = rng.uniform(0.1, 0.6, (20, 2))
     return (
-        lambda: free_ways(speeds, obstacles, 0.4, 0.25, 2.0),
+        lambda: free_distances(speeds, obstacles, 0.4, 0.25, 2.0),
         lambda: [
-            reference.way_until_touch(left, right, obstacles, 0.4, 0.25, 2.0)
+            reference.distance_until_collision(left, right, obstacles, 0.4, 0.25, 2.0)
             for left, right in speeds.tolist()
         ],
     )

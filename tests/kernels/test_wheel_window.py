@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.kernels.wheel_window import free_ways
-from tests.reference.planning import way_until_touch
+from gridslam.kernels.wheel_window import free_distances
+from tests.reference.planning import distance_until_collision
 
 BASE, RADIUS, MOST = 0.4, 0.25, 2.0
 
@@ -18,17 +18,17 @@ def test_ways_are_those_of_driving_until_it_touches(seed: int) -> None:
     obstacles = obstacles[np.hypot(*obstacles.T) > RADIUS + 0.02]
     speeds = rng.uniform(-0.6, 0.6, (25, 2))
     speeds = speeds[np.abs(speeds.sum(axis=1)) > 0.05]
-    ways = free_ways(speeds, obstacles, BASE, RADIUS, MOST)
+    ways = free_distances(speeds, obstacles, BASE, RADIUS, MOST)
     for (left, right), way in zip(speeds, ways, strict=True):
-        driven = way_until_touch(left, right, obstacles, BASE, RADIUS, MOST)
+        driven = distance_until_collision(left, right, obstacles, BASE, RADIUS, MOST)
         assert way == pytest.approx(driven, abs=0.01)
 
 
 def test_turning_on_the_spot_touches_nothing() -> None:
-    assert free_ways(np.array([[-0.3, 0.3]]), np.array([[0.26, 0.0]]), BASE, RADIUS, MOST)[0] == MOST
+    assert free_distances(np.array([[-0.3, 0.3]]), np.array([[0.26, 0.0]]), BASE, RADIUS, MOST)[0] == MOST
 
 
 def test_what_is_touched_already_stops_only_what_drives_towards_it() -> None:
     speeds = np.array([[0.3, 0.3], [-0.3, -0.3]])
-    ahead = free_ways(speeds, np.array([[0.2, 0.0]]), BASE, RADIUS, MOST)
+    ahead = free_distances(speeds, np.array([[0.2, 0.0]]), BASE, RADIUS, MOST)
     assert ahead.tolist() == [0.0, MOST]

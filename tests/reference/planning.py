@@ -58,22 +58,22 @@ def least_cover(sees: NDArray[np.bool_]) -> int:
     return round(solved.fun)
 
 
-def way_until_touch(
-    left: float, right: float, obstacles: Floats, base: float, radius: float, most: float
+def distance_until_collision(
+    left: float, right: float, obstacles: Floats, base: float, radius: float, max_distance: float
 ) -> float:
-    """Drive a disc along an arc in steps of a millimetre until it comes nearer to a point that it touches."""
-    forward, turn = 0.5 * (left + right), (right - left) / base
+    """Distance that a disc drives along an arc in steps of a millimetre before it collides with a point."""
+    forward, yaw_rate = 0.5 * (left + right), (right - left) / base
     step = 0.001
-    x = y = yaw = way = 0.0
+    x = y = yaw = distance = 0.0
     before = np.hypot(obstacles[:, 0], obstacles[:, 1])
-    while way < most:
-        yaw_step = turn / abs(forward) * step
+    while distance < max_distance:
+        yaw_step = yaw_rate / abs(forward) * step
         x += math.copysign(step, forward) * math.cos(yaw + 0.5 * yaw_step)
         y += math.copysign(step, forward) * math.sin(yaw + 0.5 * yaw_step)
         yaw += yaw_step
-        away = np.hypot(obstacles[:, 0] - x, obstacles[:, 1] - y)
-        if ((away < radius) & (away < before)).any():
-            return way
-        before = away
-        way += step
-    return most
+        gaps = np.hypot(obstacles[:, 0] - x, obstacles[:, 1] - y)
+        if ((gaps < radius) & (gaps < before)).any():
+            return distance
+        before = gaps
+        distance += step
+    return max_distance

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.wheel_window import free_ways
+from gridslam.kernels.wheel_window import free_distances
 from gridslam.methods.handmap_slam.planning_config import ExplorationConfig
 from gridslam.methods.handmap_slam.seen_scans import SeenScan
 from gridslam.planning.dwa import Drive, Window, choose_speeds
@@ -144,7 +144,7 @@ class Pursuit:
         speed = self._config.patience.back_off_m / BACK_S
         back = np.array([[-speed, -speed]])
         radius = self._drive.radius_m + self._window.margin_m
-        free = float(free_ways(back, obstacles, self._drive.base_m, radius, 1.0)[0])
+        free = float(free_distances(back, obstacles, self._drive.base_m, radius, 1.0)[0])
         return Command(-speed, -speed) if free > 0.1 else Command(-0.5 * turn, 0.5 * turn)
 
 

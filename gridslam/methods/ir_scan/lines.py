@@ -1,4 +1,4 @@
-"""The straight pieces of wall that points lie on: sums over cells, and lines fitted to what a window of cells holds."""
+"""The straight wall segments that points lie on: moments per cell, and the lines fitted to windows of cells."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.wall_lines import equations_on_lines, pooled_sums
+from gridslam.kernels.wall_lines import (
+    MOMENTS,
+    MapPoints,
+    PoseEquations,
+    WallCriteria,
+    equations_on_lines,
+    pooled_sums,
+)
 from gridslam.maps.growing_grid import GrowingGrid
 
 Floats = NDArray[np.float64]
 
-_CHANNELS = 7  # count, w, wx, wy, wxx, wxy, wyy
-_LEAST_POINTS = 3.0
-_ROBUST_SIGMAS = 2.5
-_MAP_M = 0.003  # deviation of the map's own lines
+MIN_POINTS = 3.0
+ROBUST_SIGMAS = 2.5
+MAP_STD_M = 0.003  # standard deviation of the map's lines
+MIN_ASPECT_RATIO = 2.0  # length to thickness
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Weighted lines, one for each of n places: centre of gravity and unit normal `(n, 2)`, deviation across and along the line,
-    and number of points `(n,)`; NaN where there are none.
+    """n weighted lines; NaN where there are no points.
+
+    Centres of gravity and unit normals `(n, 2)`; standard deviations across and along the line (m) and numbers of points `(n,)`.
     """
 
     centres: Floats
@@ -34,30 +42,30 @@ class Lines:
         """Signed distances `(n,)` of points `(n, 2)` from their lines."""
         return np.asarray(np.sum((points - self.centres) * self.normals, axis=1))
 
-    def are_walls(self, least_points: float, thickest_m: float) -> NDArray[np.bool_]:
-        """Which of them have enough points in a row: thinner than `thickest_m` and at least twice as long as thick."""
+    def are_walls(self, min_points: float, max_thickness_m: float) -> NDArray[np.bool_]:
+        """Mask `(n,)` of the lines that are wall segments: enough points, thin, and at least twice as long as thick."""
         with np.errstate(invalid="ignore"):
-            straight = (self.across_m < thickest_m) & (self.along_m > 2.0 * self.across_m)
-        return np.asarray((self.count >= least_points) & straight)
+            straight = (self.across_m < max_thickness_m) & (self.along_m > MIN_ASPECT_RATIO * self.across_m)
+        return np.asarray((self.count >= min_points) & straight)
 
 
-def lines_of_sums(sums: Floats) -> Lines:
-    """Lines by total least squares from sums `(n, 7)`: count, w, wx, wy, wxx, wxy, wyy."""
+def lines_of_moments(moments: Floats) -> Lines:
+    """Lines by total least squares from moments `(n, 7)`: count, w, wx, wy, wxx, wxy, wyy."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = sums[:, 2] / sums[:, 1], sums[:, 3] / sums[:, 1]
-        xx = sums[:, 4] / sums[:, 1] - x * x
-        xy = sums[:, 5] / sums[:, 1] - x * y
-        yy = sums[:, 6] / sums[:, 1] - y * y
+        x, y = moments[:, 2] / moments[:, 1], moments[:, 3] / moments[:, 1]
+        xx = moments[:, 4] / moments[:, 1] - x * x
+        xy = moments[:, 5] / moments[:, 1] - x * y
+        yy = moments[:, 6] / moments[:, 1] - y * y
     half, root = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # of the direction along the line
     normals = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     across = np.sqrt(np.maximum(half - root, 0.0))
     along = np.sqrt(np.maximum(half + root, 0.0))
-    return Lines(np.stack([x, y], axis=1), normals, across, along, sums[:, 0])
+    return Lines(np.stack([x, y], axis=1), normals, across, along, moments[:, 0])
 
 
-def moments(points: Floats, weights: Floats) -> Floats:
-    """The sums of single points, `(n, 7)`."""
+def moments_of(points: Floats, weights: Floats) -> Floats:
+    """The moments `(n, 7)` of single points `(n, 2)` with weights `(n,)`."""
     x, y = points[:, 0], points[:, 1]
     return np.stack(
         [
@@ -73,41 +81,29 @@ def moments(points: Floats, weights: Floats) -> Floats:
     )
 
 
-class WallSums:
-    """Sums of all points so far, by cell."""
+class WallMoments:
+    """The moments of all points so far, by cell."""
 
     def __init__(self, cell_m: float, memory_limit_mb: float) -> None:
-        self._grid = GrowingGrid(cell_m, memory_limit_mb, (_CHANNELS,))
+        self._grid = GrowingGrid(cell_m, memory_limit_mb, (MOMENTS,))
 
     def add(self, points: Floats, weights: Floats) -> None:
-        """Take in points `(n, 2)` with weights `(n,)`."""
+        """Add points `(n, 2)` with weights `(n,)`."""
         self._grid.cover(points)
         cells = self._grid.cells(points)
-        np.add.at(self._grid.values, (cells[:, 0], cells[:, 1]), moments(points, weights))
+        np.add.at(self._grid.values, (cells[:, 0], cells[:, 1]), moments_of(points, weights))
 
-    def lines(self, points: Floats, reach_cells: int) -> Lines:
-        """The line through what lies within so many cells about the cell of each point `(n, 2)`."""
-        return lines_of_sums(pooled_sums(self._grid.values, self._grid.cells(points), reach_cells))
+    def lines(self, points: Floats, radius_cells: int) -> Lines:
+        """The line through all points within `radius_cells` cells of the cell of each point `(n, 2)`."""
+        return lines_of_moments(pooled_sums(self._grid.values, self._grid.cells(points), radius_cells))
 
-    def equations(
-        self, position: Floats, arms: Floats, directions: Floats, variances: Floats, thickest_m: float
-    ) -> tuple[Floats, Floats, int]:
-        """Normal equations of points on the lines about them, by the pose of the robot at `position` `(2,)`: hessian `(3, 3)`,
-        gradient `(3,)`, and how many points are on a wall.
-
-        `arms` and the beams' unit `directions` `(n, 2)` are in the axes of the map, `variances` `(n, 2)` along and across the
-        beams.
-        """
+    def equations(self, position: Floats, beams: MapPoints, max_thickness_m: float) -> PoseEquations:
+        """Normal equations of the pose of a robot at `position` `(2,)` whose `beams` end on the walls."""
         hessian, gradient, on_walls = equations_on_lines(
             self._grid.values,
-            self._grid.cells(position + arms),
-            _LEAST_POINTS,
-            thickest_m,
-            arms,
-            directions,
-            variances,
-            _MAP_M**2,
-            _ROBUST_SIGMAS,
+            self._grid.cells(position + beams.arms),
+            beams,
             position,
+            WallCriteria(MIN_POINTS, max_thickness_m, MAP_STD_M**2, ROBUST_SIGMAS),
         )
-        return hessian, gradient, int(on_walls)
+        return PoseEquations(hessian, gradient, int(on_walls))

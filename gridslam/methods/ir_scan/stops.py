@@ -1,43 +1,54 @@
-"""What is kept of every stop, and what ties one to the next."""
+"""Stops: the places where the robot stood and scanned, and the motion between them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.ir_scan.matching import Verdict
-from gridslam.motion.wheel_gyro import Stretch
-from gridslam.sensors.infrared import BeamEnds, InfraredScan
+from gridslam.motion.wheel_gyro import RelativeMotion
+from gridslam.sensors.infrared import InfraredScan, ReliableReadings
 
 Floats = NDArray[np.float64]
+Verdict = Literal["matched", "first", "too_few_points", "no_match", "ambiguous", "off"]
 
 
 @dataclass(frozen=True, slots=True)
-class Factor:
-    """A pose that something measured, with its covariance `(3, 3)`."""
+class ScanMatch:
+    """The pose of a stop after matching `(3,)`, its covariance `(3, 3)`, the verdict, and the best sum per reading."""
+
+    pose: Floats
+    covariance: Floats
+    verdict: Verdict
+    score: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredPose:
+    """A measured T_map_base `(3,)` with its covariance `(3, 3)`."""
 
     pose: Floats
     covariance: Floats
 
 
 @dataclass(slots=True)
-class Place:
-    """The start (without scan) or a stop: T_map_base `(3,)` as it is believed now, and as it was before its match.
+class Stop:
+    """The start (without scan) or a stop: T_map_base `(3,)` and its covariance, and the pose predicted before the match.
 
-    `stretch` is the motion from the place before, which says something only where the log `has_odometry`. `fixes` are poses
-    from outside.
+    `motion` leads from the stop before to this one; it is meaningful only if the log `has_odometry`. `absolute_poses` were
+    measured from outside.
     """
 
     stamp_ns: int
     pose: Floats
     covariance: Floats
     predicted: Floats
-    stretch: Stretch | None
+    motion: RelativeMotion | None
     has_odometry: bool = True
     scan: InfraredScan | None = None
-    ends: BeamEnds | None = None
+    readings: ReliableReadings | None = None
     verdict: Verdict = "off"
     score: float = 0.0
-    fixes: list[Factor] = field(default_factory=list)
+    absolute_poses: list[MeasuredPose] = field(default_factory=list)

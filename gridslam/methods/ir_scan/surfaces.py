@@ -1,12 +1,13 @@
-"""The finished map of the best settings: readings averaged to pieces of wall, and cleared where beams pass.
+"""The finished map of the best settings: readings averaged to wall segments, and cleared where beams pass.
 
-A single reading is uncertain by several cells. The readings of all stops in a window make a line, onto which each of them is
-drawn; where too few agree, or beams of other stops go through, there is no wall.
+A single reading is uncertain by several cells. The readings of all stops in a window define a line, and each of them is drawn
+onto it. Where too few agree, or where beams of other stops pass, there is no wall.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,143 +16,147 @@ from gridslam.core import poses as se2
 from gridslam.kernels.infrared import count_crossed
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.methods.ir_scan.adjustment import Readings
-from gridslam.methods.ir_scan.config import DrawingConfig
-from gridslam.methods.ir_scan.lines import WallSums
+from gridslam.methods.ir_scan.lines import WallMoments
 from gridslam.methods.ir_scan.scale import scans_of, window_of
-from gridslam.methods.ir_scan.stops import Place
+from gridslam.methods.ir_scan.stacked_readings import StackedReadings
+from gridslam.methods.ir_scan.stops import Stop
 from gridslam.sensors.infrared import RangeNoise
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_WINDOW_CELLS = 2  # to each side
-_THICKNESS = 0.4  # of a straight piece of wall, as a share of the window
-_GAP = 0.8  # neighbouring readings of one wall are joined over this share of the window
-_SIGMAS = 3.0  # a reading farther from its line belongs to something else
-_CLEAR_M = 0.015  # beams clear cells up to this distance before their wall
-_CLEAR_CELLS = 1.0
-_READING = 0.85  # log-odds of a reading in a cell
-_LIMIT = 6.0
+WINDOW_CELLS = 2  # to each side
+MIN_READINGS = 3  # in the window, of a wall
+CORNER_READINGS = 2 * MIN_READINGS  # in a window without a straight wall, of a corner
+THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
+GAP_RATIO = 0.8  # neighbouring readings of one wall are joined over this fraction of the window
+OUTLIER_SIGMAS = 3.0  # a reading farther from its line belongs to something else
+CLEAR_M = 0.015  # beams clear cells up to this distance before their wall
+CLEAR_CELLS = 1.0
+MIN_INCIDENCE = 0.1  # sine of the angle between beam and wall
+SAME_WALL_COSINE = 0.9  # of the angle between the normals of neighbouring readings
+JOIN_STEP_CELLS = 0.5
+CROSSED_WEIGHT = 0.35  # evidence of a beam through a cell, relative to a reading in the cell
+READING_LOG_ODDS = 0.85
+MIN_OCCUPIED_LOG_ODDS, MAX_CROSSED_LOG_ODDS, MAX_LOG_ODDS = 1.0, -1.5, 6.0
+
+
+class SurfacePoints(NamedTuple):
+    """The readings on their surfaces.
+
+    Points `(n, 2)` in the map, moved onto their wall where there is one; the walls' normals `(n, 2)`, NaN without a wall; and a
+    mask `(n,)` of the readings that are drawn as wall.
+    """
+
+    points: Floats
+    normals: Floats
+    is_wall: Flags
 
 
 def draw_surfaces(
-    places: Sequence[Place],
-    poses: Floats,
-    config: DrawingConfig,
-    noise: RangeNoise,
-    resolution_m: float,
-    memory_limit_mb: float,
+    stops: Sequence[Stop], poses: Floats, noise: RangeNoise, resolution_m: float, memory_limit_mb: float
 ) -> OccupancyGrid:
-    """The map under poses of the places `(p, 3)`: probability, NaN where no beam went."""
-    window_m = config.window_m or window_of(scans_of(places))
-    gap_m = _GAP * window_m if config.gap_m is None else config.gap_m
-    readings = Readings.of(places)
-    starts = _starts(places, poses)
-    points, normals, is_wall = on_surfaces(
-        readings, poses, window_m, config.least_readings, noise, memory_limit_mb
-    )
+    """The map for poses of the stops `(s, 3)`: probability of occupancy, NaN where no beam passed."""
+    window_m = window_of(scans_of(stops))
+    readings = StackedReadings.of(stops)
+    origins = _origins(stops, poses)
+    surfaces = on_surfaces(readings, poses, window_m, noise, memory_limit_mb)
+    points, normals, is_wall = surfaces
     grid = GrowingGrid(resolution_m, memory_limit_mb)
-    grid.cover(np.concatenate([starts, points]))
+    grid.cover(np.concatenate([origins, points]))
     crossed = np.zeros_like(grid.values)
     kept = ~np.isnan(normals[:, 0]) | (readings.bel == 1.0)
-    ends = _cleared_to(starts, points, normals, resolution_m)[kept]
+    cleared = _cleared_to(origins, points, normals, resolution_m)[kept]
     corner = grid.corner[::-1]
-    count_crossed(crossed, starts[kept] / resolution_m - corner, ends / resolution_m - corner)
-    walls = np.concatenate(
-        [points[is_wall], _joined(readings, places, points, normals, is_wall, gap_m, resolution_m)]
-    )
-    hits = _counted(grid, points[is_wall])
-    drawn = _counted(grid, walls) > 0
-    evidence = _READING * (_pooled(hits) - config.crossed_weight * crossed)
+    count_crossed(crossed, origins[kept] / resolution_m - corner, cleared / resolution_m - corner)
+    joins = _joins(readings, stops, surfaces, GAP_RATIO * window_m, resolution_m)
+    hits = _count_points(grid, points[is_wall])
+    drawn = _count_points(grid, np.concatenate([points[is_wall], joins])) > 0
+    evidence = READING_LOG_ODDS * (_pooled(hits) - CROSSED_WEIGHT * crossed)
     occupied = drawn & (evidence > 0.0)
-    log_odds = np.where(occupied, np.clip(evidence, 1.0, _LIMIT), -np.clip(_READING * crossed, 0.0, _LIMIT))
-    log_odds = np.where(~occupied & (crossed > 0), np.minimum(log_odds, -1.5), log_odds)
+    log_odds = np.where(
+        occupied,
+        np.clip(evidence, MIN_OCCUPIED_LOG_ODDS, MAX_LOG_ODDS),
+        -np.clip(READING_LOG_ODDS * crossed, 0.0, MAX_LOG_ODDS),
+    )
+    log_odds = np.where(~occupied & (crossed > 0), np.minimum(log_odds, MAX_CROSSED_LOG_ODDS), log_odds)
     probability = np.where(occupied | (crossed > 0), 1.0 / (1.0 + np.exp(-log_odds)), np.nan)
     return OccupancyGrid(probability.astype(np.float32), grid.geometry)
 
 
 def on_surfaces(
-    readings: Readings,
-    poses: Floats,
-    window_m: float,
-    least_readings: int,
-    noise: RangeNoise,
-    memory_limit_mb: float,
-) -> tuple[Floats, Floats, Flags]:
-    """End points `(n, 2)` drawn onto their walls, the walls' normals (NaN without a wall nearby), and which points are walls."""
+    readings: StackedReadings, poses: Floats, window_m: float, noise: RangeNoise, memory_limit_mb: float
+) -> SurfacePoints:
+    """The readings for poses of the stops `(s, 3)`, moved onto the wall segments fitted in windows of `window_m` (m)."""
     points = readings.in_map(poses)
-    sums = WallSums(window_m / (2 * _WINDOW_CELLS + 1), memory_limit_mb)
+    moments = WallMoments(window_m / (2 * WINDOW_CELLS + 1), memory_limit_mb)
     if len(points):
-        sums.add(points, readings.bel / noise.variances(readings.ranges_m)[0])
-    lines = sums.lines(points, _WINDOW_CELLS)
-    is_straight = lines.are_walls(least_readings, _THICKNESS * window_m)
-    off = np.where(is_straight, lines.offsets(points), 0.0)
+        moments.add(points, readings.bel / noise.variances(readings.ranges_m)[0])
+    lines = moments.lines(points, WINDOW_CELLS)
+    is_straight = lines.are_walls(MIN_READINGS, THICKNESS_RATIO * window_m)
+    offset = np.where(is_straight, lines.offsets(points), 0.0)
     normals = np.where(is_straight[:, None], lines.normals, np.nan)
-    deviation = np.sqrt(readings.variances(np.nan_to_num(normals), poses, noise) + lines.across_m**2)
-    near = np.abs(off) < _SIGMAS * deviation
-    is_corner = ~is_straight & (lines.count >= 2 * least_readings)
-    shift = np.where((is_straight & near)[:, None], off[:, None] * lines.normals, 0.0)
-    return points - shift, normals, np.asarray((is_straight & near) | is_corner)
+    std = np.sqrt(readings.variances(np.nan_to_num(normals), poses, noise) + lines.across_m**2)
+    is_inlier = np.abs(offset) < OUTLIER_SIGMAS * std
+    is_corner = ~is_straight & (lines.count >= CORNER_READINGS)
+    shift = np.where((is_straight & is_inlier)[:, None], offset[:, None] * lines.normals, 0.0)
+    return SurfacePoints(points - shift, normals, np.asarray((is_straight & is_inlier) | is_corner))
 
 
-def _starts(places: Sequence[Place], poses: Floats) -> Floats:
-    """Where the beams begin in the map `(n, 2)`."""
+def _origins(stops: Sequence[Stop], poses: Floats) -> Floats:
+    """Origins of the beams in the map `(n, 2)`."""
     parts = [
-        se2.transform_points(poses[k], place.ends.origins)
-        for k, place in enumerate(places)
-        if place.ends is not None
+        se2.transform_points(poses[k], stop.readings.origins)
+        for k, stop in enumerate(stops)
+        if stop.readings is not None
     ]
     return np.concatenate([np.zeros((0, 2)), *parts])
 
 
-def _cleared_to(starts: Floats, points: Floats, normals: Floats, resolution_m: float) -> Floats:
-    """Up to where each beam clears cells: away from its wall, the more the flatter it meets it."""
-    way = points - starts
-    length = np.hypot(way[:, 0], way[:, 1])
-    direction = way / np.maximum(length, 1e-9)[:, None]
-    steep = np.maximum(np.abs(np.sum(direction * normals, axis=1)), 0.1)
-    back = (_CLEAR_M + _CLEAR_CELLS * resolution_m) / np.where(np.isnan(steep), 0.1, steep)
-    reached = np.maximum(length - back, 0.0)
-    return np.asarray(starts + direction * reached[:, None])
+def _cleared_to(origins: Floats, points: Floats, normals: Floats, resolution_m: float) -> Floats:
+    """Points `(n, 2)` up to which the beams clear cells: before their wall, and the earlier the flatter they meet it."""
+    beams = points - origins
+    length = np.hypot(beams[:, 0], beams[:, 1])
+    direction = beams / np.maximum(length, 1e-9)[:, None]
+    incidence = np.maximum(np.abs(np.sum(direction * normals, axis=1)), MIN_INCIDENCE)
+    incidence = np.where(np.isnan(incidence), MIN_INCIDENCE, incidence)
+    margin = (CLEAR_M + CLEAR_CELLS * resolution_m) / incidence
+    cleared_m = np.maximum(length - margin, 0.0)
+    return np.asarray(origins + direction * cleared_m[:, None])
 
 
-def _joined(
-    readings: Readings,
-    places: Sequence[Place],
-    points: Floats,
-    normals: Floats,
-    is_wall: Flags,
-    gap_m: float,
+def _joins(
+    readings: StackedReadings,
+    stops: Sequence[Stop],
+    surfaces: SurfacePoints,
+    max_gap_m: float,
     resolution_m: float,
 ) -> Floats:
-    """Points between neighbouring readings of one sweep that lie on the same wall."""
-    index = np.concatenate(
-        [np.zeros(0, np.int64), *(place.ends.index for place in places if place.ends is not None)]
-    )
-    sensor = np.concatenate(
-        [
-            np.zeros(0, np.int64),
-            *(p.scan.sensor[p.ends.index] for p in places if p.ends is not None and p.scan is not None),
-        ]
-    )
-    beside = (np.diff(readings.place) == 0) & (np.diff(sensor) == 0) & (np.diff(index) <= 2)
+    """Points `(k, 2)` between neighbouring readings of one sweep that lie on the same wall."""
+    points, normals, is_wall = surfaces
+    scanned = [
+        (stop.scan, stop.readings) for stop in stops if stop.scan is not None and stop.readings is not None
+    ]
+    index = np.concatenate([np.zeros(0, np.int64), *(used.index for _, used in scanned)])
+    sensor = np.concatenate([np.zeros(0, np.int64), *(scan.sensor[used.index] for scan, used in scanned)])
+    are_neighbours = (np.diff(readings.stop) == 0) & (np.diff(sensor) == 0) & (np.diff(index) <= 2)
     with np.errstate(invalid="ignore"):
-        same = np.abs(np.sum(normals[1:] * normals[:-1], axis=1)) > 0.9  # False beside NaN
-    way = np.diff(points, axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
+        same = np.abs(np.sum(normals[1:] * normals[:-1], axis=1)) > SAME_WALL_COSINE  # False beside NaN
+    gap = np.diff(points, axis=0)
+    length = np.hypot(gap[:, 0], gap[:, 1])
+    step_m = JOIN_STEP_CELLS * resolution_m
     pairs = np.flatnonzero(
-        beside & same & is_wall[1:] & is_wall[:-1] & (length < gap_m) & (length > 0.5 * resolution_m)
+        are_neighbours & same & is_wall[1:] & is_wall[:-1] & (length < max_gap_m) & (length > step_m)
     )
-    steps = np.ceil(length[pairs] / (0.5 * resolution_m)).astype(np.int64)
+    steps = np.ceil(length[pairs] / step_m).astype(np.int64)
     which = np.repeat(pairs, steps)
     order = np.arange(len(which)) - np.repeat(np.cumsum(steps) - steps, steps)
-    share = (order + 1) / np.repeat(steps + 1, steps)
-    return np.asarray(points[which] + share[:, None] * way[which])
+    fraction = (order + 1) / np.repeat(steps + 1, steps)
+    return np.asarray(points[which] + fraction[:, None] * gap[which])
 
 
-def _counted(grid: GrowingGrid, points: Floats) -> Floats:
-    """Number of points in each cell."""
+def _count_points(grid: GrowingGrid, points: Floats) -> Floats:
+    """Number of points in each cell of the grid."""
     cells = grid.cells(points)
     counts = np.zeros_like(grid.values)
     np.add.at(counts, (cells[:, 0], cells[:, 1]), 1.0)

@@ -1,4 +1,4 @@
-"""From events to stops: motion, fixes and sweeps are put together here, for mapping and for localization alike."""
+"""From events to stops, for mapping and localization alike: motion, absolute poses and sweeps."""
 
 from __future__ import annotations
 
@@ -14,210 +14,219 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import AbsolutePose, Event, Imu, Odometry, Range, Transform, WheelTicks
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.methods.ir_scan.matching import Match
-from gridslam.methods.ir_scan.stops import Factor, Place
+from gridslam.methods.ir_scan.stops import MeasuredPose, ScanMatch, Stop
 from gridslam.motion.wheel_gyro import MotionLimits, WheelGyro, WheelGyroNoise
-from gridslam.sensors.infrared import InfraredScan, reliability, reliable_ends
-from gridslam.sensors.infrared_sweeps import OpenedScan, SweepAssembler, SweepLimits
+from gridslam.sensors.infrared import InfraredScan, reliability, reliable_readings
+from gridslam.sensors.infrared_sweeps import CompleteScan, SweepAssembler, SweepLimits
 from gridslam.sensors.lidar_beams import extrinsics_of
 
 Floats = NDArray[np.float64]
 
-_GATE = 11.34  # chi-square with 3 degrees of freedom, 0.99
+GATE = 11.34  # squared Mahalanobis distance of an outlier: chi-square with 3 degrees of freedom, 0.99
 
 
-class Tracker:
-    """Follows the robot from stop to stop. `places[0]` is the start; every complete scan adds a place."""
+class StopTracker:
+    """Follows the robot from stop to stop. `stops[0]` is the start; every complete scan adds a stop."""
 
     def __init__(self, config: IrScanConfig, start_covariance: Floats) -> None:
         self._config = config
         self._motion = _motion_of(config)
-        sweep = config.sweep
-        self._sweeps = SweepAssembler(
-            SweepLimits(sweep.gap_s, sweep.moved_m, sweep.moved_rad, sweep.back_rad)
-        )
+        self._limits = SweepLimits()
+        self._sweeps = SweepAssembler(self._limits)
         start = np.array(config.start if config.start is not None else (0.0, 0.0, 0.0))
-        self.places = [Place(0, start, start_covariance, start, None)]
-        self._is_placed = config.start is not None  # whether a fix may no longer choose the map's frame
-        self._given: Factor | None = None  # the last fix, as long as there is no odometry
+        self.stops = [Stop(0, start, start_covariance, start, None)]
+        self._has_map_frame = config.start is not None  # else the first absolute pose defines it
+        self._last_absolute: MeasuredPose | None = None  # used only without odometry
         self.counters: Counter[str] = Counter()
-        self._takers: dict[type[Event], Callable[[Any], Place | None]] = {
-            Range: self._take_range,
-            Odometry: self._take_odometry,
-            WheelTicks: self._take_wheels,
-            AbsolutePose: self._take_fix,
-            Transform: self._take_transform,
+        self._handlers: dict[type[Event], Callable[[Any], Stop | None]] = {
+            Range: self._add_range,
+            Odometry: self._add_odometry,
+            WheelTicks: self._add_wheels,
+            AbsolutePose: self._add_absolute_pose,
+            Transform: self._add_transform,
         }
         if config.motion.use_gyro:
-            self._takers[Imu] = self._motion.add_imu
+            self._handlers[Imu] = self._motion.add_imu
 
     @property
     def motion(self) -> WheelGyro:
-        """Odometry so far."""
+        """The odometry so far."""
         return self._motion
 
-    def take(self, event: Event) -> Place | None:
-        """Take in an event; returns the place of a scan that it completes, to be settled by `settle`."""
-        taker = self._takers.get(type(event))
-        return None if taker is None else taker(event)
+    def add(self, event: Event) -> Stop | None:
+        """Add an event; returns the stop whose scan it completes, to be passed to `apply_match`."""
+        handler = self._handlers.get(type(event))
+        return None if handler is None else handler(event)
 
-    def _take_range(self, event: Range) -> Place | None:
+    def _add_range(self, event: Range) -> Stop | None:
         motion = self._motion
-        opened = self._sweeps.add(event, motion.total_rows, motion.travelled_m, motion.turned_rad)
-        return None if opened is None else self._arrive(opened)
+        complete = self._sweeps.add(event, motion.total_rows, motion.travelled_m, motion.rotated_rad)
+        return None if complete is None else self._add_stop(complete)
 
-    def _take_odometry(self, event: Odometry) -> Place | None:
+    def _add_odometry(self, event: Odometry) -> Stop | None:
         self._motion.add_odometry(event)
-        return self._moved()
+        return self._check_departure()
 
-    def _take_wheels(self, event: WheelTicks) -> Place | None:
+    def _add_wheels(self, event: WheelTicks) -> Stop | None:
         self._motion.add_wheels(event)
-        return self._moved()
+        return self._check_departure()
 
-    def _moved(self) -> Place | None:
-        """The place of the scan that the robot has left, if it has."""
-        opened = self._sweeps.moved(self._motion.travelled_m, self._motion.turned_rad)
-        return None if opened is None else self._arrive(opened)
+    def _check_departure(self) -> Stop | None:
+        """The stop that the robot has just left, if any."""
+        complete = self._sweeps.move(self._motion.travelled_m, self._motion.rotated_rad)
+        return None if complete is None else self._add_stop(complete)
 
-    def _take_transform(self, event: Transform) -> None:
+    def _add_transform(self, event: Transform) -> None:
         if event.is_static:
             self._sweeps.sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
-    def finish(self) -> Place | None:
-        """The place of the scan that is still open at the end of the log."""
+    def finish(self) -> Stop | None:
+        """The stop of the scan that is still open at the end of the log."""
         self._motion.flush()
-        opened = self._sweeps.flush()
-        return None if opened is None else self._arrive(opened)
+        complete = self._sweeps.flush()
+        return None if complete is None else self._add_stop(complete)
 
-    def settle(self, place: Place, match: Match) -> None:
-        """What the map said about a place."""
-        place.pose, place.covariance = match.pose, match.covariance
-        place.pose[2] = float(se2.wrap_angle(place.pose[2]))
-        place.verdict, place.score = match.verdict, match.score
+    def apply_match(self, stop: Stop, match: ScanMatch) -> None:
+        """Correct a stop by the match of its scan."""
+        stop.pose, stop.covariance = match.pose, match.covariance
+        stop.pose[2] = float(se2.wrap_angle(stop.pose[2]))
+        stop.verdict, stop.score = match.verdict, match.score
         self.counters[f"scan.{match.verdict}"] += 1
 
-    def end(self) -> None:
+    def advance_to_end(self) -> None:
         """Run the odometry to the end of the log."""
         self._motion.advance_to(self._motion.total_rows)
 
     def all_counters(self) -> Counter[str]:
-        """Those of motion, sweeps and readings."""
+        """The counters of motion, sweeps and readings."""
         return self.counters + self._motion.counters + self._sweeps.counters
 
-    def _arrive(self, opened: OpenedScan) -> Place:
-        self._check_motion()
-        motion, last = self._motion, self.places[-1]
-        motion.advance_to(opened.mark)
-        stretch = motion.stop()
-        pose, covariance = moved(last.pose, last.covariance, stretch.T_stop_now, stretch.covariance)
-        fixes = []
-        if not motion.is_known and self._given is not None:
-            pose, covariance, fixes = self._given.pose.copy(), self._given.covariance, [self._given]
-        place = Place(opened.scan.stamp_ns, pose, covariance, pose.copy(), stretch, fixes=fixes)
-        place.has_odometry = motion.is_known
-        self._read(place, opened.scan)
-        self.places.append(place)
-        return place
+    def _add_stop(self, complete: CompleteScan) -> Stop:
+        self._require_motion()
+        wheels, last = self._motion, self.stops[-1]
+        wheels.advance_to(complete.mark)
+        motion = wheels.stop()
+        pose, covariance = compound(last.pose, last.covariance, motion.T_stop_now, motion.covariance)
+        absolute_poses = []
+        if not wheels.is_known and self._last_absolute is not None:
+            measured = self._last_absolute
+            pose, covariance, absolute_poses = measured.pose.copy(), measured.covariance, [measured]
+        stop = Stop(
+            complete.scan.stamp_ns, pose, covariance, pose.copy(), motion, absolute_poses=absolute_poses
+        )
+        stop.has_odometry = wheels.is_known
+        self._select_readings(stop, complete.scan)
+        self.stops.append(stop)
+        return stop
 
-    def _read(self, place: Place, scan: InfraredScan) -> None:
-        """The scan's readings, sorted into those that are used and those that are not."""
-        scan = self._limited(scan)
-        ends = reliable_ends(scan, reliability(scan, self._config.readings.neighbour_m))
+    def _select_readings(self, stop: Stop, scan: InfraredScan) -> None:
+        """Give the stop its scan and the reliable readings of it, and count the others."""
+        scan = self._with_limits(scan)
+        readings = reliable_readings(scan, reliability(scan, self._config.readings.neighbour_m))
         valid = int(scan.is_valid().sum())
-        self.counters["used.range"] += len(ends)
+        self.counters["used.range"] += len(readings)
         self.counters["skipped.range.out_of_limits"] += len(scan) - valid
-        self.counters["skipped.range.unreliable"] += valid - len(ends)
+        self.counters["skipped.range.unreliable"] += valid - len(readings)
         self.counters["scan.all_invalid"] += valid == 0
         self.counters["scans"] += 1
-        place.scan, place.ends = scan, ends
+        stop.scan, stop.readings = scan, readings
 
-    def _limited(self, scan: InfraredScan) -> InfraredScan:
-        """The scan with the limits that the config sets."""
+    def _with_limits(self, scan: InfraredScan) -> InfraredScan:
+        """The scan with the valid ranges of the config."""
         low, high = scan.range_min_m.copy(), scan.range_max_m.copy()
         for k, name in enumerate(scan.names):
             if (limits := self._config.readings.limits.get(name)) is not None:
                 low[scan.sensor == k], high[scan.sensor == k] = limits.min_m, limits.max_m
         return replace(scan, range_min_m=low, range_max_m=high)
 
-    def _check_motion(self) -> None:
-        """Raises MethodError where nothing says how the robot moved: a map made so would be wrong."""
-        if self._motion.is_known or self._given is not None:
+    def _require_motion(self) -> None:
+        """Raise MethodError if the motion of the robot is unknown: the map would be wrong."""
+        if self._motion.is_known or self._last_absolute is not None:
             return
         if self._motion.counters["unused.wheels"]:
             raise MethodError(
                 "the log has wheel angles but no odometry: set method.motion.wheel_radius_m and wheel_base_m"
             )
-        if len(self.places) > 1 or self._config.start is None:
+        if len(self.stops) > 1 or self._config.start is None:
             raise MethodError(
-                "there are readings, but no odometry, wheel angles or fixes before them: nothing says where the robot "
-                "stood; choose these streams under log.topics"
+                "no odometry, wheel angles or absolute poses before the first readings: the robot's pose is unknown; "
+                "choose these streams under log.topics"
             )
 
-    def _take_fix(self, event: AbsolutePose) -> Place | None:
-        """A pose from outside corrects the last place through the motion since; without odometry it is the pose."""
+    def _add_absolute_pose(self, event: AbsolutePose) -> Stop | None:
+        """Correct the last stop through the motion since then; without odometry the absolute pose is the robot's."""
         if not (np.isfinite(event.pose).all() and np.isfinite(event.covariance).all()):
             self.counters["skipped.fix.not_finite"] += 1
             return None
-        pose, covariance = np.array(event.pose), np.array(event.covariance)
+        measured = MeasuredPose(np.array(event.pose), np.array(event.covariance))
         if not self._motion.is_known:
-            return self._jump_to(Factor(pose, covariance))
+            return self._move_to(measured)
         self._motion.advance_to(self._motion.total_rows)
-        since, last = self._motion.stretch(), self.places[-1]
-        if not self._is_placed:
-            if len(self.places) > 1:
+        since, last = self._motion.motion(), self.stops[-1]
+        step = MeasuredPose(since.T_stop_now, since.covariance)
+        if not self._has_map_frame:
+            if len(self.stops) > 1:
                 self.counters["skipped.fix.after_first_scan"] += 1
                 return None
-            last.pose = se2.compose(pose, se2.inverse(since.T_stop_now))
-            last.covariance = covariance + since.covariance
-            self._is_placed = True
+            last.pose = se2.compose(measured.pose, se2.inverse(step.pose))
+            last.covariance = measured.covariance + step.covariance
+            self._has_map_frame = True
             self.counters["used.fix"] += 1
             return None
-        self._correct(last, since.T_stop_now, since.covariance, pose, covariance)
+        self._correct(last, step, measured)
         return None
 
-    def _correct(self, last: Place, step: Floats, step_covariance: Floats, pose: Floats, fix: Floats) -> None:
-        """A Kalman update of the last place by a fix taken `step` further on, unless the fix is an outlier."""
-        predicted, spread = moved(last.pose, last.covariance, step, step_covariance)
-        off = pose - predicted
-        off[2] = float(se2.wrap_angle(off[2]))
-        innovation = spread + fix
-        if float(off @ np.linalg.solve(innovation, off)) > _GATE:
+    def _correct(self, last: Stop, step: MeasuredPose, measured: MeasuredPose) -> None:
+        """Kalman update of the last stop by an absolute pose measured after the motion `step`, unless that is an outlier."""
+        predicted, covariance = compound(last.pose, last.covariance, step.pose, step.covariance)
+        innovation = measured.pose - predicted
+        innovation[2] = float(se2.wrap_angle(innovation[2]))
+        S = covariance + measured.covariance
+        if float(innovation @ np.linalg.solve(S, innovation)) > GATE:
             self.counters["skipped.fix.outlier"] += 1
             return
-        F, _ = jacobians(last.pose, step)
-        gain = last.covariance @ F.T @ np.linalg.inv(innovation)
-        last.pose = last.pose + gain @ off
+        F, _ = compound_jacobians(last.pose, step.pose)
+        gain = last.covariance @ F.T @ np.linalg.inv(S)
+        last.pose = last.pose + gain @ innovation
         last.covariance = last.covariance - gain @ F @ last.covariance
-        back = np.linalg.inv(F)
-        last.fixes.append(
-            Factor(se2.compose(pose, se2.inverse(step)), back @ (fix + step_covariance) @ back.T)
+        F_inverse = np.linalg.inv(F)
+        last.absolute_poses.append(
+            MeasuredPose(
+                se2.compose(measured.pose, se2.inverse(step.pose)),
+                F_inverse @ (measured.covariance + step.covariance) @ F_inverse.T,
+            )
         )
         self.counters["used.fix"] += 1
 
-    def _jump_to(self, fix: Factor) -> Place | None:
-        """Without odometry a fix at another place ends the scan, and is where the next one is taken."""
+    def _move_to(self, measured: MeasuredPose) -> Stop | None:
+        """Without odometry: an absolute pose elsewhere ends the scan, and the next one is taken there."""
         self.counters["used.fix"] += 1
-        before, done = self._given, None
-        if before is not None:
-            away = np.abs(se2.between(before.pose, fix.pose))
-            limits = self._config.sweep
-            if max(away[0], away[1]) <= limits.moved_m and away[2] <= limits.moved_rad:
+        last, completed = self._last_absolute, None
+        if last is not None:
+            distance = np.abs(se2.between(last.pose, measured.pose))
+            limits = self._limits
+            if (
+                max(distance[0], distance[1]) <= limits.max_travel_m
+                and distance[2] <= limits.max_rotation_rad
+            ):
                 return None
-        opened = self._sweeps.flush()
-        if opened is not None:
-            done = self._arrive(opened)
-        self._given = fix
-        return done
+        complete = self._sweeps.flush()
+        if complete is not None:
+            completed = self._add_stop(complete)
+        self._last_absolute = measured
+        return completed
 
 
-def moved(pose: Floats, covariance: Floats, step: Floats, step_covariance: Floats) -> tuple[Floats, Floats]:
+def compound(
+    pose: Floats, covariance: Floats, step: Floats, step_covariance: Floats
+) -> tuple[Floats, Floats]:
     """A pose `(3,)` and its covariance after an uncertain step in its own frame (Smith, Self, Cheeseman 1990)."""
-    F, G = jacobians(pose, step)
+    F, G = compound_jacobians(pose, step)
     return se2.compose(pose, step), F @ covariance @ F.T + G @ step_covariance @ G.T
 
 
-def jacobians(pose: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Derivatives (3, 3) of compose(pose, step) by the pose and by the step."""
+def compound_jacobians(pose: Floats, step: Floats) -> tuple[Floats, Floats]:
+    """Derivatives `(3, 3)` of compose(pose, step) with respect to the pose and to the step."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     x, y = c * step[0] - s * step[1], s * step[0] + c * step[1]
     by_pose = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
@@ -226,16 +235,17 @@ def jacobians(pose: Floats, step: Floats) -> tuple[Floats, Floats]:
 
 
 def _motion_of(config: IrScanConfig) -> WheelGyro:
-    motion = config.motion
-    noise = WheelGyroNoise(
-        forward_per_root_m=motion.forward_per_root_m,
-        sideways_per_root_m=motion.sideways_per_root_m,
-        turn_per_root_m=motion.turn_per_root_m,
-        turn_per_root_rad=motion.turn_per_root_rad,
-        gyro_per_root_s=motion.gyro_per_root_s,
-        gyro_scale=motion.gyro_scale,
-        bias_radps=motion.bias_radps,
-        bias_per_root_s=motion.bias_per_root_s,
+    motion, noise = config.motion, config.advanced.motion
+    return WheelGyro(
+        WheelGyroNoise(
+            forward_per_root_m=noise.forward_std_m,
+            lateral_per_root_m=noise.lateral_std_m,
+            yaw_per_root_m=noise.yaw_std_per_m_rad,
+            yaw_per_root_rad=noise.yaw_std_per_rad_rad,
+            gyro_per_root_s=noise.gyro_std_rad,
+            bias_radps=noise.gyro_bias_std_radps,
+        ),
+        MotionLimits(),
+        motion.wheel_radius_m,
+        motion.wheel_base_m,
     )
-    limits = MotionLimits(motion.max_speed_mps, motion.max_turn_radps)
-    return WheelGyro(noise, limits, motion.wheel_radius_m, motion.wheel_base_m)

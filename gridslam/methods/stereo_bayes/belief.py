@@ -1,4 +1,4 @@
-"""The map of probabilities, and what one frame does to it (stereo-bayes 2.3, 2.4)."""
+"""The map of probabilities and its update by one frame (stereo-bayes 2.3, 2.4)."""
 
 from __future__ import annotations
 
@@ -6,93 +6,96 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.chain import expected_behind, likelihoods_of_rays
-from gridslam.kernels.polar_window import priors_of_rays
-from gridslam.kernels.stereo_update import tell_cells, told_across
+from gridslam.kernels.chain import RayEvidence, expected_behind, likelihoods_of_rays
+from gridslam.kernels.polar_window import GridRays, priors_of_rays
+from gridslam.kernels.stereo_update import CellEvidence, UpdateRule, apply_update, couple_neighbouring_rays
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
+from gridslam.methods.stereo_bayes.adaptive_correlation import CorrelationEstimate
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.rays import Rays, range_edges
-from gridslam.methods.stereo_bayes.running_correlation import CorrelationEstimate
-from gridslam.methods.stereo_bayes.seen import seen_cells
-from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, reach_in_cells, window
+from gridslam.methods.stereo_bayes.rays import StereoRays, range_edges
+from gridslam.methods.stereo_bayes.visible_cells import visible_cells
+from gridslam.methods.stereo_bayes.window import Lattice, PolarValues, window, window_radius
 from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods
 
 Floats = NDArray[np.float64]
 
-_MARGIN = 2
+MARGIN_CELLS = 2
+MIN_PROBABILITY = 1e-3  # cells stay this far from 0 and 1, so that they can still change
+# Evidence of cells that no ray meets: any measurement is equally likely whether they are occupied or not.
+NO_EVIDENCE = {"occupied": 1.0, "empty": 1.0, "reached": 0.0, "reached_surface": 0.0, "expected": 0.0}
 
 
 class BeliefMap:
-    """P(occupied) of every cell. A frame's rays are weighed against the map as it was before the frame.
+    """P(occupied) of every cell. The rays of a frame are evaluated with the map as it was before the frame.
 
-    Every cell takes part with the one ray that leads through its centre, so that cells near the robot, which many rays cross, are
-    not told the same thing many times.
+    Every cell receives the evidence of the one ray through its centre, so that cells near the robot, which many rays cross, do
+    not receive the same evidence several times.
     """
 
     def __init__(self, config: StereoBayesConfig) -> None:
         self._config = config
-        # Log odds less those of the prior, and the probability that some ray has come to the cell.
+        # Log-odds relative to the prior's, and the largest probability with which a ray has reached the cell.
         self._grid = GrowingGrid(config.resolution_m, config.memory_limit_mb, (2,))
         self._prior = float(np.log(config.prior / (1.0 - config.prior)))
-        self._limit = float(np.log((1.0 - config.least_probability) / config.least_probability))
-        self._count = len(range_edges(config)) - 1  # of a ray's cells
-        self._eyes: list[Floats] = []  # where the rays came from, m
-        self.correlation = CorrelationEstimate(config.correlation)
+        self._count = len(range_edges(config)) - 1  # cells of a ray
+        self._cameras: list[Floats] = []  # positions, m
+        self.correlation = CorrelationEstimate(config.correlation.r0)
+        self._rule = UpdateRule(
+            weight=config.frame_weight,
+            prior_log_odds=self._prior,
+            max_log_odds=float(np.log((1.0 - MIN_PROBABILITY) / MIN_PROBABILITY)),
+            min_probability=MIN_PROBABILITY,
+            behind_once=config.advanced.correlation.behind == "once",
+        )
 
     def noise(self, disparity_range_px: float) -> StereoNoise:
-        """The sensor's noise as the config has it."""
-        observation = self._config.observation
-        return StereoNoise(observation.sigma_px, observation.p_none, observation.p_false, disparity_range_px)
+        """The noise of the sensor, for disparities of up to `disparity_range_px`."""
+        advanced = self._config.advanced.observation
+        return StereoNoise(
+            self._config.observation.sigma_px, advanced.p_none, advanced.p_false, disparity_range_px
+        )
 
-    def update(self, pose: Floats, covariance: Floats, rays: Rays, noise: StereoNoise) -> None:
-        """Take in a frame's rays at T_map_base `(3,)` with covariance `(3, 3)`."""
+    def update(self, pose: Floats, covariance: Floats, rays: StereoRays, noise: StereoNoise) -> None:
+        """Update the map by the rays of a frame taken at T_map_base `(3,)` with covariance `(3, 3)`."""
         if not len(rays.bearings):
             return
         config, count = self._config, self._count
-        spread = covariance if config.pose.blur else np.zeros((3, 3))
-        eye = se2.transform_points(pose, rays.origin[None])[0]
-        reach = config.resolution_m * reach_in_cells(self._lattice(eye), count, spread)
-        self._grid.cover(np.array([eye - reach, eye + reach]), _MARGIN)
-        # Cells that no ray meets have likelihoods of 1 either way: whatever is measured is as likely with them as without.
-        rest = np.array([1.0, 1.0, 0.0, 0.0, 0.0])
-        polar = PolarValues(
-            self._likelihoods(eye, float(pose[2]), rays, noise), rest, rays.bearings + float(pose[2])
-        )
-        (rows, cols), told = window(polar, self._lattice(eye), spread)
-        tell_cells(
-            self._grid.values[rows, cols],
-            told,
-            config.frame_weight,
-            self._prior,
-            self._limit,
-            config.least_probability,
-            config.correlation.behind == "once",
-        )
-        self._eyes.append(eye)
-        if config.correlation.mode == "adaptive":
-            self.correlation.learn(self.probability(), config.resolution_m)
+        averaged = covariance if config.advanced.pose.blur else np.zeros((3, 3))
+        camera = se2.transform_points(pose, rays.origin[None])[0]
+        radius = config.resolution_m * window_radius(self._lattice(camera), count, averaged)
+        self._grid.cover(np.array([camera - radius, camera + radius]), MARGIN_CELLS)
+        yaw = float(pose[2])
+        default = np.array([NO_EVIDENCE[name] for name in CellEvidence._fields])
+        evidence = np.stack(self._evidence(camera, yaw, rays, noise))
+        polar = PolarValues(evidence, default, rays.bearings + yaw)
+        (rows, cols), values = window(polar, self._lattice(camera), averaged)
+        cells = self._grid.values[rows, cols]
+        apply_update(cells[..., 0], cells[..., 1], CellEvidence(*values), self._rule)
+        self._cameras.append(camera)
+        if config.advanced.correlation.mode == "adaptive":
+            self.correlation.update(self.probability(), config.resolution_m)
 
     def probability(self) -> Floats:
-        """P(occupied) `(rows, cols)` of all cells, the prior where nothing is known."""
+        """P(occupied) `(rows, cols)` of all cells; the prior in unknown ones."""
         return np.asarray(1.0 / (1.0 + np.exp(-(self._grid.values[..., 0] + self._prior))))
 
     def occupancy(self) -> OccupancyGrid:
-        """The map, NaN where nothing was seen.
+        """The map of the visible cells, NaN elsewhere.
 
-        The chain knows more: behind an obstacle's surface there is likely more of it. That is in the layer, not in the map.
+        The probabilities that the chain expects behind surfaces are in the layer only.
         """
         config, probability = self._config, self.probability()
-        known = self._grid.values[..., 1] >= config.seen_from
+        known = self._grid.values[..., 1] >= config.advanced.map.min_visibility
         rows, cols = np.nonzero(known)
         if not len(rows):
             return OccupancyGrid(np.zeros((0, 0), np.float32), self._grid.geometry)
-        known = seen_cells(
+        known = visible_cells(
             probability,
             known,
-            self._grid.cells(np.array(self._eyes)),
-            config.min_range_m / config.resolution_m + _MARGIN,
-            config.surface_m / config.resolution_m,
+            self._grid.cells(np.array(self._cameras)),
+            config.min_range_m / config.resolution_m + MARGIN_CELLS,
+            config.advanced.map.surface_m / config.resolution_m,
         )
         rows, cols = np.nonzero(known)
         low, high = (rows.min(), cols.min()), (rows.max() + 1, cols.max() + 1)
@@ -105,47 +108,38 @@ class BeliefMap:
         return OccupancyGrid(values[low[0] : high[0], low[1] : high[1]], geometry)
 
     def layer(self) -> GridLayer:
-        """The probabilities of all cells, the prior where nothing is known."""
+        """P(occupied) of all cells; the prior in unknown ones."""
         return GridLayer(self.probability().astype(np.float32), self._grid.geometry)
 
-    def _likelihoods(self, eye: Floats, yaw: float, rays: Rays, noise: StereoNoise) -> Floats:
-        """What a frame says of the cells of every ray `(5, m, n)`.
-
-        P(o | E) / P(o), P(o | not E) / P(o), P(a ray comes there | o), the same a surface's thickness nearer, and P(E | o)
-        if nothing was known behind obstacles.
-        """
+    def _evidence(self, camera: Floats, yaw: float, rays: StereoRays, noise: StereoNoise) -> CellEvidence:
+        """The evidence of a frame for the cells of every ray, all `(m, n)`."""
         config = self._config
-        lattice = self._lattice(eye)
-        prior, correlation = priors_of_rays(
+        lattice = self._lattice(camera)
+        per_cell = self.correlation.per_cell(config.resolution_m)
+        priors = priors_of_rays(
             self._grid.values[..., 0],
-            lattice.eye,
-            rays.bearings + yaw,
-            lattice.first + 0.5,
-            self._count,
+            GridRays(lattice.origin, rays.bearings + yaw, lattice.first + 0.5, self._count),
             self._prior,
-            self.correlation.per_cell(config.resolution_m) if config.likelihood == "chain" else 0.0,
+            per_cell if config.likelihood == "chain" else 0.0,
         )
         first, none = first_likelihoods(rays.disparities_px, rays.focal_baseline, rays.edges_m, noise)
-        occupied, empty, reached = likelihoods_of_rays(
-            prior, correlation, first, none, config.likelihood == "independent"
+        front_is_empty = config.likelihood == "independent"
+        evidence: RayEvidence = likelihoods_of_rays(priors, first, none, front_is_empty)
+        expected = expected_behind(evidence.reached, priors.correlation, config.prior)
+        strength = config.advanced.correlation.across_rays
+        if strength > 0.0:
+            ranges = np.asarray(lattice.first + 0.5 + np.arange(self._count), np.float64)
+            evidence = couple_neighbouring_rays(evidence, rays.bearings, ranges, per_cell, strength)
+        thickness = min(round(config.advanced.correlation.behind_m / config.resolution_m), self._count)
+        reached = evidence.reached
+        reached_surface = np.hstack(
+            [np.repeat(reached[:, :1], thickness, axis=1), reached[:, : self._count - thickness]]
         )
-        expected = expected_behind(reached, correlation, config.prior)
-        if config.correlation.across_rays > 0.0:
-            occupied, empty = told_across(
-                occupied,
-                empty,
-                rays.bearings,
-                np.asarray(lattice.first + 0.5 + np.arange(self._count), np.float64),
-                self.correlation.per_cell(config.resolution_m),
-                config.correlation.across_rays,
-            )
-        thick = min(round(config.correlation.behind_m / config.resolution_m), self._count)
-        close = np.hstack([np.repeat(reached[:, :1], thick, axis=1), reached[:, : self._count - thick]])
-        return np.stack([occupied, empty, reached, close, expected])
+        return CellEvidence(evidence.occupied, evidence.empty, reached, reached_surface, expected)
 
-    def _lattice(self, eye: Floats) -> Lattice:
-        """The grid's cells as rays from `eye` (m) meet them."""
+    def _lattice(self, camera: Floats) -> Lattice:
+        """The grid as rays from `camera` (m) meet it."""
         resolution = self._config.resolution_m
         return Lattice(
-            eye / resolution - self._grid.corner[::-1], self._config.min_range_m / resolution, resolution
+            camera / resolution - self._grid.corner[::-1], self._config.min_range_m / resolution, resolution
         )

@@ -4,103 +4,151 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from gridslam.config.base import StrictModel
 
 
 class DisparityConfig(StrictModel):
-    """From image pairs to disparities; a log's own disparity stream is used as it is."""
+    """From image pairs to disparities; a disparity stream of the log is used unchanged."""
 
-    matcher: Literal["sgbm", "bm"] = Field("sgbm", description="OpenCV's semi-global or block matching")
     disparities: int = Field(
-        64, ge=16, le=512, multiple_of=16, description="largest disparity searched for, px"
+        64,
+        ge=16,
+        le=512,
+        multiple_of=16,
+        description="Largest disparity searched for, px, 16 to 512. Higher values measure nearer obstacles and cost time.",
     )
-    block_px: int = Field(5, ge=1, le=31, description="side of the matched block; odd")
-    uniqueness: int = Field(10, ge=0, le=100, description="margin in percent over the second best match")
-    speckle_px: int = Field(100, ge=0, description="smaller islands of disparity are removed")
-
-    @model_validator(mode="after")
-    def _odd(self) -> DisparityConfig:
-        if self.block_px % 2 == 0:
-            raise ValueError(f"block_px must be odd, got {self.block_px}")
-        return self
 
 
 class ObservationConfig(StrictModel):
     """From disparities to one measurement per ray, the observation o of eq. 2."""
 
-    bin_px: int = Field(4, ge=1, description="columns that are one ray")
-    low_m: float = Field(0.15, description="what is lower is floor")
-    high_m: float = Field(1.8, description="what is higher is ceiling")
-    pick: Literal["nearest", "dominant"] = Field(
-        "nearest",
-        description="of several disparities in a bin: the largest that is tall enough, or the most frequent",
+    low_m: float = Field(0.15, description="Height above the floor, m, below which points are floor.")
+    high_m: float = Field(1.8, description="Height above the floor, m, above which points are ceiling.")
+    sigma_px: float = Field(
+        0.6,
+        gt=0.0,
+        description="Standard deviation of a disparity, px. Higher values blur the map along the rays.",
     )
-    least_height_m: float = Field(0.12, gt=0.0, description="an obstacle is at least this tall")
-    least_share: float = Field(
-        0.25,
-        ge=0.0,
-        le=1.0,
-        description="bins with less matched pixels tell nothing, not even that nothing is there",
-    )
-    sigma_px: float = Field(0.6, gt=0.0, description="standard deviation of a disparity")
-    p_none: float = Field(0.1, gt=0.0, lt=1.0, description="probability that an obstacle is not matched")
-    p_false: float = Field(0.05, gt=0.0, lt=1.0, description="probability of a false match")
 
 
 class CorrelationConfig(StrictModel):
-    """How neighbouring cells belong together (paper section 2.3, eqs. 7 and 8)."""
+    """The correlation of neighbouring cells (paper section 2.3, eqs. 7 and 8)."""
+
+    r0: float = Field(
+        0.978,
+        ge=0.0,
+        lt=1.0,
+        description="Correlation of cells 5 cm apart, 0 to 1. Near 1 for large obstacles; 0 for independent cells.",
+    )
+
+
+class MotionSourceConfig(StrictModel):
+    """The motion in the pose filter (paper section 1)."""
+
+    motion: Literal["auto", "odometry", "visual"] = Field(
+        "auto", description="Source of the motion; auto: odometry if the log has it, else visual odometry."
+    )
+
+
+class AdvancedDisparity(StrictModel):
+    """The matcher of image pairs."""
+
+    matcher: Literal["sgbm", "bm"] = Field(
+        "sgbm", description="OpenCV's semi-global matching, or the faster block matching."
+    )
+
+
+class AdvancedObservation(StrictModel):
+    """Details of the measurement per ray."""
+
+    pick: Literal["nearest", "dominant"] = Field(
+        "nearest",
+        description="Which disparity of a bin counts: nearest: the largest that fills min_height_m; dominant: the most "
+        "frequent, as in the paper.",
+    )
+    min_height_m: float = Field(
+        0.12,
+        gt=0.0,
+        description="Smallest height of an obstacle, m. Higher values ignore more false matches.",
+    )
+    p_none: float = Field(
+        0.1, gt=0.0, lt=1.0, description="Probability that an obstacle is not matched, 0 to 1."
+    )
+    p_false: float = Field(0.05, gt=0.0, lt=1.0, description="Probability of a false match, 0 to 1.")
+
+
+class AdvancedCorrelation(StrictModel):
+    """Extensions beyond the paper. mode fixed, behind each_frame and across_rays 0 are the paper's."""
 
     mode: Literal["fixed", "adaptive"] = Field(
-        "fixed", description="adaptive: estimated anew from the map as it grows"
+        "fixed", description="adaptive: estimate r0 from the map while it grows; fixed: use r0."
     )
-    r0: float = Field(0.978, ge=0.0, lt=1.0, description="correlation of cells at `distance_m`")
-    distance_m: float = Field(0.05, gt=0.0, description="the distance that r0 belongs to")
-    behind: Literal["once", "each_frame"] = Field(
+    behind: Literal["each_frame", "once"] = Field(
         "each_frame",
-        description="each_frame: as the paper's; once: what is expected behind a surface grows no surer with every frame",
+        description="What is expected behind a surface counts with every frame, as in the paper, or only once.",
     )
     behind_m: float = Field(
         0.2,
         ge=0.0,
-        description="with `once`: what lies so far behind the surface is hidden; nearer, it may be the surface",
+        description="behind once: distance behind a surface, m, at which cells count as hidden; nearer ones may belong "
+        "to the surface.",
     )
     across_rays: float = Field(
         0.0,
         ge=0.0,
         le=1.0,
-        description="how much neighbouring rays tell each other: 0 nothing, 1 as much as r0 allows",
+        description="Strength of the coupling between neighbouring rays, from 0 (none) to 1 (as r0 implies).",
     )
 
 
-class PoseConfig(StrictModel):
-    """The Kalman filter of the pose (paper section 1), and what its uncertainty does to the map (2.4)."""
+class AdvancedMap(StrictModel):
+    """Which cells of the map count as known."""
 
-    motion: Literal["auto", "odometry", "visual"] = Field(
-        "auto", description="auto: odometry where the log has it, else visual odometry"
+    min_visibility: float = Field(
+        0.3,
+        gt=0.0,
+        le=1.0,
+        description="Cells are unknown if no ray reached them with this probability, 0 to 1. Higher values leave more "
+        "cells unknown.",
     )
-    translation_m: float = Field(
-        0.04, ge=0.0, description="deviation of the motion after a metre, m; grows with the root"
+    surface_m: float = Field(
+        0.12, gt=0.0, description="Thickness of obstacles in the map, m; cells farther behind are unknown."
     )
-    rotation_rad: float = Field(0.06, ge=0.0, description="deviation of a turn after a radian, rad")
-    rotation_per_m_rad: float = Field(0.04, ge=0.0, description="deviation of the heading after a metre, rad")
-    visual_translation_m: float = Field(0.02, ge=0.0, description="the same of visual odometry")
-    visual_rotation_rad: float = Field(0.01, ge=0.0, description="the same of visual odometry")
-    visual_rotation_per_m_rad: float = Field(0.003, ge=0.0, description="the same of visual odometry")
-    gate: float = Field(
-        11.345, gt=0.0, description="largest squared Mahalanobis distance of a fix (chi-square 0.99, 3 dof)"
+
+
+class AdvancedPose(StrictModel):
+    """Noise of odometry, and the averaging over the pose (section 2.4)."""
+
+    translation_std_m: float = Field(
+        0.04,
+        ge=0.0,
+        description="Standard deviation of odometry after 1 m, m; grows with the root of the distance.",
     )
-    window_s: float = Field(
-        10.0, gt=0.0, description="fixes that come later than this after their stamp are refused"
+    rotation_std_rad: float = Field(
+        0.06,
+        ge=0.0,
+        description="Standard deviation of the yaw after 1 rad, rad; grows with the root of the rotation.",
     )
-    reset_after: int = Field(
-        10,
-        ge=1,
-        description="so many refused fixes in a row that agree with each other mean that the filter is wrong",
+    rotation_std_per_m_rad: float = Field(
+        0.04,
+        ge=0.0,
+        description="Standard deviation of the yaw after 1 m, rad; grows with the root of the distance.",
     )
-    max_speed_mps: float = Field(30.0, gt=0.0, description="odometry that moves faster has jumped")
-    blur: bool = Field(True, description="average the likelihoods over the pose's distribution")
+    blur: bool = Field(
+        True, description="Average the likelihoods over the pose's distribution; false uses its mean."
+    )
+
+
+class AdvancedConfig(StrictModel):
+    """Settings that rarely need a change."""
+
+    disparity: AdvancedDisparity = AdvancedDisparity()
+    observation: AdvancedObservation = AdvancedObservation()
+    correlation: AdvancedCorrelation = AdvancedCorrelation()
+    map: AdvancedMap = AdvancedMap()
+    pose: AdvancedPose = AdvancedPose()
 
 
 class StereoBayesConfig(StrictModel):
@@ -109,36 +157,37 @@ class StereoBayesConfig(StrictModel):
     name: Literal["stereo-bayes"] = "stereo-bayes"
     likelihood: Literal["chain", "occlusion", "independent"] = Field(
         "chain",
-        description="the paper's proposal; independent cells that hide one another; all cells in front empty",
+        description="chain: correlated cells that occlude each other, the paper's proposal; occlusion: independent cells "
+        "that occlude each other; independent: the conventional model.",
     )
-    resolution_m: float = Field(0.05, gt=0.0, description="size of a cell")
-    max_range_m: float = Field(10.0, gt=0.0, description="how far a ray is followed")
-    min_range_m: float = Field(0.3, ge=0.0, description="from where on a ray is followed")
-    prior: float = Field(0.3, gt=0.0, lt=1.0, description="probability of a cell that nothing is known about")
-    least_probability: float = Field(
-        1e-3, gt=0.0, lt=0.5, description="no cell becomes surer than this, so that it can change its mind"
+    resolution_m: float = Field(
+        0.05, gt=0.0, description="Size of a map cell, m. Higher values are faster and coarser."
+    )
+    max_range_m: float = Field(10.0, gt=0.0, description="Length of a ray, m. Higher values cost time.")
+    min_range_m: float = Field(0.3, ge=0.0, description="Range at which a ray starts, m.")
+    prior: float = Field(
+        0.3, gt=0.0, lt=1.0, description="Probability of occupancy of an unknown cell, 0 to 1."
     )
     frame_weight: float = Field(
         1.0,
         gt=0.0,
         le=1.0,
-        description="power of a frame's likelihoods: errors of successive frames are alike",
+        description="Power of the likelihoods of a frame, 0 to 1. Lower values where the errors of successive frames are "
+        "alike; the map then changes more slowly.",
     )
-    seen_from: float = Field(
-        0.3,
+    robot_radius_m: float = Field(
+        0.2,
         gt=0.0,
-        le=1.0,
-        description="cells to which a ray came with less probability are unknown in the map",
+        description="Radius of the robot, m; passages too narrow for it are closed in obstacles.csv.",
     )
-    surface_m: float = Field(
-        0.12, gt=0.0, description="obstacles are drawn so thick: what lies farther behind was not seen"
-    )
-    memory_limit_mb: float = Field(512.0, gt=0.0, description="the map may not need more")
-    robot_radius_m: float = Field(0.2, gt=0.0, description="narrower passages between obstacles are closed")
     camera: str = Field(
-        "", description="name of the left camera where the log has several; empty: the only one"
+        "", description="Name of the left camera if the log has several; empty: the only one."
+    )
+    memory_limit_mb: float = Field(
+        512.0, gt=0.0, description="Memory of the map, MB, at which the run ends with an error."
     )
     disparity: DisparityConfig = DisparityConfig()
     observation: ObservationConfig = ObservationConfig()
     correlation: CorrelationConfig = CorrelationConfig()
-    pose: PoseConfig = PoseConfig()
+    pose: MotionSourceConfig = MotionSourceConfig()
+    advanced: AdvancedConfig = AdvancedConfig()

@@ -12,14 +12,16 @@ from gridslam.core.cameras import StereoHead
 from gridslam.core.messages import CameraInfo, Disparity, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.motion.visual_odometry import VisualOdometry
-from gridslam.sensors.stereo_head import Matcher
+from gridslam.sensors.stereo_head import BLOCK_PX, StereoMatcher
 
 Floats = NDArray[np.float64]
 
+OPTICAL_FORWARD = (0.5, -0.5, 0.5, -0.5)  # orientation (w, x, y, z) of an optical frame that faces forward
+
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """A disparity image with the head that saw it, and T_before_this `(3,)` by visual odometry where that was asked for."""
+class StereoFrame:
+    """A disparity image `(rows, cols)` (px), its head, and T_last_this `(3,)` by visual odometry if requested."""
 
     stamp_ns: int
     disparity: NDArray[np.float32]
@@ -27,16 +29,15 @@ class Frame:
     step: Floats | None
 
 
-class Frames:
-    """Collects calibrations and sensor_extrinsics; makes frames of pairs and disparity images.
+class FrameBuilder:
+    """Collects calibrations and extrinsics, and turns pairs and disparity images into frames.
 
     Counters: used.stereo, used.disparity and skipped.<kind>.<reason>.
     """
 
     def __init__(self, config: StereoBayesConfig) -> None:
         self._config = config
-        d = config.disparity
-        self._matcher = Matcher(d.matcher, d.disparities, d.block_px, d.uniqueness, d.speckle_px)
+        self._matcher = StereoMatcher(config.advanced.disparity.matcher, config.disparity.disparities)
         self._left: dict[str, CameraInfo] = {}  # by frame
         self._right: dict[str, CameraInfo] = {}
         self._sensor_extrinsics: dict[str, Transform] = {}
@@ -45,21 +46,21 @@ class Frames:
         self.counters: Counter[str] = Counter()
 
     def add_info(self, info: CameraInfo) -> None:
-        """Take in a calibration: the right camera's is known by the baseline in its projection matrix."""
+        """Add a calibration. That of the right camera is recognised by the baseline in its projection matrix."""
         side = self._right if info.P[0, 3] < 0.0 else self._left
         side.setdefault(info.frame_id, info)
         self.counters["used.camera_info"] += 1
 
     def add_extrinsics(self, extrinsics: Transform) -> None:
-        """Take in where a camera is mounted."""
+        """Add the pose of a camera in the base frame."""
         self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
 
-    def of_pair(self, pair: StereoPair, with_motion: bool) -> Frame | None:
-        """A frame of two images, None where it cannot be used."""
+    def of_pair(self, pair: StereoPair, with_motion: bool) -> StereoFrame | None:
+        """The frame of two images; None if they cannot be used."""
         head = self._head(pair.frame_id, "stereo")
         if head is None:
             return None
-        if pair.left.shape != pair.right.shape or min(pair.left.shape) < self._config.disparity.block_px:
+        if pair.left.shape != pair.right.shape or min(pair.left.shape) < BLOCK_PX:
             self.counters["skipped.stereo.size"] += 1
             return None
         if pair.left.shape[1] <= self._config.disparity.disparities:
@@ -71,10 +72,10 @@ class Frames:
             odometry = self._odometry.setdefault(pair.frame_id, VisualOdometry(head))
             step = odometry.step(np.ascontiguousarray(pair.left), disparity)
         self.counters["used.stereo"] += 1
-        return Frame(pair.stamp_ns, disparity, head, step)
+        return StereoFrame(pair.stamp_ns, disparity, head, step)
 
-    def of_disparity(self, image: Disparity) -> Frame | None:
-        """A frame of a disparity image; without calibration its centre is taken as the principal point."""
+    def of_disparity(self, image: Disparity) -> StereoFrame | None:
+        """The frame of a disparity image; without calibration its centre serves as the principal point."""
         if not (image.focal_px > 0.0 and image.baseline_m > 0.0):
             self.counters["skipped.disparity.no_calibration"] += 1
             return None
@@ -86,7 +87,7 @@ class Frames:
                 centre = (float(info.P[0, 2]), float(info.P[1, 2]))
             self._add_head(image.frame_id, image.focal_px, centre, image.baseline_m)
         self.counters["used.disparity"] += 1
-        return Frame(image.stamp_ns, image.disparity_px, self._heads[image.frame_id], None)
+        return StereoFrame(image.stamp_ns, image.disparity_px, self._heads[image.frame_id], None)
 
     def _head(self, frame: str, kind: str) -> StereoHead | None:
         if frame in self._heads:
@@ -107,11 +108,11 @@ class Frames:
         self, frame: str, focal_px: float, centre_px: tuple[float, float], baseline_m: float
     ) -> None:
         extrinsics = self._sensor_extrinsics.get(frame)
-        quat = (0.5, -0.5, 0.5, -0.5) if extrinsics is None else extrinsics.quat_wxyz
+        quat = OPTICAL_FORWARD if extrinsics is None else extrinsics.quat_wxyz
         position = (0.0, 0.0, 0.0) if extrinsics is None else extrinsics.translation_m
         head = StereoHead.mounted(focal_px, centre_px, baseline_m, quat, position)
         if not head.looks_along_the_ground:
-            # A frame that was mounted as x forward, y left, z up though its images are optical: facing forward is what was meant.
+            # The frame was defined as x forward, y left, z up although its images are optical: assume that it faces forward.
             self.counters["stereo.frame_is_not_optical"] += 1
-            head = StereoHead.mounted(focal_px, centre_px, baseline_m, (0.5, -0.5, 0.5, -0.5), position)
+            head = StereoHead.mounted(focal_px, centre_px, baseline_m, OPTICAL_FORWARD, position)
         self._heads[frame] = head

@@ -23,25 +23,25 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, RunResult, Series, Table
 from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.frames import Frame, Frames
-from gridslam.methods.stereo_bayes.pose import RobotPose
+from gridslam.methods.stereo_bayes.frames import FrameBuilder, StereoFrame
+from gridslam.methods.stereo_bayes.pose import WINDOW_NS, RobotPose
 from gridslam.methods.stereo_bayes.rays import RayReader
 from gridslam.motion.absolute_pose_filter import PoseBelief
 from gridslam.planning.obstacles import ObstacleRegion, obstacle_regions
 
 Floats = NDArray[np.float64]
 
-_MOST_WAITING = 200
-_WAIT_FOR_ODOMETRY_NS = 2_000_000_000
+MAX_WAITING = 200  # images
+WAIT_FOR_ODOMETRY_NS = 2_000_000_000  # without any odometry for this long the motion is visual
 
 
 class PoseTrack:
-    """Follows the robot's pose; subclasses decide what a frame does and which moments are kept."""
+    """Tracks the robot's pose; subclasses decide how a frame is used and at which stamps poses are recorded."""
 
     def __init__(self, config: StereoBayesConfig, seed: int) -> None:
         self._config = config
-        self._pose = RobotPose(config.pose)
-        self._frames = Frames(config)
+        self._pose = RobotPose(config)
+        self._frames = FrameBuilder(config)
         self._waiting: deque[StereoPair | Disparity] = deque()
         self._stamps: list[int] = []
         self._beliefs: list[PoseBelief] = []
@@ -50,7 +50,7 @@ class PoseTrack:
 
     @property
     def estimate(self) -> Estimate | None:
-        """The filter's pose at the last moment that was kept."""
+        """The pose of the last record."""
         if not self._beliefs:
             return None
         return Estimate(self._stamps[-1], self._beliefs[-1].pose)
@@ -61,12 +61,12 @@ class PoseTrack:
         return self._stopwatch.seconds
 
     def process(self, event: Event) -> None:
-        """Odometry, fixes, stereo pairs or disparities, and the geometry of the head are used."""
+        """Odometry, absolute poses, stereo pairs or disparities, and the geometry of the head are used."""
         if isinstance(event, Odometry):
             self._pose.add_odometry(event)
-            self._moved(event.stamp_ns)
+            self._on_odometry(event.stamp_ns)
         elif isinstance(event, AbsolutePose):
-            self._pose.add_fix(event)
+            self._pose.add_absolute_pose(event)
         elif isinstance(event, CameraInfo):
             self._frames.add_info(event)
         elif isinstance(event, Transform):
@@ -74,31 +74,32 @@ class PoseTrack:
                 self._frames.add_extrinsics(event)
         elif isinstance(event, StereoPair | Disparity):
             self._waiting.append(event)
-            if len(self._waiting) > _MOST_WAITING:
+            if len(self._waiting) > MAX_WAITING:
                 self._skip(self._waiting.popleft(), "no_pose")
-        self._take_waiting(is_last=False)
+        self._process_waiting(is_last=False)
 
     def _finish(self) -> None:
-        self._pose.begin()
-        self._take_waiting(is_last=True)
+        self._pose.start()
+        self._process_waiting(is_last=True)
         while self._waiting:
             self._skip(self._waiting.popleft(), "no_pose")
 
-    def _moved(self, stamp_ns: int) -> None:
-        """Odometry has come."""
+    def _on_odometry(self, stamp_ns: int) -> None:
+        """Called after each odometry message."""
 
-    def _use(self, frame: Frame, belief: PoseBelief) -> None:
-        """A frame and where the robot was."""
+    def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
+        """Called with each frame and the robot's pose at its stamp."""
 
-    def _take_waiting(self, is_last: bool) -> None:
+    def _process_waiting(self, is_last: bool) -> None:
+        """Use the images up to which the motion is known; all of them if no more events follow."""
         while self._waiting:
             image = self._waiting[0]
             if self._pose.is_visual is None:
                 newest = self._waiting[-1].stamp_ns
-                if not is_last and newest - image.stamp_ns < _WAIT_FOR_ODOMETRY_NS:
+                if not is_last and newest - image.stamp_ns < WAIT_FOR_ODOMETRY_NS:
                     return
                 self._pose.is_visual = True
-            if not self._pose.is_visual and not self._pose.reaches(image.stamp_ns) and not is_last:
+            if not self._pose.is_visual and not self._pose.is_known_at(image.stamp_ns) and not is_last:
                 return
             self._waiting.popleft()
             frame = self._frame(image)
@@ -106,14 +107,14 @@ class PoseTrack:
                 continue
             if self._pose.is_visual:
                 self._pose.add_step(frame.stamp_ns, frame.step)
-                self._pose.begin()
+                self._pose.start()
             belief = self._pose.at(frame.stamp_ns)
             if belief is None:
                 self._skip(image, "no_pose")
                 continue
             self._use(frame, belief)
 
-    def _frame(self, image: StereoPair | Disparity) -> Frame | None:
+    def _frame(self, image: StereoPair | Disparity) -> StereoFrame | None:
         with self._stopwatch.stage("disparity"):
             if isinstance(image, Disparity):
                 if self._pose.is_visual:
@@ -122,7 +123,7 @@ class PoseTrack:
                 return self._frames.of_disparity(image)
             return self._frames.of_pair(image, bool(self._pose.is_visual))
 
-    def _keep(self, stamp_ns: int, belief: PoseBelief) -> None:
+    def _record(self, stamp_ns: int, belief: PoseBelief) -> None:
         if self._stamps and stamp_ns <= self._stamps[-1]:
             return
         self._stamps.append(stamp_ns)
@@ -150,7 +151,7 @@ class PoseTrack:
 
 
 class StereoBayes(PoseTrack):
-    """`gridslam map`: the pose filter, and a map of what the stereo head sees."""
+    """`gridslam map`: the pose filter, and a map from the frames of the stereo head."""
 
     def __init__(self, config: StereoBayesConfig, seed: int) -> None:
         super().__init__(config, seed)
@@ -159,12 +160,12 @@ class StereoBayes(PoseTrack):
         self._r0: list[float] = []
 
     def result(self) -> RunResult:
-        """The map, the poses of the frames, the obstacles, and the filter's deviations."""
+        """The map, the poses of the frames, the obstacles, and the standard deviations of the pose."""
         self._finish()
         occupancy = self._map.occupancy()
         stamps = np.array(self._stamps, np.int64)
         series = self._series()
-        if self._config.correlation.mode == "adaptive":
+        if self._config.advanced.correlation.mode == "adaptive":
             series["correlation"] = Series(stamps, np.array(self._r0), "")
         return RunResult(
             self._trajectory(),
@@ -177,16 +178,16 @@ class StereoBayes(PoseTrack):
             measures={"correlation_r0": self._map.correlation.r0},
         )
 
-    def _use(self, frame: Frame, belief: PoseBelief) -> None:
+    def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
         with self._stopwatch.stage("observe"):
             rays = self._rays.read(frame.disparity, frame.head)
         with self._stopwatch.stage("map"):
-            covariance = belief.covariance if self._pose.is_fixed else np.zeros((3, 3))
+            covariance = belief.covariance if self._pose.is_absolute else np.zeros((3, 3))
             self._map.update(
                 belief.pose, covariance, rays, self._map.noise(float(self._config.disparity.disparities))
             )
         self._r0.append(self._map.correlation.r0)
-        self._keep(frame.stamp_ns, belief)
+        self._record(frame.stamp_ns, belief)
 
     def _obstacles(self, occupancy: OccupancyGrid) -> Table:
         if not occupancy.probability.size:
@@ -196,16 +197,16 @@ class StereoBayes(PoseTrack):
 
 
 class StereoBayesPose(PoseTrack):
-    """`gridslam localize`: the pose filter alone, a pose at every odometry, or at every frame with visual odometry."""
+    """`gridslam localize`: the pose filter alone; a pose per odometry message, or per frame with visual odometry."""
 
     def __init__(self, config: StereoBayesConfig, seed: int, occupancy: OccupancyGrid | None = None) -> None:
         super().__init__(config, seed)
         self._odometry_ns: deque[int] = deque()
 
     def result(self) -> RunResult:
-        """The poses and their deviations."""
+        """The poses and their standard deviations."""
         self._finish()
-        self._settle(float("inf"))
+        self._record_before(float("inf"))
         return RunResult(
             self._trajectory(),
             series=self._series(),
@@ -213,21 +214,21 @@ class StereoBayesPose(PoseTrack):
             timings_s=dict(self._stopwatch.seconds),
         )
 
-    def _moved(self, stamp_ns: int) -> None:
-        """Poses are kept when fixes that come late have had their time."""
+    def _on_odometry(self, stamp_ns: int) -> None:
+        """Record the poses that are old enough for late absolute poses to have arrived."""
         if not self._pose.is_visual:
             self._odometry_ns.append(stamp_ns)
-            self._settle(stamp_ns - 0.5e9 * self._config.pose.window_s)
+            self._record_before(stamp_ns - 0.5 * WINDOW_NS)
 
-    def _settle(self, before_ns: float) -> None:
+    def _record_before(self, before_ns: float) -> None:
         while self._odometry_ns and self._odometry_ns[0] < before_ns:
             stamp = self._odometry_ns.popleft()
             belief = self._pose.at(stamp)
             if belief is not None:
-                self._keep(stamp, belief)
+                self._record(stamp, belief)
 
-    def _frame(self, image: StereoPair | Disparity) -> Frame | None:
+    def _frame(self, image: StereoPair | Disparity) -> StereoFrame | None:
         return super()._frame(image) if self._pose.is_visual else None
 
-    def _use(self, frame: Frame, belief: PoseBelief) -> None:
-        self._keep(frame.stamp_ns, belief)
+    def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
+        self._record(frame.stamp_ns, belief)

@@ -1,4 +1,4 @@
-"""From a disparity image to one measurement per ray: the observation o of stereo-bayes' eq. 2."""
+"""From a disparity image to one measurement per ray: the observation o of stereo-bayes, eq. 2."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from gridslam.sensors.stereo_head import MATCHED, UNKNOWN, ColumnSettings, measu
 
 Floats = NDArray[np.float64]
 
-_TALLEST_M = 1.0  # of the middle height at which a ray's cells are placed
+BIN_PX = 4  # columns of pixels in a ray
+MIN_MATCHED_RATIO = (
+    0.25  # bins with a smaller fraction of matched pixels give no evidence, not even of free space
+)
+MAX_HEIGHT_M = 1.0  # upper limit of the obstacle heights whose mean places the cells of a ray
 
 
 @dataclass(frozen=True, slots=True)
-class Rays:
-    """The measurements of a frame that tell something.
+class StereoRays:
+    """The measurements of a frame that give evidence.
 
-    Directions in the robot's frame `(m,)`, ascending, disparities `(m,)` (NaN: no match), depth edges `(m, n + 1)` of the rays'
-    cells, and T_base_camera's place over the ground `(2,)`.
+    Bearings in the robot's frame `(m,)` (rad), ascending; disparities `(m,)` (px), NaN without a match; depths `(m, n + 1)` (m)
+    between the cells of the rays; position of the camera in the robot's frame `(2,)` (m); focal length times baseline (px m).
     """
 
     bearings: Floats
@@ -33,42 +37,46 @@ class Rays:
 
 
 def range_edges(config: StereoBayesConfig) -> Floats:
-    """Ground ranges `(n + 1,)` between the cells of a ray, m."""
+    """Ranges over the ground `(n + 1,)` (m) between the cells of a ray."""
     ranges = np.arange(config.min_range_m, config.max_range_m, config.resolution_m)
     return np.append(ranges, ranges[-1] + config.resolution_m)
 
 
 class RayReader:
-    """Cuts floor and ceiling off, and takes of every bin of columns the disparity that counts.
+    """Removes floor and ceiling and selects one disparity for each bin of columns.
 
     Counters: rays.matched, rays.without_obstacle, and rays.unknown, which are left out.
     """
 
     def __init__(self, config: StereoBayesConfig, counters: Counter[str]) -> None:
-        o = config.observation
+        observation, advanced = config.observation, config.advanced.observation
         self._columns = ColumnSettings(
-            o.bin_px,
-            o.low_m,
-            o.high_m,
-            o.least_height_m,
-            o.least_share,
-            o.pick == "nearest",
-            float(config.disparity.disparities),
+            bin_px=BIN_PX,
+            low_m=observation.low_m,
+            high_m=observation.high_m,
+            min_height_m=advanced.min_height_m,
+            min_matched_ratio=MIN_MATCHED_RATIO,
+            take_nearest=advanced.pick == "nearest",
+            max_px=float(config.disparity.disparities),
         )
         self._edges_m = range_edges(config)
-        self._height_m = 0.5 * (max(o.low_m, 0.0) + min(o.high_m, _TALLEST_M))
+        self._height_m = 0.5 * (max(observation.low_m, 0.0) + min(observation.high_m, MAX_HEIGHT_M))
         self._counters = counters
 
-    def read(self, disparity_px: NDArray[np.float32], head: StereoHead) -> Rays:
-        """The bins of a disparity image `(rows, cols)` that tell something, in the order of their directions."""
+    def read(self, disparity_px: NDArray[np.float32], head: StereoHead) -> StereoRays:
+        """The bins of a disparity image `(rows, cols)` that give evidence, sorted by bearing."""
         columns = measured_columns(disparity_px, head, self._columns)
-        told = columns.status != UNKNOWN
-        self._counters["rays.unknown"] += int((~told).sum())
+        has_evidence = columns.status != UNKNOWN
+        self._counters["rays.unknown"] += int((~has_evidence).sum())
         self._counters["rays.matched"] += int((columns.status == MATCHED).sum())
-        self._counters["rays.without_obstacle"] += int((told & (columns.status != MATCHED)).sum())
-        bearings = columns.bearings[told]
+        self._counters["rays.without_obstacle"] += int((has_evidence & (columns.status != MATCHED)).sum())
+        bearings = columns.bearings[has_evidence]
         order = np.argsort(bearings, kind="stable")
         bearings = np.ascontiguousarray(bearings[order])
-        edges = head.depths(bearings, self._edges_m, self._height_m)
-        focal_baseline = head.focal_px * head.baseline_m
-        return Rays(bearings, columns.disparities_px[told][order], edges, head.position[:2], focal_baseline)
+        return StereoRays(
+            bearings=bearings,
+            disparities_px=columns.disparities_px[has_evidence][order],
+            edges_m=head.depths(bearings, self._edges_m, self._height_m),
+            origin=head.position[:2],
+            focal_baseline=head.focal_px * head.baseline_m,
+        )
