@@ -1,8 +1,8 @@
 """ir-scan in the simulated infrared room, and over six laps.
 
-Errors are absolute, the start of the robot being known, but where a name says `aligned`: there the path is laid on the true one
-first, as `gridslam evaluate` does by default with a map. Seeds 0 to 19 were not used for tuning. The paper's settings are run
-on as many drives as the paper measured (5, 1 cm cells), and on all 20 for the laps (3 cm cells).
+Errors are absolute, because the start of the robot is known. For `aligned` errors the path is first aligned with the true one, as
+by `gridslam evaluate` with a map. Seeds 0 to 19 were not used for tuning. The paper's settings are run on as many drives as the
+paper measured (5, 1 cm cells), and on all 20 for the laps (3 cm cells).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.harness import Row, say
-from tests.benchmarks.infrared_drives import Drive, Scores, drive, localized, mapped
+from tests.benchmarks.infrared_drives import DriveScores, InfraredDrive, drive, localized, mapped
 
 SEEDS = range(20)
 PAPER_RUNS = range(5)
@@ -36,15 +36,15 @@ def settings(name: str, *overrides: str) -> IrScanConfig:
     return method
 
 
-def map_rows(name: str, scores: list[Scores]) -> Iterator[Row]:
-    """Mean over the runs of each run's mean and variance, the largest error of all runs, and completeness."""
+def map_rows(name: str, scores: list[DriveScores]) -> Iterator[Row]:
+    """Means over the runs of mean and variance, the largest error of all runs, and completeness."""
     figures = np.array([score.figures for score in scores])
-    for seed, (mean, variance, most, complete) in enumerate(figures):
+    for seed, (mean, variance, maximum, complete) in enumerate(figures):
         say(
             f"ir-room {name}, seed {seed}: mean {100 * mean:.2f} cm, variance {1e4 * variance:.2f} cm2, "
-            f"max {100 * most:.1f} cm, completeness p95 {100 * complete:.2f} cm"
+            f"max {100 * maximum:.1f} cm, completeness p95 {100 * complete:.2f} cm"
         )
-    mean, variance, most, complete = figures.mean(axis=0).tolist()
+    mean, variance, _, complete = figures.mean(axis=0).tolist()
     label = f"ir_scan.room.{name}"
     yield Row(f"{label}.accuracy.mean", 100 * mean, "cm")
     yield Row(f"{label}.accuracy.variance", 1e4 * variance, "cm2")
@@ -57,8 +57,8 @@ def map_rows(name: str, scores: list[Scores]) -> Iterator[Row]:
     yield clearance_row(label, scores)
 
 
-def clearance_row(label: str, scores: list[Scores]) -> Row:
-    """The robot's least distance from the walls of its own map; below 0 it would have collided."""
+def clearance_row(label: str, scores: list[DriveScores]) -> Row:
+    """The smallest distance of the robot from the walls of its own map; below 0 it would have collided."""
     return Row(
         f"{label}.clearance", 100 * min(score.clearance_m for score in scores), "cm", 0.0, at_least=True
     )
@@ -73,7 +73,7 @@ def lap_rows() -> Iterator[Row]:
         "paper": settings("paper/ir-scan", LAPS_CELL),
         "best": settings("ir-scan", LAPS_CELL),
     }
-    found: dict[str, list[Scores]] = {kind: [] for kind in kinds}
+    found: dict[str, list[DriveScores]] = {kind: [] for kind in kinds}
     given: dict[str, list[float]] = {"paper": [], "best": []}
     for seed in SEEDS:
         ride = drive("ir-laps", seed)
@@ -96,7 +96,7 @@ def lap_rows() -> Iterator[Row]:
     yield Row("ir_scan.laps.best.process", min(score.process_s for score in found["best"]), "s of CPU")
 
 
-def on_the_true_map(ride: Drive, config: IrScanConfig) -> float:
+def on_the_true_map(ride: InfraredDrive, config: IrScanConfig) -> float:
     """Final position error (m) of `localize` on the true map, from the true start."""
     start = tuple(ride.truth.poses[0].tolist())
     return localized(ride, config.model_copy(update={"start": start}))

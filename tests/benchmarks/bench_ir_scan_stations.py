@@ -1,4 +1,4 @@
-"""ir-scan's match on the real log of a turning ranger, whose stations were measured by hand."""
+"""The match of ir-scan on the real log of a rotating ranger with hand-measured stations."""
 
 from __future__ import annotations
 
@@ -17,20 +17,23 @@ FEW_SEEDS = range(5)
 
 
 def rows() -> Iterator[Row]:
-    """Stations disturbed by up to ten cells of 5 cm, before and after matching on the map of the six stations; and on the map
-    of the five others, where rooms share little more than doors.
+    """Errors of stations disturbed by up to ten cells of 5 cm, before and after matching on the map of all six stations.
+
+    `left_out`: on the map of the five other stations, which have little more than doors in common with it.
     """
     folder = data_dir()
     if folder is None:
         return
     stations = real.read_stations(folder)
     for kind, drawing in (("shift", "pos"), ("search", "surfaces")):
-        config, still = real.config_of(kind), real.config_of("none", drawing)
-        made = real.map_of(stations.events, still)
+        config, unmatched = real.config_of(kind), real.config_of("none", drawing)
+        occupancy = real.map_of(stations.events, unmatched)
         before, after = [], []
         for seed in SEEDS:
             shifts = real.disturbances(seed, len(stations.xy))
-            found = real.found_stations(IrScanLocalizer(config, 0, made), real.disturbed(stations, shifts))
+            found = real.found_stations(
+                IrScanLocalizer(config, 0, occupancy), real.disturbed(stations, shifts)
+            )
             before.append(np.hypot(*shifts.T))
             after.append(real.errors(found, stations.xy))
         say(f"stations {kind}, seed 0, before (cm): {np.round(100 * before[0], 1).tolist()}")
@@ -38,17 +41,17 @@ def rows() -> Iterator[Row]:
         yield Row(f"ir_scan.stations.{kind}.before.mean", 100 * float(np.mean(before)), "cm")
         yield Row(f"ir_scan.stations.{kind}.after.mean", 100 * float(np.mean(after)), "cm")
         yield Row(f"ir_scan.stations.{kind}.after.max", 100 * float(np.max(after)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.left_out.mean", 100 * left_out(stations, config, still), "cm")
+        yield Row(f"ir_scan.stations.{kind}.left_out.mean", 100 * left_out(stations, config, unmatched), "cm")
 
 
-def left_out(stations: real.Stations, config: IrScanConfig, still: IrScanConfig) -> float:
-    """Mean error (m) of stations that are matched on the map of the five others, over five seeds."""
+def left_out(stations: real.Stations, config: IrScanConfig, unmatched: IrScanConfig) -> float:
+    """Mean error (m) of stations matched on the map of the five others, over five seeds."""
     errors = []
     for k, xy in enumerate(stations.xy):
-        made = real.map_of(real.without(stations, k).events, still)
+        occupancy = real.map_of(real.without(stations, k).events, unmatched)
         alone = real.without(stations, k, keep_only=True)
         for seed in FEW_SEEDS:
             shifts = real.disturbances(seed, len(stations.xy))
-            found = real.found_stations(IrScanLocalizer(config, 0, made), real.disturbed(alone, shifts))
+            found = real.found_stations(IrScanLocalizer(config, 0, occupancy), real.disturbed(alone, shifts))
             errors.append(np.hypot(*(found - xy).T).mean())
     return float(np.mean(errors))

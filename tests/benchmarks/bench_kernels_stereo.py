@@ -1,4 +1,4 @@
-"""The kernels of stereo-bayes beside their slow reference implementations, on a frame of 60 rays with 60 cells each."""
+"""The kernels of stereo-bayes beside their reference implementations, on a frame of 60 rays with 60 cells each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gridslam.kernels import chain, polar_window, stereo_update
 from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
-from gridslam.kernels.stereo_columns import measure_columns
+from gridslam.kernels.stereo_columns import BinCriteria, HeightBand, measure_columns
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
 from tests.reference import chain as chain_reference
@@ -24,7 +24,7 @@ BEARINGS = np.linspace(-0.6, 0.6, RAYS)
 
 
 def rows() -> Iterator[Row]:
-    """From a disparity image to the cells, and the runs from which the correlation of cells is learnt."""
+    """From a disparity image to the cells, and the runs for the fit of the correlation."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(
         (
@@ -32,10 +32,10 @@ def rows() -> Iterator[Row]:
             ("priors_of_rays", 10.0, priors(rng)),
             ("likelihoods_of_rays", 250.0, likelihoods(rng)),
             ("expected_behind", 50.0, expectations(rng)),
-            ("told_across", 1.0, messages(rng)),
-            ("averaged_over_turns", 15.0, turns(rng)),
+            ("couple_neighbouring_rays", 1.0, messages(rng)),
+            ("averaged_over_yaw", 15.0, yaw_offsets(rng)),
             ("window_of_rays", 40.0, window(rng)),
-            ("tell_cells", 0.4, cells(rng)),
+            ("apply_update", 0.4, cells(rng)),
             ("follow_runs", 60.0, runs(rng)),
         )
     )
@@ -46,22 +46,25 @@ def columns(rng: np.random.Generator) -> Pair:
     disparity = rng.normal(12.0, 1.5, (240, 320)).astype(np.float32)
     disparity[rng.random(disparity.shape) < 0.3] = np.nan
     slope = np.repeat(np.linspace(0.3, -0.3, 240, dtype=np.float32)[:, None], 320, axis=1)
-    image = (disparity, slope, 30.0, 0.6, 0.1, 1.5, 5, 64.0, np.maximum(0.8 * np.arange(129), 10.0), 0.3)
-    return lambda: measure_columns(*image, False), lambda: columns_reference.measure_columns(*image)
+    extent = np.maximum(0.8 * np.arange(129), 10.0)
+    band = HeightBand(slope, focal_baseline=30.0, camera_m=0.6, low_m=0.1, high_m=1.5)
+    criteria = BinCriteria(5, 64.0, extent, min_matched_ratio=0.3, take_nearest=False)
+    image = (disparity, band, criteria)
+    return lambda: measure_columns(*image), lambda: columns_reference.measure_columns(*image)
 
 
 def priors(rng: np.random.Generator) -> Pair:
-    """The cells of a map that the rays meet."""
-    log_odds, eye = rng.normal(size=(150, 150)), np.array([75.3, 74.6])
-    along = (1.5, CELLS, -0.5, 0.8)
+    """The cells of a map along the rays."""
+    log_odds = rng.normal(size=(150, 150))
+    rays = polar_window.GridRays(np.array([75.3, 74.6]), BEARINGS, first=1.5, cells=CELLS)
     return (
-        lambda: polar_window.priors_of_rays(log_odds, eye, BEARINGS, *along),
-        lambda: [window_reference.priors_of_ray(log_odds, eye, float(b), *along) for b in BEARINGS],
+        lambda: polar_window.priors_of_rays(log_odds, rays, -0.5, 0.8),
+        lambda: [window_reference.priors_of_ray(log_odds, rays, i, -0.5, 0.8) for i in range(RAYS)],
     )
 
 
 def likelihoods(rng: np.random.Generator) -> Pair:
-    """The exact chain, against the sum over the cells that may be the first occupied one."""
+    """The exact chain, against the sum over the first occupied cell."""
     prior, correlation = rng.uniform(0.01, 0.9, (RAYS, CELLS)), rng.uniform(0.0, 1.0, (RAYS, CELLS))
     first, none = rng.uniform(0.0, 3.0, (RAYS, CELLS)), rng.uniform(0.0, 1.0, RAYS)
     rays = [
@@ -71,13 +74,13 @@ def likelihoods(rng: np.random.Generator) -> Pair:
         )
     ]
     return (
-        lambda: chain.likelihoods_of_rays(prior, correlation, first, none, False),
+        lambda: chain.likelihoods_of_rays(chain.CellPriors(prior, correlation), first, none, False),
         lambda: [chain_reference.likelihoods(*ray) for ray in rays],
     )
 
 
 def expectations(rng: np.random.Generator) -> Pair:
-    """What the chain expects behind the first obstacle."""
+    """The expectation of the chain behind the first obstacle."""
     first, correlation = rng.dirichlet(np.ones(CELLS + 1), RAYS), rng.uniform(0.5, 1.0, (RAYS, CELLS))
     reached = np.cumsum(first[:, ::-1], axis=1)[:, :0:-1].copy()
     rays = list(zip(first[:, :-1].tolist(), correlation.tolist(), strict=True))
@@ -89,40 +92,46 @@ def expectations(rng: np.random.Generator) -> Pair:
 
 def messages(rng: np.random.Generator) -> Pair:
     """Messages between neighbouring rays, against numpy."""
-    frame = (*rng.uniform(0.2, 3.0, (2, RAYS, CELLS)), BEARINGS, np.arange(2.0, 2.0 + CELLS), 0.8, 0.5)
-    return lambda: stereo_update.told_across(*frame), lambda: update_reference.told_across(*frame)
+    evidence = chain.RayEvidence(*rng.uniform(0.2, 3.0, (2, RAYS, CELLS)), reached=rng.random((RAYS, CELLS)))
+    frame = (evidence, BEARINGS, np.arange(2.0, 2.0 + CELLS), 0.8, 0.5)
+    return (
+        lambda: stereo_update.couple_neighbouring_rays(*frame),
+        lambda: update_reference.couple_neighbouring_rays(*frame),
+    )
 
 
-def turns(rng: np.random.Generator) -> Pair:
-    """Five values of all rays, the mean over seven headings."""
-    headings = np.linspace(-0.1, 0.1, 7)
-    frame = (rng.normal(size=(5, RAYS, CELLS)), rng.random(5), BEARINGS, 0.02, headings, np.full(7, 1 / 7))
+def yaw_offsets(rng: np.random.Generator) -> Pair:
+    """Five values of all rays, averaged over seven yaw offsets."""
+    rays = polar_window.PolarWindow(rng.normal(size=(5, RAYS, CELLS)), rng.random(5), BEARINGS, 0.02)
+    frame = (rays, np.linspace(-0.1, 0.1, 7), np.full(7, 1 / 7))
     angles = np.linspace(-0.7, 0.7, 80)
     return (
-        lambda: polar_window.averaged_over_turns(*frame, angles),
-        lambda: window_reference.averaged_over_turns(*frame, angles),
+        lambda: polar_window.averaged_over_yaw(*frame, angles),
+        lambda: window_reference.averaged_over_yaw(*frame, angles),
     )
 
 
 def window(rng: np.random.Generator) -> Pair:
     """Five values of all rays into the cells before the robot."""
-    rays = (rng.normal(size=(5, RAYS, CELLS)), rng.random(5), BEARINGS, 0.02, 2.0)
-    cells = (np.array([0.3, -40.2]), 80, 65)
+    rays = polar_window.PolarWindow(rng.normal(size=(5, RAYS, CELLS)), rng.random(5), BEARINGS, 0.02)
+    cells = (2.0, np.array([0.3, -40.2]), 80, 65)
     return (
-        lambda: polar_window.window_of_rays(*rays, *cells),
-        lambda: window_reference.window_of_rays(*rays, *cells),
+        lambda: polar_window.window_of_rays(rays, *cells),
+        lambda: window_reference.window_of_rays(rays, *cells),
     )
 
 
 def cells(rng: np.random.Generator) -> Pair:
     """The update of 80 x 65 cells, against numpy."""
-    values = np.stack([rng.normal(0.0, 3.0, (80, 65)), rng.random((80, 65))], axis=-1)
-    told = np.concatenate([rng.uniform(0.1, 5.0, (2, 80, 65)), rng.random((3, 80, 65))])
-    frame = (told, 0.4, -1.2, 4.0, 1e-3, True)
-    changed = values.copy()
+    log_odds, reached = rng.normal(0.0, 3.0, (80, 65)), rng.random((80, 65))
+    evidence = stereo_update.CellEvidence(*rng.uniform(0.1, 5.0, (2, 80, 65)), *rng.random((3, 80, 65)))
+    rule = stereo_update.UpdateRule(
+        0.4, prior_log_odds=-1.2, max_log_odds=4.0, min_probability=1e-3, behind_once=True
+    )
+    changed = log_odds.copy(), reached.copy()
     return (
-        lambda: stereo_update.tell_cells(changed, *frame),
-        lambda: update_reference.told_cells(values, *frame),
+        lambda: stereo_update.apply_update(*changed, evidence, rule),
+        lambda: update_reference.updated(log_odds, reached, evidence, rule),
     )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from tests.benchmarks.harness import Row, say
-from tests.benchmarks.stereo_models import Believed
+from tests.benchmarks.stereo_models import BayesModel
 from tests.benchmarks.stereo_trials import (
     Score,
     Stage,
@@ -26,12 +26,12 @@ from tests.benchmarks.stereo_trials import (
 )
 
 SEEDS = range(int(os.environ.get("GRIDSLAM_BENCH_SEEDS", "20")))
-FALSE_SHARES = (0.0, 0.05, 0.1, 0.2)
+FALSE_MATCH_RATES = (0.0, 0.05, 0.1, 0.2)
 STAGES: Mapping[str, Callable[[int, float], Stage]] = {"room": room_stage, "drive": drive_stage}
 
 
 def rows() -> Iterator[Row]:
-    """Each figure's mean over the rooms; the intervals on stderr."""
+    """The mean of each figure over the rooms; the intervals go to stderr."""
     for kind in STAGES:
         yield from likelihood_rows(kind)
     yield from blur_rows()
@@ -40,46 +40,46 @@ def rows() -> Iterator[Row]:
 
 def likelihood_rows(kind: str) -> Iterator[Row]:
     """All models on the same rays, room by room."""
-    scores: dict[float, dict[str, list[Score]]] = {share: defaultdict(list) for share in FALSE_SHARES}
+    scores: dict[float, dict[str, list[Score]]] = {rate: defaultdict(list) for rate in FALSE_MATCH_RATES}
     for seed in SEEDS:
-        for share in FALSE_SHARES:
-            for name, score in scores_of(STAGES[kind](seed, share)).items():
-                scores[share][name].append(score)
-    for share in FALSE_SHARES:
-        yield from rows_of(f"stereo_bayes.{kind}.false_{round(100 * share):02d}", share, scores[share])
+        for rate in FALSE_MATCH_RATES:
+            for name, score in scores_of(STAGES[kind](seed, rate)).items():
+                scores[rate][name].append(score)
+    for rate in FALSE_MATCH_RATES:
+        yield from rows_of(f"stereo_bayes.{kind}.false_{round(100 * rate):02d}", rate, scores[rate])
 
 
-def rows_of(label: str, share: float, scores: Mapping[str, list[Score]]) -> Iterator[Row]:
+def rows_of(label: str, rate: float, scores: Mapping[str, list[Score]]) -> Iterator[Row]:
     """One rate of false matches."""
     chain = [s.log_loss for s in scores["chain"]]
     for name, found in scores.items():
         losses, ious = [s.log_loss for s in found], [s.iou for s in found]
-        lost, sure, pieces = (sum(getattr(s, key) for s in found) for key in ("lost", "sure", "pieces"))
+        lost, certain, pieces = (sum(getattr(s, key) for s in found) for key in ("lost", "certain", "pieces"))
         worse = np.subtract(losses, chain)
         low, high = mean_interval(worse)
         say(
-            f"{label} {name}: log-loss {np.mean(losses):.4f}, IoU {np.mean(ious):.3f}, pieces of obstacles sure {sure} "
-            f"of {pieces}, lost {lost} frames; log-loss less the chain's {np.mean(worse):+.4f} [{low:+.4f}, {high:+.4f}]"
+            f"{label} {name}: log-loss {np.mean(losses):.4f}, IoU {np.mean(ious):.3f}, pieces of obstacles certain {certain} "
+            f"of {pieces}, lost {lost} frames; log-loss minus the chain's {np.mean(worse):+.4f} [{low:+.4f}, {high:+.4f}]"
         )
         yield Row(f"{label}.{name}.log_loss", float(np.mean(losses)), "nat")
         yield Row(f"{label}.{name}.iou", float(np.mean(ious)), "")
-        yield Row(f"{label}.{name}.sure", 100.0 * sure / pieces, "%")
+        yield Row(f"{label}.{name}.sure", 100.0 * certain / pieces, "%")
         yield Row(f"{label}.{name}.lost", float(lost), "frames")
-        if name != "chain" and share >= 0.05:
+        if name != "chain" and rate >= 0.05:
             yield Row(f"{label}.{name}.worse_than_chain", low, "nat", 0.0, at_least=True)
 
 
 def blur_rows() -> Iterator[Row]:
-    """Poses with errors of 5 cm and 2 degrees, with the likelihoods averaged over the pose and without."""
-    with_blur, without = config_of(), config_of("method.pose.blur=false")
+    """Poses with errors of 5 cm and 2 degrees, with and without averaging over the pose."""
+    with_blur, without = config_of(), config_of("method.advanced.pose.blur=false")
     pairs = []
     for seed in SEEDS:
         stage = room_stage(seed, 0.05, noisy=True)
-        pairs.append([score_of(stage, Believed(config)).log_loss for config in (with_blur, without)])
+        pairs.append([score_of(stage, BayesModel(config)).log_loss for config in (with_blur, without)])
     losses = np.array(pairs)
     worse = losses[:, 1] - losses[:, 0]
     low, high = mean_interval(worse)
-    say(f"stereo_bayes.blur: log-loss without less with {worse.mean():+.4f} [{low:+.4f}, {high:+.4f}]")
+    say(f"stereo_bayes.blur: log-loss without minus with {worse.mean():+.4f} [{low:+.4f}, {high:+.4f}]")
     yield Row("stereo_bayes.blur.with.log_loss", float(losses[:, 0].mean()), "nat")
     yield Row("stereo_bayes.blur.without.log_loss", float(losses[:, 1].mean()), "nat")
     yield Row("stereo_bayes.blur.gain", low, "nat", 0.0, at_least=True)
@@ -87,18 +87,18 @@ def blur_rows() -> Iterator[Row]:
 
 def beyond_rows() -> Iterator[Row]:
     """Adaptive correlation and neighbouring rays against the plain chain, 10 % false matches."""
-    alone = "method.correlation.across_rays=0"
+    alone = "method.advanced.correlation.across_rays=0"
     configs = {
-        "adaptive": config_of(alone, "method.correlation.mode=adaptive"),
-        "across_rays": config_of("method.correlation.across_rays=0.5"),
+        "adaptive": config_of(alone, "method.advanced.correlation.mode=adaptive"),
+        "across_rays": config_of("method.advanced.correlation.across_rays=0.5"),
     }
     for kind, stage_of in STAGES.items():
         gains: dict[str, list[float]] = {name: [] for name in configs}
         for seed in SEEDS:
             stage = stage_of(seed, 0.1)
-            plain = score_of(stage, Believed(config_of(alone))).log_loss
+            plain = score_of(stage, BayesModel(config_of(alone))).log_loss
             for name, config in configs.items():
-                gains[name].append(plain - score_of(stage, Believed(config)).log_loss)
+                gains[name].append(plain - score_of(stage, BayesModel(config)).log_loss)
         for name, gained in gains.items():
             low, high = mean_interval(np.array(gained))
             say(f"stereo_bayes.{kind}.{name}: gain over the plain chain [{low:+.4f}, {high:+.4f}]")

@@ -1,4 +1,4 @@
-"""stereo-bayes: how fast it is, stage by stage."""
+"""Speed of stereo-bayes, stage by stage."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def rows(frames: int = 20) -> Iterator[Row]:
 
 
 def stereo_head() -> Iterator[Event]:
-    """LidarExtrinsics and calibration of a head with 640 x 480 pixels, and a first pose."""
+    """Extrinsics and calibration of a head with 640 x 480 pixels."""
     yield Transform(0, "base_link", "optical", (0.0, 0.0, 0.6), (0.5, -0.5, 0.5, -0.5), is_static=True)
     K = np.array([[520.0, 0.0, 319.5], [0.0, 520.0, 239.5], [0.0, 0.0, 1.0]])
     for shift in (0.0, -520.0 * 0.12):

@@ -1,4 +1,4 @@
-"""Simulated drives with infrared rangers, and how far a run is from their truth."""
+"""Simulated drives with infrared rangers, and the errors of a run."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ from gridslam.simulation.world_config import WorldConfig, load_world
 
 Floats = NDArray[np.float64]
 
-REACH_STEP_RAD = np.radians(0.1)
+BEARING_STEP_RAD = np.radians(0.1)
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """The events of a drive, the true path, the true map, and the same map with the walls out of the rangers' reach unknown."""
+class InfraredDrive:
+    """The events of a drive, the true path, the true map, and this map without the walls beyond the range of the sensors."""
 
     world: WorldConfig
     events: list[Event]
     truth: Trajectory
     walls: OccupancyGrid
-    walls_in_reach: OccupancyGrid
+    walls_in_range: OccupancyGrid
 
 
-def drive(world_name: str, seed: int) -> Drive:
-    """Drive a world's route under a seed."""
+def drive(world_name: str, seed: int) -> InfraredDrive:
+    """Simulate the route of a world with a seed."""
     world, path = load_world(world_name, seed=seed)
     simulator = Simulator(world, path.parent)
     events: list[Event] = []
@@ -56,41 +56,43 @@ def drive(world_name: str, seed: int) -> Drive:
     events.sort(key=lambda event: event.stamp_ns)
     truth = Trajectory(np.array([p.stamp_ns for p in true]), np.array([p.pose for p in true]))
     walls = true_map(simulator.scene, world.truth)
-    return Drive(world, events, truth, walls, in_reach(simulator.scene, world, walls, truth, events))
+    return InfraredDrive(world, events, truth, walls, in_range(simulator.scene, world, walls, truth, events))
 
 
-def in_reach(
+def in_range(
     scene: Scene, world: WorldConfig, walls: OccupancyGrid, truth: Trajectory, events: list[Event]
 ) -> OccupancyGrid:
     """The true map without the walls that no ranger could measure.
 
-    In reach is a wall cell that a beam without noise meets strictly inside the ranger's valid range, from the robot's true pose
-    at some stop, at any bearing between the ends of the servo's sweep (0.1 degrees apart).
+    A wall cell is in range if a beam without noise, from the robot's true pose at some stop, meets it strictly inside the valid
+    range of the ranger. Bearings are 0.1 degrees apart and cover the servo's sweep.
     """
     stops = np.array(sorted({e.stamp_ns for e in events if isinstance(e, Range)}))
     first = np.r_[True, np.diff(stops) > 500_000_000]
     poses, _ = truth.at(stops[first] + 1_000_000_000)
-    seen = np.zeros(walls.probability.shape, bool)
+    measured = np.zeros(walls.probability.shape, bool)
     for pose in poses:
         for ranger in world.sensors.infrared:
             sensor = se2.compose(pose, planar(ranger.extrinsics))
             sweep = (
-                np.arange(np.radians(ranger.from_deg), np.radians(ranger.to_deg), REACH_STEP_RAD) + sensor[2]
+                np.arange(np.radians(ranger.from_deg), np.radians(ranger.to_deg), BEARING_STEP_RAD)
+                + sensor[2]
             )
             rays = np.column_stack([np.tile(sensor[:2], (len(sweep), 1)), np.cos(sweep), np.sin(sweep)])
             ranges = scene.cast(rays, ranger.range_max_m + 0.1, 0.0).ranges_m
             valid = (ranges > ranger.range_min_m) & (ranges < ranger.range_max_m)
             row, col = walls.geometry.cells(rays[valid, :2] + ranges[valid, None] * rays[valid, 2:]).T
-            seen[row, col] = True
+            measured[row, col] = True
     values = walls.probability.copy()
-    values[(values > 0.5) & ~seen] = np.nan
+    values[(values > 0.5) & ~measured] = np.nan
     return OccupancyGrid(values, walls.geometry)
 
 
 @dataclass(frozen=True, slots=True)
-class Scores:
-    """Metres; absolute, the start being known, and `aligned`: after the rigid motion that lays the path best on the true one,
-    as `gridslam evaluate` measures a map by default. `clearance_m` is from the robot's rim to the nearest wall of its own map.
+class DriveScores:
+    """Errors (m): absolute with a known start, and `aligned` after the best rigid alignment of the path with the true one.
+
+    `clearance_m` is the distance from the robot's rim to the nearest wall of its own map.
     """
 
     accuracy: Floats
@@ -109,28 +111,28 @@ class Scores:
         return float(a.mean()), float(a.var()), float(a.max()), float(np.percentile(self.completeness, 95))
 
 
-def mapped(ride: Drive, config: IrScanConfig, seed: int = 0) -> Scores:
-    """Map a drive and compare with the truth. The start is known, and nothing else: no alignment."""
+def mapped(ride: InfraredDrive, config: IrScanConfig, seed: int = 0) -> DriveScores:
+    """Map a drive and compare with the truth, with a known start and without alignment."""
     first = np.zeros(3) if config.start is None else np.array(config.start)
     start = se2.compose(ride.truth.poses[0], se2.inverse(first))  # T_truth_map
     method = IrScanMapper(config, seed)
-    began = time.process_time()
+    started = time.process_time()
     for event in ride.events:
         method.process(event)
     result = method.result()
-    process_s = time.process_time() - began
-    made = result.occupancy
-    assert made is not None
-    accuracy = wall_distances(made, ride.walls, start).accuracy
+    process_s = time.process_time() - started
+    occupancy = result.occupancy
+    assert occupancy is not None
+    accuracy = wall_distances(occupancy, ride.walls, start).accuracy
     aligned = alignment_of(result.trajectory, ride.truth)
-    completeness = wall_distances(made, ride.walls_in_reach, start).completeness
-    return Scores(
+    completeness = wall_distances(occupancy, ride.walls_in_range, start).completeness
+    return DriveScores(
         accuracy,
-        wall_distances(made, ride.walls, aligned).accuracy,
+        wall_distances(occupancy, ride.walls, aligned).accuracy,
         completeness,
         final_error(result.trajectory, ride.truth, start),
         final_error(result.trajectory, ride.truth, aligned),
-        clearance(made, result.trajectory, ride.world.robot.radius_m),
+        clearance(occupancy, result.trajectory, ride.world.robot.radius_m),
         process_s,
         result,
     )
@@ -144,7 +146,7 @@ def alignment_of(found: Trajectory, truth: Trajectory) -> Floats:
     return alignment.T_truth_estimate
 
 
-def localized(ride: Drive, config: IrScanConfig, seed: int = 0) -> float:
+def localized(ride: InfraredDrive, config: IrScanConfig, seed: int = 0) -> float:
     """Final position error (m) of a drive that is localized on the true map; the config has the start in that map."""
     method = IrScanLocalizer(config, seed, ride.walls)
     for event in ride.events:
@@ -159,14 +161,14 @@ def final_error(found: Trajectory, truth: Trajectory, T_truth_map: Floats) -> fl
     return float(np.hypot(*(last - true[0])[:2]))
 
 
-def clearance(made: OccupancyGrid, path: Trajectory, radius_m: float) -> float:
-    """Least distance (m) between the robot's rim on its estimated path and an occupied cell's rim; negative: a collision."""
-    walls = made.geometry.centres(np.argwhere(made.probability > 0.5))
+def clearance(occupancy: OccupancyGrid, path: Trajectory, radius_m: float) -> float:
+    """Smallest distance (m) between the robot's rim on its path and the rim of an occupied cell; negative: a collision."""
+    walls = occupancy.geometry.centres(np.argwhere(occupancy.probability > 0.5))
     tree = cKDTree(walls)
-    half = 0.5 * made.geometry.resolution_m
-    least = np.inf
+    half = 0.5 * occupancy.geometry.resolution_m
+    smallest = np.inf
     for pose, near in zip(path.poses, tree.query_ball_point(path.poses[:, :2], radius_m + 0.3), strict=True):
         if near:
-            away = np.maximum(np.abs(walls[near] - pose[:2]) - half, 0.0)
-            least = min(least, float(np.hypot(*away.T).min()))
-    return least - radius_m if np.isfinite(least) else 0.3
+            offset = np.maximum(np.abs(walls[near] - pose[:2]) - half, 0.0)
+            smallest = min(smallest, float(np.hypot(*offset.T).min()))
+    return smallest - radius_m if np.isfinite(smallest) else 0.3

@@ -1,7 +1,7 @@
-"""The real log of a turning infrared ranger at six hand-measured stations: disturb the stations, and match them back.
+"""The real log of a rotating infrared ranger at six hand-measured stations, disturbed and corrected by matching.
 
-The stations are delivered as fixes, through the layout that docs/ir-scan.md shows. A disturbed station is off by up to ten cells
-of 5 cm along each axis.
+The stations are absolute poses in the layout of docs/ir-scan.md. A disturbed station is off by up to ten cells of 5 cm along each
+axis.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
 Floats = NDArray[np.float64]
 
 CELL_M = 0.05
-MOST_CELLS = 10
-MEASURED_M = 0.01  # deviation of a station measured by hand
-DISTURBED_M = MOST_CELLS * CELL_M / np.sqrt(3.0)  # of a uniform disturbance
-TURN_RAD = 0.01
+MAX_SHIFT_CELLS = 10
+MEASURED_M = 0.01  # standard deviation of a hand-measured station
+DISTURBED_M = MAX_SHIFT_CELLS * CELL_M / np.sqrt(3.0)  # standard deviation of a uniform disturbance
+YAW_STD_RAD = 0.01
 LAYOUT = {
     "streams": [
         {
@@ -44,7 +44,12 @@ LAYOUT = {
             "file": "scans.csv",
             "columns": {"x": "station_x_cm", "y": "station_y_cm"},
             "units": {"x": "cm", "y": "cm"},
-            "constants": {"yaw": 0, "var_x": MEASURED_M**2, "var_y": MEASURED_M**2, "var_yaw": TURN_RAD**2},
+            "constants": {
+                "yaw": 0,
+                "var_x": MEASURED_M**2,
+                "var_y": MEASURED_M**2,
+                "var_yaw": YAW_STD_RAD**2,
+            },
             "row_stamps": {"period_s": 0.01},
         },
     ]
@@ -54,7 +59,7 @@ READINGS = {"neighbour_m": 0.3, "noise_m": 0.02, "noise_per_m2": 0.002, "bearing
 
 @dataclass(frozen=True, slots=True)
 class Stations:
-    """The log's events, and where the stations are `(6, 2)`."""
+    """The events of the log, and the positions of the stations `(6, 2)`."""
 
     events: list[Event]
     xy: Floats
@@ -65,45 +70,46 @@ def read_stations(folder: Path) -> Stations:
     config = LogConfig.model_validate({"csv": LAYOUT, "extrinsics": {"tf_luna": {"yaw": np.pi / 2}}})
     with open_log(folder / "infrared", config, ("range", "pose")) as log:
         events = list(log.events())
-    fixes = np.array([event.pose[:2] for event in events if isinstance(event, AbsolutePose)])
-    first = np.r_[True, (np.diff(fixes, axis=0) != 0.0).any(axis=1)]
-    return Stations(events, fixes[first])
+    positions = np.array([event.pose[:2] for event in events if isinstance(event, AbsolutePose)])
+    first = np.r_[True, (np.diff(positions, axis=0) != 0.0).any(axis=1)]
+    return Stations(events, positions[first])
 
 
 def config_of(matching: Literal["none", "shift", "search"], drawing: str = "surfaces") -> IrScanConfig:
-    """Settings for a ranger of 8 m, 1.8 degrees a step, whose heading is known; stations are not adjusted."""
-    kinds: dict[str, dict[str, object]] = {
-        "none": {"kind": "none"},
-        # What a station is told to be says nothing against a larger shift: only equal sums tie.
-        "shift": {"kind": "shift", "window_cells": MOST_CELLS, "tie_sigmas": 0.0},
-        "search": {"kind": "search", "window_cells": MOST_CELLS, "rotation_rad": 0.03, "ambiguous_m": 0.1},
+    """Settings for a ranger of 8 m with steps of 1.8 degrees and known heading; stations are not adjusted."""
+    advanced: dict[str, dict[str, object]] = {
+        "none": {},
+        # A disturbed station is no evidence against a larger shift: only equal sums tie.
+        "shift": {"tie_sigmas": 0.0},
+        "search": {"rotation_rad": 0.03, "max_position_std_m": 0.1},
     }
     return IrScanConfig.model_validate(
         {
             "resolution_m": CELL_M,
             "readings": READINGS,
-            "matching": kinds[matching],
+            "matching": {"kind": matching, "window_cells": MAX_SHIFT_CELLS},
             "adjustment": {"enabled": False},
             "drawing": {"kind": drawing},
+            "advanced": {"matching": advanced[matching]},
         }
     )
 
 
 def disturbances(seed: int, count: int) -> Floats:
-    """Shifts `(count, 2)`, uniform up to ten cells each way."""
-    reach = MOST_CELLS * CELL_M
-    return np.random.default_rng(seed).uniform(-reach, reach, (count, 2))
+    """Shifts `(count, 2)` (m), uniform up to ten cells along each axis."""
+    max_shift = MAX_SHIFT_CELLS * CELL_M
+    return np.random.default_rng(seed).uniform(-max_shift, max_shift, (count, 2))
 
 
 def disturbed(stations: Stations, shifts: Floats, known: frozenset[int] = frozenset()) -> list[Event]:
-    """The events with every station told `shifts` off, and told to be uncertain; `known` stations stay as they are."""
+    """The events with every station shifted and uncertain; `known` stations keep their positions."""
     events: list[Event] = []
     for event in stations.events:
         if isinstance(event, AbsolutePose):
             k = station_of(stations, event)
             if k not in known:
                 pose = event.pose + np.append(shifts[k], 0.0)
-                covariance = np.diag([DISTURBED_M**2, DISTURBED_M**2, TURN_RAD**2])
+                covariance = np.diag([DISTURBED_M**2, DISTURBED_M**2, YAW_STD_RAD**2])
                 event = replace(
                     event, pose=readonly(pose, np.float64), covariance=readonly(covariance, np.float64)
                 )
@@ -112,19 +118,19 @@ def disturbed(stations: Stations, shifts: Floats, known: frozenset[int] = frozen
 
 
 def without(stations: Stations, left_out: int, keep_only: bool = False) -> Stations:
-    """The log without one station; or that station alone."""
-    kept, here = [], -1
+    """The log without one station, or with that station alone."""
+    kept, current = [], -1
     for event in stations.events:
         if isinstance(event, AbsolutePose):
-            here = station_of(stations, event)
-        if here < 0 or (here == left_out) == keep_only:
+            current = station_of(stations, event)
+        if current < 0 or (current == left_out) == keep_only:
             kept.append(event)
     return Stations(kept, stations.xy)
 
 
-def station_of(stations: Stations, fix: AbsolutePose) -> int:
-    """Which station a fix tells of."""
-    return int(np.argmin(np.hypot(*(stations.xy - fix.pose[:2]).T)))
+def station_of(stations: Stations, measured: AbsolutePose) -> int:
+    """Index of the station of an absolute pose."""
+    return int(np.argmin(np.hypot(*(stations.xy - measured.pose[:2]).T)))
 
 
 def map_of(events: list[Event], config: IrScanConfig) -> OccupancyGrid:
@@ -132,13 +138,13 @@ def map_of(events: list[Event], config: IrScanConfig) -> OccupancyGrid:
     mapper = IrScanMapper(config, 0)
     for event in events:
         mapper.process(event)
-    made = mapper.result().occupancy
-    assert made is not None
-    return made
+    occupancy = mapper.result().occupancy
+    assert occupancy is not None
+    return occupancy
 
 
 def found_stations(method: IrScanMapper | IrScanLocalizer, events: list[Event]) -> Floats:
-    """Where the stops were found, `(stops, 2)`."""
+    """Estimated positions of the stops `(stops, 2)`."""
     for event in events:
         method.process(event)
     rows = method.result().tables["stops"].rows

@@ -21,10 +21,10 @@ STREET = (
     "method.disparity.disparities=96",
     "method.observation.low_m=0.3",
     "method.observation.high_m=2",
-    "method.observation.least_height_m=0.4",
-    "method.surface_m=0.3",
+    "method.advanced.observation.min_height_m=0.4",
+    "method.advanced.map.surface_m=0.3",
     "method.correlation.r0=0.978",
-    "method.correlation.behind_m=0.6",
+    "method.advanced.correlation.behind_m=0.6",
 )
 QUAT = "[0.5, -0.5, 0.5, -0.5]"
 

@@ -1,4 +1,4 @@
-"""Rendered drives of a robot with a stereo head through rooms with boxes: each number is another room and another way.
+"""Rendered drives of a robot with a stereo head through rooms with boxes: each number is another room and another route.
 
 `python -m tests.benchmarks.stereo_drives FIRST LAST` renders logs ahead of a benchmark; they are kept in out/benchmarks.
 """
@@ -20,20 +20,20 @@ from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.registry import METHODS
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.frames import Frame
+from gridslam.methods.stereo_bayes.frames import StereoFrame
 from gridslam.methods.stereo_bayes.method import StereoBayes
 from gridslam.motion.absolute_pose_filter import PoseBelief
 from gridslam.runs.run import feed
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, load_world
-from tests.benchmarks.stereo_rooms import footprint, outlines_of
+from tests.benchmarks.stereo_rooms import contours_of, footprint
 from tests.conftest import REPOSITORY
 
 FOLDER = REPOSITORY / "out" / "benchmarks" / "stereo"
-INSET_M = 1.2  # of the way from the walls
-FREE_M = 0.45  # beside the way
-GROUP_PX = 4  # columns that are matched alike
+INSET_M = 1.2  # of the route from the walls
+FREE_M = 0.45  # beside the route
+GROUP_PX = 4  # columns with a common match
 TEXTURES = ("brick", "checks", "plaster", "wood")
 CAMERA = {
     "name": "stereo",
@@ -50,7 +50,7 @@ CAMERA = {
 
 
 def world_of(number: int) -> WorldConfig:
-    """A room of about 6 x 5 m, five to eight boxes at its walls and in its middle, and a round between them."""
+    """A room of about 6 x 5 m with five to eight boxes at its walls and in its middle, and a closed route between them."""
     rng = np.random.default_rng([number, 7])
     base, _ = load_world("stereo-room")
     document: dict[str, Any] = base.model_dump(mode="json", exclude_defaults=True)
@@ -58,28 +58,28 @@ def world_of(number: int) -> WorldConfig:
     left, low = rng.uniform(0.0, 0.05, 2)
     room = [left, low, left + length, low + width]
     inner = np.array([length - 2 * INSET_M, width - 2 * INSET_M])
-    way = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * inner + np.array([left + INSET_M, low + INSET_M])
-    way += rng.uniform(-0.3, 0.3, (4, 2))
-    way = np.roll(way if rng.random() < 0.5 else way[::-1], int(rng.integers(4)), axis=0)
-    ahead = way[1] - way[0]
+    route = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * inner + np.array([left + INSET_M, low + INSET_M])
+    route += rng.uniform(-0.3, 0.3, (4, 2))
+    route = np.roll(route if rng.random() < 0.5 else route[::-1], int(rng.integers(4)), axis=0)
+    ahead = route[1] - route[0]
     document |= {
         "seed": 1000 + number,
         "walls": [{"rectangle": room, "texture": "brick", "colour": colour_of(rng)}],
-        "boxes": boxes_of(rng, room, way),
+        "boxes": boxes_of(rng, room, route),
         "truth": {"resolution_m": 0.05},
     }
     document.pop("cylinders")
     document["robot"] |= {
-        "start": [*way[0].tolist(), float(np.arctan2(ahead[1], ahead[0]))],
-        "route": [*way[1:].tolist(), way[0].tolist(), way[1].tolist()],
+        "start": [*route[0].tolist(), float(np.arctan2(ahead[1], ahead[0]))],
+        "route": [*route[1:].tolist(), route[0].tolist(), route[1].tolist()],
     }
     document["sensors"]["cameras"] = [CAMERA]
     return WorldConfig.model_validate(document)
 
 
-def boxes_of(rng: np.random.Generator, room: Sequence[float], way: NDArray[np.float64]) -> list[Any]:
-    """Boxes anywhere that do not stand in the way."""
-    line = LineString([*way, way[0]])
+def boxes_of(rng: np.random.Generator, room: Sequence[float], route: NDArray[np.float64]) -> list[Any]:
+    """Boxes at random positions beside the route."""
+    line = LineString([*route, route[0]])
     boxes: list[Any] = []
     wanted = int(rng.integers(5, 9))
     while len(boxes) < wanted:
@@ -101,32 +101,32 @@ def boxes_of(rng: np.random.Generator, room: Sequence[float], way: NDArray[np.fl
 
 
 def colour_of(rng: np.random.Generator) -> list[int]:
-    """Some colour."""
+    """A random colour."""
     return [int(c) for c in rng.integers(70, 200, 3)]
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """What the method had of a log: frames with where it believed to be; the true map, and the obstacles' outlines in pieces."""
+class StereoDrive:
+    """The frames of a log with the estimated poses, the true map, and the contours of the obstacles in pieces."""
 
-    frames: list[tuple[Frame, PoseBelief]]
+    frames: list[tuple[StereoFrame, PoseBelief]]
     truth: OccupancyGrid
-    outlines: list[NDArray[np.float64]]
+    contours: list[NDArray[np.float64]]
 
 
 class _Recorder(StereoBayes):
-    """Keeps the frames instead of mapping them."""
+    """Records the frames instead of mapping them."""
 
     def __init__(self, config: StereoBayesConfig) -> None:
         super().__init__(config, 0)
-        self.frames: list[tuple[Frame, PoseBelief]] = []
+        self.frames: list[tuple[StereoFrame, PoseBelief]] = []
 
-    def _use(self, frame: Frame, belief: PoseBelief) -> None:
+    def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
         self.frames.append((frame, belief))
 
 
-def drive_of(number: int) -> Drive:
-    """A drive's frames, matched by OpenCV."""
+def drive_of(number: int) -> StereoDrive:
+    """The frames of a drive, matched by OpenCV."""
     config = load_run_config("stereo-bayes").method
     assert isinstance(config, StereoBayesConfig)
     recorder = _Recorder(config)
@@ -134,26 +134,26 @@ def drive_of(number: int) -> Drive:
     with open_log(path, LogConfig(), METHODS["stereo-bayes"].reads) as log:
         feed(log, recorder, lambda _: None, lambda: False)
     recorder.result()
-    return Drive(
-        recorder.frames, load_map(path.with_suffix(".truth") / "map.yaml"), _outlines(world_of(number))
+    return StereoDrive(
+        recorder.frames, load_map(path.with_suffix(".truth") / "map.yaml"), _contours(world_of(number))
     )
 
 
-def _outlines(world: WorldConfig) -> list[NDArray[np.float64]]:
+def _contours(world: WorldConfig) -> list[NDArray[np.float64]]:
     room = world.walls[0].rectangle
     assert room is not None
     boxes = [footprint(np.array(b.centre), np.array(b.size), np.radians(b.yaw_deg)) for b in world.boxes]
-    return outlines_of(room, boxes)
+    return contours_of(room, boxes)
 
 
 def with_false_matches(
-    disparity: NDArray[np.float32], share: float, rng: np.random.Generator
+    disparity: NDArray[np.float32], rate: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """A disparity image in which a share of the columns, some groups at a time, are matched with anything."""
+    """A disparity image in which a fraction of the columns, in groups, has random disparities."""
     found = disparity.copy()
     rows, groups = found.shape[0], found.shape[1] // GROUP_PX
     wrong = np.zeros(groups, bool)
-    while wrong.mean() < share:
+    while wrong.mean() < rate:
         first = int(rng.integers(groups))
         wrong[first : first + int(rng.integers(1, 4))] = True
     for group in np.flatnonzero(wrong):
@@ -163,7 +163,7 @@ def with_false_matches(
 
 
 def log_of(number: int) -> Path:
-    """The log of a drive, rendered when it is not there yet; its truth lies beside it."""
+    """The log of a drive, rendered if it does not exist yet; its truth is beside it."""
     log = FOLDER / f"room-{number}.mcap"
     if not (log.exists() and log.with_suffix(".truth").is_dir()):
         FOLDER.mkdir(parents=True, exist_ok=True)
@@ -172,7 +172,7 @@ def log_of(number: int) -> Path:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Render some logs."""
+    """Render the logs FIRST to LAST."""
     first, last = arguments
     for number in range(int(first), int(last) + 1):
         log_of(number)

@@ -17,7 +17,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
 from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.rays import Rays, range_edges
+from gridslam.methods.stereo_bayes.rays import StereoRays, range_edges
 from gridslam.runs.run import run_map
 from gridslam.runs.run_config import load_run_config
 from tests.benchmarks.harness import say
@@ -28,18 +28,18 @@ from tests.conftest import REPOSITORY
 IMAGES = REPOSITORY / "docs" / "images"
 FOCAL_BASELINE = 31.2
 OBSTACLE_M = 1.52
-SEEN = [20.0] * 10 + [OBSTACLE_M] * 6  # a free room, then an obstacle in it
+VISIBLE = [20.0] * 10 + [OBSTACLE_M] * 6  # a free room, then an obstacle in it
 BEHIND = [3.5, 3.5]  # and two frames with a match behind it
 
 
 def belief_of(config: StereoBayesConfig, frames: list[float]) -> BeliefMap:
-    """The map after frames of a surface at so many metres before a narrow sensor."""
+    """The map after frames of a surface at the given distances (m) before a narrow sensor."""
     belief = BeliefMap(config)
     bearings = np.linspace(-0.4, 0.4, 81)
     for depth in frames:
         disparity = np.where(np.abs(bearings) < 0.2, FOCAL_BASELINE / depth, FOCAL_BASELINE / 20.0)
         edges = np.cos(bearings)[:, None] * range_edges(config)[None]
-        rays = Rays(bearings, disparity, edges, np.zeros(2), FOCAL_BASELINE)
+        rays = StereoRays(bearings, disparity, edges, np.zeros(2), FOCAL_BASELINE)
         belief.update(np.zeros(3), 1e-8 * np.eye(3), rays, belief.noise(64.0))
     return belief
 
@@ -56,10 +56,10 @@ def scene(likelihood: str, frames: list[float]) -> NDArray[np.uint8]:
 
 
 def false_match_scene() -> NDArray[np.uint8]:
-    """Left after SEEN, right after two false matches as well; above the conventional likelihood, below the chain. Grey levels."""
+    """Grey levels: left after VISIBLE, right after two false matches; above the conventional likelihood, below the chain."""
     rows = [
         np.hstack(
-            [np.pad(scene(name, frames), 4, constant_values=120) for frames in (SEEN, [*SEEN, *BEHIND])]
+            [np.pad(scene(name, frames), 4, constant_values=120) for frames in (VISIBLE, [*VISIBLE, *BEHIND])]
         )
         for name in ("independent", "chain")
     ]
@@ -94,9 +94,9 @@ def main() -> None:
         log = write_street(data, Path(scratch) / "street")
         street = run_map(load_run_config("stereo-bayes", STREET, 0), log, lambda p: None, lambda: False)
     found, truth = street.result.trajectory.poses, true_path(data).poses
-    way = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
+    length_m = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
     say(
-        f"street: end-point drift {100 * np.hypot(*(found[-1, :2] - truth[-1, :2])) / way:.2f} % of {way:.1f} m"
+        f"street: end-point drift {100 * np.hypot(*(found[-1, :2] - truth[-1, :2])) / length_m:.2f} % of {length_m:.1f} m"
     )
     write_map(street.result.occupancy, "stereo-street.png", street.result.trajectory)
 

@@ -1,7 +1,7 @@
-"""Simulated rooms before a stereo head: disparity images from rays against continuous geometry, with false matches of any rate.
+"""Simulated rooms for a stereo head: disparity images by ray casting into exact geometry, with false matches at any rate.
 
-The images do not know the estimator's model: noise that whole groups of columns share, quantised disparities, false matches that
-cover several groups, holes, and a floor; obstacles are boxes of different heights.
+The images do not follow the model of the estimator: noise common to groups of columns, quantised disparities, false matches over
+several groups, holes, and a floor.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from tests.conftest import REPOSITORY
 Floats = NDArray[np.float64]
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX, BASELINE_M = 320, 120, 260.0, 0.12
-MOUNT_M = 0.6
+CAMERA_M = 0.6
 GROUP_PX = 4
 ROOM_M = (6.0, 5.0)
 CELL_M = 0.05
-REACH_M = 10.0
+MAX_RANGE_M = 10.0
 PIECE_M = 0.3
 QUAT = (0.5, -0.5, 0.5, -0.5)  # optical: x right, y down, z ahead
 
 
 def head() -> StereoHead:
-    """The stereo head, in the middle of the robot, looking ahead."""
+    """The stereo head, at the centre of the robot, facing forward."""
     centre = (0.5 * (WIDTH_PX - 1), 0.5 * (HEIGHT_PX - 1))
-    return StereoHead.mounted(FOCAL_PX, centre, BASELINE_M, QUAT, (0.0, 0.0, MOUNT_M))
+    return StereoHead.mounted(FOCAL_PX, centre, BASELINE_M, QUAT, (0.0, 0.0, CAMERA_M))
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A room with boxes, and where the robot stands at each frame `(n, 3)`."""
+    """A room with boxes, and the poses of the frames `(n, 3)`."""
 
     scene: Scene
     boxes: list[Polygon]
@@ -49,21 +49,21 @@ class Room:
 
 
 def room_of(seed: int, frames: int = 60) -> Room:
-    """A room of 6 x 5 m with four to seven boxes, and a round in which the robot looks to all sides."""
+    """A room of 6 x 5 m with four to seven boxes, and a closed route on which the robot faces all sides."""
     rng = np.random.default_rng(seed)
-    boxes, entries = [], []
+    boxes, documents = [], []
     while len(boxes) < 4 + seed % 4:
         size = rng.uniform(0.25, 0.8, 2)
         centre = rng.uniform(0.5, np.subtract(ROOM_M, 0.5))
         yaw = float(rng.uniform(0.0, 90.0))
         if np.hypot(*((centre - np.multiply(ROOM_M, 0.5)) / (1.7, 1.3))) < 1.0:
-            continue  # the robot's way
-        entries.append({"centre": centre.tolist(), "size": size.tolist(), "yaw_deg": yaw, "height_m": 1.2})
+            continue  # on the robot's route
+        documents.append({"centre": centre.tolist(), "size": size.tolist(), "yaw_deg": yaw, "height_m": 1.2})
         boxes.append(footprint(centre, size, np.radians(yaw)))
     world = WorldConfig.model_validate(
         {
             "walls": [{"rectangle": [0, 0, *ROOM_M]}],
-            "boxes": entries,
+            "boxes": documents,
             "robot": {"start": [3, 2.5, 0], "route": [[3.1, 2.5]]},
         }
     )
@@ -80,8 +80,8 @@ def footprint(centre: Floats, size: Floats, yaw: float) -> Polygon:
     return Polygon(se2.transform_points(np.array([*centre, yaw]), corners))
 
 
-def outlines_of(room: tuple[float, float, float, float], boxes: Sequence[Polygon]) -> list[Floats]:
-    """Points `(8, 2)` of every piece, about 30 cm long, of the outlines of a room (x0, y0, x1, y1) and its boxes."""
+def contours_of(room: tuple[float, float, float, float], boxes: Sequence[Polygon]) -> list[Floats]:
+    """Points `(8, 2)` of every piece, about 30 cm long, of the contours of a room (x0, y0, x1, y1) and its boxes."""
     pieces = []
     for ring in (box(*room).exterior, *(b.exterior for b in boxes)):
         ends = np.linspace(0.0, ring.length, max(round(ring.length / PIECE_M), 1) + 1)
@@ -100,24 +100,24 @@ def depths_of(room: Room, pose: Floats) -> Floats:
 
 
 def disparity_of(
-    room: Room, pose: Floats, false_share: float, rng: np.random.Generator
+    room: Room, pose: Floats, false_rate: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """The disparity image from a pose, with a share of falsely matched groups of columns."""
+    """The disparity image from a pose, with false matches in a fraction `false_rate` of the groups of columns."""
     depth = depths_of(room, pose)
     groups = WIDTH_PX // GROUP_PX
     shared = np.repeat(rng.normal(0.0, 0.35, groups), GROUP_PX)
     obstacle = FOCAL_PX * BASELINE_M / depth + shared
     wrong = np.zeros(groups, bool)
-    while wrong.mean() < false_share:
+    while wrong.mean() < false_rate:
         first = int(rng.integers(groups))
         wrong[first : first + int(rng.integers(1, 4))] = True
     true = np.clip(obstacle[GROUP_PX // 2 :: GROUP_PX], 1.5, 60.0)
-    behind = rng.random(groups) < 0.5  # a match with what is behind an edge is as frequent as one before it
+    behind = rng.random(groups) < 0.5  # matches behind an edge are as frequent as matches before it
     fake = rng.uniform(np.where(behind, 1.0, true), np.where(behind, true, 64.0))
     obstacle = np.where(np.repeat(wrong, GROUP_PX), np.repeat(fake, GROUP_PX), obstacle)
     rows = (np.arange(HEIGHT_PX) - 0.5 * (HEIGHT_PX - 1)) / FOCAL_PX
     with np.errstate(divide="ignore"):
-        floor = np.where(rows > 0.0, rows * FOCAL_PX * BASELINE_M / MOUNT_M, 0.0)
+        floor = np.where(rows > 0.0, rows * FOCAL_PX * BASELINE_M / CAMERA_M, 0.0)
     image = np.maximum(obstacle[None], floor[:, None]) + rng.normal(0.0, 0.25, (HEIGHT_PX, WIDTH_PX))
     lost = np.repeat(rng.random(groups) < 0.03, GROUP_PX)
     image[:, lost] = np.nan
@@ -126,19 +126,19 @@ def disparity_of(
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """Cells `(rows, cols)` from (0, 0) - margin on: which are obstacles, and which some frame could see."""
+class RoomTruth:
+    """Cells `(rows, cols)` of the room with a margin: which are obstacles, and which are visible in some frame."""
 
     occupied: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
     corner: tuple[int, int]  # lattice cell of the first
 
 
 MARGIN = 4
 
 
-def truth_of(room: Room) -> Truth:
-    """Obstacle cells are those that a wall runs through or that lie in a box; seen are the cells up to the first obstacle."""
+def truth_of(room: Room) -> RoomTruth:
+    """Obstacles are the cells on a wall or in a box; visible are the cells up to the first obstacle of a ray."""
     cols, rows = (round(length / CELL_M) + 2 * MARGIN for length in ROOM_M)
     tree = STRtree(room.boxes)
     occupied = np.zeros((rows, cols), bool)
@@ -150,21 +150,21 @@ def truth_of(room: Room) -> Truth:
             occupied[row, col] = (
                 len(tree.query(box(x, y, x + CELL_M, y + CELL_M), predicate="intersects")) > 0
             )
-    return Truth(occupied, seen_cells(room, occupied), (-MARGIN, -MARGIN))
+    return RoomTruth(occupied, visible_cells(room, occupied), (-MARGIN, -MARGIN))
 
 
-def seen_cells(room: Room, occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def visible_cells(room: Room, occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Free cells that some ray crosses, and the obstacle cells at the rays' ends."""
-    seen = np.zeros(occupied.shape, bool)
+    visible = np.zeros(occupied.shape, bool)
     for pose in room.poses:
         depth = depths_of(room, pose)
         x = (np.arange(WIDTH_PX) - 0.5 * (WIDTH_PX - 1)) / FOCAL_PX
         range_m = depth / np.cos(np.arctan(x))
         angle = pose[2] - np.arctan(x)
-        for r in np.arange(0.3, REACH_M, 0.5 * CELL_M):
+        for r in np.arange(0.3, MAX_RANGE_M, 0.5 * CELL_M):
             there = range_m + 0.02 > r
             col = np.floor((pose[0] + r * np.cos(angle[there])) / CELL_M).astype(int) + MARGIN
             row = np.floor((pose[1] + r * np.sin(angle[there])) / CELL_M).astype(int) + MARGIN
-            inside = (row >= 0) & (col >= 0) & (row < seen.shape[0]) & (col < seen.shape[1])
-            seen[row[inside], col[inside]] = True
-    return seen
+            inside = (row >= 0) & (col >= 0) & (row < visible.shape[0]) & (col < visible.shape[1])
+            visible[row[inside], col[inside]] = True
+    return visible

@@ -1,7 +1,7 @@
-"""Trials of the stereo maps: the same rays for every model, and how right its map is.
+"""Trials of the stereo maps: the same rays for every model, and the errors of its map.
 
 Two kinds of stages: rays cast into rooms with a known rate of false matches (`stereo_rooms`), and rendered drives, matched by
-OpenCV and mapped from the filter's poses, with false matches put in (`stereo_drives`).
+OpenCV and mapped from the filter's poses, with added false matches (`stereo_drives`).
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from scipy.stats import t as student
 from gridslam.evaluation.map_errors import intersection_over_union, log_loss, sample
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.methods.stereo_bayes.rays import RayReader, Rays
+from gridslam.methods.stereo_bayes.rays import RayReader, StereoRays
 from gridslam.runs.run_config import load_run_config
-from tests.benchmarks.stereo_drives import Drive, drive_of, with_false_matches
-from tests.benchmarks.stereo_models import Believed, Model, Plain
+from tests.benchmarks.stereo_drives import StereoDrive, drive_of, with_false_matches
+from tests.benchmarks.stereo_models import BayesModel, InverseSensorModel, MapModel
 from tests.benchmarks.stereo_rooms import (
     CELL_M,
     ROOM_M,
     Room,
+    contours_of,
     disparity_of,
     head,
-    outlines_of,
     room_of,
     truth_of,
 )
@@ -39,31 +39,31 @@ Floats = NDArray[np.float64]
 LIKELIHOODS = ("independent", "occlusion", "chain")
 MODELS = (*LIKELIHOODS, "log-odds")
 POSE_NOISE = (0.05, 0.05, np.radians(2.0))
-SURE, LOST = 0.9, 0.5
-BESIDE_M = 0.1  # what lies so near to an outline belongs to the obstacle
+CERTAIN, LOST = 0.9, 0.5
+NEAR_M = 0.1  # cells this near to a contour belong to the obstacle
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Frames of rays with pose and covariance, the true map (NaN: not asked for), and the obstacles' outlines in pieces."""
+    """Frames of rays with pose and covariance, the true map (NaN: not scored), and the contours of the obstacles in pieces."""
 
-    frames: list[tuple[Rays, Floats, Floats]]
+    frames: list[tuple[StereoRays, Floats, Floats]]
     truth: OccupancyGrid
-    outlines: list[Floats]
+    contours: list[Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class MapScore:
     """Mean log-loss (nats) and IoU over the truth's cells.
 
-    Of the pieces of the obstacles' outlines: `sure` were at some time more than 0.9 sure, `lost` is the number of frames, summed
-    over the pieces, in which one of these was below 0.5.
+    Of the pieces of the contours, `certain` had a probability above 0.9 at some time; `lost` is the number of frames, summed over
+    the pieces, in which one of these was below 0.5.
     """
 
     log_loss: float
     iou: float
     lost: int
-    sure: int
+    certain: int
     pieces: int
 
 
@@ -74,88 +74,92 @@ def config_of(*overrides: str) -> StereoBayesConfig:
     return config
 
 
-def model_of(name: str) -> Model:
+def model_of(name: str) -> MapModel:
     """A likelihood of the best settings, or the plain model."""
-    return Plain(config_of()) if name == "log-odds" else Believed(config_of(f"method.likelihood={name}"))
+    return (
+        InverseSensorModel(config_of())
+        if name == "log-odds"
+        else BayesModel(config_of(f"method.likelihood={name}"))
+    )
 
 
-def scores_of(stage: Stage) -> dict[str, Score]:
+def scores_of(stage: Stage) -> dict[str, MapScore]:
     """All models on the same rays."""
     return {name: score_of(stage, model_of(name)) for name in MODELS}
 
 
-def score_of(stage: Stage, model: Model) -> Score:
+def score_of(stage: Stage, model: MapModel) -> MapScore:
     """One map."""
-    watch = ObstacleWatch(stage)
+    watch = ObstacleTracker(stage)
     for rays, pose, covariance in stage.frames:
-        model.take(rays, pose, covariance)
-        watch.look(model.layer())
+        model.update(rays, pose, covariance)
+        watch.update(model.layer())
     layer = model.layer()
     loss, _ = log_loss(layer, stage.truth, np.zeros(3))
     iou = intersection_over_union(layer, stage.truth, np.zeros(3))
-    return Score(loss, iou, watch.lost, int(watch.sure.sum()), len(watch.sure))
+    return MapScore(loss, iou, watch.lost, int(watch.certain.sum()), len(watch.certain))
 
 
-class ObstacleWatch:
-    """Whether the pieces of obstacles are in the map: the probability of a piece is that of the surest cell beside it."""
+class ObstacleTracker:
+    """Tracks the pieces of obstacles in the map; the probability of a piece is the largest of the cells near it."""
 
     def __init__(self, stage: Stage) -> None:
         cell = stage.truth.geometry.resolution_m
-        every = np.vstack(stage.outlines)
-        low, high = every.min(axis=0) - BESIDE_M, every.max(axis=0) + BESIDE_M
+        every = np.vstack(stage.contours)
+        low, high = every.min(axis=0) - NEAR_M, every.max(axis=0) + NEAR_M
         x, y = np.meshgrid(*(np.arange(a, b, cell) for a, b in zip(low, high, strict=True)))
         self._points = np.column_stack([x.ravel(), y.ravel()])
         tree = cKDTree(self._points)
-        beside = [np.unique(np.concatenate(tree.query_ball_point(p, BESIDE_M))) for p in stage.outlines]
-        self._first = np.cumsum([0, *(len(b) for b in beside[:-1])])
-        self._beside = np.concatenate(beside).astype(np.int64)
-        self.sure = np.zeros(len(beside), bool)
+        near = [np.unique(np.concatenate(tree.query_ball_point(p, NEAR_M))) for p in stage.contours]
+        self._first = np.cumsum([0, *(len(b) for b in near[:-1])])
+        self._near = np.concatenate(near).astype(np.int64)
+        self.certain = np.zeros(len(near), bool)
         self.lost = 0
 
-    def look(self, layer: OccupancyGrid) -> None:
-        """After a frame."""
+    def update(self, layer: OccupancyGrid) -> None:
+        """Count the pieces after a frame."""
         p = np.nan_to_num(sample(layer, self._points), nan=0.0)
-        surest = np.maximum.reduceat(p[self._beside], self._first)
-        self.lost += int((self.sure & (surest < LOST)).sum())
-        self.sure |= surest > SURE
+        probability = np.maximum.reduceat(p[self._near], self._first)
+        self.lost += int((self.certain & (probability < LOST)).sum())
+        self.certain |= probability > CERTAIN
 
 
-def room_stage(seed: int, share: float, noisy: bool = False) -> Stage:
-    """Rays cast into a room; noisy: with errors of the pose that the covariance tells of."""
-    room, truth, outlines = _room(seed)
-    rng = np.random.default_rng([seed, round(1000 * share)])
+def room_stage(seed: int, rate: float, noisy: bool = False) -> Stage:
+    """Rays cast into a room; `noisy`: with errors of the pose, and their covariance."""
+    room, truth, contours = _room(seed)
+    rng = np.random.default_rng([seed, round(1000 * rate)])
     reader, frames = RayReader(config_of(), Counter()), []
     covariance = np.diag(np.square(POSE_NOISE)) if noisy else np.diag([1e-6] * 3)
     for pose in room.poses:
-        disparity = disparity_of(room, pose, share, rng)
-        believed = pose + (rng.normal(0.0, POSE_NOISE) if noisy else 0.0)
-        frames.append((reader.read(disparity, head()), believed, covariance))
-    return Stage(frames, truth, outlines)
+        disparity = disparity_of(room, pose, rate, rng)
+        estimated = pose + (rng.normal(0.0, POSE_NOISE) if noisy else 0.0)
+        frames.append((reader.read(disparity, head()), estimated, covariance))
+    return Stage(frames, truth, contours)
 
 
 @lru_cache(maxsize=32)
 def _room(seed: int) -> tuple[Room, OccupancyGrid, list[Floats]]:
     room = room_of(seed)
     truth = truth_of(room)
-    p = np.where(truth.seen, truth.occupied, np.nan).astype(np.float32)
+    p = np.where(truth.visible, truth.occupied, np.nan).astype(np.float32)
     row, col = truth.corner
     geometry = GridGeometry(CELL_M, (col * CELL_M, row * CELL_M))
-    return room, OccupancyGrid(p, geometry), outlines_of((0.0, 0.0, *ROOM_M), room.boxes)
+    return room, OccupancyGrid(p, geometry), contours_of((0.0, 0.0, *ROOM_M), room.boxes)
 
 
-def drive_stage(number: int, share: float, config: StereoBayesConfig | None = None) -> Stage:
-    """A rendered drive with a share of its columns matched wrongly; `config` says how rays are read, as best without one."""
+def drive_stage(number: int, rate: float, config: StereoBayesConfig | None = None) -> Stage:
+    """A rendered drive with false matches in a fraction `rate` of its columns; `config` for the rays is the best by default."""
     drive = _drive(number)
-    rng = np.random.default_rng([number, round(1000 * share)])
+    rng = np.random.default_rng([number, round(1000 * rate)])
     reader, frames = RayReader(config or config_of(), Counter()), []
     for frame, belief in drive.frames:
-        disparity = with_false_matches(frame.disparity, share, rng)
+        disparity = with_false_matches(frame.disparity, rate, rng)
         frames.append((reader.read(disparity, frame.head), belief.pose, belief.covariance))
-    return Stage(frames, drive.truth, drive.outlines)
+    return Stage(frames, drive.truth, drive.contours)
 
 
 @lru_cache(maxsize=1)
-def _drive(number: int) -> Drive:
+def _drive(number: int) -> StereoDrive:
     return drive_of(number)
 
 

@@ -1,4 +1,4 @@
-"""The exact chain against counting through all states, and what the three likelihoods make of a false match."""
+"""The exact chain against an enumeration of all states, and the three likelihoods of a false match."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gridslam.kernels.chain import bounded_covariance, expected_behind, likelihoods_of_rays
+from gridslam.kernels.chain import (
+    CellPriors,
+    RayEvidence,
+    bounded_covariance,
+    expected_behind,
+    likelihoods_of_rays,
+)
 from tests.reference import chain as reference
 
 Floats = NDArray[np.float64]
@@ -28,11 +34,18 @@ def rays(draw: st.DrawFn) -> tuple[list[float], list[float], list[float], float]
     )
 
 
+def evidence_of(
+    prior: Floats, correlation: Floats, first: Floats, none: float, front_is_empty: bool = False
+) -> RayEvidence:
+    """Evidence `(1, n)` of one ray."""
+    priors = CellPriors(prior[None], correlation[None])
+    found: RayEvidence = likelihoods_of_rays(priors, first[None], np.array([none]), front_is_empty)
+    return found
+
+
 def posteriors(prior: Floats, correlation: Floats, first: Floats, none: float) -> Floats:
     """P(E_k | o) by the kernel."""
-    occupied, empty, _ = likelihoods_of_rays(
-        prior[None], correlation[None], first[None], np.array([none]), False
-    )
+    occupied, empty, _ = evidence_of(prior, correlation, first, none)
     np.testing.assert_allclose(occupied[0] * prior + empty[0] * (1 - prior), 1.0, atol=1e-12)
     return np.asarray(occupied[0] * prior / (occupied[0] * prior + empty[0] * (1 - prior)))
 
@@ -48,7 +61,7 @@ def test_the_chain_is_exact(ray: tuple[list[float], list[float], list[float], fl
 
 @given(rays())
 @settings(max_examples=60, deadline=None)
-def test_without_correlation_it_is_the_first_of_independent_cells(
+def test_without_correlation_the_cells_are_independent(
     ray: tuple[list[float], list[float], list[float], float],
 ) -> None:
     prior, _, first, none = (np.array(v) for v in ray)
@@ -69,67 +82,61 @@ def test_the_joint_distribution_of_neighbours_exists(p: float, p_next: float, r:
     assert sum(table) == pytest.approx(1.0)
 
 
-def ratio_of_a_hidden_obstacle(r: float, front: bool) -> float:
-    """P(o|E) / P(o|not E) of a cell with p near 1 in known free space, when something is matched behind it."""
+def ratio_of_a_hidden_obstacle(r: float, front_is_empty: bool) -> float:
+    """P(o|E) / P(o|not E) of a cell with p near 1 in known free space, for a match behind it."""
     prior = np.full(60, 0.002)
     prior[20] = 0.999
     false, peak = 0.05 / 64, 0.8
     first = np.full(60, false)
     first[45] += peak
-    occupied, empty, _ = likelihoods_of_rays(
-        prior[None], np.full((1, 60), r), first[None], np.array([false]), front
-    )
+    occupied, empty, _ = evidence_of(prior, np.full(60, r), first, false, front_is_empty)
     return float(occupied[0, 20] / empty[0, 20])
 
 
-def test_a_match_behind_a_sure_obstacle_says_nothing_about_it_where_the_conventional_method_doubts_it() -> (
-    None
-):
+def test_a_match_behind_a_certain_obstacle_is_no_evidence_against_it_except_conventionally() -> None:
     assert ratio_of_a_hidden_obstacle(0.978, False) == pytest.approx(1.0, abs=0.05)
     assert ratio_of_a_hidden_obstacle(0.978, True) < 0.5
 
 
 def test_cells_of_probability_near_zero_and_one_stay_finite() -> None:
     prior = np.array([1e-9, 1.0 - 1e-9, 1e-9, 0.5, 1.0 - 1e-9])
-    occupied, empty, _ = likelihoods_of_rays(
-        prior[None], np.full((1, 5), 0.999), np.full((1, 5), 1e-6), np.array([1e-6]), False
-    )
+    occupied, empty, _ = evidence_of(prior, np.full(5, 0.999), np.full(5, 1e-6), 1e-6)
     assert np.isfinite(occupied).all()
     assert np.isfinite(empty).all()
 
 
 @given(rays())
 @settings(max_examples=60, deadline=None)
-def test_a_cell_is_reached_when_nothing_stands_before_it(
+def test_a_cell_is_reached_if_no_cell_before_it_is_occupied(
     ray: tuple[list[float], list[float], list[float], float],
 ) -> None:
     prior, correlation, first, none = ray
-    _, _, reached = likelihoods_of_rays(
-        np.array(prior)[None], np.array(correlation)[None], np.array(first)[None], np.array([none]), False
-    )
+    _, _, reached = evidence_of(np.array(prior), np.array(correlation), np.array(first), none)
     expected = [reference.reached(k, prior, correlation, first, none) for k in range(len(prior))]
     np.testing.assert_allclose(reached[0], expected, atol=1e-12)
 
 
-def test_what_is_expected_behind_is_the_chain_run_on_from_the_first_hit() -> None:
+def test_the_expectation_behind_an_obstacle_is_the_chain_continued_from_it() -> None:
     rng = np.random.default_rng(3)
-    first, prior = rng.dirichlet(np.ones(7)), 0.25  # the last: nothing on the ray
+    first, prior = rng.dirichlet(np.ones(7)), 0.25  # the last one: no obstacle
     correlation = rng.uniform(0.5, 1.0, 6)
     expected = reference.expected_behind(first[:6], correlation, prior)
     reached = 1.0 - np.concatenate([[0.0], np.cumsum(first)[:5]])
     found = expected_behind(reached[None], correlation[None], prior)[0]
-    assert found[:5] == pytest.approx(expected[:5], abs=1e-12)  # the last cell's hit cannot be told from none
+    assert found[:5] == pytest.approx(
+        expected[:5], abs=1e-12
+    )  # an obstacle in the last cell is not distinguished from none
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_long_rays_are_the_sum_over_the_cells_that_may_be_the_first(seed: int) -> None:
+def test_long_rays_agree_with_the_sum_over_the_first_occupied_cell(seed: int) -> None:
     rng = np.random.default_rng(seed)
     prior, correlation, first = (
         rng.uniform(0.01, 0.9, 50),
         rng.uniform(-0.5, 1.0, 50),
         rng.uniform(0.0, 3.0, 50),
     )
-    found = likelihoods_of_rays(prior[None], correlation[None], first[None], np.array([0.3]), False)
+    found = evidence_of(prior, correlation, first, 0.3)
     expected = reference.likelihoods(prior, correlation, first, 0.3)
     for ours, row in zip(found, expected, strict=True):
         np.testing.assert_allclose(ours[0], row, rtol=1e-9, atol=1e-12)

@@ -8,8 +8,8 @@ from tests.reference import infrared as reference
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_reading_is_drawn_as_its_twin_draws_it(seed: int) -> None:
-    """Where the ideal line passes exactly between two cells either may be taken: odd slopes leave no such choice."""
+def test_drawing_a_reading_agrees_with_the_reference(seed: int) -> None:
+    """Lines that pass exactly between two cells are left out, because either cell is right there."""
     rng = np.random.default_rng(seed)
     for _ in range(40):
         start = rng.integers(0, 40, 2)
@@ -26,7 +26,7 @@ def test_a_reading_is_drawn_as_its_twin_draws_it(seed: int) -> None:
         assert np.allclose(pos, expected, atol=1e-12)
 
 
-def test_the_sensor_model_along_a_row_is_the_papers() -> None:
+def test_the_sensor_model_along_a_row_is_that_of_the_paper() -> None:
     pos = np.zeros((1, 8))
     kernel.add_readings(pos, np.array([[0, 1]]), np.array([[0, 5]]), np.ones(1))
     assert np.allclose(pos[0], [0, -1, -15 / 16, -12 / 16, -7 / 16, 1, 0, 0])
@@ -40,7 +40,7 @@ def test_a_reading_in_the_sensors_own_cell_is_only_a_hit() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_shifted_sums_are_those_of_their_twins(seed: int) -> None:
+def test_shifted_sums_and_changes_agree_with_the_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.standard_normal((12, 17))
     cells = rng.integers(-6, 22, (30, 2))
@@ -49,27 +49,27 @@ def test_shifted_sums_are_those_of_their_twins(seed: int) -> None:
     assert np.allclose(changes, reference.shifted_changes(values, cells, 4, -2, 3))
 
 
-def test_lines_count_the_cells_that_they_pass() -> None:
+def test_crossed_cells_agree_with_the_reference() -> None:
     rng = np.random.default_rng(0)
-    starts, ends = rng.uniform(0, 20, (30, 2)), rng.uniform(0, 20, (30, 2))
+    origins, endpoints = rng.uniform(0, 20, (30, 2)), rng.uniform(0, 20, (30, 2))
     crossed, expected = np.zeros((20, 20)), np.zeros((20, 20))
-    kernel.count_crossed(crossed, starts, ends)
-    reference.count_crossed(expected, starts, ends)
+    kernel.count_crossed(crossed, origins, endpoints)
+    reference.count_crossed(expected, origins, endpoints)
     assert np.array_equal(crossed, expected)
 
 
-def test_spots_keep_the_highest_level_and_end_at_the_border() -> None:
+def test_splats_keep_the_maximum_and_end_at_the_border() -> None:
     values = np.zeros((5, 5))
-    spot = np.array([[0.1, 0.5, 0.1], [0.5, 1.0, 0.5], [0.1, 0.5, 0.1]])
-    kernel.add_spots(values, np.array([[0, 0], [0, 1], [9, 9]]), spot, np.ones(3))
+    splat = np.array([[0.1, 0.5, 0.1], [0.5, 1.0, 0.5], [0.1, 0.5, 0.1]])
+    kernel.splat_maximum(values, np.array([[0, 0], [0, 1], [9, 9]]), splat, np.ones(3))
     assert np.allclose(values[:2, :3], [[1.0, 1.0, 0.5], [0.5, 0.5, 0.1]])
     assert values[2:].sum() == 0.0
 
 
-def test_spots_are_those_of_their_reference() -> None:
+def test_splats_agree_with_the_reference() -> None:
     rng = np.random.default_rng(2)
     values, cells = rng.random((20, 25)), rng.integers(-3, 28, (40, 2))
-    spot, weights, expected = rng.random((5, 5)), rng.uniform(0.2, 1.5, 40), values.copy()
-    kernel.add_spots(values, cells, spot, weights)
-    reference.add_spots(expected, cells, spot, weights)
+    splat, weights, expected = rng.random((5, 5)), rng.uniform(0.2, 1.5, 40), values.copy()
+    kernel.splat_maximum(values, cells, splat, weights)
+    reference.splat_maximum(expected, cells, splat, weights)
     assert np.allclose(values, expected)

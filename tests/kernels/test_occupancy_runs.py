@@ -1,4 +1,4 @@
-"""Runs of the same state, against walks one at a time."""
+"""Runs of the same state against walks one at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.reference.occupancy_runs import follow_run
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_runs_end_where_the_state_changes_or_is_not_known(seed: int) -> None:
+def test_runs_end_where_the_state_changes_or_is_unknown(seed: int) -> None:
     rng = np.random.default_rng(seed)
     state = rng.choice([0, 0, 0, 1, UNKNOWN], (20, 30), p=[0.3, 0.3, 0.25, 0.1, 0.05]).astype(np.int8)
     known = np.argwhere(state != UNKNOWN)

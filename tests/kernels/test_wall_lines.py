@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.kernels import wall_lines as kernel
-from gridslam.methods.ir_scan.adjustment import _eliminated, by_cell
-from gridslam.methods.ir_scan.lines import moments
+from gridslam.methods.ir_scan.lines import moments_of
+from gridslam.methods.ir_scan.wall_equations import by_cell, eliminate_walls
 from tests.reference import wall_lines as reference
 
 Floats = NDArray[np.float64]
 
-MAP_VARIANCE, ROBUST, LEAST, THICKEST = 1e-5, 2.5, 4.0, 0.05
+CRITERIA = kernel.WallCriteria(min_points=4.0, max_thickness_m=0.05, map_variance=1e-5, robust_sigmas=2.5)
 CELL_M = 0.15
 
 
@@ -24,9 +24,9 @@ def directions_of(rng: np.random.Generator, n: int) -> Floats:
 
 def wall_points(rng: np.random.Generator, n: int) -> Floats:
     """Points near two walls, and a few anywhere."""
-    along, off = rng.uniform(0.0, 2.0, n), rng.normal(0.0, 0.01, n)
+    along, offset = rng.uniform(0.0, 2.0, n), rng.normal(0.0, 0.01, n)
     points = np.where(
-        rng.random(n)[:, None] < 0.5, np.stack([along, 0.7 + off], 1), np.stack([1.1 + off, along], 1)
+        rng.random(n)[:, None] < 0.5, np.stack([along, 0.7 + offset], 1), np.stack([1.1 + offset, along], 1)
     )
     anywhere = rng.random(n) < 0.04
     points[anywhere] = rng.uniform(0.0, 2.0, (int(anywhere.sum()), 2))
@@ -34,71 +34,58 @@ def wall_points(rng: np.random.Generator, n: int) -> Floats:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_pooled_sums_are_those_of_their_reference(seed: int) -> None:
+def test_pooled_sums_agree_with_the_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     channels, cells = rng.standard_normal((12, 17, 3)), rng.integers(-6, 22, (30, 2))
     assert np.allclose(kernel.pooled_sums(channels, cells, 2), reference.pooled_sums(channels, cells, 2))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_equations_of_a_pose_are_those_of_their_reference(seed: int) -> None:
-    """The map's points lie in cells; the reference fits its lines to the points themselves."""
+def test_equations_of_a_pose_agree_with_the_reference(seed: int) -> None:
+    """The kernel fits lines to the moments of cells, the reference to the points themselves."""
     rng = np.random.default_rng(seed)
     mapped, weights = wall_points(rng, 300), rng.uniform(0.5, 2.0, 300)
-    at = np.floor(mapped[:, ::-1] / CELL_M).astype(np.int64)
+    mapped_cells = np.floor(mapped[:, ::-1] / CELL_M).astype(np.int64)
     sums = np.zeros((16, 16, 7))
-    np.add.at(sums, (at[:, 0], at[:, 1]), moments(mapped, weights))
+    np.add.at(sums, (mapped_cells[:, 0], mapped_cells[:, 1]), moments_of(mapped, weights))
     position, n = np.array([0.9, 0.4]), 60
     points = wall_points(rng, n) + rng.normal(0.0, 0.02, 2)
-    arms, directions, variances = points - position, directions_of(rng, n), rng.uniform(1e-5, 1e-3, (n, 2))
+    beams = kernel.MapPoints(points - position, directions_of(rng, n), rng.uniform(1e-5, 1e-3, (n, 2)))
     cells = np.floor(points[:, ::-1] / CELL_M).astype(np.int64)
-    hessian, gradient, near = reference.equations_on_lines(
-        mapped,
-        weights,
-        CELL_M,
-        points,
-        arms,
-        directions,
-        variances,
-        LEAST,
-        THICKEST,
-        MAP_VARIANCE,
-        ROBUST,
+    hessian, gradient, on_walls = reference.equations_on_lines(
+        mapped, weights, CELL_M, position, beams, CRITERIA
     )
-    assert near > 5
-    got = kernel.equations_on_lines(
-        sums, cells, LEAST, THICKEST, arms, directions, variances, MAP_VARIANCE, ROBUST, position
-    )
-    assert np.allclose(got[0], hessian, rtol=1e-6)
-    assert np.allclose(got[1], gradient, rtol=1e-6, atol=1e-6 * np.abs(hessian).max())
-    assert got[2] == near
+    assert on_walls > 5
+    found = kernel.equations_on_lines(sums, cells, beams, position, CRITERIA)
+    assert np.allclose(found.hessian, hessian, rtol=1e-6)
+    assert np.allclose(found.gradient, gradient, rtol=1e-6, atol=1e-6 * np.abs(hessian).max())
+    assert found.on_walls == on_walls
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_eliminating_the_walls_is_the_schur_complement_of_the_whole_problem(seed: int) -> None:
-    """The reference writes one row for each point over all poses and all walls' offsets and tilts."""
+    """The reference has one row for each point, over all poses and all walls' offsets and tilts."""
     rng = np.random.default_rng(seed)
-    n, places = 400, 5
-    points, place = wall_points(rng, n), np.sort(rng.integers(0, places, n))
+    n, stops = 400, 5
+    positions, stop = wall_points(rng, n), np.sort(rng.integers(0, stops, n))
     arms, directions = rng.normal(0.0, 0.5, (n, 2)), directions_of(rng, n)
     variances, bel = rng.uniform(1e-5, 1e-3, (n, 2)), rng.choice([0.5, 1.0], n)
-    first, order = by_cell(points, CELL_M, 0.5)
+    points = kernel.StopPoints(stop, positions, bel, kernel.MapPoints(arms, directions, variances))
+    first, order = by_cell(positions, CELL_M, 0.5)
     walls = len(first) - 1
-    arguments = (first, order, place, points, arms, directions, variances, bel)
-    settings = (LEAST, THICKEST, MAP_VARIANCE, ROBUST, places)
-    J, off, weights = reference.rows_of_walls(*arguments, *settings)
+    J, distance, weights = reference.rows_of_walls(first, order, points, stops, CRITERIA)
     assert np.count_nonzero(weights) > 50
-    H, g = J.T @ (weights[:, None] * J), J.T @ (weights * off)
-    p = 3 * places
+    H, g = J.T @ (weights[:, None] * J), J.T @ (weights * distance)
+    p = 3 * stops
     of_walls = np.linalg.inv(H[p:, p:] + np.eye(2 * walls))
-    equations = kernel.equations_of_walls(*arguments, *settings)
-    hessian, gradient = _eliminated(*equations)
+    equations = kernel.equations_of_walls(first, order, points, stops, CRITERIA)
+    hessian, gradient = eliminate_walls(equations)
     scale = np.abs(H[:p, :p]).max()
     assert np.allclose(hessian.toarray(), H[:p, :p] - H[:p, p:] @ of_walls @ H[p:, :p], atol=1e-9 * scale)
     assert np.allclose(gradient, g[:p] - H[:p, p:] @ of_walls @ g[p:], atol=1e-9 * scale)
 
 
-def test_points_are_sorted_by_cell_and_stay_in_order_within_one() -> None:
+def test_points_are_sorted_by_cell_and_keep_their_order_within_a_cell() -> None:
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 2))
     first, order = by_cell(points, 0.5, 0.0)
     assert sorted(order.tolist()) == list(range(50))

@@ -1,4 +1,4 @@
-"""The Kalman filter of the pose: fixes in any order, gates, and starts."""
+"""The Kalman filter of the pose: absolute poses in any order, the gate, and the start."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.motion.absolute_pose_filter import AbsolutePoseFilter, MotionNoise, PoseBelief
+from gridslam.motion.absolute_pose_filter import (
+    AbsolutePoseFilter,
+    FilterSettings,
+    PoseBelief,
+    RootMotionNoise,
+)
 
 Floats = NDArray[np.float64]
 
-NOISE = MotionNoise(0.05, 0.05, 0.02)
-FIX = np.diag([0.03**2, 0.03**2, 0.02**2])
+NOISE = RootMotionNoise(0.05, 0.05, 0.02)
+MEASURED = np.diag([0.03**2, 0.03**2, 0.02**2])
 SECOND = 10**9
 
 
 def filter_of(start: PoseBelief | None = None) -> AbsolutePoseFilter:
-    return AbsolutePoseFilter(NOISE, gate=11.345, window_s=10.0, reset_after=5, start=start)
+    return AbsolutePoseFilter(NOISE, FilterSettings(reset_after=5), start)
 
 
 def drive(n: int) -> Floats:
@@ -30,22 +35,22 @@ def stamp(k: int) -> int:
     return k * SECOND // 10
 
 
-def test_the_order_in_which_fixes_come_does_not_matter() -> None:
+def test_the_order_of_arrival_of_absolute_poses_does_not_matter() -> None:
     rng = np.random.default_rng(0)
     path = drive(60)
-    fixes = [(k, path[k] + rng.normal(0.0, [0.03, 0.03, 0.02])) for k in range(0, 60, 5)]
+    measured = [(k, path[k] + rng.normal(0.0, [0.03, 0.03, 0.02])) for k in range(0, 60, 5)]
     in_order, late = filter_of(), filter_of()
     waiting = []
     for k in range(60):
         for tracker in (in_order, late):
             tracker.add_odometry(stamp(k), path[k])
-        for when, pose in fixes:
+        for when, pose in measured:
             if when == k:
-                in_order.add_fix(stamp(k), pose, FIX)
+                in_order.add_absolute_pose(stamp(k), pose, MEASURED)
                 waiting.append((k, pose))
         if k % 20 == 19:
             for when, pose in reversed(waiting):
-                late.add_fix(stamp(when), pose, FIX)
+                late.add_absolute_pose(stamp(when), pose, MEASURED)
             waiting.clear()
     for k in (30, 59):
         a, b = in_order.at(stamp(k)), late.at(stamp(k))
@@ -56,92 +61,92 @@ def test_the_order_in_which_fixes_come_does_not_matter() -> None:
     assert in_order.counters == late.counters
 
 
-def test_the_first_fix_is_taken_as_it_is_and_the_next_is_weighed_by_the_covariances() -> None:
+def test_the_first_absolute_pose_is_the_start_and_the_next_is_fused_by_covariance() -> None:
     tracker = filter_of()
     tracker.add_odometry(0, np.zeros(3))
     assert tracker.at(0) is None
-    tracker.add_fix(0, np.array([1.0, 2.0, 0.5]), FIX)
+    tracker.add_absolute_pose(0, np.array([1.0, 2.0, 0.5]), MEASURED)
     first = tracker.at(0)
     assert first is not None
     np.testing.assert_allclose(first.pose, [1.0, 2.0, 0.5])
     tracker.add_odometry(SECOND, np.zeros(3))
-    tracker.add_fix(SECOND, np.array([1.02, 2.0, 0.5]), FIX)
+    tracker.add_absolute_pose(SECOND, np.array([1.02, 2.0, 0.5]), MEASURED)
     second = tracker.at(SECOND)
     assert second is not None
     np.testing.assert_allclose(second.pose, [1.01, 2.0, 0.5], atol=1e-12)  # equal covariances: the mean
-    np.testing.assert_allclose(second.covariance, 0.5 * FIX, atol=1e-12)
+    np.testing.assert_allclose(second.covariance, 0.5 * MEASURED, atol=1e-12)
 
 
-def test_a_fix_beyond_the_gate_is_refused_and_counted() -> None:
-    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+def test_an_absolute_pose_beyond_the_gate_is_rejected_and_counted() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * MEASURED))
     tracker.add_odometry(0, np.zeros(3))
     tracker.add_odometry(SECOND, np.zeros(3))
-    tracker.add_fix(SECOND, np.array([1.0, 0.0, 0.0]), FIX)
+    tracker.add_absolute_pose(SECOND, np.array([1.0, 0.0, 0.0]), MEASURED)
     belief = tracker.at(SECOND)
     assert belief is not None
     np.testing.assert_allclose(belief.pose, 0.0)
     assert tracker.counters == {"skipped.fix.rejected": 1}
 
 
-def test_fixes_that_all_disagree_win_in_the_end() -> None:
-    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+def test_rejected_poses_that_agree_with_each_other_reset_the_filter() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * MEASURED))
     for k in range(6):
         tracker.add_odometry(stamp(k), np.zeros(3))
-        tracker.add_fix(stamp(k), np.array([5.0, 0.0, 0.0]), FIX)
+        tracker.add_absolute_pose(stamp(k), np.array([5.0, 0.0, 0.0]), MEASURED)
     belief = tracker.at(stamp(5))
     assert belief is not None
     assert belief.pose[0] == pytest.approx(5.0, abs=0.05)
     assert tracker.counters == {"skipped.fix.rejected": 4, "used.fix": 2, "fix.resets": 1}
 
 
-def test_refused_fixes_agree_when_the_odometry_carries_one_to_the_next() -> None:
-    """The robot drives on while the fixes, all of one wrong belief's start, follow it."""
-    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+def test_rejected_poses_agree_if_odometry_leads_from_one_to_the_next() -> None:
+    """The robot drives on, and the absolute poses follow it from a wrong start."""
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * MEASURED))
     for k in range(6):
         tracker.add_odometry(stamp(k), np.array([0.5 * k, 0.0, 0.0]))
-        tracker.add_fix(stamp(k), np.array([5.0, 0.5 * k, np.pi / 2]), FIX)
+        tracker.add_absolute_pose(stamp(k), np.array([5.0, 0.5 * k, np.pi / 2]), MEASURED)
     belief = tracker.at(stamp(5))
     assert belief is not None
     np.testing.assert_allclose(belief.pose, [5.0, 2.5, np.pi / 2], atol=0.05)
     assert tracker.counters["fix.resets"] == 1
 
 
-def test_outliers_that_agree_with_nothing_never_win_however_many_come() -> None:
+def test_outliers_that_disagree_never_reset_the_filter() -> None:
     rng = np.random.default_rng(0)
-    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * FIX))
+    tracker = filter_of(PoseBelief(np.zeros(3), 0.01 * MEASURED))
     for k in range(100):
         tracker.add_odometry(stamp(k), np.zeros(3))
-        tracker.add_fix(stamp(k), np.append(rng.uniform(100.0, 2000.0, 2), 0.0), FIX)
+        tracker.add_absolute_pose(stamp(k), np.append(rng.uniform(100.0, 2000.0, 2), 0.0), MEASURED)
     belief = tracker.at(stamp(99))
     assert belief is not None
     np.testing.assert_allclose(belief.pose, 0.0)
     assert tracker.counters == {"skipped.fix.rejected": 100}
 
 
-def test_fixes_older_than_the_window_are_refused() -> None:
-    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+def test_absolute_poses_older_than_the_window_are_rejected() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), MEASURED))
     for k in range(300):
         tracker.add_odometry(stamp(k), np.zeros(3))
-    tracker.add_fix(stamp(10), np.zeros(3), FIX)
+    tracker.add_absolute_pose(stamp(10), np.zeros(3), MEASURED)
     assert tracker.counters == {"skipped.fix.too_late": 1}
 
 
 @pytest.mark.parametrize("bad", [np.array([np.nan, 0.0, 0.0]), np.array([np.inf, 0.0, 0.0])])
-def test_a_fix_that_is_no_number_is_counted(bad: Floats) -> None:
-    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+def test_an_absolute_pose_that_is_not_finite_is_counted(bad: Floats) -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), MEASURED))
     tracker.add_odometry(0, np.zeros(3))
-    tracker.add_fix(0, bad, FIX)
-    tracker.add_fix(0, np.zeros(3), np.zeros((3, 3)))
+    tracker.add_absolute_pose(0, bad, MEASURED)
+    tracker.add_absolute_pose(0, np.zeros(3), np.zeros((3, 3)))
     assert tracker.counters == {"skipped.fix.not_finite": 2}
 
 
-def test_without_odometry_fixes_are_counted_as_not_used() -> None:
+def test_without_odometry_absolute_poses_are_counted_as_unused() -> None:
     tracker = filter_of()
-    tracker.add_fix(0, np.zeros(3), FIX)
+    tracker.add_absolute_pose(0, np.zeros(3), MEASURED)
     assert tracker.counters == {"skipped.fix.no_odometry": 1}
 
 
-def test_the_noise_of_a_way_does_not_depend_on_its_steps() -> None:
+def test_the_noise_of_a_path_does_not_depend_on_its_steps() -> None:
     one, many = (filter_of(PoseBelief(np.zeros(3), 1e-12 * np.eye(3))) for _ in range(2))
     for tracker, steps in ((one, 2), (many, 201)):
         for k in range(steps):
@@ -153,8 +158,8 @@ def test_the_noise_of_a_way_does_not_depend_on_its_steps() -> None:
     assert a.covariance[0, 0] == pytest.approx(2.0 * 0.05**2, rel=1e-6)
 
 
-def test_between_two_odometries_the_belief_lies_between_theirs() -> None:
-    tracker = filter_of(PoseBelief(np.zeros(3), FIX))
+def test_between_two_odometry_messages_the_belief_is_interpolated() -> None:
+    tracker = filter_of(PoseBelief(np.zeros(3), MEASURED))
     path = drive(2)
     for k in range(2):
         tracker.add_odometry(stamp(k), path[k])

@@ -32,13 +32,13 @@ def test_wheels_alone_drive_the_arc_of_the_differential_drive() -> None:
         motion.add_wheels(wheels(k, 0.1 * k, 0.15 * k))
     motion.flush()
     motion.advance_to(motion.total_rows)
-    turn, way = 100 * 0.05 * RADIUS / BASE, 100 * 0.125 * RADIUS
-    expected = [way / turn * math.sin(turn), way / turn * (1 - math.cos(turn)), turn]
-    assert np.allclose(motion.stretch().T_stop_now, expected, atol=1e-12)
-    assert len(motion.stretch().path) == 101
+    yaw, distance = 100 * 0.05 * RADIUS / BASE, 100 * 0.125 * RADIUS
+    expected = [distance / yaw * math.sin(yaw), distance / yaw * (1 - math.cos(yaw)), yaw]
+    assert np.allclose(motion.motion().T_stop_now, expected, atol=1e-12)
+    assert len(motion.motion().path) == 101
 
 
-def test_odometry_alone_is_repeated_whatever_its_frame() -> None:
+def test_odometry_alone_is_reproduced_from_any_start() -> None:
     motion = WheelGyro(WheelGyroNoise(), MotionLimits())
     start, steps = np.array([5.0, -3.0, 2.9]), np.array([0.02, 0.003, 0.04])
     pose = start
@@ -47,7 +47,7 @@ def test_odometry_alone_is_repeated_whatever_its_frame() -> None:
         pose, last = se2.compose(pose, steps), pose
     motion.flush()
     motion.advance_to(motion.total_rows)
-    assert np.allclose(motion.stretch().T_stop_now, se2.between(start, last), atol=1e-9)
+    assert np.allclose(motion.motion().T_stop_now, se2.between(start, last), atol=1e-9)
 
 
 def drive_with_slip(
@@ -58,9 +58,9 @@ def drive_with_slip(
     ticks: int = 300,
     stop_at: int | None = None,
 ) -> float:
-    """Stands 5 s, turns by 90 degrees while the wheels claim 20 % more, stands 5 s; returns the true turn.
+    """Stand for 5 s, turn by 90 degrees while the wheels measure 20 % more, stand for 5 s; returns the true yaw.
 
-    It ends after so many `ticks`, and with `stop_at` a stretch ends before that one.
+    The drive has `ticks` wheel messages; with `stop_at` there is a stop before that message.
     """
     rng = np.random.default_rng(seed)
     true, angle, tick = 0.0, 0.0, 0
@@ -87,39 +87,41 @@ def drive_with_slip(
     return true
 
 
-def test_the_gyro_tells_the_turn_where_wheels_slip_and_its_bias_is_learned_while_standing() -> None:
+def test_the_gyro_gives_the_yaw_if_wheels_slip_and_its_bias_is_estimated_while_standing() -> None:
     motion = wheel_filter()
     true = drive_with_slip(motion, bias=0.01)
-    assert motion.stretch().T_stop_now[2] == pytest.approx(true, abs=0.01)
+    assert motion.motion().T_stop_now[2] == pytest.approx(true, abs=0.01)
     without = WheelGyro(replace(WheelGyroNoise(), gyro_per_root_s=10.0), MotionLimits(), RADIUS, BASE)
     drive_with_slip(without, bias=0.01)
-    assert abs(without.stretch().T_stop_now[2] - true) > 0.2
+    assert abs(without.motion().T_stop_now[2] - true) > 0.2
 
 
-def test_the_stated_deviation_of_the_heading_covers_the_error() -> None:
-    off = []
+def test_the_standard_deviation_of_the_yaw_matches_its_error() -> None:
+    errors = []
     for seed in range(12):
         motion = wheel_filter()
         true = drive_with_slip(motion, bias=0.005, seed=seed)
-        stretch = motion.stretch()
-        off.append((stretch.T_stop_now[2] - true) / math.sqrt(stretch.covariance[2, 2]))
-    assert np.sqrt(np.mean(np.square(off))) < 1.5
+        relative = motion.motion()
+        errors.append((relative.T_stop_now[2] - true) / math.sqrt(relative.covariance[2, 2]))
+    assert np.sqrt(np.mean(np.square(errors))) < 1.5
 
 
-def test_a_stop_begins_a_new_stretch() -> None:
+def test_the_motion_starts_again_at_a_stop() -> None:
     motion = wheel_filter()
     drive_with_slip(motion, bias=0.01)
     first = motion.stop()
     assert len(first.path) == 300
-    assert np.array_equal(motion.stretch().T_stop_now, np.zeros(3))
-    assert len(motion.stretch().path) == 0
+    assert np.array_equal(motion.motion().T_stop_now, np.zeros(3))
+    assert len(motion.motion().path) == 0
 
 
-def test_a_stop_keeps_the_bias_that_was_learned_before_it() -> None:
+def test_a_stop_keeps_the_estimated_bias() -> None:
     motion = wheel_filter()
     true = drive_with_slip(motion, bias=0.05, ticks=200, stop_at=100)
-    assert len(motion.stretch().path) == 100
-    assert motion.stretch().T_stop_now[2] == pytest.approx(true, abs=0.02)  # 0.25 off with the bias forgotten
+    assert len(motion.motion().path) == 100
+    assert motion.motion().T_stop_now[2] == pytest.approx(
+        true, abs=0.02
+    )  # the error is 0.25 without the bias
 
 
 def test_marks_split_the_motion_without_changing_it() -> None:
@@ -133,10 +135,10 @@ def test_marks_split_the_motion_without_changing_it() -> None:
     whole.advance_to(50)
     for mark in (13, 13, 5, 31, 50):
         split.advance_to(mark)
-    assert np.array_equal(whole.stretch().path, split.stretch().path)
+    assert np.array_equal(whole.motion().path, split.motion().path)
 
 
-def test_a_gyro_that_falls_silent_leaves_the_wheels_alone() -> None:
+def test_without_new_gyro_messages_the_wheels_are_used_alone() -> None:
     motion = wheel_filter()
     for k in range(100):
         if k < 20:
@@ -144,25 +146,25 @@ def test_a_gyro_that_falls_silent_leaves_the_wheels_alone() -> None:
         motion.add_wheels(wheels(k, 0.1 * k, 0.15 * k))
     motion.flush()
     motion.advance_to(motion.total_rows)
-    headings = motion.stretch().path[:, 2]
+    headings = motion.motion().path[:, 2]
     assert len(headings) == 100
     assert headings[99] - headings[30] == pytest.approx(69 * 0.05 * RADIUS / BASE, abs=1e-12)
 
 
-def test_a_jump_of_the_counters_is_no_motion_but_makes_the_pose_uncertain() -> None:
+def test_a_jump_of_the_encoders_is_no_motion_but_makes_the_pose_uncertain() -> None:
     motion = wheel_filter()
     for k in range(20):
         offset = 1000.0 if k >= 10 else 0.0
         motion.add_wheels(wheels(k, 0.1 * k + offset, 0.1 * k + offset))
     motion.flush()
     motion.advance_to(motion.total_rows)
-    stretch = motion.stretch()
+    relative = motion.motion()
     assert motion.counters["wheels.jumps"] == 1
-    assert stretch.T_stop_now[0] == pytest.approx(18 * 0.1 * RADIUS)
-    assert math.sqrt(stretch.covariance[0, 0]) > 0.2
+    assert relative.T_stop_now[0] == pytest.approx(18 * 0.1 * RADIUS)
+    assert math.sqrt(relative.covariance[0, 0]) > 0.2
 
 
-def test_what_is_not_finite_or_absurd_is_counted_and_left_out() -> None:
+def test_values_that_are_not_finite_or_absurd_are_counted_and_skipped() -> None:
     motion = wheel_filter()
     motion.add_wheels(wheels(0, 0.0, 0.0))
     motion.add_wheels(wheels(1, math.nan, 0.0))

@@ -9,18 +9,18 @@ CPU_MINUTES = 7.0
 PUBLISHED_RUNS, PUBLISHED_LARGEST_CM = 5, 19.4
 TEXT = """A small robot stops every 40 cm, sweeps three infrared rangers on servos, and maps a room of 4 x 3 m with
 seven boxes. The experiments are `configs/sweeps/ir-scan.yaml`, `ir-laps.yaml` and `ir-navigation.yaml`. The
-robot's start is known and nothing else is aligned."""
+robot's start is known; there is no other alignment."""
 MAPPING = """Error of the mapped walls: distance of every mapped wall cell (1 cm) to the nearest true wall. The paper made
-five runs; means are over all of ours, the largest error is that of the first five and of all. `Laid over` puts the path on
-the true one first, as somebody does who lays a map over a plan."""
-LAPS = """Error of the last position of six laps of four way points (47 m, 117 stops, 3 cm cells). The paper drives
-by a map made before: `on the true map`; the rows above it map while they drive."""
-FALLS_SHORT = "The paper's form misses the paper's {what} with nothing aligned."
-LONE = """Of the paper's form {runs} of {all} runs {have} a cell or two as far as {largest:.0f} cm off, where wild readings
-beside each other agree: the paper's filter keeps them, the best settings do not."""
+five runs; means are over all of ours, the largest error is that of the first five and of all. `Aligned` fits
+the path to the true one first, as one lays a map over a plan."""
+LAPS = """Error of the last position of six laps of four waypoints (47 m, 117 stops, 3 cm cells). The paper drives
+with a given map: `on the true map`; the rows above map while they drive."""
+FALLS_SHORT = "The paper's form misses the paper's {what} without alignment."
+LONE = """With the paper's form {runs} of {all} runs {have} one or two cells up to {largest:.0f} cm off, where neighbouring
+wild readings agree: the paper's filter keeps them, the best settings do not."""
 
 LITTLE = """With our gyro the paper's matching changes little while mapping ({matched:.2g} cm, {gyro:.2g} cm
-without): it shifts by whole cells of 3 cm, more than there is to correct."""
+without): it shifts by whole cells of 3 cm, which is more than the error."""
 
 
 def section(work: Work) -> Section:
@@ -30,12 +30,12 @@ def section(work: Work) -> Section:
 
 
 def room(work: Work) -> Experiment:
-    """Mean, variance and maximum, as the paper's table has them."""
+    """Mean, variance and maximum, as in the paper's table."""
     known = work.sweep("ir-scan")
-    laid = work.sweep("ir-scan", {"evaluate": {"align": "se2"}, "require": ()}, "ir-scan-laid-over")
+    aligned = work.sweep("ir-scan", {"evaluate": {"align": "se2"}, "require": ()}, "ir-scan-laid-over")
     seeds = seeds_text(known.seeds)
     rows: list[tuple[object, ...]] = []
-    for suffix, found in (("", known), (", laid over", laid)):
+    for suffix, found in (("", known), (", aligned", aligned)):
 
         def figure(key: str, scale: float, config: str, found: Found = found) -> str:
             return f"{scale * found.mean(f'map.accuracy.{key}', 'ir-room', config):.3g}"
@@ -69,7 +69,7 @@ def room(work: Work) -> Experiment:
 
 
 def missed(found: Found) -> str:
-    """Which of the paper's three figures its form misses here, and how far single cells are off in all runs."""
+    """A sentence on which of the paper's three figures its form misses here, and on outliers of single cells."""
     values = {key: found.values(f"map.accuracy.{key}", "ir-room", "paper") for key in ("mean", "var", "max")}
     far = 1e2 * values["max"] > PUBLISHED_LARGEST_CM
     checks = {

@@ -1,4 +1,4 @@
-"""The chain of cells behind one another, by counting through all their states."""
+"""The Markov chain of cells along a ray, by enumeration of all states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def joint(p: float, p_next: float, r: float) -> float:
 
 
 def probability(states: Sequence[int], prior: Sequence[float], correlation: Sequence[float]) -> float:
-    """P of one state of all cells."""
+    """Probability of one state of all cells."""
     found = prior[0] if states[0] else 1.0 - prior[0]
     for k, (before, now) in enumerate(pairwise(states), start=1):
         p, p_next = prior[k - 1], prior[k]
@@ -53,9 +53,9 @@ def reached(
 def likelihoods(
     prior: Sequence[float], correlation: Sequence[float], first: Sequence[float], none: float
 ) -> tuple[list[float], list[float], list[float]]:
-    """P(o | E_k) / P(o), P(o | not E_k) / P(o) and P(nothing before k is occupied | o), for rays too long to count through.
+    """P(o | E_k) / P(o), P(o | not E_k) / P(o) and P(nothing before k is occupied | o), for rays too long to enumerate.
 
-    Summed over the cell that is the first occupied one; behind it each cell's P(E) follows from that of the one before.
+    The sum runs over the first occupied cell; behind it the P(E) of each cell follows from that of the cell before.
     """
     n = len(prior)
     masses, clear = [], 1.0  # P(o, first = k) for every k, then P(o, none is occupied)
@@ -83,7 +83,7 @@ def likelihoods(
 
 
 def expected_behind(first: Sequence[float], correlation: Sequence[float], prior: float) -> list[float]:
-    """P(E_k) when cell k is the first occupied one with probability `first[k]` and the chain goes on from there."""
+    """P(E_k) if cell k is the first occupied one with probability `first[k]` and the chain continues behind it."""
     expected = [0.0] * len(first)
     for hit, mass in enumerate(first):
         chance = 1.0

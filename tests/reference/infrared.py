@@ -1,4 +1,4 @@
-"""The kernels of ir-scan written for the eye."""
+"""Readable reference implementations of the ir-scan kernels."""
 
 from __future__ import annotations
 
@@ -12,22 +12,18 @@ Cells = NDArray[np.int64]
 
 
 def bresenham(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
-    """The cells from start to end: one step along the longer side at a time, the other side rounded to the nearest cell."""
+    """The cells from start to end: steps of one cell along the longer side, the other side rounded to the nearest cell."""
     (r0, c0), (r1, c1) = start, end
     steps = max(abs(r1 - r0), abs(c1 - c0))
     if not steps:
         return [start]
-    line = []
-    for k in range(steps + 1):
-        share = k / steps
-        line.append((_rounded(r0, r1 - r0, share, steps, k), _rounded(c0, c1 - c0, share, steps, k)))
-    return line
+    return [(_rounded(r0, r1 - r0, k, steps), _rounded(c0, c1 - c0, k, steps)) for k in range(steps + 1)]
 
 
-def _rounded(first: int, way: int, share: float, steps: int, k: int) -> int:
-    if abs(way) == steps:
-        return first + (k if way > 0 else -k)
-    return first + round(share * way)
+def _rounded(first: int, difference: int, k: int, steps: int) -> int:
+    if abs(difference) == steps:
+        return first + (k if difference > 0 else -k)
+    return first + round(k / steps * difference)
 
 
 def add_reading(pos: Floats, start: tuple[int, int], end: tuple[int, int], bel: float) -> None:
@@ -39,51 +35,51 @@ def add_reading(pos: Floats, start: tuple[int, int], end: tuple[int, int], bel: 
     pos[end] += bel
 
 
-def shifted_sums(values: Floats, cells: Cells, reach: int) -> Floats:
-    """For every shift the sum of the values under the shifted cells that lie inside."""
-    size = 2 * reach + 1
+def shifted_sums(values: Floats, cells: Cells, max_shift: int) -> Floats:
+    """For every shift, the sum of the values under the shifted cells inside the grid."""
+    size = 2 * max_shift + 1
     sums = np.zeros((size, size))
     for i in range(size):
         for j in range(size):
             for row, col in cells:
-                r, c = row + i - reach, col + j - reach
+                r, c = row + i - max_shift, col + j - max_shift
                 if 0 <= r < values.shape[0] and 0 <= c < values.shape[1]:
                     sums[i, j] += values[r, c]
     return sums
 
 
-def shifted_changes(values: Floats, cells: Cells, reach: int, row_shift: int, col_shift: int) -> Floats:
-    """For every shift the squares of what the value under each cell changes by from the given shift to it, summed."""
+def shifted_changes(values: Floats, cells: Cells, max_shift: int, row_shift: int, col_shift: int) -> Floats:
+    """For every shift, the sum of the squared changes of the value under each cell from the given shift to it."""
 
     def under(row: int, col: int) -> float:
         inside = 0 <= row < values.shape[0] and 0 <= col < values.shape[1]
         return float(values[row, col]) if inside else 0.0
 
-    size = 2 * reach + 1
+    size = 2 * max_shift + 1
     squares = np.zeros((size, size))
     for i in range(size):
         for j in range(size):
             for row, col in cells:
                 here = under(row + row_shift, col + col_shift)
-                squares[i, j] += (here - under(row + i - reach, col + j - reach)) ** 2
+                squares[i, j] += (here - under(row + i - max_shift, col + j - max_shift)) ** 2
     return squares
 
 
-def count_crossed(crossed: Floats, starts: Floats, ends: Floats) -> None:
-    """crossed += 1 for all cells that each line passes, by cutting it at every grid line."""
-    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+def count_crossed(crossed: Floats, origins: Floats, endpoints: Floats) -> None:
+    """crossed += 1 for all cells that each line passes, found by its intersections with all grid lines."""
+    for start, end in zip(origins.tolist(), endpoints.tolist(), strict=True):
         for row, col in [*crossed_cells(*start, *end), (int(end[1] // 1), int(end[0] // 1))]:
             if 0 <= row < crossed.shape[0] and 0 <= col < crossed.shape[1]:
                 crossed[row, col] += 1.0
 
 
-def add_spots(values: Floats, cells: Cells, spot: Floats, weights: Floats) -> None:
-    """values = max(values, weight * spot) about each cell."""
-    reach = len(spot) // 2
-    padded = np.pad(values, reach + int(np.abs(cells).max()) + 1)
-    corner = (len(padded) - len(values)) // 2 - reach
+def splat_maximum(values: Floats, cells: Cells, kernel: Floats, weights: Floats) -> None:
+    """values = max(values, weight * kernel) around each cell."""
+    radius = len(kernel) // 2
+    padded = np.pad(values, radius + int(np.abs(cells).max()) + 1)
+    corner = (len(padded) - len(values)) // 2 - radius
     for (row, col), weight in zip(cells + corner, weights, strict=True):
-        under = padded[row : row + len(spot), col : col + len(spot)]
-        np.maximum(under, weight * spot, out=under)
-    inner = corner + reach
+        under = padded[row : row + len(kernel), col : col + len(kernel)]
+        np.maximum(under, weight * kernel, out=under)
+    inner = corner + radius
     values[:] = padded[inner : inner + values.shape[0], inner : inner + values.shape[1]]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 def follow_run(
     state: NDArray[np.int8], start: tuple[int, int], step: tuple[int, int], unknown: int
 ) -> tuple[int, bool]:
-    """Steps until a cell of another state, and whether one came before the map's end or an unknown cell."""
+    """Number of steps to a cell of another state, and whether one was met before the map's end or an unknown cell."""
     (row, col), length = start, 0
     while True:
         row, col = row + step[0], col + step[1]

@@ -1,43 +1,37 @@
-"""One measurement for every bin of columns of a disparity image, with a histogram by numpy for each."""
+"""One measurement for every bin of columns of a disparity image, by a numpy histogram for each."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.stereo_columns import BinCriteria, HeightBand
+
 UNKNOWN, NONE, MATCHED = 0, 1, 2
 
 
 def measure_columns(
-    disparity: NDArray[np.float32],
-    slope: NDArray[np.float32],
-    focal_baseline: float,
-    mount_m: float,
-    low_m: float,
-    high_m: float,
-    bin_px: int,
-    most_px: float,
-    least_extent_px: NDArray[np.float64],
-    least_share: float,
+    disparity: NDArray[np.float32], band: HeightBand, criteria: BinCriteria
 ) -> list[tuple[float, int]]:
-    """The most frequent disparity of each bin, of two that are alike the nearer, and whether there is any.
+    """The most frequent disparity of each bin, the nearest if several are equally frequent, and its status.
 
-    A disparity counts when three half pixels about it hold as many pixels of the height looked at as `least_extent_px` asks.
+    A disparity counts if the three half pixels around it hold at least `min_extent_px` pixels in the height band.
     """
     found = []
+    bin_px = criteria.bin_px
     for b in range(disparity.shape[1] // bin_px):
         columns = slice(b * bin_px, (b + 1) * bin_px)
-        d, rise = disparity[:, columns].astype(np.float64), slope[:, columns]
-        matched = (d > 0.0) & (d < most_px)
-        if matched.sum() < least_share * d.size:
+        d, rise = disparity[:, columns].astype(np.float64), band.slope[:, columns]
+        matched = (d > 0.0) & (d < criteria.max_px)
+        if matched.sum() < criteria.min_matched_ratio * d.size:
             found.append((np.nan, UNKNOWN))
             continue
         d, rise = d[matched], rise[matched]
-        height = mount_m + focal_baseline / d * rise
-        d = d[(height > low_m) & (height < high_m)]
+        height = band.camera_m + band.focal_baseline / d * rise
+        d = d[(height > band.low_m) & (height < band.high_m)]
         steps = (2.0 * d).astype(int)
         windows = {step: d[np.abs(steps - step) <= 1] for step in set(steps.tolist())}
-        enough = [step for step, window in windows.items() if len(window) >= least_extent_px[step]]
+        enough = [step for step, window in windows.items() if len(window) >= criteria.min_extent_px[step]]
         if not enough:
             found.append((np.nan, NONE))
             continue

@@ -1,36 +1,41 @@
-"""Messages between rays and the cells' update, as formulas over whole arrays."""
+"""Messages between rays and the update of the cells, as formulas over whole arrays."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.chain import RayEvidence
+from gridslam.kernels.stereo_update import CellEvidence, UpdateRule
+
 Floats = NDArray[np.float64]
 
 
-def told_across(
-    occupied: Floats, empty: Floats, bearings: Floats, ranges: Floats, correlation: float, share: float
+def couple_neighbouring_rays(
+    evidence: RayEvidence, bearings: Floats, ranges: Floats, correlation: float, strength: float
 ) -> tuple[Floats, Floats]:
-    """P(o, o' | E) and P(o, o' | not E) with both neighbours' messages."""
+    """P(o, o' | E) and P(o, o' | not E) with the messages of both neighbours."""
     r = correlation ** (np.diff(bearings)[:, None] * ranges)
     same, other = 0.5 * (1.0 + r), 0.5 * (1.0 - r)
+    occupied, empty = evidence.occupied, evidence.empty
     if_occupied, if_empty = occupied.copy(), empty.copy()
     for to, source in ((slice(None, -1), slice(1, None)), (slice(1, None), slice(None, -1))):
-        if_occupied[to] *= (same * occupied[source] + other * empty[source]) ** share
-        if_empty[to] *= (other * occupied[source] + same * empty[source]) ** share
+        if_occupied[to] *= (same * occupied[source] + other * empty[source]) ** strength
+        if_empty[to] *= (other * occupied[source] + same * empty[source]) ** strength
     return if_occupied, if_empty
 
 
-def told_cells(
-    values: Floats, told: Floats, weight: float, prior: float, limit: float, least: float, behind_once: bool
-) -> Floats:
-    """The cells `(rows, cols, 2)` after a frame: log odds and whether they were seen."""
-    change = weight * np.log(told[0] / told[1])
-    if behind_once:
-        p = np.clip(told[4], least, 1.0 - least)
-        room = np.log(p / (1.0 - p)) - prior - values[..., 0]
-        at_once = np.clip(room, 0.0, np.maximum(change, 0.0))
-        change = np.where(change > 0.0, at_once + told[3] * (change - at_once), change)
-    is_met = (told[0] != told[1]) | (told[2] != 0.0)
-    changed = np.clip(values[..., 0] + change, -limit - prior, limit - prior)
-    return np.stack([np.where(is_met, changed, values[..., 0]), np.maximum(values[..., 1], told[2])], axis=-1)
+def updated(
+    log_odds: Floats, reached: Floats, evidence: CellEvidence, rule: UpdateRule
+) -> tuple[Floats, Floats]:
+    """Log-odds and probability of being reached `(rows, cols)` after a frame."""
+    prior, limit = rule.prior_log_odds, rule.max_log_odds
+    change = rule.weight * np.log(evidence.occupied / evidence.empty)
+    if rule.behind_once:
+        p = np.clip(evidence.expected, rule.min_probability, 1.0 - rule.min_probability)
+        missing = np.log(p / (1.0 - p)) - prior - log_odds
+        once = np.clip(missing, 0.0, np.maximum(change, 0.0))
+        change = np.where(change > 0.0, once + evidence.reached_surface * (change - once), change)
+    has_evidence = (evidence.occupied != evidence.empty) | (evidence.reached != 0.0)
+    changed = np.clip(log_odds + change, -limit - prior, limit - prior)
+    return np.where(has_evidence, changed, log_odds), np.maximum(reached, evidence.reached)

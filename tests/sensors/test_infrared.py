@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gridslam.sensors.infrared import InfraredScan, RangeNoise, reliability, reliable_ends, spacing_m
+from gridslam.sensors.infrared import InfraredScan, RangeNoise, reliability, reliable_readings, spacing_m
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 FRONT = LidarExtrinsics(np.array([0.1, 0.0, 0.0]))
@@ -29,61 +29,61 @@ def scan(
     )
 
 
-def test_belief_is_one_half_or_nothing_by_the_neighbours_that_agree() -> None:
+def test_reliability_is_1_a_half_or_0_by_the_number_of_agreeing_neighbours() -> None:
     """Section 2.5, T = 0.05: inside, beside a step, alone between two, and at both ends of the sweep."""
     bel = reliability(scan([0.50, 0.51, 0.52, 0.80, 1.20, 1.21]), 0.05)
     assert bel.tolist() == [1.0, 1.0, 0.5, 0.0, 0.5, 1.0]
 
 
-def test_an_end_of_a_sweep_that_disagrees_with_its_only_neighbour_is_not_trusted() -> None:
+def test_an_end_of_a_sweep_that_differs_from_its_only_neighbour_has_no_reliability() -> None:
     assert reliability(scan([4.72, 1.13, 1.12]), 0.05)[0] == 0.0
     assert reliability(scan([0.9, 0.5, 0.51]), 0.05).tolist() == [0.0, 0.5, 1.0]
 
 
 @pytest.mark.parametrize("value", [0.2, 1.5, 0.1, 1.6, 0.0, math.nan, math.inf, -1.0])
-def test_readings_that_are_not_strictly_inside_the_range_are_not_trusted(value: float) -> None:
+def test_readings_not_strictly_inside_the_range_have_no_reliability(value: float) -> None:
     assert reliability(scan([value, value, value]), 10.0).tolist() == [0.0, 0.0, 0.0]
 
 
-def test_a_difference_of_exactly_the_threshold_does_not_support() -> None:
+def test_a_difference_equal_to_the_threshold_gives_no_support() -> None:
     assert reliability(scan([0.5, 0.75]), 0.25).tolist() == [0.0, 0.0]
 
 
-def test_a_single_sample_cannot_be_trusted_and_none_is_none() -> None:
+def test_a_single_sample_has_no_reliability_and_an_empty_scan_is_allowed() -> None:
     assert reliability(scan([0.5]), 0.05).tolist() == [0.0]
     assert reliability(scan([]), 0.05).shape == (0,)
 
 
-def test_sensors_are_no_neighbours_of_each_other() -> None:
+def test_readings_of_different_sensors_are_not_neighbours() -> None:
     both = (FRONT, FRONT)
     assert reliability(scan([0.5, 0.5, 0.5, 0.9], [0, 0, 1, 1], both), 0.05).tolist() == [1.0, 1.0, 0.0, 0.0]
 
 
-def test_end_points_take_the_lever_arm_the_servo_and_an_upside_down_sensor_into_account() -> None:
+def test_end_points_account_for_extrinsics_servo_angle_and_an_upside_down_sensor() -> None:
     left = LidarExtrinsics(np.array([0.0, 0.08, math.pi / 2]))
     flipped = LidarExtrinsics(np.array([0.0, 0.0, 0.0]), flipped=True)
-    seen = scan([1.0, 1.0, 1.0], [0, 1, 2], (FRONT, left, flipped))
-    seen = InfraredScan(
+    mixed = scan([1.0, 1.0, 1.0], [0, 1, 2], (FRONT, left, flipped))
+    mixed = InfraredScan(
         0,
-        seen.names,
-        seen.sensor_extrinsics,
-        seen.sensor,
+        mixed.names,
+        mixed.sensor_extrinsics,
+        mixed.sensor,
         np.full(3, math.pi / 6),
-        *(seen.range_m, seen.range_min_m, seen.range_max_m),
+        *(mixed.range_m, mixed.range_min_m, mixed.range_max_m),
     )
     c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)
-    assert np.allclose(seen.ends(), [[0.1 + c, s], [-s, 0.08 + c], [c, -s]])
+    assert np.allclose(mixed.endpoints(), [[0.1 + c, s], [-s, 0.08 + c], [c, -s]])
 
 
-def test_variance_along_a_normal_mixes_range_and_servo_noise() -> None:
-    ends = reliable_ends(scan([1.0, 1.0]), np.ones(2))
+def test_variance_along_a_normal_combines_range_and_servo_noise() -> None:
+    readings = reliable_readings(scan([1.0, 1.0]), np.ones(2))
     noise = RangeNoise(0.01, 0.0, 0.02)
-    along, across = ends.directions, ends.directions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    assert np.allclose(ends.variances(along, noise), 0.01**2)
-    assert np.allclose(ends.variances(across, noise), 0.02**2)
+    along, across = readings.directions, readings.directions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert np.allclose(readings.variances(along, noise), 0.01**2)
+    assert np.allclose(readings.variances(across, noise), 0.02**2)
 
 
-def test_spacing_is_that_of_neighbouring_samples_only() -> None:
-    ends = reliable_ends(scan([1.0, 1.0, 0.5, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 1.0, 1.0]))
-    assert spacing_m([ends]) == pytest.approx(2.0 * math.sin(math.radians(0.5)))
+def test_spacing_is_that_of_consecutive_samples_only() -> None:
+    readings = reliable_readings(scan([1.0, 1.0, 0.5, 1.0, 1.0]), np.array([1.0, 1.0, 0.0, 1.0, 1.0]))
+    assert spacing_m([readings]) == pytest.approx(2.0 * math.sin(math.radians(0.5)))
     assert math.isnan(spacing_m([]))

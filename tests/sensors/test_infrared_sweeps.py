@@ -6,7 +6,13 @@ from collections.abc import Iterable
 import numpy as np
 
 from gridslam.core.messages import Range
-from gridslam.sensors.infrared_sweeps import OpenedScan, SweepAssembler, SweepLimits, is_stale, wild_bearings
+from gridslam.sensors.infrared_sweeps import (
+    CompleteScan,
+    SweepAssembler,
+    SweepLimits,
+    is_stale,
+    wild_bearings,
+)
 
 STEP_NS = 20_000_000
 
@@ -15,20 +21,20 @@ def reading(k: int, degrees: float, value: float = 0.5, name: str = "front") -> 
     return Range(k * STEP_NS, name, math.radians(degrees), value, 0.1, 0.8)
 
 
-def fed(sweeps: SweepAssembler, readings: Iterable[Range], way: float = 0.0) -> list[OpenedScan]:
-    return [scan for r in readings if (scan := sweeps.add(r, 7, way, 0.0)) is not None]
+def fed(sweeps: SweepAssembler, readings: Iterable[Range], travelled_m: float = 0.0) -> list[CompleteScan]:
+    return [scan for r in readings if (scan := sweeps.add(r, 7, travelled_m, 0.0)) is not None]
 
 
 def sweep(first: int = 0, name: str = "front", value: float = 0.5) -> list[Range]:
     return [reading(first + k, k - 60.0, value + 1e-3 * k, name) for k in range(121)]
 
 
-def test_motion_ends_the_scan_whatever_its_number_of_samples() -> None:
+def test_motion_ends_a_scan_of_any_number_of_samples() -> None:
     for count in (1, 5, 121, 300):
         sweeps = SweepAssembler(SweepLimits())
         assert fed(sweeps, (reading(k, 0.2 * k - 30.0) for k in range(count))) == []
-        assert sweeps.moved(0.001, 0.0) is None
-        scan = sweeps.moved(0.02, 0.0)
+        assert sweeps.move(0.001, 0.0) is None
+        scan = sweeps.move(0.02, 0.0)
         assert scan is not None
         assert len(scan.scan) == count
         assert scan.mark == 7
@@ -36,16 +42,16 @@ def test_motion_ends_the_scan_whatever_its_number_of_samples() -> None:
         assert sweeps.counters["scan.one_sample"] == (count == 1)
 
 
-def test_a_reading_after_motion_or_silence_begins_the_next_scan() -> None:
+def test_a_reading_after_motion_or_silence_starts_the_next_scan() -> None:
     sweeps = SweepAssembler(SweepLimits())
     fed(sweeps, sweep())
-    (done,) = fed(sweeps, [reading(121, -60.0)], way=0.4)
+    (done,) = fed(sweeps, [reading(121, -60.0)], travelled_m=0.4)
     assert len(done.scan) == 121
-    (done,) = fed(sweeps, [reading(500, -60.0)], way=0.4)
+    (done,) = fed(sweeps, [reading(500, -60.0)], travelled_m=0.4)
     assert len(done.scan) == 1
 
 
-def test_a_servo_that_begins_anew_ends_the_scan_of_all_sensors() -> None:
+def test_a_servo_that_starts_its_next_sweep_ends_the_scan_of_all_sensors() -> None:
     sweeps = SweepAssembler(SweepLimits())
     both = [r for pair in zip(sweep(), sweep(name="left"), strict=True) for r in pair]
     assert fed(sweeps, both) == []
@@ -59,7 +65,7 @@ def test_a_servo_that_begins_anew_ends_the_scan_of_all_sensors() -> None:
     assert sweeps.counters["skipped.range.bad_bearing"] == 0
 
 
-def test_sensors_that_sweep_one_after_the_other_are_one_scan() -> None:
+def test_sensors_that_sweep_one_after_the_other_form_one_scan() -> None:
     sweeps = SweepAssembler(SweepLimits())
     assert fed(sweeps, [*sweep(), *sweep(121, "left"), *sweep(242, "right")]) == []
     scan = sweeps.flush()
@@ -67,7 +73,7 @@ def test_sensors_that_sweep_one_after_the_other_are_one_scan() -> None:
     assert len(scan.scan) == 363
 
 
-def test_a_servo_that_swings_back_begins_the_next_scan_and_loses_nothing() -> None:
+def test_a_servo_that_reverses_starts_the_next_scan_and_no_reading_is_lost() -> None:
     sweeps = SweepAssembler(SweepLimits())
     there = [reading(k, 2.0 * k) for k in range(60)]
     back = [reading(60 + k, 118.0 - 2.0 * k) for k in range(60)]
@@ -78,14 +84,14 @@ def test_a_servo_that_swings_back_begins_the_next_scan_and_loses_nothing() -> No
     assert abs(len(done.scan) - 60) < 15
 
 
-def test_a_whole_turn_ends_a_scan_of_a_turning_sensor() -> None:
+def test_a_full_circle_ends_a_scan_of_a_rotating_sensor() -> None:
     sweeps = SweepAssembler(SweepLimits())
     turns = [reading(k, math.degrees(math.remainder(math.radians(1.8 * k), math.tau))) for k in range(600)]
     done = fed(sweeps, turns)
     assert [len(scan.scan) for scan in done] == [200, 200]
 
 
-def test_one_wild_servo_angle_does_not_end_the_scan_and_is_left_out() -> None:
+def test_one_wild_servo_angle_does_not_end_the_scan_and_is_skipped() -> None:
     for at in (0, 30, 120):
         sweeps = SweepAssembler(SweepLimits())
         readings = sweep()
@@ -98,7 +104,7 @@ def test_one_wild_servo_angle_does_not_end_the_scan_and_is_left_out() -> None:
         assert sweeps.counters["skipped.range.bad_bearing"] == 1
 
 
-def test_angles_that_are_no_angles_are_counted() -> None:
+def test_bearings_that_are_no_angles_are_counted() -> None:
     sweeps = SweepAssembler(SweepLimits())
     fed(sweeps, [reading(0, math.nan), reading(1, math.inf), reading(2, 1e6)])
     assert sweeps.flush() is None
@@ -114,12 +120,12 @@ def test_duplicated_samples_count_once() -> None:
     assert sweeps.counters["skipped.range.duplicate"] == 121
 
 
-def test_a_first_reading_left_over_from_the_stop_before_is_stale() -> None:
+def test_a_first_reading_that_repeats_the_stop_before_is_stale() -> None:
     sweeps = SweepAssembler(SweepLimits())
     fed(sweeps, sweep(value=0.6))
     next_stop = sweep(121, value=0.3)
     next_stop[0] = reading(121, -60.0, 0.72)  # the last sweep ended with 0.72
-    fed(sweeps, next_stop, way=0.4)
+    fed(sweeps, next_stop, travelled_m=0.4)
     scan = sweeps.flush()
     assert scan is not None
     assert len(scan.scan) == 120
@@ -128,21 +134,21 @@ def test_a_first_reading_left_over_from_the_stop_before_is_stale() -> None:
     assert not is_stale(0.72, 0.3, None)
 
 
-def test_a_sensor_that_falls_out_is_counted_at_every_stop() -> None:
+def test_a_missing_sensor_is_counted_at_every_stop() -> None:
     sweeps = SweepAssembler(SweepLimits())
     for stop in range(3):
         readings = sweep(1000 * stop)
         readings += sweep(1000 * stop, "left") if stop == 0 else []
-        fed(sweeps, sorted(readings, key=lambda r: r.stamp_ns), way=0.4 * stop)
+        fed(sweeps, sorted(readings, key=lambda r: r.stamp_ns), travelled_m=0.4 * stop)
     sweeps.flush()
     assert sweeps.counters["scan.missing_sensor"] == 2
 
 
-def test_bearings_are_wild_only_where_their_neighbours_agree() -> None:
+def test_bearings_are_wild_only_if_their_neighbours_agree() -> None:
     steady = np.radians(np.arange(-60.0, 61.0))
     assert not wild_bearings(steady).any()
     assert not wild_bearings(np.r_[steady, steady]).any()
     assert not wild_bearings(np.array([0.0, 3.0])).any()
-    hurt = steady.copy()
-    hurt[[0, 50, 120]] += 2.0
-    assert np.flatnonzero(wild_bearings(hurt)).tolist() == [0, 50, 120]
+    damaged = steady.copy()
+    damaged[[0, 50, 120]] += 2.0
+    assert np.flatnonzero(wild_bearings(damaged)).tolist() == [0, 50, 120]

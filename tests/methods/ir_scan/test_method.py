@@ -53,7 +53,7 @@ def sample(name: str) -> list[Event]:
 
 
 @pytest.mark.parametrize(("name", "bound_m"), [("ir-scan", 0.015), ("paper/ir-scan", 0.1)])
-def test_stops_are_found_and_every_reading_is_accounted_for(name: str, bound_m: float) -> None:
+def test_stops_are_localized_and_every_reading_is_counted(name: str, bound_m: float) -> None:
     result = run(LOG, config(name))
     assert np.hypot(*(stops_of(result) - true_stops())[:, :2].T).max() < bound_m
     counters = result.counters
@@ -68,7 +68,7 @@ def test_odometry_alone_is_worse_than_with_matching() -> None:
     assert alone.measures["matches"] == {"off": len(STOPS)}
 
 
-def test_the_result_holds_map_raw_grid_picture_table_and_series() -> None:
+def test_the_result_has_map_pos_grid_picture_table_and_series() -> None:
     result = run(LOG)
     assert result.occupancy is not None
     assert set(result.layers) == {"pos"}
@@ -80,7 +80,7 @@ def test_the_result_holds_map_raw_grid_picture_table_and_series() -> None:
     assert len(result.trajectory) > 200
 
 
-def test_the_paper_s_map_is_the_raw_grid() -> None:
+def test_the_papers_map_is_the_pos_grid() -> None:
     result = run(LOG, config("paper/ir-scan"))
     assert result.occupancy is not None
     pos = result.layers["pos"].values
@@ -90,21 +90,23 @@ def test_the_paper_s_map_is_the_raw_grid() -> None:
     assert np.array_equal(pos == 0, np.isnan(p))
 
 
-def test_scans_wait_before_they_are_matched_against_and_all_are_in_the_map_at_the_end() -> None:
-    delayed = run(LOG, config("paper/ir-scan", "method.matching.delay_stops=3"))
+def test_scans_enter_the_map_with_a_delay_and_all_are_in_it_at_the_end() -> None:
+    delayed = run(LOG, config("paper/ir-scan", "method.advanced.matching.delay_stops=3"))
     verdicts = [row[9] for row in delayed.tables["stops"].rows]
     assert verdicts[:4] == ["first"] * 4
     assert "first" not in verdicts[4:]
-    never = "method.matching.least_points=10000"  # no correction: the same poses
-    made = [
-        run(LOG, config("paper/ir-scan", never, f"method.matching.delay_stops={stops}")).layers["pos"].values
+    never = "method.advanced.matching.min_points=10000"  # no correction: the same poses
+    grids = [
+        run(LOG, config("paper/ir-scan", never, f"method.advanced.matching.delay_stops={stops}"))
+        .layers["pos"]
+        .values
         for stops in (0, 3, 100)
     ]
-    assert np.allclose(made[0], made[1])
-    assert np.allclose(made[0], made[2])
+    assert np.allclose(grids[0], grids[1])
+    assert np.allclose(grids[0], grids[2])
 
 
-def test_the_sample_logs_give_one_map_in_both_formats_and_a_true_one() -> None:
+def test_the_sample_logs_give_the_same_accurate_map_in_both_formats() -> None:
     mcap, csv = run(sample("ir-scan.mcap")), run(sample("ir-scan-csv"))
     assert mcap.occupancy is not None
     assert csv.occupancy is not None
@@ -117,7 +119,7 @@ def test_the_sample_logs_give_one_map_in_both_formats_and_a_true_one() -> None:
     assert walls.accuracy.max() < 0.1
 
 
-def test_wheel_angles_serve_as_well_as_odometry_when_the_wheels_are_known() -> None:
+def test_wheel_angles_are_as_good_as_odometry_if_the_wheels_are_known() -> None:
     log = sample("ir-scan.mcap")
     by_odometry = stops_of(run(log))
     wheels = config("ir-scan", "method.motion.wheel_radius_m=0.035", "method.motion.wheel_base_m=0.2")
@@ -125,18 +127,18 @@ def test_wheel_angles_serve_as_well_as_odometry_when_the_wheels_are_known() -> N
     assert np.hypot(*(by_wheels - by_odometry)[:, :2].T).max() < 0.005
 
 
-def test_a_start_pose_puts_the_map_there() -> None:
+def test_the_map_starts_at_a_given_start_pose() -> None:
     start = [4.0, -2.0, 1.2]
     moved = stops_of(run(LOG, config("ir-scan", f"method.start={start}")))
     assert np.allclose(se2.between(np.array(start), moved), stops_of(run(LOG)), atol=0.008)
 
 
 @pytest.mark.parametrize("name", ["ir-scan", "paper/ir-scan"])
-def test_the_robot_is_found_on_a_given_map_from_a_start_that_is_off(name: str) -> None:
-    made = run(LOG).occupancy
-    assert made is not None
-    settings = config(name, "method.start=[0.04, -0.03, 0.02]", "method.matching.least_points=20")
-    localizer = IrScanLocalizer(settings, 0, made)
+def test_the_robot_is_localized_on_a_given_map_from_a_wrong_start(name: str) -> None:
+    occupancy = run(LOG).occupancy
+    assert occupancy is not None
+    settings = config(name, "method.start=[0.04, -0.03, 0.02]", "method.advanced.matching.min_points=20")
+    localizer = IrScanLocalizer(settings, 0, occupancy)
     for event in events(seed=5):
         localizer.process(event)
     result = localizer.result()
@@ -145,8 +147,8 @@ def test_the_robot_is_found_on_a_given_map_from_a_start_that_is_off(name: str) -
     assert np.hypot(*off.T).max() < (0.02 if name == "ir-scan" else 0.08)
 
 
-def hurt(log: Iterable[Event], seed: int = 0) -> Iterator[Event]:
-    """Readings with wild angles, invalid and infinite values, duplicates, and a sensor that falls out on the way."""
+def damaged(log: Iterable[Event], seed: int = 0) -> Iterator[Event]:
+    """Readings with wild angles, invalid and infinite values, duplicates, and a sensor that fails during the drive."""
     rng = np.random.default_rng(seed)
     ranges = 0
     for event in log:
@@ -169,7 +171,7 @@ def hurt(log: Iterable[Event], seed: int = 0) -> Iterator[Event]:
 
 
 def test_a_damaged_stream_of_readings_is_counted_and_changes_little() -> None:
-    log = list(hurt(LOG))
+    log = list(damaged(LOG))
     result = run(log)
     assert np.hypot(*(stops_of(result)[-1] - true_stops()[-1])[:2]) < 0.02
     for reason in ("bad_bearing", "duplicate", "out_of_limits"):
@@ -179,7 +181,7 @@ def test_a_damaged_stream_of_readings_is_counted_and_changes_little() -> None:
     assert result.counters["used.range"] + skipped == sum(isinstance(event, Range) for event in log)
 
 
-def test_scans_without_a_valid_reading_and_of_one_sample_leave_the_pose_to_odometry() -> None:
+def test_scans_without_a_valid_reading_or_with_one_sample_follow_odometry() -> None:
     blind = [replace(e, range_m=9.0) if isinstance(e, Range) else e for e in LOG]
     result = run(blind)
     assert result.counters["scan.all_invalid"] == len(STOPS)
@@ -201,8 +203,8 @@ def test_no_readings_and_no_events_give_an_empty_result() -> None:
     assert len(no_ranges.trajectory) > 100
 
 
-def test_a_log_that_does_not_say_how_the_robot_moved_is_refused() -> None:
-    with pytest.raises(MethodError, match="nothing says where the robot stood"):
+def test_a_log_without_any_motion_is_refused() -> None:
+    with pytest.raises(MethodError, match="the robot's pose is unknown"):
         run(event for event in LOG if not isinstance(event, (Odometry, Imu)))
     only_wheels = [
         WheelTicks(e.stamp_ns, "base_link", e.x_m, e.x_m) if isinstance(e, Odometry) else e for e in LOG
@@ -211,7 +213,7 @@ def test_a_log_that_does_not_say_how_the_robot_moved_is_refused() -> None:
         run(only_wheels)
 
 
-def test_odometry_that_is_no_number_or_jumps_is_counted() -> None:
+def test_odometry_that_is_not_finite_or_jumps_is_counted() -> None:
     count = 0
     log: list[Event] = []
     for event in LOG:
@@ -228,8 +230,8 @@ def test_odometry_that_is_no_number_or_jumps_is_counted() -> None:
     assert np.hypot(*(stops_of(result)[-1] - true_stops()[-1])[:2]) < 0.05
 
 
-def fixes(offset: NDArray[np.float64], deviation: float) -> Iterator[Event]:
-    """Before every stop a fix, without any odometry; `offset` `(n, 3)` is what it errs by."""
+def with_absolute_poses(offset: NDArray[np.float64], std: float) -> Iterator[Event]:
+    """An absolute pose before every stop and no odometry; `offset` `(n, 3)` is the error of the poses."""
     stop = -1
     last = -(10**9)
     for event in LOG:
@@ -237,7 +239,7 @@ def fixes(offset: NDArray[np.float64], deviation: float) -> Iterator[Event]:
             if event.stamp_ns - last > 200_000_000:
                 stop += 1
                 pose = STOPS[stop] + offset[stop]
-                covariance = np.diag([deviation**2, deviation**2, 1e-4])
+                covariance = np.diag([std**2, std**2, 1e-4])
                 yield AbsolutePose(
                     event.stamp_ns, "map", readonly(pose, np.float64), readonly(covariance, np.float64)
                 )
@@ -246,17 +248,19 @@ def fixes(offset: NDArray[np.float64], deviation: float) -> Iterator[Event]:
             yield event
 
 
-def test_without_odometry_stops_are_taken_where_fixes_say_and_matching_corrects_them() -> None:
-    given = run(fixes(np.zeros((9, 3)), 0.001), config("ir-scan", "method.matching={kind: none}"))
+def test_without_odometry_stops_are_at_absolute_poses_and_matching_corrects_them() -> None:
+    given = run(
+        with_absolute_poses(np.zeros((9, 3)), 0.001), config("ir-scan", "method.matching={kind: none}")
+    )
     assert np.hypot(*(stops_of(given) - STOPS)[:, :2].T).max() < 0.002
     off = np.random.default_rng(0).uniform(-0.04, 0.04, (9, 3)) * [1.0, 1.0, 0.1]
     off[0] = 0.0
-    matched = stops_of(run(fixes(off, 0.03)))
+    matched = stops_of(run(with_absolute_poses(off, 0.03)))
     before, after = np.hypot(*off[:, :2].T), np.hypot(*(matched - STOPS)[:, :2].T)
     assert after.mean() < 0.5 * before.mean()
 
 
-def test_with_odometry_fixes_are_weighed_and_outliers_are_gated() -> None:
+def test_with_odometry_absolute_poses_are_fused_and_outliers_rejected() -> None:
     covariance = readonly(np.diag([0.01, 0.01, 0.01]) ** 2, np.float64)
     log: list[Event] = []
     count = 0

@@ -1,4 +1,4 @@
-"""The turning infrared ranger of the real logs."""
+"""The rotating infrared ranger of the real logs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def stations(data_dir: Path) -> Stations:
     return read_stations(data_dir)
 
 
-def test_six_stations_of_two_sweeps_are_mapped_where_they_were_measured(stations: Stations) -> None:
+def test_six_stations_of_two_sweeps_are_mapped_at_their_measured_positions(stations: Stations) -> None:
     method = IrScanMapper(config_of("none"), 0)
     found = found_stations(method, stations.events)
     assert len(found) == 12
@@ -41,21 +41,21 @@ def test_six_stations_of_two_sweeps_are_mapped_where_they_were_measured(stations
 
 
 @pytest.mark.parametrize(("kind", "bound_m"), [("shift", 0.05), ("search", 0.03)])
-def test_disturbed_stations_are_brought_back_by_matching_on_the_map(
+def test_matching_on_the_map_corrects_disturbed_stations(
     stations: Stations, kind: str, bound_m: float
 ) -> None:
-    made = map_of(stations.events, config_of("none", drawing="pos" if kind == "shift" else "surfaces"))
+    occupancy = map_of(stations.events, config_of("none", drawing="pos" if kind == "shift" else "surfaces"))
     shifts = disturbances(3, 6)
-    found = found_stations(IrScanLocalizer(config_of(kind), 0, made), disturbed(stations, shifts))
+    found = found_stations(IrScanLocalizer(config_of(kind), 0, occupancy), disturbed(stations, shifts))
     assert np.hypot(*shifts.T).mean() > 0.3
     assert errors(found, stations.xy).max() < bound_m
 
 
-def test_a_station_that_the_map_hardly_shows_is_refused_rather_than_misplaced(stations: Stations) -> None:
-    """Rooms overlap through doors only: without the station's own readings its place is ambiguous."""
+def test_a_station_outside_the_map_is_refused_rather_than_misplaced(stations: Stations) -> None:
+    """Rooms overlap through doors only, so that a station is ambiguous on a map without its own readings."""
     shifts = disturbances(3, 6)
     for k in range(6):
-        made = map_of(without(stations, k).events, config_of("none"))
+        occupancy = map_of(without(stations, k).events, config_of("none"))
         alone = without(stations, k, keep_only=True)
-        found = found_stations(IrScanLocalizer(config_of("search"), 0, made), disturbed(alone, shifts))
+        found = found_stations(IrScanLocalizer(config_of("search"), 0, occupancy), disturbed(alone, shifts))
         assert np.hypot(*(found - stations.xy[k]).T).max() < np.hypot(*shifts[k]) + 0.05

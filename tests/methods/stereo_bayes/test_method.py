@@ -34,7 +34,7 @@ def test_the_sample_log_becomes_a_map_of_the_room(program: Program, tmp_path: Pa
     assert (tmp_path / "run" / "obstacles.csv").read_text().count("\n") > 2
 
 
-def test_localizing_is_the_pose_filter_alone_and_needs_no_map(program: Program, tmp_path: Path) -> None:
+def test_localize_is_the_pose_filter_alone_and_needs_no_map(program: Program, tmp_path: Path) -> None:
     done = program("localize", SAMPLE, "-c", "stereo-bayes", "-o", tmp_path / "run")
     assert done.returncode == 0, done.stderr
     assert evaluated(program, tmp_path / "run")["ape"]["trans"]["rmse"] < 0.05  # type: ignore[index]
@@ -59,7 +59,7 @@ def mapper(**settings: object) -> StereoBayes:
     return StereoBayes(StereoBayesConfig.model_validate({"max_range_m": 3.0, **settings}), 0)
 
 
-def test_a_log_s_own_disparities_are_mapped() -> None:
+def test_disparities_of_the_log_are_mapped() -> None:
     method = mapper()
     method.process(mounted())
     for k in range(30):
@@ -72,7 +72,7 @@ def test_a_log_s_own_disparities_are_mapped() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -3.0, 0.0, 1e9])
-def test_disparities_that_mean_nothing_make_no_map(value: float) -> None:
+def test_invalid_disparities_give_no_map(value: float) -> None:
     method = mapper()
     method.process(mounted())
     for k in range(30):
@@ -93,7 +93,7 @@ def test_disparities_without_odometry_or_calibration_are_counted() -> None:
     assert blind.result().counters["skipped.disparity.no_calibration"] == 5
 
 
-def test_pairs_without_calibration_or_of_no_size_are_counted() -> None:
+def test_pairs_without_calibration_or_too_small_are_counted() -> None:
     method = mapper()
     small = np.zeros((3, 40), np.uint8)
     info = CameraInfo(0, "optical", 40, 3, np.eye(3), np.eye(3, 4), np.zeros(5))
@@ -112,7 +112,7 @@ def test_pairs_without_calibration_or_of_no_size_are_counted() -> None:
     assert counters["skipped.stereo.size"] == 1
 
 
-def test_nothing_at_all_is_an_empty_result() -> None:
+def test_no_events_give_an_empty_result() -> None:
     assert len(mapper().result().trajectory) == 0
     assert len(StereoBayesPose(StereoBayesConfig(), 0).result().trajectory) == 0
 
@@ -127,5 +127,5 @@ def test_visual_odometry_follows_a_street(data_dir: Path, program: Program, tmp_
     assert done.returncode == 0, done.stderr
     last = np.loadtxt(tmp_path / "run" / "trajectory.tum")[-1, 1:3]
     truth = true_path(data_dir).poses
-    way = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
-    assert np.hypot(*(last - truth[-1, :2])) < 0.02 * way
+    length = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
+    assert np.hypot(*(last - truth[-1, :2])) < 0.02 * length
