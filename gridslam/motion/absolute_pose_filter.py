@@ -89,7 +89,7 @@ class AbsolutePoseFilter:
     An absolute pose that arrives late is inserted at its stamp, and everything after it is computed again. One beyond the gate is
     rejected. Consecutive rejected poses that agree with each other, carried along by the odometry, are an alternative belief that
     replaces the filter's after `reset_after` of them; outliers that disagree never do. `start` is the pose of the first odometry
-    in the map; with None the filter starts at the first absolute pose. Counters: used.fix, fix.resets, skipped.fix.<reason>
+    in the map; with None the filter starts at the first absolute pose. Counters: used.pose, pose.resets, skipped.pose.<reason>
     (rejected: beyond the gate; too_late; not_finite; no_odometry).
     """
 
@@ -113,7 +113,7 @@ class AbsolutePoseFilter:
         return (
             self._final_counters
             + Counter(chain.from_iterable(self._verdicts.values()))
-            + Counter({"skipped.fix.no_odometry": waiting})
+            + Counter({"skipped.pose.no_odometry": waiting})
         )
 
     def set_noise(self, noise: RootMotionNoise) -> None:
@@ -130,7 +130,7 @@ class AbsolutePoseFilter:
     @property
     def is_absolute(self) -> bool:
         """Whether any absolute pose has been used; else the map drifts with the robot."""
-        return self.counters["used.fix"] > 0
+        return self.counters["used.pose"] > 0
 
     @property
     def last_stamp_ns(self) -> int | None:
@@ -143,7 +143,7 @@ class AbsolutePoseFilter:
             self._final_counters["skipped.odom.not_finite"] += 1
             return
         if self._states and stamp_ns <= self._states[-1].stamp_ns:
-            self._final_counters["skipped.odom.time_back"] += 1
+            self._final_counters["skipped.odom.out_of_order"] += 1
             return
         self._states.append(_OdometryState(stamp_ns, odometry, None, None))
         self._advance(len(self._states) - 1)
@@ -153,10 +153,10 @@ class AbsolutePoseFilter:
         """Add a measured T_map_base `(3,)` with covariance `(3, 3)`."""
         is_finite = np.isfinite(pose).all() and np.isfinite(covariance).all()
         if not is_finite or np.linalg.eigvalsh(covariance)[0] <= 0:
-            self._final_counters["skipped.fix.not_finite"] += 1
+            self._final_counters["skipped.pose.not_finite"] += 1
             return
         if self._is_trimmed and stamp_ns <= self._states[0].stamp_ns:
-            self._final_counters["skipped.fix.too_late"] += 1
+            self._final_counters["skipped.pose.too_late"] += 1
             return
         self._count += 1
         x, y, yaw = pose.tolist()
@@ -234,7 +234,7 @@ class AbsolutePoseFilter:
         measurement = PoseBelief(np.array(measured.pose), np.array(measured.covariance).reshape(3, 3))
         updated = measurement if belief is None else self._update(belief, measurement)
         if updated is not None:
-            self._verdicts[measured.number] = ("used.fix",)
+            self._verdicts[measured.number] = ("used.pose",)
             return updated, None
         assert belief is not None
         agreeing = None if alternative is None else self._update(alternative.belief, measurement)
@@ -243,9 +243,9 @@ class AbsolutePoseFilter:
         else:
             alternative = _Alternative(agreeing, alternative.count + 1)
         if alternative.count < self._reset_after:
-            self._verdicts[measured.number] = ("skipped.fix.rejected",)
+            self._verdicts[measured.number] = ("skipped.pose.rejected",)
             return belief, alternative
-        self._verdicts[measured.number] = ("used.fix", "fix.resets")
+        self._verdicts[measured.number] = ("used.pose", "pose.resets")
         return alternative.belief, None
 
     def _update(self, belief: PoseBelief, measured: PoseBelief) -> PoseBelief | None:
@@ -272,7 +272,7 @@ class AbsolutePoseFilter:
         self._is_trimmed = True
         oldest = self._states[first]
         for measured in [m for m in self._measurements if m.stamp_ns <= oldest.stamp_ns]:
-            verdict = self._verdicts.pop(measured.number, ("skipped.fix.no_odometry",))
+            verdict = self._verdicts.pop(measured.number, ("skipped.pose.no_odometry",))
             self._final_counters.update(verdict)
         self._measurements = [m for m in self._measurements if m.stamp_ns > oldest.stamp_ns]
         del self._states[:first]

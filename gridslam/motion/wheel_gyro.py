@@ -182,7 +182,7 @@ class WheelGyro:
         last_ns, stamp = self._gyro_ns, event.stamp_ns
         gap_s = (stamp - last_ns) * 1e-9
         if last_ns >= 0 and gap_s <= 0.0:
-            self.counters["skipped.imu.steps_back"] += 1
+            self.counters["skipped.imu.out_of_order"] += 1
             return
         self.counters["used.imu"] += 1
         self._gyro_ns = stamp

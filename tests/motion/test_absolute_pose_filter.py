@@ -85,7 +85,7 @@ def test_an_absolute_pose_beyond_the_gate_is_rejected_and_counted() -> None:
     belief = tracker.at(SECOND)
     assert belief is not None
     np.testing.assert_allclose(belief.pose, 0.0)
-    assert tracker.counters == {"skipped.fix.rejected": 1}
+    assert tracker.counters == {"skipped.pose.rejected": 1}
 
 
 def test_rejected_poses_that_agree_with_each_other_reset_the_filter() -> None:
@@ -96,7 +96,7 @@ def test_rejected_poses_that_agree_with_each_other_reset_the_filter() -> None:
     belief = tracker.at(stamp(5))
     assert belief is not None
     assert belief.pose[0] == pytest.approx(5.0, abs=0.05)
-    assert tracker.counters == {"skipped.fix.rejected": 4, "used.fix": 2, "fix.resets": 1}
+    assert tracker.counters == {"skipped.pose.rejected": 4, "used.pose": 2, "pose.resets": 1}
 
 
 def test_rejected_poses_agree_if_odometry_leads_from_one_to_the_next() -> None:
@@ -108,7 +108,7 @@ def test_rejected_poses_agree_if_odometry_leads_from_one_to_the_next() -> None:
     belief = tracker.at(stamp(5))
     assert belief is not None
     np.testing.assert_allclose(belief.pose, [5.0, 2.5, np.pi / 2], atol=0.05)
-    assert tracker.counters["fix.resets"] == 1
+    assert tracker.counters["pose.resets"] == 1
 
 
 def test_outliers_that_disagree_never_reset_the_filter() -> None:
@@ -120,7 +120,7 @@ def test_outliers_that_disagree_never_reset_the_filter() -> None:
     belief = tracker.at(stamp(99))
     assert belief is not None
     np.testing.assert_allclose(belief.pose, 0.0)
-    assert tracker.counters == {"skipped.fix.rejected": 100}
+    assert tracker.counters == {"skipped.pose.rejected": 100}
 
 
 def test_absolute_poses_older_than_the_window_are_rejected() -> None:
@@ -128,7 +128,7 @@ def test_absolute_poses_older_than_the_window_are_rejected() -> None:
     for k in range(300):
         tracker.add_odometry(stamp(k), np.zeros(3))
     tracker.add_absolute_pose(stamp(10), np.zeros(3), MEASURED)
-    assert tracker.counters == {"skipped.fix.too_late": 1}
+    assert tracker.counters == {"skipped.pose.too_late": 1}
 
 
 @pytest.mark.parametrize("bad", [np.array([np.nan, 0.0, 0.0]), np.array([np.inf, 0.0, 0.0])])
@@ -137,13 +137,13 @@ def test_an_absolute_pose_that_is_not_finite_is_counted(bad: Floats) -> None:
     tracker.add_odometry(0, np.zeros(3))
     tracker.add_absolute_pose(0, bad, MEASURED)
     tracker.add_absolute_pose(0, np.zeros(3), np.zeros((3, 3)))
-    assert tracker.counters == {"skipped.fix.not_finite": 2}
+    assert tracker.counters == {"skipped.pose.not_finite": 2}
 
 
 def test_without_odometry_absolute_poses_are_counted_as_unused() -> None:
     tracker = filter_of()
     tracker.add_absolute_pose(0, np.zeros(3), MEASURED)
-    assert tracker.counters == {"skipped.fix.no_odometry": 1}
+    assert tracker.counters == {"skipped.pose.no_odometry": 1}
 
 
 def test_the_noise_of_a_path_does_not_depend_on_its_steps() -> None:

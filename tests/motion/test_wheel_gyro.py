@@ -175,7 +175,7 @@ def test_values_that_are_not_finite_or_absurd_are_counted_and_skipped() -> None:
     motion.add_odometry(odometry(0, 0.0, 0.0, 0.0))
     assert motion.counters["skipped.wheels.not_finite"] == 1
     assert motion.counters["skipped.imu.absurd"] == 2
-    assert motion.counters["skipped.imu.steps_back"] == 1
+    assert motion.counters["skipped.imu.out_of_order"] == 1
     assert motion.counters["unused.odom"] == 1
     plain = WheelGyro(WheelGyroNoise(), MotionLimits())
     plain.add_odometry(odometry(0, math.nan, 0.0, 0.0))

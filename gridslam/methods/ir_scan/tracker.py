@@ -156,7 +156,7 @@ class StopTracker:
     def _add_absolute_pose(self, event: AbsolutePose) -> Stop | None:
         """Correct the last stop through the motion since then; without odometry the absolute pose is the robot's."""
         if not (np.isfinite(event.pose).all() and np.isfinite(event.covariance).all()):
-            self.counters["skipped.fix.not_finite"] += 1
+            self.counters["skipped.pose.not_finite"] += 1
             return None
         measured = MeasuredPose(np.array(event.pose), np.array(event.covariance))
         if not self._motion.is_known:
@@ -166,12 +166,12 @@ class StopTracker:
         step = MeasuredPose(since.T_stop_now, since.covariance)
         if not self._has_map_frame:
             if len(self.stops) > 1:
-                self.counters["skipped.fix.after_first_scan"] += 1
+                self.counters["skipped.pose.after_first_scan"] += 1
                 return None
             last.pose = se2.compose(measured.pose, se2.inverse(step.pose))
             last.covariance = measured.covariance + step.covariance
             self._has_map_frame = True
-            self.counters["used.fix"] += 1
+            self.counters["used.pose"] += 1
             return None
         self._correct(last, step, measured)
         return None
@@ -183,7 +183,7 @@ class StopTracker:
         innovation[2] = float(se2.wrap_angle(innovation[2]))
         S = covariance + measured.covariance
         if float(innovation @ np.linalg.solve(S, innovation)) > GATE:
-            self.counters["skipped.fix.outlier"] += 1
+            self.counters["skipped.pose.outlier"] += 1
             return
         F, _ = compound_jacobians(last.pose, step.pose)
         gain = last.covariance @ F.T @ np.linalg.inv(S)
@@ -196,11 +196,11 @@ class StopTracker:
                 F_inverse @ (measured.covariance + step.covariance) @ F_inverse.T,
             )
         )
-        self.counters["used.fix"] += 1
+        self.counters["used.pose"] += 1
 
     def _move_to(self, measured: MeasuredPose) -> Stop | None:
         """Without odometry: an absolute pose elsewhere ends the scan, and the next one is taken there."""
-        self.counters["used.fix"] += 1
+        self.counters["used.pose"] += 1
         last, completed = self._last_absolute, None
         if last is not None:
             distance = np.abs(se2.between(last.pose, measured.pose))

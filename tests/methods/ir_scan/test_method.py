@@ -272,8 +272,8 @@ def test_with_odometry_absolute_poses_are_fused_and_outliers_rejected() -> None:
                 pose = np.array([0.5 + event.x_m / 1.02, 3.6 if count % 200 == 0 else 0.6, 0.0])
                 log.append(AbsolutePose(event.stamp_ns, "map", readonly(pose, np.float64), covariance))
     result = run(log)
-    assert result.counters["skipped.fix.outlier"] > 0
-    assert result.counters["used.fix"] > 10
+    assert result.counters["skipped.pose.outlier"] > 0
+    assert result.counters["used.pose"] > 10
     assert np.hypot(*(stops_of(result) - STOPS)[:, :2].T).max() < 0.015
 
 
