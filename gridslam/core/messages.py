@@ -76,6 +76,19 @@ class LaserScan:
 
 
 @dataclass(frozen=True, slots=True)
+class PointCloud:
+    """Returns of a 3-D lidar or depth camera in the sensor's frame: `points_m` float32 `(n, 3)`, finite.
+
+    `times_s` float32 `(n,)` are the points' times after the stamp, or empty where the log has none.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    points_m: NDArray[np.float32]
+    times_s: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
 class Odometry:
     """T_odom_base with, where the log has them, velocities in the robot's frame (NaN where it has not)."""
 
@@ -205,6 +218,7 @@ class TagInventory:
 Event: TypeAlias = (
     Transform
     | LaserScan
+    | PointCloud
     | Odometry
     | Imu
     | WheelTicks

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.logs.csv.layout import CsvLayout
@@ -37,6 +37,28 @@ class CarmenConfig(StrictModel):
     range_max_m: float | None = Field(
         None, gt=0.0, description="readings from here on are no return; absent: found in the log"
     )
+
+
+class CloudConfig(StrictModel):
+    """The band of heights in which a point cloud becomes a scan."""
+
+    min_height_m: float | None = Field(
+        None,
+        description="Lower end of the band, z in the base frame (m). Absent: 0.2 where the sensor stands at least "
+        "0.3 m above the base, else 0.3 m below the sensor. Raise it where ground returns appear as walls.",
+    )
+    max_height_m: float | None = Field(
+        None,
+        description="Upper end of the band, z in the base frame (m). Absent: 1.8, or 0.3 m above the sensor. "
+        "Lower it where ceilings or lintels appear as walls.",
+    )
+
+    @model_validator(mode="after")
+    def _is_a_band(self) -> CloudConfig:
+        low, high = self.min_height_m, self.max_height_m
+        if low is not None and high is not None and low >= high:
+            raise ValueError(f"min_height_m {low:g} is not below max_height_m {high:g}")
+        return self
 
 
 class WheelsConfig(StrictModel):
@@ -71,6 +93,7 @@ class LogConfig(StrictModel):
     extrinsics: dict[str, ExtrinsicsConfig] = Field(
         default_factory=dict, description="by sensor frame; wins over tf_static"
     )
+    cloud: CloudConfig = CloudConfig()
     wheels: WheelsConfig = WheelsConfig()
     carmen: CarmenConfig = CarmenConfig()
     csv: CsvLayout | Path | None = Field(

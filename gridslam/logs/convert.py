@@ -11,7 +11,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Transform
 from gridslam.core.stamps import NS_PER_S
-from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, kind_of_event
+from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
 from gridslam.logs.log import Log
 from gridslam.logs.streams import StreamInfo
 from gridslam.logs.write import open_writer
@@ -49,7 +49,10 @@ def convert_log(
             raise ConfigError(
                 f"--topics: the log has no topic {topic!r}; it has: {', '.join(sorted(known)) or 'none'}"
             )
-    names = _names([info for info in streams if not topics or info.topic in topics])
+    wanted = [info for info in streams if not topics or info.topic in topics]
+    if output.suffix != ".mcap":  # a CSV folder
+        wanted = [info for info in wanted if info.kind not in WITHOUT_TABLE]
+    names = _names(wanted)
     origin = min((i.first_stamp_ns for i in streams if i.first_stamp_ns is not None), default=0)
     first = None if start_s is None else origin + round(start_s * NS_PER_S)
     last = None if end_s is None else origin + round(end_s * NS_PER_S)
@@ -71,7 +74,11 @@ def convert_log(
             raise ConfigError(
                 f"{log.path}: no message to write between --start and --end; {output} is not made"
             )
-    left_out = [f"{i.topic} ({i.type})" for i in log.streams if not i.used and i.kind != "truth" and i.count]
+    left_out = [
+        f"{i.topic} ({i.type})"
+        for i in log.streams
+        if i.count and i.kind != "truth" and (not i.used or (i in streams and i not in wanted and not topics))
+    ]
     return Conversion(dict(sorted(written.items())), left_out)
 
 

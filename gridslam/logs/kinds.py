@@ -18,6 +18,7 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
+    PointCloud,
     Range,
     StereoPair,
     TagInventory,
@@ -26,6 +27,7 @@ from gridslam.core.messages import (
 )
 from gridslam.logs.codecs import (
     camera_info,
+    cloud,
     depth,
     disparity,
     image,
@@ -189,6 +191,14 @@ _KINDS = (
         is_single=True,
         is_sensor=True,
     ),
+    MessageKind(
+        "cloud",
+        PointCloud,
+        ros={"sensor_msgs/msg/PointCloud2": cloud.from_ros},
+        to_ros=cloud.to_ros,
+        fault=cloud.fault,
+        is_sensor=True,
+    ),
     MessageKind("stereo", StereoPair, to_ros=image.stereo_to_ros, is_sensor=True),
     MessageKind(
         "disparity",
@@ -275,6 +285,7 @@ EVENT_KINDS = tuple(kind.name for kind in _KINDS if kind.is_event)
 CSV_KINDS: Mapping[str, CsvTableKind] = MappingProxyType(
     {kind.name: kind.csv for kind in _KINDS if kind.csv is not None}
 )
+WITHOUT_TABLE = frozenset({"cloud"})  # events that a CSV folder cannot hold
 OLDER_NAMES: Mapping[str, str] = MappingProxyType({"fix": "pose"})  # accepted where files name a kind
 
 _OF_MESSAGE = {kind.message: kind for kind in _KINDS if kind.message is not None}

@@ -20,6 +20,7 @@ from gridslam.logs.selection import select_streams
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import RecordedStream, Source, StreamInfo
 from gridslam.logs.tum import LARGEST_M, read_trajectory
+from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
 
 
 class Log:
@@ -37,7 +38,8 @@ class Log:
         self._playback = MessageCounts()
         self._opening = MessageCounts()
         self._truth = MessageCounts()
-        self._static = self._mount()
+        self._lidars: dict[str, VirtualLidar] = {}
+        self._static = self._with_virtual_lidars(self._mount())
         self._note_disorder()
 
     def __enter__(self) -> Log:
@@ -122,7 +124,9 @@ class Log:
         if with_truth and self._selection.truth is not None:
             kind_of[self._selection.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
-        yield from events_of(self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts)
+        yield from events_of(
+            self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts, self._lidars
+        )
 
     def truth(self) -> Trajectory | None:
         """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
@@ -193,6 +197,27 @@ class Log:
             (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
         )
         return extrinsics.mount(needed, edges, self._config.extrinsics, base, first, self._opening)
+
+    def _with_virtual_lidars(self, mounted: list[Transform]) -> list[Transform]:
+        """The extrinsics, and those of the virtual lidars of clouds that serve as scans."""
+        frames = {
+            frame
+            for i, kind in self._selection.kind_of.items()
+            if kind == "scan" and self._source.streams[i].kind == "cloud"
+            for frame in self._source.streams[i].frames
+        }
+        added = []
+        for transform in mounted:
+            if transform.child_frame_id in frames and transform.frame_id == self.base_frame:
+                lidar = virtual_lidar(transform.child_frame_id, transform, self._config.cloud)
+                self._lidars[transform.child_frame_id] = lidar
+                added.append(lidar.extrinsics(self.base_frame, transform.stamp_ns))
+                self._opening.note(
+                    f"point clouds of {transform.child_frame_id} serve as scans: returns from "
+                    f"{lidar.min_height_m:.2f} to {lidar.max_height_m:.2f} m in {self.base_frame}; "
+                    "log.cloud sets the band"
+                )
+        return [*mounted, *added]
 
     def _note_disorder(self) -> None:
         for index, kind in self._selection.kind_of.items():

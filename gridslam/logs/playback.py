@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, Transform
+from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, PointCloud, Transform
 from gridslam.logs import ordering
 from gridslam.logs.codecs import odometry
 from gridslam.logs.kinds import fault_of
@@ -14,6 +15,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
+from gridslam.logs.virtual_scan import VirtualLidar
 
 
 def events_of(
@@ -23,12 +25,15 @@ def events_of(
     by_stamp: bool,
     limit_bytes: int,
     message_counts: MessageCounts,
+    lidars: Mapping[str, VirtualLidar] = MappingProxyType({}),
 ) -> Iterator[tuple[str, Event]]:
     """(topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
     `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
-    earlier ones. Raises LogError: the log is no longer what it was when it was opened.
+    earlier ones. `lidars` make scans of point clouds, by the clouds' frame.
+
+    Raises LogError: the log is no longer what it was when it was opened.
     """
     streams = source.streams
     ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
@@ -50,7 +55,10 @@ def events_of(
             message_counts.skip(kind_of[index], event.reason.value, event.where)
             continue
         if index in to_convert:
-            converted = _converted(event, topic, pairing, message_counts)
+            if isinstance(event, PointCloud):
+                converted: Event | None = lidars[event.frame_id].scan(event)
+            else:
+                converted = _converted(event, topic, pairing, message_counts)
             if converted is None:
                 continue
             event = converted
@@ -123,7 +131,7 @@ def _skip_unpaired(message_counts: MessageCounts, image: Image, name: str) -> No
 def _size_of(event: Event | Skip) -> int:
     """Rough memory of a waiting event in bytes."""
     size = 400
-    for name in ("ranges_m", "pixels", "disparity_px", "depth_m"):
+    for name in ("ranges_m", "points_m", "pixels", "disparity_px", "depth_m"):
         array = getattr(event, name, None)
         if array is not None:
             size += int(array.nbytes)

@@ -51,6 +51,9 @@ def select_streams(
         candidates = [i for i in listed if i not in (truth, *kind_of) and streams[i].kind == recorded]
         if kind == "stereo":
             candidates = [i for i in candidates if kinds is not None and _is_sided(streams[i])]
+        if kind == "scan" and kinds is not None:
+            clouds = [i for i in listed if streams[i].kind == "cloud" and len(streams[i].stamps_ns)]
+            candidates += clouds if not candidates or kind in config.topics else []
         named = config.topics.get(kind)
         if named is not None:
             candidates = _named(

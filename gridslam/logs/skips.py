@@ -17,6 +17,8 @@ class SkipReason(str, Enum):
     OUTLIER_STAMP = "outlier_stamp"
     NOT_FINITE = "not_finite"
     NO_BEAMS = "no_beams"
+    NO_COORDINATES = "no_coordinates"
+    TOO_MANY_POINTS = "too_many_points"
     BAD_ANGLES = "bad_angles"
     BAD_RANGE_LIMITS = "bad_range_limits"
     BAD_COVARIANCE = "bad_covariance"

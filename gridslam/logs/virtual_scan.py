@@ -1,0 +1,132 @@
+"""A planar scan made of each point cloud: the nearest return by bearing within a band of heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import LaserScan, PointCloud, Transform, as_float32, readonly
+from gridslam.logs.config import CloudConfig
+from gridslam.logs.rotations import IDENTITY
+
+Floats = NDArray[np.float64]
+
+BEAMS = 1440  # 0.25 degrees: finer than the columns of spinning lidars, so that hardly two share a beam
+MIN_RANGE_M = 0.3  # nearer returns are the robot's own body
+MAX_RANGE_M = 200.0
+RAISED_M = 0.3  # a sensor at least so high above the base stands on the robot, and the base on the ground
+GROUND_M, HEAD_M = 0.2, 1.8  # the band above the ground: no floor, no ceiling, no lintel
+HALF_BAND_M = 0.3  # about a sensor whose height is not known
+LINEAR_FRACTION = (
+    0.1  # times that leave the line through them by more of the sweep belong to no rotating sweep
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualLidar:
+    """Makes scans of one sensor's clouds.
+
+    The scan's frame stands upright at the sensor's place in the base frame, with the base's axes. `rotation` `(3, 3)` and
+    `translation_m` `(3,)` are T_base_sensor; heights are z in the base frame.
+    """
+
+    frame_id: str
+    rotation: Floats
+    translation_m: Floats
+    min_height_m: float
+    max_height_m: float
+
+    def extrinsics(self, base_frame: str, stamp_ns: int) -> Transform:
+        """T_base_scan as a static transform."""
+        x, y, z = (float(v) for v in self.translation_m)
+        return Transform(stamp_ns, base_frame, self.frame_id, (x, y, z), IDENTITY[1], is_static=True)
+
+    def scan(self, cloud: PointCloud) -> LaserScan:
+        """The scan of a cloud; beams without a return in the band are NaN, since nothing is known there."""
+        points = cloud.points_m.astype(np.float64) @ self.rotation.T
+        height = points[:, 2] + self.translation_m[2]
+        ranges = np.hypot(points[:, 0], points[:, 1])
+        used = (height >= self.min_height_m) & (height <= self.max_height_m)
+        used &= (ranges >= MIN_RANGE_M) & (ranges <= MAX_RANGE_M)
+        bearings = np.arctan2(points[used, 1], points[used, 0])
+        beams = ((bearings + math.pi) * (BEAMS / (2.0 * math.pi))).astype(np.int64) % BEAMS
+        nearest, beam_of = _nearest_of_each(beams, ranges[used])
+        values = np.full(BEAMS, np.nan)
+        values[beam_of] = ranges[used][nearest]
+        increment = 2.0 * math.pi / BEAMS
+        first, step, start_s, time_increment_s = 0, 1, 0.0, 0.0
+        if len(cloud.times_s) and len(beam_of):
+            times = cloud.times_s[used][nearest].astype(np.float64)
+            first, step, start_s, time_increment_s = _sweep(beam_of, times)
+        order = (first + step * np.arange(BEAMS)) % BEAMS
+        return LaserScan(
+            cloud.stamp_ns + round(start_s * 1e9),
+            self.frame_id,
+            readonly(values[order], np.float32),
+            angle_min_rad=as_float32(-math.pi + (first + 0.5) * increment),
+            angle_increment_rad=as_float32(step * increment),
+            range_min_m=as_float32(MIN_RANGE_M),
+            range_max_m=as_float32(MAX_RANGE_M),
+            time_increment_s=as_float32(time_increment_s),
+        )
+
+
+def virtual_lidar(frame: str, mounted: Transform, config: CloudConfig) -> VirtualLidar:
+    """The virtual lidar of a sensor frame, whose extrinsics are `mounted`."""
+    height = mounted.translation_m[2]
+    if height >= RAISED_M:
+        low, high = GROUND_M, max(HEAD_M, height + HALF_BAND_M)
+    else:
+        low, high = height - HALF_BAND_M, height + HALF_BAND_M
+    return VirtualLidar(
+        f"{frame}_planar",
+        _matrix(mounted.quat_wxyz),
+        np.array(mounted.translation_m),
+        low if config.min_height_m is None else config.min_height_m,
+        high if config.max_height_m is None else config.max_height_m,
+    )
+
+
+def _nearest_of_each(beams: NDArray[np.int64], ranges: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of the points that are nearest in their beams, and those beams."""
+    order = np.lexsort((ranges, beams))
+    is_first = np.ones(len(order), np.bool_)
+    is_first[1:] = beams[order][1:] != beams[order][:-1]
+    nearest = order[is_first]
+    return nearest, beams[nearest]
+
+
+def _sweep(beam_of: NDArray[np.int64], times: Floats) -> tuple[int, int, float, float]:
+    """The first beam of a rotating sweep, its sense (1 or -1), its start (s) and the time between beams (s).
+
+    Where times do not follow the bearing (solid-state lidars), all points count as taken at their median time.
+    """
+    unknown = 0, 1, float(np.median(times)), 0.0
+    duration = float(times.max() - times.min())
+    if duration <= 0.0:
+        return unknown
+    first = int(beam_of[np.argmin(times)])
+    for step in (1, -1):
+        place = (step * (beam_of - first)) % BEAMS
+        # Neighbours of the first beam may lie on either side of the seam.
+        near_seam = (place > 0.95 * BEAMS) & (times < times.min() + 0.5 * duration)
+        place = np.where(near_seam, place - BEAMS, place)
+        increment, start = np.polyfit(place, times, 1)
+        if increment > 0.0 and np.abs(start + increment * place - times).max() < LINEAR_FRACTION * duration:
+            return first, step, float(start), float(increment)
+    return unknown
+
+
+def _matrix(quat_wxyz: tuple[float, float, float, float]) -> Floats:
+    """The rotation matrix `(3, 3)` of a unit quaternion."""
+    w, x, y, z = quat_wxyz
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
