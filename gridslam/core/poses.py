@@ -99,3 +99,10 @@ def quaternion_of_yaw(yaw_rad: ArrayLike) -> Array:
     half = 0.5 * np.asarray(yaw_rad, dtype=np.float64)
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def rotate_covariance(covariance: ArrayLike, yaw_rad: float) -> Array:
+    """A covariance over x, y, yaw `(3, 3)` in axes rotated by `yaw_rad`: R C R'."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(rotation @ np.asarray(covariance, dtype=np.float64) @ rotation.T)

@@ -56,16 +56,23 @@ class Trajectory:
 
 
 def pose_at(
-    stamp_ns: int, stamps_ns: Sequence[int], poses: Sequence[NDArray[np.float64]]
+    stamp_ns: int,
+    stamps_ns: Sequence[int],
+    poses: Sequence[NDArray[np.float64]],
+    max_gap_ns: int | None = None,
 ) -> NDArray[np.float64] | None:
     """The pose `(3,)` at a stamp, interpolated between the poses before and after it.
 
-    `stamps_ns` ascend, one for each of `poses`. None for a stamp before the first or after the last of them.
+    `stamps_ns` ascend, one for each of `poses`. None for a stamp before the first or after the last of them, and between two
+    poses that are `max_gap_ns` or more apart.
     """
     after = bisect_left(stamps_ns, stamp_ns)
     if after == len(stamps_ns) or (after == 0 and stamps_ns[0] != stamp_ns):
         return None
     if stamps_ns[after] == stamp_ns:
         return poses[after]
-    fraction = (stamp_ns - stamps_ns[after - 1]) / (stamps_ns[after] - stamps_ns[after - 1])
+    span_ns = stamps_ns[after] - stamps_ns[after - 1]
+    if max_gap_ns is not None and span_ns >= max_gap_ns:
+        return None
+    fraction = (stamp_ns - stamps_ns[after - 1]) / span_ns
     return se2.interpolate(poses[after - 1], poses[after], fraction)

@@ -1,6 +1,8 @@
-"""Weights of many poses of one object: its outline traced into scans, and its tag's visibility from the reader."""
+"""Weights of many poses of one object: its footprint intersected with lidar beams, and its tag's visibility to the reader."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +11,59 @@ from gridslam.kernels.compiled import compiled
 
 _PARALLEL = 1e-9
 _ROOT_TWO_PI = 2.5066282746310002
+_MAX_BACKGROUND_SIGMAS = 5.0  # a surface farther from an endpoint than this does not explain it
+_MIN_DISTANCE_M = 1e-3  # of a tag from the antenna
+_MAX_READ_PROBABILITY = 0.99  # keeps the logarithm of a missed read finite
+
+
+class ObservedBeams(NamedTuple):
+    """Beams: `rays` `(m, 4)` are origins and unit directions, `ranges` `(m,)` the readings.
+
+    `background_m` `(m,)` is the distance of each endpoint from the surface that explains it without the object (a wall, another
+    object); infinite if there is none.
+    """
+
+    rays: NDArray[np.float64]
+    ranges: NDArray[np.float64]
+    background_m: NDArray[np.float64]
+
+
+class EndpointMixture(NamedTuple):
+    """Density of an endpoint about a surface: normal, and with `random_ratio` uniform with `random_density` (1/m)."""
+
+    sigma_m: float
+    random_ratio: float
+    random_density: float
+
+
+class AntennaParameters(NamedTuple):
+    """Parameters of `gridslam.sensors.rfid.AntennaModel`."""
+
+    range_m: float
+    softness: float
+    detection_probability: float
+    false_read_probability: float
+    hidden_ratio: float
+    min_facing: float
+
+
+class ReaderRounds(NamedTuple):
+    """Inventory rounds from `antennas` `(r, 3)`, and the scan `(r,)` that shows what stood around the robot then.
+
+    `profiles` `(s, bins)` are the ranges measured around the `viewpoints` `(s, 3)` of the scans.
+    """
+
+    antennas: NDArray[np.float64]
+    scan_of_round: NDArray[np.int64]
+    viewpoints: NDArray[np.float64]
+    profiles: NDArray[np.float64]
 
 
 @compiled
-def trace_outline(
+def intersect_ray(
     corners: NDArray[np.float64], ox: float, oy: float, dx: float, dy: float
 ) -> tuple[float, float]:
-    """Distance along a ray to a closed polygon `(k, 2)`, and the cosine of incidence; (inf, 1) when it passes by."""
+    """Distance along a ray to a closed polygon `(k, 2)`, and the cosine of incidence; (inf, 1) if the ray misses it."""
     best, cosine = np.inf, 1.0
     k = corners.shape[0]
     for i in range(k):
@@ -25,7 +73,7 @@ def trace_outline(
         if abs(cross) < _PARALLEL:
             continue
         wx, wy = corners[i, 0] - ox, corners[i, 1] - oy
-        across = wx * dy - wy * dx  # times the edge's length: how far along it the ray crosses
+        across = wx * dy - wy * dx  # where the ray crosses the edge, from 0 to `cross`
         if (across < 0.0 or across > cross) if cross > 0.0 else (across > 0.0 or across < cross):
             continue
         distance = (wx * ey - wy * ex) / cross
@@ -35,52 +83,49 @@ def trace_outline(
 
 
 @compiled
-def place_outline(pose: NDArray[np.float64], outline: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners `(k, 2)` of an outline at a pose."""
+def place_footprint(pose: NDArray[np.float64], footprint: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners `(k, 2)` of a footprint at a pose (3,)."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    corners = np.empty_like(outline)
-    for i in range(outline.shape[0]):
-        corners[i, 0] = pose[0] + c * outline[i, 0] - s * outline[i, 1]
-        corners[i, 1] = pose[1] + s * outline[i, 0] + c * outline[i, 1]
+    corners = np.empty_like(footprint)
+    for i in range(footprint.shape[0]):
+        corners[i, 0] = pose[0] + c * footprint[i, 0] - s * footprint[i, 1]
+        corners[i, 1] = pose[1] + s * footprint[i, 0] + c * footprint[i, 1]
     return corners
 
 
 @compiled
-def outline_gains(
+def footprint_gains(
     poses: NDArray[np.float64],
-    outline: NDArray[np.float64],
-    beams: NDArray[np.float64],
-    ranges: NDArray[np.float64],
-    background: NDArray[np.float64],
-    sigma: float,
-    random_share: float,
-    random_density: float,
+    footprint: NDArray[np.float64],
+    observed: ObservedBeams,
+    mixture: EndpointMixture,
 ) -> NDArray[np.float64]:
-    """log P(L | object at pose) - log P(L | no object) `(n,)`, summed over the beams that meet the outline.
+    """log P(L | object at pose) - log P(L | no object) `(n,)`, summed over the beams that meet the footprint `(k, 2)`.
 
-    `beams` `(m, 4)` are origins and unit directions, `background` `(m,)` the distance (m) of each end point from the surface
-    that explains it otherwise (a wall, another object; infinite without one). What a beam meets before the outline hides it.
+    An endpoint in front of the footprint hides it: that beam counts for neither.
     """
+    beams, ranges, background = observed.rays, observed.ranges, observed.background_m
+    sigma, random_density = mixture.sigma_m, mixture.random_density
     n, m = poses.shape[0], beams.shape[0]
-    peak = (1.0 - random_share) / (_ROOT_TWO_PI * sigma)
-    floor = random_share * random_density
+    peak = (1.0 - mixture.random_ratio) / (_ROOT_TWO_PI * sigma)
+    floor = mixture.random_ratio * random_density
     otherwise = np.empty(m)
     for b in range(m):
-        if background[b] < 5.0 * sigma:
+        if background[b] < _MAX_BACKGROUND_SIGMAS * sigma:
             otherwise[b] = np.log(peak * np.exp(-0.5 * (background[b] / sigma) ** 2) + floor)
         else:
             otherwise[b] = np.log(random_density)
         otherwise[b] = max(otherwise[b], np.log(random_density))
     radius = 0.0
     mx, my = (
-        0.5 * (outline[:, 0].min() + outline[:, 0].max()),
-        0.5 * (outline[:, 1].min() + outline[:, 1].max()),
+        0.5 * (footprint[:, 0].min() + footprint[:, 0].max()),
+        0.5 * (footprint[:, 1].min() + footprint[:, 1].max()),
     )
-    for i in range(outline.shape[0]):
-        radius = max(radius, np.hypot(outline[i, 0] - mx, outline[i, 1] - my))
+    for i in range(footprint.shape[0]):
+        radius = max(radius, np.hypot(footprint[i, 0] - mx, footprint[i, 1] - my))
     gains = np.zeros(n)
     for p in range(n):
-        corners = place_outline(poses[p], outline)
+        corners = place_footprint(poses[p], footprint)
         c, s = np.cos(poses[p, 2]), np.sin(poses[p, 2])
         cx, cy = poses[p, 0] + c * mx - s * my, poses[p, 1] + s * mx + c * my
         total = 0.0
@@ -89,7 +134,7 @@ def outline_gains(
             wx, wy = cx - beams[b, 0], cy - beams[b, 1]
             if abs(dx * wy - dy * wx) > radius or dx * wx + dy * wy < -radius:
                 continue
-            distance, cosine = trace_outline(corners, beams[b, 0], beams[b, 1], dx, dy)
+            distance, cosine = intersect_ray(corners, beams[b, 0], beams[b, 1], dx, dy)
             if distance == np.inf:
                 continue
             error = (ranges[b] - distance) * cosine
@@ -105,13 +150,13 @@ def outline_gains(
 def distances_behind(
     corners: NDArray[np.float64], beams: NDArray[np.float64], ranges: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance (m) of each end point from the face of the polygon `(k, 2)` that its beam meets first `(m,)`.
+    """Signed distance (m) `(m,)` of each endpoint behind the face of the polygon `(k, 2)` that its beam meets first.
 
-    Negative: the beam ends before it; infinite: it passes by.
+    Negative: the endpoint lies in front of it. Infinite: the beam misses the polygon.
     """
     out = np.full(beams.shape[0], np.inf)
     for b in range(beams.shape[0]):
-        distance, cosine = trace_outline(corners, beams[b, 0], beams[b, 1], beams[b, 2], beams[b, 3])
+        distance, cosine = intersect_ray(corners, beams[b, 0], beams[b, 1], beams[b, 2], beams[b, 3])
         if distance < np.inf:
             out[b] = (ranges[b] - distance) * cosine
     return out
@@ -120,20 +165,18 @@ def distances_behind(
 @compiled
 def tag_log_likelihood(
     tags: NDArray[np.float64],
-    antennas: NDArray[np.float64],
+    rounds: ReaderRounds,
     is_read: NDArray[np.bool_],
-    scan_of_round: NDArray[np.int64],
-    viewpoints: NDArray[np.float64],
-    profiles: NDArray[np.float64],
     slack_m: float,
-    model: NDArray[np.float64],
+    antenna: AntennaParameters,
 ) -> NDArray[np.float64]:
-    """log P(I | tag at pose) `(n,)` of inventory rounds from antennas `(r, 3)`; silent rounds count as well.
+    """log P(I | tag at pose) `(n,)` for tag poses `(n, 3)`, given which rounds read the tag `(r,)`.
 
-    `profiles` `(s, bins)` are the ranges that scans measured around `viewpoints` `(s, 3)`: a tag that lies farther behind
-    what was seen there than `slack_m` is hidden. `model` is that of `sensors.rfid.AntennaModel.parameters`.
+    A tag more than `slack_m` behind the range that a scan measured in its direction is hidden.
     """
-    reach, softness, p_most, p_stray, hidden_share, least_facing = model
+    antennas, viewpoints, profiles = rounds.antennas, rounds.viewpoints, rounds.profiles
+    range_m, softness = antenna.range_m, antenna.softness
+    false_read = antenna.false_read_probability
     bins = profiles.shape[1]
     out = np.zeros(tags.shape[0])
     hidden = np.zeros(viewpoints.shape[0], np.bool_)
@@ -148,14 +191,14 @@ def tag_log_likelihood(
         total = 0.0
         for r in range(antennas.shape[0]):
             wx, wy = tags[p, 0] - antennas[r, 0], tags[p, 1] - antennas[r, 1]
-            distance = max(np.sqrt(wx * wx + wy * wy), 1e-3)
+            distance = max(np.sqrt(wx * wx + wy * wy), _MIN_DISTANCE_M)
             off = 0.5 * (1.0 + (wx * ahead_x[r] + wy * ahead_y[r]) / distance)
-            facing = max(0.5 * (1.0 - (wx * normal_x + wy * normal_y) / distance), least_facing)
-            limit = reach * off * facing
-            chance = p_most / (1.0 + np.exp((distance - limit) / (softness * reach)))
-            if hidden[scan_of_round[r]]:
-                chance *= hidden_share
-            chance = min(p_stray + (1.0 - p_stray) * chance, 0.99)
+            facing = max(0.5 * (1.0 - (wx * normal_x + wy * normal_y) / distance), antenna.min_facing)
+            limit = range_m * off * facing
+            chance = antenna.detection_probability / (1.0 + np.exp((distance - limit) / (softness * range_m)))
+            if hidden[rounds.scan_of_round[r]]:
+                chance *= antenna.hidden_ratio
+            chance = min(false_read + (1.0 - false_read) * chance, _MAX_READ_PROBABILITY)
             total += np.log(chance if is_read[r] else 1.0 - chance)
         out[p] = total
     return out
@@ -163,12 +206,12 @@ def tag_log_likelihood(
 
 @compiled
 def mark_points_on(
-    points: NDArray[np.float64], corners: NDArray[np.float64], reach: float, marked: NDArray[np.bool_]
+    points: NDArray[np.float64], corners: NDArray[np.float64], margin_m: float, marked: NDArray[np.bool_]
 ) -> None:
-    """Mark the points `(m, 2)` that lie within a polygon `(k, 2)` or no farther than `reach` from its edges."""
+    """Mark the points `(m, 2)` that lie within a polygon `(k, 2)` or no farther than `margin_m` from its edges."""
     k = corners.shape[0]
-    low_x, high_x = corners[:, 0].min() - reach, corners[:, 0].max() + reach
-    low_y, high_y = corners[:, 1].min() - reach, corners[:, 1].max() + reach
+    low_x, high_x = corners[:, 0].min() - margin_m, corners[:, 0].max() + margin_m
+    low_y, high_y = corners[:, 1].min() - margin_m, corners[:, 1].max() + margin_m
     for p in range(points.shape[0]):
         x, y = points[p, 0], points[p, 1]
         if marked[p] or x < low_x or x > high_x or y < low_y or y > high_y:
@@ -179,8 +222,8 @@ def mark_points_on(
             ax, ay = corners[i, 0], corners[i, 1]
             ex, ey = corners[j, 0] - ax, corners[j, 1] - ay
             square = max(ex * ex + ey * ey, 1e-18)
-            share = min(max(((x - ax) * ex + (y - ay) * ey) / square, 0.0), 1.0)
-            if np.hypot(x - ax - share * ex, y - ay - share * ey) <= reach:
+            fraction = min(max(((x - ax) * ex + (y - ay) * ey) / square, 0.0), 1.0)
+            if np.hypot(x - ax - fraction * ex, y - ay - fraction * ey) <= margin_m:
                 marked[p] = True
                 break
             if (ay > y) != (ay + ey > y) and x < ax + (y - ay) * ex / ey:

@@ -1,4 +1,4 @@
-"""RFID reader: the probability that a round of one antenna reads a tag, over distance, bearing and the tag's facing."""
+"""RFID reader: probability that a round of one antenna reads a tag, by distance, bearing and the tag's facing."""
 
 from __future__ import annotations
 
@@ -11,35 +11,40 @@ from gridslam.kernels import object_weights
 
 Floats = NDArray[np.float64]
 PROFILE_BINS = 360
-OPEN_M = 1e6  # nothing was seen this way: nothing hides a tag there
+OPEN_M = 1e6  # range where nothing was measured: nothing hides a tag there
 
 
 @dataclass(frozen=True, slots=True)
 class AntennaModel:
-    """P(read) = p_stray + (1 - p_stray) * p_most / (1 + exp((d - limit) / (softness * reach_m))),
+    """P(read) = p_false + (1 - p_false) * p_detection / (1 + exp((d - limit) / (softness * range_m))).
 
-    limit = reach_m * (1 + cos bearing) / 2 * max((1 + cos facing) / 2, least_facing): a soft range limit about the antenna's
-    axis and the tag's normal (P(I|D) of the slam-sd paper's eq. 6). A tag hidden from the reader keeps `hidden_share` of it.
+    limit = range_m * (1 + cos bearing) / 2 * max((1 + cos facing) / 2, min_facing) is a soft range limit about the antenna's
+    axis and the tag's normal (P(I|D) of the slam-sd paper's eq. 6). For a hidden tag p_detection is multiplied by `hidden_ratio`.
     """
 
-    reach_m: float = 2.0
+    range_m: float = 2.0
     softness: float = 0.12
-    p_most: float = 0.93
-    p_stray: float = 0.003
-    hidden_share: float = 0.1
-    least_facing: float = 0.25
+    detection_probability: float = 0.93
+    false_read_probability: float = 0.003
+    hidden_ratio: float = 0.1
+    min_facing: float = 0.25
 
     @property
-    def parameters(self) -> Floats:
-        """As the kernel takes them `(6,)`."""
-        return np.array(
-            [self.reach_m, self.softness, self.p_most, self.p_stray, self.hidden_share, self.least_facing]
+    def parameters(self) -> object_weights.AntennaParameters:
+        """The parameters as the kernel takes them."""
+        return object_weights.AntennaParameters(
+            self.range_m,
+            self.softness,
+            self.detection_probability,
+            self.false_read_probability,
+            self.hidden_ratio,
+            self.min_facing,
         )
 
 
 @dataclass(frozen=True, slots=True)
-class Rounds:
-    """Inventory rounds: antenna poses `(r, 3)`, and for each which scan `(r,)` shows what stood about the robot then.
+class RoundGeometry:
+    """Inventory rounds: antenna poses `(r, 3)`, and for each the scan `(r,)` that shows what stood around the robot then.
 
     `viewpoints` `(s, 3)` and `profiles` `(s, bins)` are those of the scans (`range_profile`).
     """
@@ -56,11 +61,10 @@ class Rounds:
         return np.asarray(
             object_weights.tag_log_likelihood(
                 np.ascontiguousarray(tags),
-                self.antennas,
+                object_weights.ReaderRounds(
+                    self.antennas, self.scan_of_round, self.viewpoints, self.profiles
+                ),
                 is_read,
-                self.scan_of_round,
-                self.viewpoints,
-                self.profiles,
                 slack_m,
                 model.parameters,
             )
@@ -68,14 +72,14 @@ class Rounds:
 
 
 def range_profile(points: Floats, viewpoint: Floats) -> Floats:
-    """Ranges `(bins,)` from a viewpoint to scan points `(m, 2)`, the farthest in each bin of the bearing.
+    """Largest range `(bins,)` per bin of the bearing, from a viewpoint (3,) to scan points `(m, 2)`.
 
-    A bin between two others that were measured takes the farther of them; where nothing was measured, nothing hides.
+    Each bin also takes the larger range of its two neighbours; a bin without any measurement hides nothing.
     """
-    way = points - viewpoint[:2]
-    bearing = (np.arctan2(way[:, 1], way[:, 0]) - viewpoint[2]) / (2.0 * np.pi)
+    offset = points - viewpoint[:2]
+    bearing = (np.arctan2(offset[:, 1], offset[:, 0]) - viewpoint[2]) / (2.0 * np.pi)
     cell = np.minimum(((bearing - np.floor(bearing)) * PROFILE_BINS).astype(np.int64), PROFILE_BINS - 1)
     profile = np.zeros(PROFILE_BINS)
-    np.maximum.at(profile, cell, np.hypot(way[:, 0], way[:, 1]))
+    np.maximum.at(profile, cell, np.hypot(offset[:, 0], offset[:, 1]))
     widened = np.maximum(profile, np.maximum(np.roll(profile, 1), np.roll(profile, -1)))
     return np.where(widened > 0.0, widened, OPEN_M)

@@ -43,9 +43,9 @@ def rows() -> Iterator[Row]:
             ("systematic", 2500.0, resampling(rng)),
             ("occupied_bins", 40.0, counting(rng)),
             ("kernel_density", 15.0, density(rng)),
-            ("outline_gains", 2500.0, gains_of_outlines(rng)),
-            ("distances_behind", 1000.0, faces_of_an_outline(rng)),
-            ("mark_points_on", 300.0, points_of_an_outline(rng)),
+            ("footprint_gains", 2500.0, gains_of_footprints(rng)),
+            ("distances_behind", 1000.0, faces_of_a_footprint(rng)),
+            ("mark_points_on", 300.0, points_of_a_footprint(rng)),
             ("tag_log_likelihood", 25.0, visibility_of_tags(rng)),
         )
     )
@@ -189,17 +189,18 @@ def beams_around(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
     return beams, rng.uniform(0.1, 3.0, n)
 
 
-def gains_of_outlines(rng: np.random.Generator) -> Pair:
+def gains_of_footprints(rng: np.random.Generator) -> Pair:
     """20 poses of a box in 60 beams."""
     poses = rng.uniform([-1.0, -1.0, -3.0], [1.0, 1.0, 3.0], (20, 3))
-    scan = (BOX, *beams_around(rng, 60), np.where(rng.random(60) < 0.5, np.inf, 0.02), 0.02, 0.05, 0.3)
+    beams = object_weights.ObservedBeams(*beams_around(rng, 60), np.where(rng.random(60) < 0.5, np.inf, 0.02))
+    scan = (BOX, beams, object_weights.EndpointMixture(0.02, 0.05, 0.3))
     return (
-        lambda: object_weights.outline_gains(poses, *scan),
-        lambda: [objects_reference.outline_gain(pose, *scan) for pose in poses],
+        lambda: object_weights.footprint_gains(poses, *scan),
+        lambda: [objects_reference.footprint_gain(pose, *scan) for pose in poses],
     )
 
 
-def faces_of_an_outline(rng: np.random.Generator) -> Pair:
+def faces_of_a_footprint(rng: np.random.Generator) -> Pair:
     """The faces of a box that 200 beams meet."""
     beams, ranges = beams_around(rng, 200)
     return (
@@ -208,7 +209,7 @@ def faces_of_an_outline(rng: np.random.Generator) -> Pair:
     )
 
 
-def points_of_an_outline(rng: np.random.Generator) -> Pair:
+def points_of_a_footprint(rng: np.random.Generator) -> Pair:
     """Which of 500 points lie on a box."""
     points = rng.uniform(-0.5, 0.5, (500, 2))
     return (
@@ -225,9 +226,8 @@ def visibility_of_tags(rng: np.random.Generator) -> Pair:
     first_scan, eye = np.zeros(40, np.int64), np.zeros((1, 3))
 
     def kernel() -> object:
-        return object_weights.tag_log_likelihood(
-            tags, antennas, is_read, first_scan, eye, profiles, 0.3, parameters
-        )
+        rounds = object_weights.ReaderRounds(antennas, first_scan, eye, profiles)
+        return object_weights.tag_log_likelihood(tags, rounds, is_read, 0.3, parameters)
 
     return kernel, lambda: [
         objects_reference.read_probability(tag, antenna, False, model) for tag in tags for antenna in antennas

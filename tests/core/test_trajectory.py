@@ -32,3 +32,9 @@ def test_outside_of_the_stamps_there_is_no_pose(stamp_ns: int) -> None:
 
 def test_without_poses_there_is_none() -> None:
     assert pose_at(1, [], []) is None
+
+
+def test_there_is_no_pose_in_a_gap() -> None:
+    stamps_ns, poses = [0, 10, 30], [np.zeros(3), np.zeros(3), np.zeros(3)]
+    assert pose_at(5, stamps_ns, poses, max_gap_ns=20) is not None
+    assert pose_at(20, stamps_ns, poses, max_gap_ns=20) is None

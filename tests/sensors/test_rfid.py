@@ -6,16 +6,16 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel, Rounds, range_profile
+from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel, RoundGeometry, range_profile
 from tests.reference.object_weights import read_probability
 
 MODEL = AntennaModel()
 
 
-def open_rounds(antennas: np.ndarray, profile: np.ndarray | None = None) -> Rounds:
+def open_rounds(antennas: np.ndarray, profile: np.ndarray | None = None) -> RoundGeometry:
     if profile is None:
         profile = np.full(PROFILE_BINS, OPEN_M)
-    return Rounds(antennas, np.zeros(len(antennas), np.int64), np.zeros((1, 3)), profile[None])
+    return RoundGeometry(antennas, np.zeros(len(antennas), np.int64), np.zeros((1, 3)), profile[None])
 
 
 @settings(max_examples=30, deadline=None)

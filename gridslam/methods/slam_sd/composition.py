@@ -1,4 +1,4 @@
-"""The composed map: the static map with the tagged objects where they stand now; and the picture that shows them."""
+"""The composed map: the static map with the tagged objects where they stand now."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 Floats = NDArray[np.float64]
 
-OCCUPIED = np.float32(0.97)
-SUBCELLS = 16  # OpenCV takes corners in such fractions of a pixel
-SHIFT = 4
+OCCUPIED = np.float32(0.97)  # probability
+SHIFT = 4  # OpenCV takes corners in units of 2^-SHIFT pixels
+SUBCELLS = 1 << SHIFT
 
 
-def compose_map(static: OccupancyGrid, outlines: Sequence[Floats]) -> OccupancyGrid:
-    """The static map with the outlines `(k, 2)` (map frame) drawn as occupied; the grid grows where they need it."""
-    if not outlines:
+def compose_map(static: OccupancyGrid, footprints: Sequence[Floats]) -> OccupancyGrid:
+    """The static map with the footprints `(k, 2)` (map frame) drawn as occupied; the grid is extended to contain them."""
+    if not footprints:
         return static
-    grid = _grown(static, np.concatenate(outlines))
+    grid = _extended(static, np.concatenate(footprints))
     probability = grid.probability.copy()
     geometry = grid.geometry
-    for corners in outlines:
+    for corners in footprints:
         mask = np.zeros(probability.shape, np.uint8)
         draw_polygon(mask, (corners - geometry.origin_xy_m) / geometry.resolution_m)
         probability[mask > 0] = OCCUPIED
@@ -32,13 +32,13 @@ def compose_map(static: OccupancyGrid, outlines: Sequence[Floats]) -> OccupancyG
 
 
 def draw_polygon(mask: NDArray[np.uint8], corners_cells: Floats) -> None:
-    """Set the cells that a polygon covers or whose middle its edge passes; x, y in cells from the corner of cell (0, 0)."""
+    """Set the cells that a polygon covers; its corners are in cells (x, y) from the corner of cell (0, 0)."""
     pixels = np.rint((corners_cells - 0.5) * SUBCELLS).astype(np.int32)
     cv2.fillPoly(mask, [pixels], 1, cv2.LINE_8, SHIFT)
 
 
-def _grown(grid: OccupancyGrid, points: Floats) -> OccupancyGrid:
-    """The grid, larger if points `(n, 2)` lie outside of it; new cells are unknown."""
+def _extended(grid: OccupancyGrid, points: Floats) -> OccupancyGrid:
+    """The grid, extended to contain the points `(n, 2)`; new cells are unknown."""
     geometry = grid.geometry
     origin = np.array(geometry.origin_xy_m)
     rows, cols = grid.probability.shape

@@ -14,7 +14,7 @@ from gridslam.lidar_slam.config import (
     PoseGraphConfig,
     ScanConfig,
 )
-from gridslam.methods.slam_sd.object_config import ObjectsConfig
+from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
 
 
 class FilterConfig(StrictModel):
@@ -41,6 +41,7 @@ class SlamSdAdvancedConfig(StrictModel):
     odometry: OdometryConfig = OdometryConfig()
     filter: FilterConfig = FilterConfig()
     loop_closure: LoopClosureConfig = LoopClosureConfig()
+    objects: ObjectEvidenceConfig = ObjectEvidenceConfig()
 
 
 class SlamSdConfig(StrictModel):

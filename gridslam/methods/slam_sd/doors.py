@@ -10,24 +10,24 @@ from gridslam.methods.slam_sd.walls import Walls
 
 Floats = NDArray[np.float64]
 
-FLUSH = 0.985  # cosine of 10 degrees: a leaf that is flush with its wall is closed
-HINGE_REACH_M = 0.15  # from the plane of a wall
+MIN_FLUSH_COS = 0.985  # cosine of 10 degrees: a leaf that is flush with its wall is closed
+MAX_HINGE_DISTANCE_M = 0.15  # of a hinge from the plane of its wall
 
 
-def closed_yaw_of(leaf: Floats, walls: Walls, known: float | None) -> float | None:
-    """The heading (rad) of the closed leaf, given where the leaf is (3,), in the same frame.
+def closed_yaw_of(leaf: Floats, walls: Walls, earlier: float | None) -> float | None:
+    """Heading (rad) of the closed leaf, given the leaf's pose (3,) in the same frame; `earlier` if there is no wall.
 
-    It is that direction of the wall about the hinge which is nearest to `known`, what was found before, else to the leaf: without
-    other knowledge no door is taken to be open by more than 90 degrees. None without a wall.
+    It is the direction of the wall through the hinge that is nearer to the `earlier` heading. Without one it is the direction
+    nearer to the leaf: a door is then taken to be open by at most 90 degrees.
     """
     if not len(walls):
-        return known
+        return earlier
     distance = np.abs(walls.signed_distances(leaf[None, :2])[0])
     nearest = int(np.argmin(distance))
-    if not distance[nearest] < HINGE_REACH_M:
-        return known
-    line = float(walls.directions[nearest])
-    near = float(leaf[2])
-    if known is not None and abs(np.cos(line - near)) < FLUSH:
-        near = known
-    return line if np.cos(line - near) >= 0.0 else float(se2.wrap_angle(line + np.pi))
+    if not distance[nearest] < MAX_HINGE_DISTANCE_M:
+        return earlier
+    direction = float(walls.directions[nearest])
+    reference = float(leaf[2])
+    if earlier is not None and abs(np.cos(direction - reference)) < MIN_FLUSH_COS:
+        reference = earlier
+    return direction if np.cos(direction - reference) >= 0.0 else float(se2.wrap_angle(direction + np.pi))

@@ -1,79 +1,88 @@
-"""Objects that were found more than once tie the path: weights of the particles, edges for the graph of the final stage.
+"""Objects found more than once constrain the path: weights of the particles, and edges of the pose graph.
 
-A box that has not moved ties both poses of the robot rigidly. A door may have turned, but its hinge has not moved: it ties the
-positions only. What has moved ties nothing.
+A box that has not moved constrains both poses of the robot rigidly. A door may have turned, but its hinge has not moved: it
+constrains the positions only. A moved object gives no constraint.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges
-from gridslam.methods.slam_sd.stays import Stay, TrackedObject, turned
+from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
 
 Floats = NDArray[np.float64]
 
-LEAST_DEVIATIONS = np.array([0.01, 0.01, 0.01])  # of an estimate within its visit's scans
-QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+MIN_STD = np.array([0.01, 0.01, 0.01])  # of an estimate (x, y in m, yaw in rad) within the scans of its visit
+QUARTER_ROTATION = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-def landmark_edges(objects: Iterable[TrackedObject], path: Floats) -> Edges:
+@dataclass(frozen=True, slots=True)
+class Reobservation:
+    """Two estimates of one object at the same place; of a door only the hinge is at the same place."""
+
+    before: ObjectEpisode
+    after: ObjectEpisode
+    is_door: bool
+
+
+def landmark_edges(objects: Iterable[ObjectHistory], path: Floats) -> Edges:
     """Edges between the key scans from which an object was found at the same place, visit after visit.
 
-    `path` `(k, 3)` are the poses from which the graph starts: they complete what a hinge leaves open.
+    `path` `(k, 3)` are the initial poses of the graph: they complete what a hinge leaves open.
     """
-    parts = [_edge(a, b, found.thing.is_door, path) for found in objects for a, b in _pairs(found)]
-    if not parts:
-        return Edges(*_empty())
-    return Edges.concatenate(parts)
+    parts = [_edge(pair, path) for history in objects for pair in _reobservations(history)]
+    return Edges.concatenate(parts) if parts else Edges.none()
 
 
-def log_object_weights(
-    pairs: Iterable[tuple[Stay, Stay, bool]], paths: Floats, move_probability: float
-) -> Floats:
+def log_object_weights(pairs: Iterable[Reobservation], paths: Floats, move_probability: float) -> Floats:
     """log P(D | X) `(n,)` of paths `(n, k, 3)`: how well each brings the two estimates of an object to the same place.
 
-    This is the factor P(I|D) P(L|D) of the paper's eq. 6, the object's pose integrated out; it may have been moved after all.
-    The pairs say whether the object is a door, of which only the hinge counts.
+    This is the factor P(I|D) P(L|D) of the paper's eq. 6 with the object's pose integrated out; the object may still have
+    been moved.
     """
     out = np.zeros(len(paths))
-    for a, b, is_door in pairs:
-        here = se2.compose(paths[:, a.anchor], a.pose)
-        error = se2.between(here, se2.compose(paths[:, b.anchor], b.pose))
-        used = 2 if is_door else 3
-        spread = turned(a.covariance, -float(a.pose[2])) + turned(b.covariance, -float(b.pose[2]))
-        precision = np.linalg.inv(spread + 2.0 * np.diag(LEAST_DEVIATIONS**2))[:used, :used]
-        square = np.einsum("ni,ij,nj->n", error[:, :used], precision, error[:, :used])
-        out += np.log((1.0 - move_probability) * np.exp(-0.5 * square) + move_probability)
+    for pair in pairs:
+        a, b = pair.before, pair.after
+        at_a = se2.compose(paths[:, a.anchor], a.pose)
+        error = se2.between(at_a, se2.compose(paths[:, b.anchor], b.pose))
+        used = 2 if pair.is_door else 3
+        covariance = se2.rotate_covariance(a.covariance, -float(a.pose[2]))
+        covariance = covariance + se2.rotate_covariance(b.covariance, -float(b.pose[2]))
+        precision = np.linalg.inv(covariance + 2.0 * np.diag(MIN_STD**2))[:used, :used]
+        squared = np.einsum("ni,ij,nj->n", error[:, :used], precision, error[:, :used])
+        out += np.log((1.0 - move_probability) * np.exp(-0.5 * squared) + move_probability)
     return out
 
 
-def _pairs(found: TrackedObject) -> Iterable[tuple[Stay, Stay]]:
-    """Estimates, one after the other, of one place: of all a door's, since its hinge stays."""
-    bounds = [stay.last_ns for stay in found.stays]
-    for a, b in zip(found.seen[:-1], found.seen[1:], strict=True):
-        same = sum(a.last_ns > end for end in bounds) == sum(b.last_ns > end for end in bounds)
-        if a.anchor != b.anchor and (found.thing.is_door or same):
-            yield a, b
+def _reobservations(history: ObjectHistory) -> Iterable[Reobservation]:
+    """Consecutive estimates of one episode; of a door all consecutive estimates, since its hinge does not move."""
+    ends = [episode.last_ns for episode in history.episodes]
+    for a, b in zip(history.estimates[:-1], history.estimates[1:], strict=True):
+        same = sum(a.last_ns > end for end in ends) == sum(b.last_ns > end for end in ends)
+        if a.anchor != b.anchor and (history.model.is_door or same):
+            yield Reobservation(a, b, history.model.is_door)
 
 
-def _edge(a: Stay, b: Stay, is_door: bool, path: Floats) -> Edges:
-    """The error r = T_a_b p_b - p_a of the pivot seen from both, linear about the poses of the path."""
+def _edge(pair: Reobservation, path: Floats) -> Edges:
+    """The error r = T_a_b p_b - p_a of the pivot seen from both key scans, linearised about the poses of the path."""
+    a, b = pair.before, pair.after
     T_a_b = se2.between(path[a.anchor], path[b.anchor])
     cos, sin = np.cos(T_a_b[2]), np.sin(T_a_b[2])
     rotation = np.array([[cos, -sin], [sin, cos]])
-    arm = rotation @ b.pose[:2]
-    error = arm + T_a_b[:2] - a.pose[:2]
-    floor = np.diag(LEAST_DEVIATIONS**2)
-    covariance = a.covariance + turned(b.covariance, float(T_a_b[2])) + 2.0 * floor
+    lever = rotation @ b.pose[:2]
+    error = lever + T_a_b[:2] - a.pose[:2]
+    floor = np.diag(MIN_STD**2)
+    covariance = a.covariance + se2.rotate_covariance(b.covariance, float(T_a_b[2])) + 2.0 * floor
     jacobian = np.eye(3)
-    jacobian[:2, 2] = QUARTER @ arm
+    jacobian[:2, 2] = QUARTER_ROTATION @ lever
     measured = T_a_b.copy()
-    if is_door:
+    if pair.is_door:
         information = jacobian[:2].T @ np.linalg.inv(covariance[:2, :2]) @ jacobian[:2]
         measured[:2] -= error
     else:
@@ -82,8 +91,3 @@ def _edge(a: Stay, b: Stay, is_door: bool, path: Floats) -> Edges:
     return Edges(
         np.array([a.anchor]), np.array([b.anchor]), measured[None], information[None], np.ones(1, np.bool_)
     )
-
-
-def _empty() -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats, NDArray[np.bool_]]:
-    none = np.zeros(0, np.int64)
-    return none, none, np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.bool_)

@@ -124,7 +124,7 @@ class SlamSd:
         if database is None:
             return NoObjects()
         rng = random_stream(seed, "slam-sd.objects")
-        return TaggedObjects(database, config.objects, rng, self._stopwatch)
+        return TaggedObjects(database, config.objects, config.advanced.objects, rng, self._stopwatch)
 
     def _optimised(self, key_poses: Floats) -> tuple[Floats, dict[str, object]]:
         """Poses `(k, 3)` of the key scans after loop closure, and its measures; moved objects give no constraint."""

@@ -2,64 +2,107 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 from pydantic import Field
 
 from gridslam.config.base import StrictModel
 from gridslam.maps.tag_database import TagDatabase
+from gridslam.sensors.rfid import AntennaModel
 
 
 class AntennaConfig(StrictModel):
-    """The reader's range (P(I|D)); see `gridslam.sensors.rfid.AntennaModel`."""
+    """The RFID reader's antenna."""
 
     range_m: float = Field(
-        2.0, gt=0.0, le=20.0, description="half of the rounds read a tag here, face to face"
+        2.0,
+        gt=0.0,
+        le=20.0,
+        description="Distance in metres at which half of the rounds read a tag that faces the antenna on its axis.",
     )
-    softness: float = Field(0.12, gt=0.0, description="width of the edge of the range, as a share of it")
-    detection: float = Field(0.93, gt=0.0, lt=1.0, description="probability of a read well within the range")
-    stray: float = Field(0.003, gt=0.0, lt=0.5, description="probability that a tag is read from anywhere")
-    hidden_share: float = Field(0.1, ge=0.0, le=1.0, description="share of the reads left behind a wall")
-    least_facing: float = Field(0.25, gt=0.0, le=1.0, description="share of the range left behind the tag")
 
 
 class ObjectsConfig(StrictModel):
-    """Filters over the poses of tagged objects."""
+    """Poses of tagged objects."""
 
-    database: TagDatabase | None = Field(None, description="the tag database itself, instead of --tags FILE")
-    particles: int = Field(1000, ge=50, le=100_000, description="poses in the filter of an object")
-    uniform: bool = Field(
-        False, description="draw first poses over the detection area only, as the paper does"
+    database: TagDatabase | None = Field(
+        None, description="The tag database itself, instead of the file given with --tags."
     )
-    doors_in_walls: bool = Field(True, description="whether a door's hinge must lie in the plane of a wall")
-    joint: bool = Field(True, description="whether objects that dispute beams are located jointly")
-    look_back: bool = Field(
-        True, description="whether doors that were passed unread are looked for in those scans at the end"
+    estimation: Literal["joint", "paper"] = Field(
+        "joint",
+        description="joint: objects that explain the same beams are estimated together, doors hinge in walls, and doors that "
+        "were passed unread are looked for at the end. paper: each object on its own, its first poses drawn uniformly "
+        "over the antenna's detection area.",
+    )
+    particles: int = Field(
+        1000,
+        ge=50,
+        le=100_000,
+        description="Number of poses in the filter of an object; lower it for speed, raise it for long-range antennas.",
+    )
+    min_reads: int = Field(
+        2,
+        ge=1,
+        description="Smallest number of reads during a visit that is believed; raise it where false reads come in bursts.",
     )
     antenna: AntennaConfig = AntennaConfig()
-    least_reads: int = Field(2, ge=1, description="fewer reads of a tag on a visit are taken as stray")
-    pause_s: float = Field(
-        4.0, gt=0.0, description="without a read for so long, the visit to an object is over"
+
+    @property
+    def is_joint(self) -> bool:
+        """Whether objects are estimated jointly, with walls as prior, and again at the end of the log."""
+        return self.estimation == "joint"
+
+
+class ObjectEvidenceConfig(StrictModel):
+    """What reads and scans say about an object."""
+
+    antenna_softness: float = Field(
+        0.12,
+        gt=0.0,
+        description="Width of the edge of the antenna's range, as a fraction of the range; raise it for a gradual edge.",
     )
-    lead_s: float = Field(
-        3.0, ge=0.0, description="scans from so long before the first read are looked at too"
+    detection_probability: float = Field(
+        0.93, gt=0.0, lt=1.0, description="Probability of a read well within the antenna's range."
     )
-    most_scans: int = Field(12, ge=1, description="most key scans of a visit that weigh an object's poses")
-    most_rounds: int = Field(100, ge=10, description="most inventory rounds of a visit that do")
-    sigma_m: float = Field(0.02, gt=0.0, description="standard deviation of an end point about an outline")
-    first_sigma_m: float = Field(0.3, gt=0.0, description="and at the first of the narrowing steps")
-    narrowing_steps: int = Field(6, ge=1, description="number of those steps")
-    random_share: float = Field(
-        0.05, gt=0.0, lt=1.0, description="share of readings that no surface explains"
+    false_read_probability: float = Field(
+        0.003,
+        gt=0.0,
+        lt=0.5,
+        description="Probability of a read from outside the antenna's range; raise it for a reader with many false reads.",
     )
-    lidar_share: float = Field(0.3, gt=0.0, le=1.0, description="power of P(L|D): beams are not independent")
-    tag_share: float = Field(0.25, gt=0.0, le=1.0, description="power of P(I|D): rounds are not independent")
-    least_gain: float = Field(10.0, description="log likelihood ratio below which a box is not in the map")
-    hinge_sigma_m: float = Field(0.03, gt=0.0, description="deviation of a hinge from the plane of its wall")
-    move_probability: float = Field(0.02, gt=0.0, lt=1.0, description="of a move between two visits")
-    moved_from_m: float = Field(0.15, gt=0.0, description="smaller changes are no move")
-    moved_from_rad: float = Field(0.2, gt=0.0, description="smaller turns are no move")
-    revisit_sigma_m: float = Field(0.08, gt=0.0, description="how far the map may be off on a later visit")
-    revisit_sigma_rad: float = Field(0.03, gt=0.0)
-    open_from_rad: float = Field(0.17, gt=0.0, description="a door turned less from its wall is closed")
-    explained_m: float = Field(
-        0.06, gt=0.0, description="end points so near to an outline belong to the object"
+    min_log_likelihood_ratio: float = Field(
+        10.0,
+        description="Smallest log likelihood ratio of the scans with and without an object at which it enters the map; "
+        "raise it if objects appear where there are none.",
     )
+    move_probability: float = Field(
+        0.02,
+        gt=0.0,
+        lt=1.0,
+        description="Probability that an object is moved between two visits; raise it where things move often.",
+    )
+    footprint_margin_m: float = Field(
+        0.06,
+        gt=0.0,
+        description="Distance in metres from a footprint up to which endpoints belong to the object; "
+        "raise it for footprints that are known less exactly.",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectSettings:
+    """The settings of the objects: the sections `objects` and `advanced.objects`."""
+
+    objects: ObjectsConfig
+    evidence: ObjectEvidenceConfig
+
+    @property
+    def antenna(self) -> AntennaModel:
+        """The model of the reader's antenna."""
+        return AntennaModel(
+            range_m=self.objects.antenna.range_m,
+            softness=self.evidence.antenna_softness,
+            detection_probability=self.evidence.detection_probability,
+            false_read_probability=self.evidence.false_read_probability,
+        )

@@ -1,11 +1,9 @@
-"""Between slam-sd and the objects: rounds get the poses of their moments, and the objects' part of the result is made."""
+"""The objects of a run: rounds get the poses of their antennas, scans lose the points on objects, results are collected."""
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -14,50 +12,25 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import TagInventory
 from gridslam.core.stopwatch import Stopwatch
-from gridslam.core.trajectory import Trajectory
+from gridslam.core.trajectory import Trajectory, pose_at
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.maps.preview import render_map
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.base import Picture, RunResult, Table
-from gridslam.methods.slam_sd.composition import compose_map
-from gridslam.methods.slam_sd.evidence import SeenRound, SeenScan
-from gridslam.methods.slam_sd.explained import outlines_seen_from, points_on, without_objects
 from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
-from gridslam.methods.slam_sd.object_config import ObjectsConfig
-from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
-from gridslam.methods.slam_sd.objects import ObjectTracker
-from gridslam.methods.slam_sd.stays import Stay, TrackedObject
-from gridslam.methods.slam_sd.things import things_of
+from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig, ObjectSettings
+from gridslam.methods.slam_sd.object_history import ObjectHistory
+from gridslam.methods.slam_sd.object_model import object_models
+from gridslam.methods.slam_sd.object_result import ObjectResult, result_of
+from gridslam.methods.slam_sd.object_tracker import ObjectTracker
+from gridslam.methods.slam_sd.point_masks import footprints_at_key_scan, points_on, without_points_on
+from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-LONGEST_GAP_NS = 2_000_000_000  # between scans: a round in a longer one has no pose
-BOX, OPEN_DOOR, CLOSED_DOOR, MOVED = (30, 110, 200), (235, 130, 20), (120, 70, 20), (205, 45, 45)
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectResult:
-    """What the objects add to a run's result."""
-
-    maps: Mapping[str, OccupancyGrid]
-    tables: Mapping[str, Table]
-    pictures: Mapping[str, Picture]
-    measures: Mapping[str, object]
-
-    def added_to(self, result: RunResult) -> RunResult:
-        """A run's result with its objects; the map becomes the composed one: what a robot would meet now."""
-        return replace(
-            result,
-            occupancy=self.maps["composed"],
-            maps={**result.maps, **self.maps},
-            tables={**result.tables, **self.tables},
-            pictures={**result.pictures, **self.pictures},
-            measures={**result.measures, "objects": self.measures},
-        )
+MAX_SCAN_GAP_NS = 2_000_000_000  # a round between two scans farther apart has no pose
 
 
 class ObjectLayer(Protocol):
@@ -68,14 +41,17 @@ class ObjectLayer(Protocol):
         """Rounds used and skipped, reads that were not believed."""
 
     @property
-    def found(self) -> list[TrackedObject]:
+    def found(self) -> list[ObjectHistory]:
         """The objects that have been found."""
 
     def add_round(self, event: TagInventory) -> None:
         """Take in one inventory round."""
 
     def place_rounds(
-        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
+        self,
+        stamps_ns: Sequence[int],
+        track: Sequence[Floats],
+        sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
         """Compute the antennas' poses of the waiting rounds up to the last scan."""
 
@@ -106,14 +82,17 @@ class NoObjects:
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
-        self.found: list[TrackedObject] = []
+        self.found: list[ObjectHistory] = []
 
     def add_round(self, event: TagInventory) -> None:
         """Count the round."""
         self.counters["skipped.tags.no_database"] += 1
 
     def place_rounds(
-        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
+        self,
+        stamps_ns: Sequence[int],
+        track: Sequence[Floats],
+        sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
         """No round waits."""
 
@@ -145,77 +124,81 @@ class NoObjects:
 
 
 class TaggedObjects:
-    """Tagged objects for slam-sd; without tag reads a run is the same as without them."""
+    """Tagged objects for slam-sd; without tag reads a run is the same as without this layer."""
 
     def __init__(
-        self, database: TagDatabase, config: ObjectsConfig, rng: np.random.Generator, stopwatch: Stopwatch
+        self,
+        database: TagDatabase,
+        objects: ObjectsConfig,
+        evidence: ObjectEvidenceConfig,
+        rng: np.random.Generator,
+        stopwatch: Stopwatch,
     ) -> None:
+        self._margin_m = evidence.footprint_margin_m
+        self._move_probability = evidence.move_probability
         self._stopwatch = stopwatch
-        self._config = config
-        self._tracker = ObjectTracker(things_of(database), config, rng)
+        self._tracker = ObjectTracker(object_models(database), ObjectSettings(objects, evidence), rng)
         self._waiting: list[TagInventory] = []
         self._counters: Counter[str] = Counter()
-        self._stamps: list[int] = []
+        self._key_scans = 0
 
     @property
     def counters(self) -> Counter[str]:
-        """Rounds used and skipped, reads that were not believed."""
-        return self._counters + self._tracker.all_counters
+        """Rounds used and skipped, reads and visits that were not used."""
+        return self._counters + self._tracker.counters
 
     @property
-    def found(self) -> list[TrackedObject]:
+    def found(self) -> list[ObjectHistory]:
         """The objects that have been found."""
-        return [thing for thing in self._tracker.objects.values() if thing.stays]
+        return [history for history in self._tracker.objects.values() if history.episodes]
 
     def add_round(self, event: TagInventory) -> None:
-        """Take in one inventory round; it waits for the scan after it."""
+        """Take in one inventory round; it waits for the next scan."""
         self._waiting.append(event)
 
     def place_rounds(
-        self, stamps: Sequence[int], track: Sequence[Floats], sensor_extrinsics: Mapping[str, LidarExtrinsics]
+        self,
+        stamps_ns: Sequence[int],
+        track: Sequence[Floats],
+        sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """Give the waiting rounds up to the last scan their antennas' poses, between the scans before and after."""
-        due = [event for event in self._waiting if event.stamp_ns <= stamps[-1]]
-        self._waiting = [event for event in self._waiting if event.stamp_ns > stamps[-1]]
+        """Give the waiting rounds up to the last scan their antennas' poses, interpolated between scans."""
+        due = [event for event in self._waiting if event.stamp_ns <= stamps_ns[-1]]
+        self._waiting = [event for event in self._waiting if event.stamp_ns > stamps_ns[-1]]
         for event in due:
             extrinsics = sensor_extrinsics.get(event.frame_id)
-            pose = _pose_at(event.stamp_ns, stamps, track)
+            pose = pose_at(event.stamp_ns, stamps_ns, track, MAX_SCAN_GAP_NS)
             if extrinsics is None:
-                self._counters["skipped.tags.no_mounting"] += 1
+                self._counters["skipped.tags.no_extrinsics"] += 1
             elif pose is None:
                 self._counters["skipped.tags.no_scan"] += 1
             else:
                 self._counters["used.tags"] += 1
                 antenna = se2.compose(pose, extrinsics.pose)
-                self._tracker.add_round(SeenRound(event.stamp_ns, antenna, event.tag_ids))
+                self._tracker.add_round(InventoryRound(event.stamp_ns, antenna, event.tag_ids))
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
         """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
         with self._stopwatch.stage("objects"):
-            self._add_key_scan(scan, pose, path)
-
-    def _add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
-        self._tracker.add_scan(SeenScan(len(self._stamps), scan.stamp_ns, pose, scan), path)
-        self._stamps.append(scan.stamp_ns)
+            self._tracker.add_scan(KeyScanObservation(self._key_scans, scan.stamp_ns, pose, scan), path)
+            self._key_scans += 1
 
     def log_weights(self, paths: Floats) -> Floats | None:
-        """log weights `(n,)` of the particles' paths `(n, k, 3)` by the objects found again since the last call, if any."""
-        pairs, self._tracker.found_again = self._tracker.found_again, []
-        return log_object_weights(pairs, paths, self._config.move_probability) if pairs else None
+        """Log weights `(n,)` of the particles' paths `(n, k, 3)` by the objects found again since the last call, if any."""
+        with self._stopwatch.stage("objects"):
+            pairs = self._tracker.take_reobservations()
+            return log_object_weights(pairs, paths, self._move_probability) if pairs else None
 
     def finish(self, path: Floats) -> None:
-        """The log is over."""
+        """Process what waits at the end of the log; `path` `(k, 3)` are the poses of the key scans."""
         with self._stopwatch.stage("objects"):
-            self._finish(path)
-
-    def _finish(self, path: Floats) -> None:
-        self._counters["skipped.tags.no_scan"] += len(self._waiting)
-        self._waiting.clear()
-        self._tracker.finish(path)
+            self._counters["skipped.tags.no_scan"] += len(self._waiting)
+            self._waiting.clear()
+            self._tracker.finish(path)
 
     def update_history(self, path: Floats) -> None:
-        """Decide anew what has moved, with better poses `(k, 3)` of the key scans."""
-        self._tracker.settle(path)
+        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+        self._tracker.update_episodes(path)
 
     def landmarks(self, path: Floats) -> Edges | None:
         """Edges between the key scans from which an object was found at the same place."""
@@ -223,70 +206,29 @@ class TaggedObjects:
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
         """A key scan without the endpoints on tagged objects."""
-        outlines = outlines_seen_from(key, scan.stamp_ns, path, self.found)
-        return without_objects(scan, outlines, self._config.explained_m)
+        return self._without(self.found, key, scan, path)
 
     def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
         """A key scan without the endpoints on objects that have been moved."""
-        moved = [found for found in self.found if found.has_moved]
-        outlines = outlines_seen_from(key, scan.stamp_ns, path, moved)
-        return without_objects(scan, outlines, self._config.explained_m)
+        return self._without([found for found in self.found if found.has_moved], key, scan, path)
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """Masks over the returns of each key scan that lie on an object; None if no object was found."""
-        if not self.found:
+        found = self.found
+        if not found:
             return None
         return [
-            points_on(
-                scan.returns,
-                outlines_seen_from(key, scan.stamp_ns, path, self.found),
-                self._config.explained_m,
-            )
+            points_on(scan.returns, footprints_at_key_scan(key, scan.stamp_ns, path, found), self._margin_m)
             for key, scan in enumerate(scans)
         ]
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
-        """Maps, tables and the picture, for the final poses `(k, 3)` of the key scans."""
-        if not self.found:
-            return None
-        found, limit = self.found, self._config.open_from_rad
-        present = [(thing, stay) for thing in found if (stay := thing.present) is not None]
-        composed = compose_map(static, [thing.thing.placed(stay.placed(path)) for thing, stay in present])
-        outlines = list(self._drawn(present, path))
-        picture = np.asarray(render_map(static, trajectory, outlines=outlines))
-        note = "Static map; boxes blue, doors closed brown and open orange; what has moved is red."
-        return ObjectResult(
-            {"static": static, "composed": composed},
-            {
-                "objects": objects_table(found, path, limit),
-                "objects_history": history_table(found, path, limit),
-            },
-            {"objects": Picture(picture, "Objects", note)},
-            {
-                "found": len(found),
-                "moved": sum(thing.has_moved for thing in found),
-                "gone": sum(thing.present is None for thing in found),
-            },
-        )
+        """Maps, tables and the picture for the final poses `(k, 3)` of the key scans; None if no object was found."""
+        found = self.found
+        return result_of(found, static, path, trajectory) if found else None
 
-    def _drawn(
-        self, present: Sequence[tuple[TrackedObject, Stay]], path: Floats
-    ) -> Iterator[tuple[Floats, tuple[int, int, int], str]]:
-        for thing, stay in present:
-            state = state_of(stay, self._config.open_from_rad)
-            colour = {"": BOX, "open": OPEN_DOOR, "closed": CLOSED_DOOR}[state]
-            colour = MOVED if thing.has_moved else colour
-            yield thing.thing.placed(stay.placed(path)), colour, thing.thing.id
-
-
-def _pose_at(stamp_ns: int, stamps: Sequence[int], track: Sequence[Floats]) -> Floats | None:
-    """The front end's pose between two scans; None before the first, and in a long gap."""
-    after = bisect_left(stamps, stamp_ns, max(len(stamps) - 100, 0))
-    if after >= len(stamps) or (after == 0 and stamps[0] != stamp_ns):
-        return None
-    if stamps[after] == stamp_ns:
-        return track[after]
-    span = stamps[after] - stamps[after - 1]
-    if not 0 < span < LONGEST_GAP_NS or stamp_ns < stamps[after - 1]:
-        return None
-    return se2.interpolate(track[after - 1], track[after], (stamp_ns - stamps[after - 1]) / span)
+    def _without(
+        self, objects: Sequence[ObjectHistory], key: int, scan: PreparedScan, path: Floats
+    ) -> PreparedScan:
+        footprints = footprints_at_key_scan(key, scan.stamp_ns, path, objects)
+        return without_points_on(scan, footprints, self._margin_m)

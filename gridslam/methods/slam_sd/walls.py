@@ -1,4 +1,4 @@
-"""Long straight surfaces about a place: what a door hinges in, and what explains beams without any object."""
+"""Long straight surfaces around a place: doors hinge in them, and they explain beams without any object."""
 
 from __future__ import annotations
 
@@ -9,17 +9,23 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ANGLES = 90
-BAND_M = 0.06
-FINAL_BAND_M = 0.008
-MOST_POINTS = 1500
-COVER_CELL_M = 0.1
-LEAST_POINTS = 3  # of a piece of that length that counts as seen
+ANGLES = 90  # of the Hough accumulator: 2 degrees
+BAND_M = 0.06  # points this close to a line belong to it
+FINAL_BAND_M = 0.008  # final scale of the robust fit: range noise
+MAX_POINTS = 1500
+MAX_WALLS = 6
+MIN_REMAINING_POINTS = 20  # with fewer, no further wall is searched for
+PIECE_M = 0.1  # a wall is covered by pieces of this length
+MIN_POINTS_PER_PIECE = 3  # of a piece that counts as seen
+FIT_ROUNDS = 2
+FIT_ITERATIONS = 10
+SCALE_FACTOR = 0.7  # by which the robust scale shrinks per iteration
+REGULARISATION = 1e-9  # keeps the fit of a single piece solvable
 
 
 @dataclass(frozen=True, slots=True)
 class Walls:
-    """Lines n . p = offset: unit normals `(k, 2)`, offsets `(k,)`, and the seen extent along them `(k, 2)`."""
+    """Lines n . p = offset: unit normals `(k, 2)`, offsets `(k,)` (m), and the observed extents along them `(k, 2)` (m)."""
 
     normals: Floats
     offsets: Floats
@@ -30,7 +36,7 @@ class Walls:
 
     @property
     def directions(self) -> Floats:
-        """Angles of the lines `(k,)` in [0, pi)."""
+        """Directions of the lines `(k,)` in [0, pi)."""
         return np.asarray(np.mod(np.arctan2(self.normals[:, 1], self.normals[:, 0]) + np.pi / 2, np.pi))
 
     def signed_distances(self, points: Floats) -> Floats:
@@ -47,35 +53,36 @@ class Walls:
         return np.asarray(np.abs(self.signed_distances(points)).min(axis=1))
 
 
-def find_walls(points: Floats, least_length_m: float, most: int = 6) -> Walls:
-    """The longest straight surfaces through points `(m, 2)`, one after the other, each at least that long where it was seen.
+def find_walls(points: Floats, min_length_m: float) -> Walls:
+    """At most `MAX_WALLS` straight surfaces through points `(m, 2)`, each observed over at least `min_length_m`.
 
-    Found in a Hough accumulator, then fitted by least squares that more and more trusts the nearest points only: what stands
-    2 cm before the wall (a closed door) does not bend it.
+    Lines are found in a Hough accumulator, then fitted by robust least squares: a closed door 2 cm in front of the wall
+    does not tilt the line.
     """
-    if len(points) > MOST_POINTS:
-        points = points[(np.arange(MOST_POINTS) * len(points)) // MOST_POINTS]
-    left = points
+    if len(points) > MAX_POINTS:
+        points = points[(np.arange(MAX_POINTS) * len(points)) // MAX_POINTS]
+    remaining = points
     found: list[tuple[float, ...]] = []
-    for _ in range(2 * most):
-        if len(left) < 20 or len(found) == most:
+    for _ in range(2 * MAX_WALLS):
+        if len(remaining) < MIN_REMAINING_POINTS or len(found) == MAX_WALLS:
             break
-        normal, offset = _fit(left, *_strongest(left))
-        near = np.abs(left @ normal - offset) < BAND_M
-        along = left[near] @ np.array([-normal[1], normal[0]])
+        normal, offset = _fitted_line(remaining, *_strongest_line(remaining))
+        near = np.abs(remaining @ normal - offset) < BAND_M
+        along = remaining[near] @ np.array([-normal[1], normal[0]])
         if not near.any():
             break
-        cells, counts = np.unique(np.floor(along / COVER_CELL_M), return_counts=True)
-        seen = cells[counts >= LEAST_POINTS]
-        if len(seen) * COVER_CELL_M >= least_length_m:
+        cells, counts = np.unique(np.floor(along / PIECE_M), return_counts=True)
+        seen = cells[counts >= MIN_POINTS_PER_PIECE]
+        if len(seen) * PIECE_M >= min_length_m:
             low, high = float(seen[0]), float(seen[-1] + 1.0)
-            found.append((*map(float, normal), offset, COVER_CELL_M * low, COVER_CELL_M * high))
-        left = left[~near]
+            found.append((*map(float, normal), offset, PIECE_M * low, PIECE_M * high))
+        remaining = remaining[~near]
     lines = np.array(found).reshape(-1, 5)
     return Walls(lines[:, :2], lines[:, 2], lines[:, 3:])
 
 
-def _strongest(points: Floats) -> tuple[Floats, float]:
+def _strongest_line(points: Floats) -> tuple[Floats, float]:
+    """Normal (2,) and offset of the line with the most votes in the Hough accumulator."""
     angles = np.pi * np.arange(ANGLES) / ANGLES
     normals = np.stack([np.cos(angles), np.sin(angles)])
     offsets = points @ normals
@@ -88,25 +95,22 @@ def _strongest(points: Floats) -> tuple[Floats, float]:
     return normals[:, angle], low + (cell + 0.5) * BAND_M
 
 
-def _fit(points: Floats, normal: Floats, offset: float) -> tuple[Floats, float]:
-    """Least squares over pieces of the line, each by the median of its points, so that a piece seen often counts no more.
-
-    The Geman-McClure weight, its scale going from the band to its final value, leaves the majority of the pieces.
-    """
-    for _ in range(2):
+def _fitted_line(points: Floats, normal: Floats, offset: float) -> tuple[Floats, float]:
+    """Line fitted to the medians of its pieces, so that a piece seen often does not count more."""
+    for _ in range(FIT_ROUNDS):
         error = points @ normal - offset
         near = np.abs(error) < BAND_M
         if np.count_nonzero(near) < 3:
             break
         along = np.array([-normal[1], normal[0]])
-        pieces = _medians(points[near] @ along, error[near])
-        normal, offset = _through(pieces, normal, along, offset)
+        pieces = _piece_medians(points[near] @ along, error[near])
+        normal, offset = _line_through(pieces, normal, along, offset)
     return normal, offset
 
 
-def _medians(along: Floats, error: Floats) -> Floats:
-    """For each piece (10 cm) of a line the mean place along it, and the median distance from it `(k, 2)`."""
-    cell = np.floor(along / COVER_CELL_M).astype(np.int64)
+def _piece_medians(along: Floats, error: Floats) -> Floats:
+    """Mean position along the line and median distance from it `(k, 2)`, per piece of `PIECE_M`."""
+    cell = np.floor(along / PIECE_M).astype(np.int64)
     order = np.lexsort((error, cell))
     cell, along, error = cell[order], along[order], error[order]
     first = np.flatnonzero(np.r_[True, cell[1:] != cell[:-1]])
@@ -115,17 +119,20 @@ def _medians(along: Floats, error: Floats) -> Floats:
     return np.column_stack([np.add.reduceat(along, first) / count, middle])
 
 
-def _through(pieces: Floats, normal: Floats, along: Floats, offset: float) -> tuple[Floats, float]:
-    """The line through pieces `(k, 2)` given along and across another line."""
+def _line_through(pieces: Floats, normal: Floats, along: Floats, offset: float) -> tuple[Floats, float]:
+    """Normal and offset of the line through pieces `(k, 2)`, whose coordinates are along and across another line.
+
+    Geman-McClure weights, with a scale that shrinks from the band to its final value, leave the majority of the pieces.
+    """
     scale = BAND_M
     line: Floats = np.zeros(2)
     design = np.column_stack([np.ones(len(pieces)), pieces[:, 0] - pieces[:, 0].mean()])
-    for _ in range(10):
+    for _ in range(FIT_ITERATIONS):
         weight = (scale**2 / (scale**2 + (pieces[:, 1] - design @ line) ** 2)) ** 2
-        normal_matrix = design.T @ (design * weight[:, None]) + 1e-9 * np.eye(2)
+        normal_matrix = design.T @ (design * weight[:, None]) + REGULARISATION * np.eye(2)
         line = np.asarray(np.linalg.solve(normal_matrix, design.T @ (weight * pieces[:, 1])))
-        scale = max(0.7 * scale, FINAL_BAND_M)
-    turned = normal - line[1] * along
-    turned = turned / np.hypot(*turned)
+        scale = max(SCALE_FACTOR * scale, FINAL_BAND_M)
+    tilted = normal - line[1] * along
+    tilted = tilted / np.hypot(*tilted)
     point = normal * (offset + line[0]) + along * pieces[:, 0].mean()
-    return turned, float(turned @ point)
+    return tilted, float(tilted @ point)

@@ -1,4 +1,4 @@
-"""The parts of the objects' filters: walls, doors, visits, places, ties of the path, maps."""
+"""Parts of the objects: walls, doors, visits, episodes, constraints of the path, maps."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.slam_sd.composition import compose_map
 from gridslam.methods.slam_sd.doors import closed_yaw_of
-from gridslam.methods.slam_sd.evidence import SeenRound
-from gridslam.methods.slam_sd.explained import points_on
-from gridslam.methods.slam_sd.hindsight import hinged_alike, stays_of
-from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
-from gridslam.methods.slam_sd.stays import Stay, TrackedObject
-from gridslam.methods.slam_sd.things import Thing, things_of
-from gridslam.methods.slam_sd.visits import VisitBook
+from gridslam.methods.slam_sd.landmarks import Reobservation, landmark_edges, log_object_weights
+from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.object_model import ObjectModel, object_models
+from gridslam.methods.slam_sd.point_masks import points_on
+from gridslam.methods.slam_sd.smoothing import episodes_of, estimates_of_one_hinge
+from gridslam.methods.slam_sd.tag_visits import OpenVisits
+from gridslam.methods.slam_sd.visit_evidence import InventoryRound
 from gridslam.methods.slam_sd.walls import Walls, find_walls
 
 SECOND = 1_000_000_000
@@ -30,13 +30,15 @@ def entry(name: str, hinge: tuple[float, float] | None = None) -> dict[str, obje
     return {"id": name, "class": "x", "outline": corners, "tags": [{"id": f"tag-{name}"}], "hinge": hinge}
 
 
-def thing(hinge: tuple[float, float] | None = None) -> Thing:
-    return things_of(TagDatabase.model_validate({"objects": [entry("a", hinge)]}))[0]
+def model_of(hinge: tuple[float, float] | None = None) -> ObjectModel:
+    return object_models(TagDatabase.model_validate({"objects": [entry("a", hinge)]}))[0]
 
 
-def stay(anchor: int, pose: tuple[float, float, float], first_s: int, reads: int = 5) -> Stay:
+def episode(anchor: int, pose: tuple[float, float, float], first_s: int, reads: int = 5) -> ObjectEpisode:
     covariance = np.diag([0.01, 0.01, 0.01]) ** 2
-    return Stay(anchor, np.array(pose), covariance, first_s * SECOND, (first_s + 2) * SECOND, reads, 50.0)
+    return ObjectEpisode(
+        anchor, np.array(pose), covariance, first_s * SECOND, (first_s + 2) * SECOND, reads, 50.0
+    )
 
 
 def far_apart(a: np.ndarray, b: np.ndarray) -> bool:
@@ -61,7 +63,7 @@ def test_walls_are_found_behind_the_doors_in_them() -> None:
     assert abs(walls.distances(np.array([[0.0, 0.98]]))[0] - 0.02) < 0.004
 
 
-def test_short_surfaces_are_no_walls_and_nothing_is_a_wall_beyond_what_was_seen() -> None:
+def test_short_surfaces_are_no_walls_and_walls_end_where_they_were_observed() -> None:
     points = wall_points(np.random.default_rng(1), 0.6)
     walls = find_walls(points, 1.5)
     assert walls.distances(np.array([[0.0, 0.5]]))[0] > 0.3
@@ -69,7 +71,7 @@ def test_short_surfaces_are_no_walls_and_nothing_is_a_wall_beyond_what_was_seen(
     assert np.isinf(find_walls(points[:10], 1.5).distances(points[:3])).all()
 
 
-def test_a_door_is_closed_along_its_wall_and_stays_so_when_it_opens_wide() -> None:
+def test_the_closed_yaw_of_a_door_lies_along_its_wall_also_when_it_opens_wide() -> None:
     walls = Walls(np.array([[0.0, 1.0]]), np.array([1.0]), np.array([[-4.0, 4.0]]))
     assert closed_yaw_of(np.array([0.5, 1.0, 0.4]), walls, None) == pytest.approx(0.0)
     assert abs(closed_yaw_of(np.array([0.5, 1.0, 2.9]), walls, None) or 0.0) == pytest.approx(np.pi)
@@ -78,76 +80,85 @@ def test_a_door_is_closed_along_its_wall_and_stays_so_when_it_opens_wide() -> No
 
 
 def test_a_visit_ends_with_a_pause_and_two_tags_of_one_object_are_one_read() -> None:
-    book = VisitBook({"front": "bin", "back": "bin"}, 4.0)
+    visits = OpenVisits({"front": "bin", "back": "bin"})
     for second in (0, 1, 2):
-        book.add(SeenRound(second * SECOND, np.zeros(3), ("front", "back", "unknown")))
-    assert book.counters["tags.unknown_id"] == 3
-    assert not book.take_ended(5 * SECOND)
-    ended = book.take_ended(7 * SECOND)
+        visits.add(InventoryRound(second * SECOND, np.zeros(3), ("front", "back", "unknown")))
+    assert visits.counters["tags.unknown_id"] == 3
+    assert not visits.take_ended(5 * SECOND)
+    ended = visits.take_ended(7 * SECOND)
     assert (ended["bin"].reads, ended["bin"].last_ns) == (3, 2 * SECOND)
-    assert not book.open
+    assert "bin" not in visits
 
 
-def test_a_move_is_a_place_that_differs_from_the_one_before() -> None:
+def test_an_estimate_at_another_place_begins_an_episode() -> None:
     path = np.zeros((3, 3))
     path[1:, 0] = [0.05, 0.0]
-    seen = [stay(0, (1, 0, 0), 0), stay(1, (1, 0, 0), 10), stay(2, (2, 0, 0), 20)]
-    stays = stays_of(seen, path, far_apart)
-    assert [s.reads for s in stays] == [10, 5]
-    assert (stays[0].first_ns, stays[0].last_ns) == (0, 12 * SECOND)
-    found = TrackedObject(thing(), stays, seen)
+    estimates = [episode(0, (1, 0, 0), 0), episode(1, (1, 0, 0), 10), episode(2, (2, 0, 0), 20)]
+    episodes = episodes_of(estimates, path, far_apart)
+    assert [e.reads for e in episodes] == [10, 5]
+    assert (episodes[0].first_ns, episodes[0].last_ns) == (0, 12 * SECOND)
+    found = ObjectHistory(model_of(), episodes, estimates)
     assert found.has_moved
-    assert found.at(5 * SECOND) == stays[:1]
-    assert found.at(15 * SECOND) == stays
-    assert found.at(25 * SECOND) == stays[1:]
+    assert found.at(5 * SECOND) == episodes[:1]
+    assert found.at(15 * SECOND) == episodes
+    assert found.at(25 * SECOND) == episodes[1:]
 
 
 def test_an_object_that_is_gone_is_not_present_and_has_moved() -> None:
-    found = TrackedObject(thing(), [replace(stay(0, (1, 0, 0), 0), gone_ns=9 * SECOND)])
+    found = ObjectHistory(model_of(), [replace(episode(0, (1, 0, 0), 0), gone_ns=9 * SECOND)])
     assert found.has_moved
     assert found.present is None
     assert not found.at(10 * SECOND)
 
 
 def test_an_estimate_whose_hinge_is_elsewhere_is_dropped() -> None:
-    seen = [stay(0, (1, 0, 0), 0, reads=3), stay(0, (2, 0, 1), 10, reads=12), stay(0, (2.1, 0, 0), 20)]
-    assert hinged_alike(seen, np.zeros((1, 3))) == seen[1:]
+    estimates = [
+        episode(0, (1, 0, 0), 0, reads=3),
+        episode(0, (2, 0, 1), 10, reads=12),
+        episode(0, (2.1, 0, 0), 20),
+    ]
+    assert estimates_of_one_hinge(estimates, np.zeros((1, 3))) == estimates[1:]
 
 
-def test_poses_hang_on_their_key_scans() -> None:
+def test_poses_follow_their_key_scans() -> None:
     path = np.array([[0.0, 0, 0], [1.0, 2.0, np.pi / 2]])
-    placed = stay(1, (1, 0, 0), 0).placed(path)
+    placed = episode(1, (1, 0, 0), 0).pose_in_map(path)
     np.testing.assert_allclose(placed, [1.0, 3.0, np.pi / 2], atol=1e-12)
-    wide = replace(stay(1, (1, 0, 0), 0), covariance=np.diag([4.0, 1.0, 0.1]))
+    wide = replace(episode(1, (1, 0, 0), 0), covariance=np.diag([4.0, 1.0, 0.1]))
     np.testing.assert_allclose(np.diag(wide.covariance_in_map(path)), [1.0, 4.0, 0.1])
 
 
-def test_a_hinge_away_from_the_origin_of_the_object_is_undone_in_its_pose() -> None:
-    door = thing((0.9, 0.0))
-    np.testing.assert_allclose(door.outline[:, 0], [-0.9, 0.0, 0.0, -0.9])
+def test_the_own_pose_of_a_door_accounts_for_its_hinge() -> None:
+    door = model_of((0.9, 0.0))
+    np.testing.assert_allclose(door.footprint[:, 0], [-0.9, 0.0, 0.0, -0.9])
     np.testing.assert_allclose(door.own_pose(np.array([5.0, 5.0, np.pi / 2])), [5.0, 4.1, np.pi / 2])
 
 
 @pytest.mark.parametrize("is_door", [False, True])
-def test_objects_found_again_bring_the_path_back(is_door: bool) -> None:
+def test_objects_found_again_correct_the_path(is_door: bool) -> None:
     truth = np.array([[0.0, 0, 0], [0.0, 0.5, 3.0]])
-    thing_pose = np.array([2.0, 1.0, 0.3])
-    seen = [Stay(k, se2.between(truth[k], thing_pose), 1e-6 * np.eye(3), k, k, 5, 9.0) for k in (0, 1)]
-    other = [Stay(k, se2.between(truth[k], [1.0, -2.0, 0.0]), 1e-6 * np.eye(3), k, k, 5, 9.0) for k in (0, 1)]
+    object_pose = np.array([2.0, 1.0, 0.3])
+    estimates = [
+        ObjectEpisode(k, se2.between(truth[k], object_pose), 1e-6 * np.eye(3), k, k, 5, 9.0) for k in (0, 1)
+    ]
+    other = [
+        ObjectEpisode(k, se2.between(truth[k], [1.0, -2.0, 0.0]), 1e-6 * np.eye(3), k, k, 5, 9.0)
+        for k in (0, 1)
+    ]
     drifted = truth + np.array([[0, 0, 0], [0.15, -0.1, 0.03]])
     hinge = (0.0, 0.0) if is_door else None
-    objects = [TrackedObject(thing(hinge), s[-1:], s) for s in (seen, other)]
+    objects = [ObjectHistory(model_of(hinge), s[-1:], s) for s in (estimates, other)]
     edges = landmark_edges(objects, drifted)
     found, _ = optimise(drifted, edges, 5.0)
     relative = se2.between(found[0], found[1])
     np.testing.assert_allclose(relative, se2.between(truth[0], truth[1]), atol=5e-3)
 
 
-def test_a_path_that_brings_an_object_to_the_same_place_weighs_more_but_a_move_is_possible() -> None:
-    a, b = stay(0, (1, 0, 0), 0), stay(1, (1, 0, 0), 10)
+def test_a_path_on_which_an_object_stands_still_weighs_more_but_a_move_is_possible() -> None:
+    pair = Reobservation(episode(0, (1, 0, 0), 0), episode(1, (1, 0, 0), 10), is_door=False)
     paths = np.zeros((3, 2, 3))
     paths[1, 1, 0], paths[2, 1, 0] = 0.02, 5.0
-    right, off, lost = log_object_weights([(a, b, False)], paths, 0.02)
+    right, off, lost = log_object_weights([pair], paths, 0.02)
     assert right > off > lost
     assert lost == pytest.approx(np.log(0.02))
 
@@ -162,7 +173,7 @@ def test_objects_are_drawn_into_the_composed_map_even_outside_of_it() -> None:
     assert compose_map(static, []) is static
 
 
-def test_only_points_on_an_outline_belong_to_it() -> None:
+def test_points_on_and_near_a_footprint_belong_to_the_object() -> None:
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     points = np.array([[0.5, 0.5], [1.04, 0.5], [1.07, 0.5], [3.0, 3.0]])
     assert points_on(points, [square], 0.05).tolist() == [True, True, False, False]

@@ -1,4 +1,4 @@
-"""Tagged objects in slam-sd, on the sample log: a corridor with two doors and two bins, some of them moved on the way."""
+"""Tagged objects in slam-sd on the sample log: a corridor with two doors and two bins, some of which are moved."""
 
 from __future__ import annotations
 
@@ -72,22 +72,22 @@ def assert_all_right(result: RunResult) -> None:
         )  # fmt: skip
 
 
-def test_all_objects_are_found_where_they_are_with_what_happened_to_them(finished: RunResult) -> None:
+def test_all_objects_have_the_right_pose_state_and_moved_flag(finished: RunResult) -> None:
     assert_all_right(finished)
 
 
-def test_errors_are_as_large_as_the_covariance_says(finished: RunResult) -> None:
+def test_errors_agree_with_the_covariance(finished: RunResult) -> None:
     truth = read_objects(TRUTH / "objects.csv")
     for row in table_rows(finished):
         here = se2.compose(START, np.array([float(row[k]) for k in ("x", "y", "yaw")]))
         error = se2.between(here, np.array(truth[row["id"]].pose))
-        deviations = np.sqrt([float(row["var_x"]), float(row["var_y"]), float(row["var_yaw"])])
-        turned = se2.transform_points(np.array([0.0, 0.0, here[2]]), error[None, :2])[0]
+        std = np.sqrt([float(row["var_x"]), float(row["var_y"]), float(row["var_yaw"])])
+        rotated = se2.transform_points(np.array([0.0, 0.0, here[2]]), error[None, :2])[0]
         slack = np.array([0.02, 0.02, 0.01])  # of the map about the object
-        assert (np.abs([*turned, error[2]]) < 4.0 * deviations + slack).all(), row["id"]
+        assert (np.abs([*rotated, error[2]]) < 4.0 * std + slack).all(), row["id"]
 
 
-def test_the_history_tells_each_visit_in_order(finished: RunResult) -> None:
+def test_the_history_has_a_row_per_visit_in_order(finished: RunResult) -> None:
     history = table_rows(finished, "objects_history")
     stamps = [float(row["stamp"]) for row in history]
     assert stamps == sorted(stamps)
@@ -97,7 +97,9 @@ def test_the_history_tells_each_visit_in_order(finished: RunResult) -> None:
     assert [row["moved"] for row in history if row["id"] == "bin-1"].count("true") == 1
 
 
-def test_objects_are_in_the_composed_map_only_and_leave_no_ghosts(finished: RunResult) -> None:
+def test_objects_are_in_the_composed_map_only_and_leave_no_trace_in_the_static_map(
+    finished: RunResult,
+) -> None:
     static, composed = finished.maps["static"], finished.maps["composed"]
     assert finished.occupancy is composed
 
@@ -116,7 +118,7 @@ BLUE, RED = (30, 110, 200), (205, 45, 45)
 MIDDLES = {"large-door": (0.45, 0.0), "bin": (0.0, 0.0)}  # in the objects' own frames
 
 
-def test_objects_are_drawn_where_they_are_and_red_where_they_were_moved(finished: RunResult) -> None:
+def test_objects_are_drawn_at_their_poses_and_moved_ones_are_red(finished: RunResult) -> None:
     static, picture = finished.maps["static"], finished.pictures["objects"].rgb.astype(float)
     plain = np.asarray(render_map(static, finished.trajectory)).astype(float)
     moved = []
@@ -138,7 +140,9 @@ def silent(events: Iterable[Event]) -> Iterator[Event]:
         yield replace(event, tag_ids=(), rssi_dbm=()) if isinstance(event, TagInventory) else event
 
 
-def test_without_reads_nothing_of_the_lidar_slam_changes(events: list[Event], database: TagDatabase) -> None:
+def test_without_reads_the_lidar_slam_gives_the_same_bytes(
+    events: list[Event], database: TagDatabase
+) -> None:
     plain = run((e for e in events if not isinstance(e, TagInventory)), None)
     for other in (run(silent(events), database), run(events, None)):
         assert other.trajectory.poses.tobytes() == plain.trajectory.poses.tobytes()
@@ -156,7 +160,7 @@ def test_reads_without_a_database_are_counted(events: list[Event]) -> None:
 
 
 def disturbed(events: Iterable[Event]) -> Iterator[Event]:
-    """Stray reads, unknown ids, a tag whose object the lidar does not see, and a second tag on bin-2."""
+    """Rounds with false reads, unknown ids, a tag on an object outside the scan plane, and a second tag on bin-2."""
     rounds = 0
     for event in events:
         if isinstance(event, TagInventory):
@@ -174,10 +178,10 @@ def disturbed(events: Iterable[Event]) -> Iterator[Event]:
         yield event
 
 
-def test_no_read_puts_a_wrong_object_into_the_map(events: list[Event], database: TagDatabase) -> None:
-    box = next(thing for thing in database.objects if thing.id == "bin-2")
+def test_false_reads_put_no_object_into_the_map(events: list[Event], database: TagDatabase) -> None:
+    box = next(entry for entry in database.objects if entry.id == "bin-2")
     second = ObjectTag(id="tag-bin-2-back", position=(0.2, 0.1))
-    others = [thing for thing in database.objects if thing.id != "bin-2"]
+    others = [entry for entry in database.objects if entry.id != "bin-2"]
     hanging, stray = (
         box.model_copy(update={"id": name, "tags": (ObjectTag(id=f"tag-{name}", position=(0.2, 0.0)),)})
         for name in ("hanging", "stray")
@@ -187,17 +191,17 @@ def test_no_read_puts_a_wrong_object_into_the_map(events: list[Event], database:
     assert_all_right(result)
     rounds = sum(isinstance(e, TagInventory) for e in events)
     assert result.counters["tags.unknown_id"] == rounds // 50
-    assert result.counters["tags.stray_reads"] >= rounds // 199
+    assert result.counters["tags.false_reads"] >= rounds // 199
     assert result.counters["objects.not_in_scan_plane"] >= 1
 
 
-def test_a_box_that_is_neither_read_nor_seen_where_it_stood_is_gone(
+def test_a_box_that_is_neither_read_nor_seen_at_its_place_is_gone(
     events: list[Event], database: TagDatabase
 ) -> None:
-    begin = events[0].stamp_ns
+    first_ns = events[0].stamp_ns
 
     def unread(event: Event) -> Event:
-        if not isinstance(event, TagInventory) or event.stamp_ns < begin + 15 * 10**9:
+        if not isinstance(event, TagInventory) or event.stamp_ns < first_ns + 15 * 10**9:
             return event
         kept = tuple(tag for tag in event.tag_ids if tag != "tag-bin-1")
         return replace(event, tag_ids=kept, rssi_dbm=(-50.0,) * len(kept))
@@ -212,13 +216,13 @@ def test_a_box_that_is_neither_read_nor_seen_where_it_stood_is_gone(
     assert composed.probability[at_row, at_col] < 0.5
 
 
-def test_rounds_without_mounting_or_pose_are_counted(events: list[Event], database: TagDatabase) -> None:
+def test_rounds_without_extrinsics_or_pose_are_counted(events: list[Event], database: TagDatabase) -> None:
     few = [e for e in events[:400] if not isinstance(e, TagInventory)]
     rounds = [e for e in events[:400] if isinstance(e, TagInventory)]
     lost = [replace(rounds[0], stamp_ns=rounds[0].stamp_ns - 10**10)]
     strange = [replace(rounds[5], frame_id="nowhere"), replace(rounds[5], stamp_ns=2**62)]
     counters = run(few[:8] + lost + strange + few[8:] + rounds[5:6], database).counters
-    assert counters["skipped.tags.no_mounting"] == 1
+    assert counters["skipped.tags.no_extrinsics"] == 1
     assert counters["skipped.tags.no_scan"] >= 2
 
 

@@ -1,0 +1,53 @@
+"""What it means that an object was not read: a silent antenna is information as well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.methods.slam_sd.object_config import ObjectSettings
+from gridslam.methods.slam_sd.object_filter import ObjectFilter
+from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.tag_visits import PAUSE_NS
+from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation, gather_evidence
+from gridslam.sensors.rfid import AntennaModel, RoundGeometry, range_profile
+
+Floats = NDArray[np.float64]
+
+LEAD_NS = 3_000_000_000  # scans this long before the first read of a visit are used as well
+
+
+def log_silence(
+    model: ObjectModel,
+    pose: Floats,
+    rounds: Sequence[InventoryRound],
+    scan: KeyScanObservation,
+    antenna: AntennaModel,
+) -> float:
+    """log P(none of its tags is read in these rounds | the object is at a pose (3,)); `scan` shows what hides them."""
+    points = se2.transform_points(scan.pose, scan.scan.returns)
+    geometry = RoundGeometry(
+        np.array([r.antenna for r in rounds]),
+        np.zeros(len(rounds), np.int64),
+        scan.viewpoint[None],
+        range_profile(points, scan.viewpoint)[None],
+    )
+    silent = np.zeros(len(rounds), np.bool_)
+    return float(geometry.log_likelihood(se2.compose(pose[None], model.tags), silent, antenna).sum())
+
+
+def scans_see_nothing(
+    model: ObjectModel,
+    pose: Floats,
+    scans: Sequence[KeyScanObservation],
+    rounds: Sequence[InventoryRound],
+    settings: ObjectSettings,
+) -> bool:
+    """Whether the last scans are likelier without the object at a pose (3,) of the front end's frame."""
+    since = scans[-1].stamp_ns - (LEAD_NS + PAUSE_NS)
+    recent = [scan for scan in scans if scan.stamp_ns >= since]
+    evidence = gather_evidence(model, recent, rounds[-1:], pose[:2])
+    return ObjectFilter(model, evidence, None, settings).log_likelihood_ratio(pose) < 0.0
