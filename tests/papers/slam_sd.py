@@ -28,7 +28,7 @@ class Corridor:
     world: str
     title: str
     what: str
-    things: int
+    objects: int
     published: str | None = None
 
 
@@ -65,11 +65,11 @@ def section(work: Work) -> Section:
 
 def experiment(found: Found, corridor: Corridor) -> Experiment:
     """Objects, path and time."""
-    log, things, seeds = corridor.world, corridor.things, seeds_text(found.seeds)
+    log, objects, seeds = corridor.world, corridor.objects, seeds_text(found.seeds)
 
     def right(config: str) -> str:
         count = found.values("objects.correct", log, config, OVERRIDE)
-        return f"{count.mean():.4g} of {things} (worst seed {count.min():.0f})"
+        return f"{count.mean():.4g} of {objects} (worst seed {count.min():.0f})"
 
     def place(config: str) -> str:
         position = found.mean("objects.position.mean", log, config, OVERRIDE)
@@ -90,14 +90,14 @@ def experiment(found: Found, corridor: Corridor) -> Experiment:
     ]
     png = found.directory(log, "best", OVERRIDE, found.seeds[0]) / "objects.png"
     picture = Picture(f"slam-{log}", picture_of(png), CAPTION.format(seed=found.seeds[0]))
-    return Experiment(corridor.title, corridor.what, rows, [picture], shortfall(found, log, things))
+    return Experiment(corridor.title, corridor.what, rows, [picture], shortfall(found, log, objects))
 
 
-def shortfall(found: Found, log: str, things: int) -> str:
+def shortfall(found: Found, log: str, objects: int) -> str:
     """What is not right, and why."""
     wrong = {
-        c: int((things - found.values("objects.correct", log, c, OVERRIDE)).sum()) for c in ("paper", "best")
+        c: int((objects - found.values("objects.correct", log, c, OVERRIDE)).sum()) for c in ("paper", "best")
     }
     if not any(wrong.values()):
         return "No object is wrong on any seed."
-    return FALLS_SHORT.format(total=things * len(found.seeds), **wrong)
+    return FALLS_SHORT.format(total=objects * len(found.seeds), **wrong)
