@@ -1,4 +1,4 @@
-# Everything a newcomer needs, from Python >= 3.10 and make alone. `make map` is the place to start.
+# Needs only Python >= 3.10 and make. Start with `make map`.
 
 PYTHON ?= python3
 VENV   ?= .venv
@@ -17,21 +17,21 @@ help:
 	@echo "make map      set up, then map the sample log: the picture is $(OUT)/map.png"
 	@echo "make test     lint, then all tests"
 	@echo "make lint     ruff, mypy, import-linter"
-	@echo "make same-results  compare what the program writes with what was recorded in $(BASELINE)"
+	@echo "make same-results  compare the results of all methods with those recorded in $(BASELINE)"
 	@echo "make docs     build the pages and the API as a site: out/site/index.html"
-	@echo "make bench    measure speed, memory and accuracy against their bounds"
-	@echo "make papers   measure what the papers measured, into docs/papers.md"
+	@echo "make bench    measure speed, memory and accuracy, and check them against their bounds"
+	@echo "make papers   repeat the papers' experiments and write docs/papers.md"
 	@echo "make fuzz     feed every reader damaged input for FUZZ_SECONDS each"
 	@echo "make newcomer time the path from git clone to the first map, with nothing cached"
 	@echo "make samples  regenerate the sample logs"
-	@echo "make clean    remove everything that make has made"
+	@echo "make clean    remove everything that make has built"
 	@echo "PYTHON=python3.12 chooses the interpreter of $(VENV)"
 
 map: $(READY)
 	$(BIN)/gridslam map $(SAMPLE) -c slam-sd -o $(OUT) --force
 	$(BIN)/gridslam evaluate $(OUT) --truth $(SAMPLE:.mcap=.truth)
 	@echo
-	@echo "The map is $(OUT)/map.png; $(OUT)/report.html tells the rest."
+	@echo "The map is $(OUT)/map.png; $(OUT)/report.html has the details."
 
 test: lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
@@ -69,8 +69,8 @@ clean:
 	rm -rf $(VENV) out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks tests/failures
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# A stamp is written last, so an interrupted set-up starts again; a change of the dependencies
-# installs anew into what is there.
+# The stamp file is written last, so an interrupted set-up is repeated; changed dependencies are installed into the existing
+# environment.
 $(READY): pyproject.toml setup.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 		{ echo "gridslam needs Python 3.10 or newer; choose one with: make PYTHON=/path/to/python3" >&2; exit 2; }
@@ -82,6 +82,6 @@ $(READY): pyproject.toml setup.py
 	@touch $@
 
 $(DEV): $(READY)
-	@echo "adding what tests, lint and the simulator need (once)"
+	@echo "installing what tests, lint and the simulator need (once)"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[sim,test,lint,docs]'
 	@touch $@

@@ -1,7 +1,7 @@
-"""`make papers`: measures what the five papers measured, and writes it beside their figures into docs/papers.md.
+"""`make papers`: repeats the experiments of the five papers and writes the results beside theirs into docs/papers.md.
 
-`python -m tests.papers.make [NAME ...] [--seeds N] [--jobs N]` makes single sections, with the first N seeds only. What is done
-for the program as it is lies under out/papers and is not done again.
+`python -m tests.papers.make [NAME ...] [--seeds N] [--jobs N]` writes single sections, with the first N seeds only. Runs of the
+present version of the program are kept under out/papers and are not repeated.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ NAMES = ("stereo-bayes", "ir-scan", "slam-sd", "ispace-mcl", "handmap-slam")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the named sections, or all."""
+    """Write the named sections, or all."""
     parser = argparse.ArgumentParser(prog="python -m tests.papers.make")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
-    parser.add_argument("--seeds", type=int, help="the first N of each experiment only, for a look")
+    parser.add_argument("--seeds", type=int, help="only the first N seeds of each experiment")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--page", type=Path, help="absent: docs/papers.md; with --seeds out/papers/papers.md")
+    parser.add_argument(
+        "--page", type=Path, help="default: docs/papers.md; with --seeds out/papers/papers.md"
+    )
     given = parser.parse_args(arguments)
     names = given.names or NAMES
     unknown = [name for name in names if name not in NAMES]
@@ -40,12 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     page = given.page or (PAGE if given.seeds is None else FOLDER / PAGE.name)
     modules = {name: module_of(name) for name in names}
     for name, module in modules.items():
-        say(f"{name}: {module.CPU_MINUTES:.0f} minutes of processor time, less what is done already")
+        say(f"{name}: {module.CPU_MINUTES:.0f} minutes of processor time, less for finished runs")
     say(
-        f"in all {sum(module.CPU_MINUTES for module in modules.values()) / given.jobs:.0f} minutes on {given.jobs} cores"
+        f"in total {sum(module.CPU_MINUTES for module in modules.values()) / given.jobs:.0f} minutes on {given.jobs} cores"
     )
     for name in VARIABLES:
-        os.environ.setdefault(name, "1")  # in each of the processes, which share the cores already
+        os.environ.setdefault(name, "1")  # in each process: the processes share the cores
     for name, module in modules.items():
         started = time.perf_counter()
         section = module.section(Work(FOLDER / name, given.jobs, given.seeds))
@@ -54,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def module_of(name: str) -> ModuleType:
-    """The module that makes a section: `CPU_MINUTES`, and `section(work)`."""
+    """The module of a section, with `CPU_MINUTES` and `section(work)`."""
     return importlib.import_module(f"tests.papers.{name.replace('-', '_')}")
 
 

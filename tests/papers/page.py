@@ -1,4 +1,4 @@
-"""docs/papers.md: one section a paper, each between its own marks, so that one can be made anew without the others."""
+"""docs/papers.md: a section per paper between its own marks, so that each section can be updated alone."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MAX_BYTES = 150_000  # of a picture
 COLUMNS = ("", "the paper", "gridslam, the paper's form", "gridslam", "seeds")
 HEAD = """# The papers' tables and figures, and ours
 
-What the five papers measured, beside what gridslam measures in the paper's own form (`configs/paper/`) and with its best
-settings (`configs/`). The papers' rooms and logs are not public: ours are simulated after their description. So a figure
-says that the same experiment comes out as well or better, not that it was the same room. A dash: not measured.
+The results of the five papers, beside those of gridslam in the paper's form (`configs/paper/`) and with its best
+settings (`configs/`). The papers' rooms and logs are not public; ours are simulated from their description. A figure
+therefore compares the same experiment, not the same room. A dash means not measured.
 
-`make papers` makes this page: it runs what is not done yet and keeps the rest under `out/papers`.
-`python -m tests.papers.make NAME --seeds 2` makes one section with few seeds, for a look, in `out/papers/papers.md`.
+`make papers` writes this page. It keeps finished runs under `out/papers` and does not repeat them.
+`python -m tests.papers.make NAME --seeds 2` writes a preview of one section with few seeds to `out/papers/papers.md`.
 """
 
 
@@ -42,7 +42,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """One table or figure of a paper: what it is, the rows under COLUMNS, pictures, and where ours falls short and why."""
+    """A table or figure of a paper: what it shows, rows under COLUMNS, pictures, and a note on shortcomings."""
 
     title: str
     what: str
@@ -51,7 +51,7 @@ class Experiment:
     short: str = ""
 
     def markdown(self) -> str:
-        """Heading, sentence, table, pictures, what falls short."""
+        """Heading, text, table, pictures and note as Markdown."""
         for row in self.rows:
             if len(row) != len(COLUMNS):
                 raise ValueError(f"{self.title}: {len(row)} values under {len(COLUMNS)} columns: {row}")
@@ -63,7 +63,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One paper."""
+    """The section of a paper."""
 
     name: str
     title: str
@@ -76,12 +76,12 @@ class Section:
         return [picture for experiment in self.experiments for picture in experiment.pictures]
 
     def markdown(self) -> str:
-        """The section below its mark."""
+        """The section as Markdown."""
         return "\n\n".join([f"## {self.title}", self.text, *(e.markdown() for e in self.experiments)])
 
 
 def png_of(rgb: NDArray[np.uint8]) -> bytes:
-    """A PNG; one that would be too large for a page has fewer colours."""
+    """The image as PNG; an image larger than MAX_BYTES gets fewer colours."""
     image = Image.fromarray(rgb)
     png = _coded(image)
     for colours in (256, 64, 16):
@@ -98,7 +98,7 @@ def _coded(image: Image.Image) -> bytes:
 
 
 def cell(value: object) -> str:
-    """A value as a table shows it; numbers to three significant digits, nothing as a dash."""
+    """The text of a table cell: numbers with three significant digits, a dash for None."""
     if value is None:
         return "-"
     if isinstance(value, float):
@@ -112,17 +112,17 @@ def begin(name: str) -> str:
 
 
 def end(name: str) -> str:
-    """The mark behind a section."""
+    """The mark after a section."""
     return f"<!-- end {name} -->"
 
 
 def empty_page(names: Sequence[str]) -> str:
-    """The page with places for sections."""
+    """The page with empty sections."""
     return HEAD + "".join(f"\n{begin(name)}\n{end(name)}\n" for name in names)
 
 
 def with_section(page: str, section: Section) -> str:
-    """The page with a section put in place of its older state; ValueError: the page has no marks for it."""
+    """The page with a section replaced. Raises ValueError: the page has no marks for it."""
     pattern = re.compile(re.escape(begin(section.name)) + ".*?" + re.escape(end(section.name)), re.DOTALL)
     marked = f"{begin(section.name)}\n{section.markdown()}\n{end(section.name)}"
     page, count = pattern.subn(lambda _: marked, page)
@@ -132,7 +132,7 @@ def with_section(page: str, section: Section) -> str:
 
 
 def write_section(page: Path, section: Section, names: Sequence[str]) -> None:
-    """Put a section into the page, made with places for `names` where there is none, and its pictures beside it."""
+    """Write a section and its pictures into the page; a missing page is created with empty sections `names`."""
     old = page.read_text(encoding="utf-8") if page.exists() else empty_page(names)
     text = with_section(HEAD + old[old.index(f"\n{begin(names[0])}") :], section)
     (page.parent / "images").mkdir(exist_ok=True)

@@ -116,7 +116,7 @@ def test_what_is_computed_for_a_seed_is_computed_once(tmp_path: Path) -> None:
         asked.append(seed)
         return seed * seed
 
-    assert Work(tmp_path, most_seeds=2).each("squares", square, range(5)) == [0, 1]
+    assert Work(tmp_path, max_seeds=2).each("squares", square, range(5)) == [0, 1]
     assert Work(tmp_path).each("squares", square, range(4)) == [0, 1, 4, 9]
     assert asked == [0, 1, 2, 3]
     (tmp_path / "squares" / "2.json").write_text('{"key": "of another program", "value": 7}')
@@ -137,7 +137,7 @@ def test_a_sweep_gives_its_measures_by_log_config_and_override(tmp_path: Path, s
         "seeds": "0..3",
     }
     sweep = SweepConfig.model_validate(document)
-    found = Work(tmp_path, jobs=1, most_seeds=1).run(
+    found = Work(tmp_path, jobs=1, max_seeds=1).run(
         sweep, tmp_path, {"evaluate": {"align": "origin"}}, "part"
     )
     assert found.seeds == (0,)

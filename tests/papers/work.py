@@ -1,4 +1,4 @@
-"""What a section may ask for: sweeps, and values that are computed once for the program as it is."""
+"""Sweeps and values for a section, each computed once per version of the program."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ SWEEPS = REPOSITORY / "configs" / "sweeps"
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """Where a section keeps what is done, how many processes it may use, and how many seeds (None: as the page has them)."""
+    """Folder of finished work, number of processes, and largest number of seeds (None: all seeds of the page)."""
 
     folder: Path
     jobs: int = 1
-    most_seeds: int | None = None
+    max_seeds: int | None = None
 
     def seeds(self, seeds: Sequence[int]) -> tuple[int, ...]:
-        """The first of them, if fewer were asked for."""
-        return tuple(seeds)[: self.most_seeds]
+        """The first `max_seeds` of them."""
+        return tuple(seeds)[: self.max_seeds]
 
     def sweep(self, file: str, changes: dict[str, Any] | None = None, part: str = "") -> Found:
-        """A sweep of configs/sweeps, as `gridslam sweep` runs it, with parts of its file changed."""
+        """Run a sweep of configs/sweeps as `gridslam sweep` does, with changes to its file."""
         return self.run(load_sweep(SWEEPS / f"{file}.yaml"), SWEEPS, changes or {}, part or file)
 
     def run(self, sweep: SweepConfig, base: Path, changes: dict[str, Any], part: str) -> Found:
-        """Any sweep; paths in it are relative to `base`. Gates that are missed are told, a failed run fails the section."""
+        """Run a sweep whose paths are relative to `base`. Failed gates are printed; a failed run raises RuntimeError."""
         document = sweep.model_dump() | changes
         document["seeds"] = list(self.seeds(document["seeds"]))
         chosen = SweepConfig.model_validate(document)
@@ -52,13 +52,13 @@ class Work:
         folder = self.folder / part
         result = run_sweep(chosen, base, folder, run, lambda line: say(f"  {part}: {line}"), lambda: False)
         for line in result.failed_gates:
-            say(f"  {part}: gate missed: {line}")
+            say(f"  {part}: gate failed: {line}")
         if result.failed:
-            raise RuntimeError(f"{result.failed[0].label}: {result.failed[0].outcome.error}")
+            raise RuntimeError(f"{result.failed[0].label}: {result.failed[0].result.error}")
         return Found(result, folder, chosen.seeds)
 
     def each(self, name: str, compute: Callable[[int], Any], seeds: Sequence[int]) -> list[Any]:
-        """`compute(seed)` of every seed, a plain value that JSON holds; what is known for this program is read."""
+        """`compute(seed)` for every seed, as plain JSON values; values of this version of the program are read from their files."""
         folder = self.folder / name
         folder.mkdir(parents=True, exist_ok=True)
         found = {seed: _known(folder, name, seed) for seed in self.seeds(seeds)}
@@ -80,14 +80,14 @@ class Work:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The outcome of a sweep."""
+    """The result of a sweep."""
 
     result: SweepResult
     folder: Path
     seeds: tuple[int, ...]
 
     def values(self, key: str, log: str, config: str, override: str = "default") -> NDArray[np.float64]:
-        """A measure of every seed of one log, config and override; KeyError: the sweep has no such runs."""
+        """A measure of every seed of one log, config and override. Raises KeyError: the sweep has no such runs."""
         rows = [r for r in self.result.rows if (r.log, r.config, r.override) == (log, config, override)]
         if not rows:
             raise KeyError(f"{log} {config} {override}")
@@ -102,9 +102,9 @@ class Found:
         return self.folder / "runs" / log / config / override / f"seed-{seed}"
 
     def cpu_s(self, log: str, config: str, override: str = "default") -> float:
-        """Mean processor time of the runs, all of the program."""
+        """Mean processor time (s) of the runs."""
         rows = [r for r in self.result.rows if (r.log, r.config, r.override) == (log, config, override)]
-        return float(np.mean([row.outcome.cost["cpu_s"] for row in rows]))
+        return float(np.mean([row.result.cost["cpu_s"] for row in rows]))
 
 
 def _known(folder: Path, name: str, seed: int) -> Any:
@@ -116,21 +116,21 @@ def _known(folder: Path, name: str, seed: int) -> Any:
     return document["value"] if document.get("key") == key else None
 
 
-def picture_of(path: Path, most_px: int = 1000) -> NDArray[np.uint8]:
-    """A PNG as RGB, scaled down to a width."""
+def picture_of(path: Path, max_px: int = 1000) -> NDArray[np.uint8]:
+    """A PNG as RGB `(h, w, 3)`, at most `max_px` wide."""
     with Image.open(path) as image:
         rgb = image.convert("RGB")
-        if rgb.width > most_px:
-            size = (most_px, round(rgb.height * most_px / rgb.width))
+        if rgb.width > max_px:
+            size = (max_px, round(rgb.height * max_px / rgb.width))
             rgb = rgb.resize(size, Image.Resampling.LANCZOS)
         return np.asarray(rgb)
 
 
 def seeds_text(seeds: Sequence[int]) -> str:
-    """0 to 9."""
+    """The range of seeds as text, for example `0 to 9`."""
     return f"{min(seeds)} to {max(seeds)}" if len(seeds) > 1 else str(seeds[0])
 
 
 def both(value: Callable[[str], object]) -> tuple[object, object]:
-    """A value of the paper's settings and of the best ones, which sweeps call `paper` and `best`."""
+    """The values for the configs `paper` and `best`."""
     return value("paper"), value("best")
