@@ -58,7 +58,7 @@ class Work:
         return Found(result, folder, chosen.seeds)
 
     def each(self, name: str, compute: Callable[[int], Any], seeds: Sequence[int]) -> list[Any]:
-        """`compute(seed)` for every seed, as plain JSON values; values of this version of the program are read from their files."""
+        """`compute(seed)` for every seed, as plain JSON values; known values of this program version are read back."""
         folder = self.folder / name
         folder.mkdir(parents=True, exist_ok=True)
         found = {seed: _known(folder, name, seed) for seed in self.seeds(seeds)}
