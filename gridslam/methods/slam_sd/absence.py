@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.object_config import ObjectSettings
 from gridslam.methods.slam_sd.object_filter import ObjectFilter
 from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.tag_visits import PAUSE_NS
 from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation, gather_evidence
 from gridslam.sensors.rfid import AntennaModel, RoundGeometry, range_profile

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.slam_sd.object_config import ObjectSettings
 from gridslam.methods.slam_sd.object_filter import ObjectFilter, ObjectPosterior
 from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.pose_prior import PriorEstimate
 from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
 

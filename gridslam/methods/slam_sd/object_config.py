@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import Field
 
 from gridslam.config.base import StrictModel
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.sensors.rfid import AntennaModel
 
 
 class AntennaConfig(StrictModel):
@@ -88,21 +86,3 @@ class ObjectEvidenceConfig(StrictModel):
         description="Distance in metres from a footprint up to which endpoints belong to the object; "
         "raise it for footprints that are known less exactly.",
     )
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectSettings:
-    """The settings of the objects: the sections `objects` and `advanced.objects`."""
-
-    objects: ObjectsConfig
-    evidence: ObjectEvidenceConfig
-
-    @property
-    def antenna(self) -> AntennaModel:
-        """The model of the reader's antenna."""
-        return AntennaModel(
-            range_m=self.objects.antenna.range_m,
-            softness=self.evidence.antenna_softness,
-            detection_probability=self.evidence.detection_probability,
-            false_read_probability=self.evidence.false_read_probability,
-        )

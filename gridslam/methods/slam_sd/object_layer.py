@@ -18,10 +18,11 @@ from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig, ObjectSettings
+from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
 from gridslam.methods.slam_sd.object_history import ObjectHistory
 from gridslam.methods.slam_sd.object_model import object_models
 from gridslam.methods.slam_sd.object_result import ObjectResult, result_of
+from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.object_tracker import ObjectTracker
 from gridslam.methods.slam_sd.point_masks import footprints_at_key_scan, points_on, without_points_on
 from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation

@@ -20,7 +20,6 @@ from gridslam.core import poses as se2
 from gridslam.methods.slam_sd.absence import log_silence, scans_see_nothing
 from gridslam.methods.slam_sd.joint_estimation import LocatedObject, VisitedObject, locate_jointly
 from gridslam.methods.slam_sd.landmarks import Reobservation
-from gridslam.methods.slam_sd.object_config import ObjectSettings
 from gridslam.methods.slam_sd.object_estimation import (
     earlier_estimate,
     estimate_of,
@@ -31,6 +30,7 @@ from gridslam.methods.slam_sd.object_estimation import (
 from gridslam.methods.slam_sd.object_filter import LIDAR_WEIGHT, READ_WEIGHT, ObjectFilter, ObjectPosterior
 from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
 from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.observations import RunObservations
 from gridslam.methods.slam_sd.read_gating import ReadGate
 from gridslam.methods.slam_sd.smoothing import episodes_of, estimates_of_one_hinge, passes_without_read

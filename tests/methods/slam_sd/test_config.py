@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 
 from pydantic import BaseModel
@@ -34,3 +36,8 @@ def test_every_key_is_described_in_a_sentence() -> None:
             assert description is not None, key
             assert description[0] == description[0].upper() or description.startswith("joint:"), key
             assert description.endswith("."), key
+
+
+def test_the_config_is_loaded_without_numba_so_that_jobs_can_still_limit_its_threads() -> None:
+    code = "import sys, gridslam.methods.slam_sd.config; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
