@@ -9,6 +9,7 @@ from types import TracebackType
 
 import numpy as np
 
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import extrinsics, ordering
@@ -190,6 +191,7 @@ class Log:
         ]
         edges = extrinsics.usable([*edges, *self._source.static_edges], self._opening)
         tree = extrinsics.tree_of(edges)
+        self._refuse_unknown_frames(tree)
         needed += [
             f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.extrinsics
         ]
@@ -197,6 +199,18 @@ class Log:
             (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
         )
         return extrinsics.mount(needed, edges, self._config.extrinsics, base, first, self._opening)
+
+    def _refuse_unknown_frames(self, tree: extrinsics.Tree) -> None:
+        """Raises ConfigError: the config gives extrinsics of a frame that the log does not have."""
+        frames = {frame for stream in self._source.streams for frame in stream.frames}
+        known = frames | tree.keys() | {parent for parent, _ in tree.values()}
+        for frame in self._config.extrinsics:
+            if frame not in known:
+                sensors = {f for s in self._source.streams if KINDS[s.kind].is_sensor for f in s.frames}
+                has = ", ".join(sorted(sensors or frames)[:8]) or "none"
+                raise ConfigError(
+                    f"log.extrinsics.{frame}: the log has no such frame; its sensor frames are: {has}"
+                )
 
     def _with_virtual_lidars(self, mounted: list[Transform]) -> list[Transform]:
         """The extrinsics, and those of the virtual lidars of clouds that serve as scans."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
+import shutil
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ from gridslam.core.files import check_name, making, partial_folder, put_folder, 
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
+MIN_FREE_BYTES = 64 << 20  # a large map with its layers, pictures and report
 
 
 def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
@@ -67,11 +69,21 @@ def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
 
 
 def _check_parent(directory: Path) -> None:
-    """The nearest folder above that exists must be a folder, and writable."""
+    """The nearest folder above that exists must be a folder that takes new files, with room for a run."""
     above = directory.resolve().parent
     while not above.exists() and above != above.parent:
         above = above.parent
     if not above.is_dir():
         raise ConfigError(f"{directory}: cannot be made, for {above} is not a folder")
-    if not os.access(above, os.W_OK | os.X_OK):
-        raise ConfigError(f"{directory}: cannot be made, for {above} is not writable")
+    try:
+        Path(tempfile.mkdtemp(prefix=".gridslam-", dir=above)).rmdir()
+        free_bytes = shutil.disk_usage(above).free
+    except OSError as error:
+        raise ConfigError(
+            f"{directory}: cannot be written ({error.strerror}); give another output folder"
+        ) from None
+    if free_bytes < MIN_FREE_BYTES:
+        raise ConfigError(
+            f"{directory}: only {free_bytes >> 20} MB are free there, and a run may need {MIN_FREE_BYTES >> 20}; "
+            "make room or give another output folder"
+        )

@@ -92,4 +92,4 @@ def test_a_folder_without_the_right_to_write_is_refused_before_the_run(
     folder.mkdir(mode=0o500)
     done = program("map", small_log, "-c", config, "-o", folder / "out")
     assert done.returncode == 2
-    assert "not writable" in done.stderr
+    assert "cannot be written" in done.stderr

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,11 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
-from gridslam.logs.config import ExtrinsicsConfig
+from gridslam.logs.config import ExtrinsicsConfig, LogConfig
 from gridslam.logs.extrinsics import mount, usable
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.open import open_log
+from tests.small_log import write_small_log
 
 angle = st.floats(-3.1, 3.1)
 length = st.floats(-5.0, 5.0)
@@ -111,3 +115,9 @@ def test_a_cycle_of_frames_ends() -> None:
     edges = [edge("a", "b", (1, 0, 0), (0, 0, 0)), edge("b", "a", (1, 0, 0), (0, 0, 0))]
     (mounted,) = mount(["a"], edges, {}, "base", 0, MessageCounts())
     assert mounted.child_frame_id == "a"
+
+
+def test_extrinsics_of_a_frame_that_the_log_lacks_are_an_error(tmp_path: Path) -> None:
+    folder = write_small_log(tmp_path / "log")
+    with pytest.raises(ConfigError, match=r"log\.extrinsics\.lasr: the log has no such frame; .* laser"):
+        open_log(folder, LogConfig(extrinsics={"lasr": ExtrinsicsConfig(x=1.0)}))

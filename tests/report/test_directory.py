@@ -174,3 +174,14 @@ def test_a_run_that_holds_an_input_of_the_new_one_is_not_replaced(tmp_path: Path
     with pytest.raises(ConfigError, match=r"log\.mcap, which is read"):
         check_free(target, True, [target / "log.mcap"])
     check_free(target, True, [tmp_path / "log.mcap"])
+
+
+def test_a_place_that_takes_no_files_is_refused_before_the_run() -> None:
+    with pytest.raises(ConfigError, match=r"/proc/run: cannot be written .*; give another output folder"):
+        check_free(Path("/proc/run"), force=False)
+
+
+def test_a_full_disk_is_refused_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gridslam.report.directory.MIN_FREE_BYTES", 1 << 62)
+    with pytest.raises(ConfigError, match=r"MB are free there"):
+        check_free(tmp_path / "run", force=False)
