@@ -30,7 +30,7 @@ PUBLIC = {
     "Trajectory": "gridslam.core.trajectory",
     "load_trajectory": "gridslam.api",
     "plan_path": "gridslam.planning.arcs_and_lines",
-    "PlanOptions": "gridslam.planning.arcs_and_lines",
+    "PlanOptions": "gridslam.planning.options",
     # Evaluation
     "evaluate": "gridslam.api",
     "EvaluationOptions": "gridslam.evaluation.document",
@@ -88,8 +88,8 @@ if TYPE_CHECKING:
     from gridslam.methods.base import Series as Series
     from gridslam.methods.base import Table as Table
     from gridslam.methods.registry import MethodEntry as MethodEntry
-    from gridslam.planning.arcs_and_lines import PlanOptions as PlanOptions
     from gridslam.planning.arcs_and_lines import plan_path as plan_path
+    from gridslam.planning.options import PlanOptions as PlanOptions
 
 __all__ = ["PUBLIC", "__version__", *PUBLIC]
 

@@ -24,7 +24,7 @@ ExploringConfig = Annotated[
         "--config",
         "-c",
         metavar="CONFIG",
-        help=f"A YAML file, or a built-in config, of a method that can explore: {', '.join(EXPLORING)}.",
+        help=f"A YAML file or a built-in config of a method that can explore: {', '.join(EXPLORING)}.",
     ),
 ]
 DrawingFile = Annotated[
@@ -36,7 +36,7 @@ StartInDrawing = Annotated[
         "--start-in-drawing",
         metavar="X,Y,YAW",
         help="Where the robot starts in the drawing: metres at 0.1 m a pixel from its lower-left corner, radians. "
-        "Absent: method.start of the config, or found out.",
+        "If absent: method.start of the config, or a search of the whole drawing.",
     ),
 ]
 ExploringOverrides = Annotated[
@@ -44,7 +44,7 @@ ExploringOverrides = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Override a key of the config, for example method.exploration.frontier.enabled=false. Repeatable.",
+        help="Override a key of the config, for example method.advanced.exploration.visit_frontiers=false. Repeatable.",
     ),
 ]
 WorldOverrides = Annotated[
@@ -52,10 +52,12 @@ WorldOverrides = Annotated[
     typer.Option("--world", metavar="KEY=VALUE", help="Override a key of the world file. Repeatable."),
 ]
 WorldSeed = Annotated[
-    int | None, typer.Option("--world-seed", min=0, help="Seed of the world's noise; wins over the file.")
+    int | None,
+    typer.Option("--world-seed", min=0, help="Seed of the world's noise; overrides the world file."),
 ]
-Longest = Annotated[
-    float | None, typer.Option("--longest", metavar="S", min=1.0, help="End after S seconds in the world.")
+MaxDuration = Annotated[
+    float | None,
+    typer.Option("--longest", metavar="S", min=1.0, help="Stop after S seconds of simulated time."),
 ]
 
 
@@ -69,12 +71,12 @@ def run(
     world_override: WorldOverrides = None,
     seed: Seed = None,
     world_seed: WorldSeed = None,
-    longest: Longest = None,
+    longest: MaxDuration = None,
     jobs: Jobs = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Let a simulated robot explore a world by a drawing of it, and map it."""
+    """Let a simulated robot explore and map a world, guided by a drawing of it."""
     from gridslam.core.files import partial_folder
     from gridslam.core.threads import limit_threads
     from gridslam.report.directory import check_free
@@ -97,14 +99,14 @@ def run(
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.explore import LOG_NAME, TRUTH_NAME, explore
 
-    def tell() -> None:
+    def say_compiling() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
     inputs = read_inputs({"drawing": drawing}, settings.method_name)
     target = output.resolve()
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:
-        with console.progress_bar("explore") as show, announcing_compilation(tell):
+        with console.progress_bar("explore") as show, announcing_compilation(say_compiling):
             done = explore(settings, place, path, inputs, folder, show, stop, longest)
         for problem in done.run.problems:
             console.say(f"{world}: {problem}")
@@ -119,14 +121,14 @@ def run(
 def _summary(done: Explored, document: dict[str, Any], output: Path) -> list[tuple[str, str]]:
     from ..running import summary
 
-    facts = document["measures"]["exploration"]
-    unreachable = facts["unreachable"]
+    exploration = document["measures"]["exploration"]
+    unreachable = exploration["unreachable"]
     rows = [
-        ("exploration", f"{done.ended} after {done.duration_s:.0f} s and {done.way_m:.0f} m"),
+        ("exploration", f"{done.ended} after {done.duration_s:.0f} s and {done.travelled_m:.0f} m"),
         (
             "observation points",
-            f"{facts['points']}: {facts.get('reached', 0)} reached, "
-            f"{facts.get('seen_on_the_way', 0)} seen on the way, {len(unreachable)} unreachable",
+            f"{exploration['points']}: {exploration.get('reached', 0)} reached, "
+            f"{exploration.get('observed_in_passing', 0)} observed in passing, {len(unreachable)} unreachable",
         ),
         *(("unreachable", f"({p['x']:.1f}, {p['y']:.1f}): {p['reason']}") for p in unreachable),
     ]
@@ -135,8 +137,8 @@ def _summary(done: Explored, document: dict[str, Any], output: Path) -> list[tup
 
 def _exit_unless_finished(done: Explored, output: Path) -> None:
     if done.ended == "interrupted":
-        console.complain(f"interrupted: {output} holds the run up to there")
+        console.complain(f"interrupted: {output} holds the run so far")
         raise typer.Exit(130)
     if done.ended != "finished":
-        console.complain(f"error: {done.run.problems[0]}; {output} holds the map up to there")
+        console.complain(f"error: {done.run.problems[0]}; {output} holds the map so far")
         raise typer.Exit(FAILED)

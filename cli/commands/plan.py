@@ -12,11 +12,11 @@ from .. import console
 from ..options import AsJson
 
 if TYPE_CHECKING:
-    from gridslam.planning.arcs_and_lines import Plan
+    from gridslam.planning.arcs_and_lines import PlannedPath
 
 
 class Unknown(str, Enum):
-    """What unknown cells are to the robot."""
+    """Whether the robot may enter unknown cells."""
 
     blocked = "blocked"
     free = "free"
@@ -25,9 +25,11 @@ class Unknown(str, Enum):
 MapArgument = Annotated[
     Path, typer.Argument(metavar="MAP", readable=False, help="A map: a map_server YAML, or wean.dat(.gz).")
 ]
-Start = Annotated[str, typer.Option("--start", metavar="X,Y,YAW", help="Where the robot is (m, m, rad).")]
+Start = Annotated[
+    str, typer.Option("--start", metavar="X,Y,YAW", help="Start pose of the robot (m, m, rad).")
+]
 Goal = Annotated[
-    str, typer.Option("--goal", metavar="X,Y[,YAW]", help="Where it shall be; no yaw: with any heading.")
+    str, typer.Option("--goal", metavar="X,Y[,YAW]", help="Goal pose; without yaw, any heading.")
 ]
 PathOutput = Annotated[
     Path | None,
@@ -35,34 +37,41 @@ PathOutput = Annotated[
         "--output", "-o", metavar="DIR", help="Write path.csv, segments.csv, path.png, report.json."
     ),
 ]
-Replace = Annotated[bool, typer.Option("--force", help="Replace the output that is there.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace existing output.")]
 Radius = Annotated[
     float | None,
     typer.Option("--radius", metavar="M", help="Radius of a round robot, above 0 (default 0.2)."),
 ]
-Outline = Annotated[
+Footprint = Annotated[
     str | None,
     typer.Option(
-        "--footprint", metavar="'X,Y X,Y ...'", help="Corners of a convex robot about its origin instead."
+        "--footprint",
+        metavar="'X,Y X,Y ...'",
+        help="Corners of a convex footprint, instead of --radius.",
     ),
 ]
-Smallest = Annotated[float, typer.Option("--min-radius", metavar="M", help="Smallest radius of an arc.")]
+MinRadius = Annotated[float, typer.Option("--min-radius", metavar="M", help="Smallest turning radius.")]
 OnSpot = Annotated[
-    bool, typer.Option("--turn-on-spot", help="The robot may turn on the spot; --min-radius 0: anywhere.")
+    bool,
+    typer.Option(
+        "--turn-on-spot", help="The robot may turn on the spot at both ends; with --min-radius 0, anywhere."
+    ),
 ]
 Reverse = Annotated[bool, typer.Option("--reverse", help="The robot may drive backwards.")]
-Margin = Annotated[float, typer.Option("--margin", metavar="M", help="What it keeps off obstacles.")]
+Margin = Annotated[float, typer.Option("--margin", metavar="M", help="Clearance from obstacles.")]
 OccupiedFrom = Annotated[
     float, typer.Option("--occupied-from", metavar="P", help="Cells above this probability are obstacles.")
 ]
-UnknownCells = Annotated[Unknown, typer.Option("--unknown", help="What cells not known are.")]
+UnknownCells = Annotated[Unknown, typer.Option("--unknown", help="Whether unknown cells block the robot.")]
 TopSpeed = Annotated[float, typer.Option("--speed", metavar="M/S", help="Top speed.")]
 Lateral = Annotated[
     float, typer.Option("--lateral", metavar="M/S2", help="Lateral acceleration on an arc: v^2 / radius.")
 ]
-TurnRate = Annotated[float, typer.Option("--turn-rate", metavar="RAD/S", help="Fastest turn: v / radius.")]
+TurnRate = Annotated[
+    float, typer.Option("--turn-rate", metavar="RAD/S", help="Highest yaw rate: v / radius.")
+]
 Acceleration = Annotated[
-    float, typer.Option("--acceleration", metavar="M/S2", help="Speeding up and slowing down.")
+    float, typer.Option("--acceleration", metavar="M/S2", help="Acceleration and deceleration.")
 ]
 
 
@@ -73,8 +82,8 @@ def run(
     output: PathOutput = None,
     force: Replace = False,
     radius: Radius = None,
-    footprint: Outline = None,
-    min_radius: Smallest = 0.2,
+    footprint: Footprint = None,
+    min_radius: MinRadius = 0.2,
     turn_on_spot: OnSpot = False,
     reverse: Reverse = False,
     margin: Margin = 0.005,
@@ -86,20 +95,21 @@ def run(
     acceleration: Acceleration = 0.5,
     as_json: AsJson = False,
 ) -> None:
-    """Plan the path of lines and arcs that takes the least time from start to goal on a map."""
+    """PlannedPath the path of lines and arcs that takes the least time from start to goal on a map."""
     import numpy as np
 
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.maps.load import load_any_map
-    from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+    from gridslam.planning.arcs_and_lines import plan_path
     from gridslam.planning.footprint import cover_polygon, disc
     from gridslam.planning.obstacles import ROBOT_RADIUS_M
+    from gridslam.planning.options import PlanOptions
     from gridslam.planning.travel_time import SpeedLimits
     from gridslam.report.directory import check_free
     from gridslam.report.plan import plan_document, write_plan
 
     if radius is not None and footprint is not None:
-        raise typer.BadParameter("give the radius or the corners, not both", param_hint="'--footprint'")
+        raise typer.BadParameter("give --radius or --footprint, not both", param_hint="'--footprint'")
     if footprint is not None:
         discs = cover_polygon(np.array(_corners(footprint)))
     else:
@@ -112,16 +122,21 @@ def run(
         margin_m=margin,
         occupied_from=occupied_from,
         unknown_blocks=unknown is Unknown.blocked,
-        limits=SpeedLimits(speed, lateral, turn_rate, acceleration),
+        limits=SpeedLimits(
+            top_speed_mps=speed,
+            lateral_mps2=lateral,
+            turn_rate_radps=turn_rate,
+            acceleration_mps2=acceleration,
+        ),
     )
-    begin, end = np.array(_pose("--start", start, False)), np.array(_pose("--goal", goal, True))
+    start_pose, goal_pose = np.array(_pose("--start", start, False)), np.array(_pose("--goal", goal, True))
     if output is not None:
         check_free(output, force)
     occupancy = load_any_map(map_path)
     with announcing_compilation(
         lambda: console.say("compiling the planner, once per installation: half a minute")
     ):
-        plan = plan_path(occupancy, begin, end, options)
+        plan = plan_path(occupancy, start_pose, goal_pose, options)
     if output is not None:
         write_plan(output, plan, occupancy, discs, map_path, force)
     if as_json:
@@ -130,20 +145,20 @@ def run(
         _show(plan)
 
 
-def _show(plan: Plan) -> None:
-    """The segments for people, and what the path was chosen from."""
+def _show(plan: PlannedPath) -> None:
+    """Print the segments and the candidates."""
     import math
 
     rows = []
     for s in plan.path.segments:
-        way = f"{math.degrees(s.angle_rad):.1f} deg" if s.kind == "turn" else f"{s.length_m:.3f} m"
+        extent = f"{math.degrees(s.angle_rad):.1f} deg" if s.kind == "turn" else f"{s.length_m:.3f} m"
         side = "" if not s.angle_rad else "left" if s.angle_rad > 0.0 else "right"
-        bend = f"{s.radius_m:.3f}" if s.kind == "arc" else ""
+        radius = f"{s.radius_m:.3f}" if s.kind == "arc" else ""
         pose = f"{s.x:.3f}", f"{s.y:.3f}", f"{s.yaw_rad:.3f}"
         speeds = f"{s.enter_speed:.2f}-{s.top_speed:.2f}-{s.leave_speed:.2f}"
-        rows.append((s.kind, *pose, way, bend, side, speeds, f"{s.time_s:.2f}"))
+        rows.append((s.kind, *pose, extent, radius, side, speeds, f"{s.time_s:.2f}"))
     console.emit_table(
-        ("kind", "x m", "y m", "yaw rad", "way", "radius m", "side", "speed m/s", "time s"), rows
+        ("kind", "x m", "y m", "yaw rad", "length", "radius m", "side", "speed m/s", "time s"), rows
     )
     console.emit("")
     named = [

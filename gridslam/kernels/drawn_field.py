@@ -1,4 +1,4 @@
-"""Scoring of scans on a hand-drawn map, in which a metre of the world has an unknown and stretched length."""
+"""Likelihood of scan points on a hand-drawn map whose scale is unknown and may differ along x and y."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def sum_over_stretched_points(
     points: NDArray[np.float64],
     states: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Sum of table values `(n,)` over the points `(m, 2)` seen by robots in states `(n, 5)`.
+    """Sums `(n,)` of table values over the points `(m, 2)` of a scan, for robots in states `(n, 5)`.
 
-    A state is x, y (drawing metres), yaw, and the logarithms of the scales along the drawing's axes (drawing metres per metre).
-    `field` `(rows, cols)` is the distance to the nearest drawn wall (drawing metres). A point's distance counts in metres
-    of the world, the mean scale being the measure, times `entries_per_m` as the table's index; beyond the table and outside of
-    the drawing its last entry counts.
+    A state is x, y (drawing units), yaw, and the logarithms of the scales along the drawing's axes (drawing units per metre).
+    `field` `(rows, cols)` is the distance to the nearest drawn wall (drawing units), with cells of `resolution_m`. A point's
+    distance is converted to metres of the world by the mean scale; times `entries_per_m` it is the index into the table. The
+    last entry holds for larger distances and for points outside the drawing.
     """
     rows, cols = field.shape
     n, m = states.shape[0], points.shape[0]

@@ -1,10 +1,12 @@
 """Exact ray casting against line segments and circles.
 
-Standing segments lie in a uniform grid of buckets, which a ray walks cell by cell (Amanatides and Woo 1987) until the nearest
-hit so far lies before the next cell; what moves (few segments, few circles) is tried one by one.
+Static segments are kept in a uniform grid of buckets, which a ray traverses cell by cell (Amanatides and Woo 1987) until the
+nearest hit lies before the next cell. Moving shapes (few segments, few circles) are tested one by one.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -15,12 +17,22 @@ from gridslam.kernels.grid_traversal import Traversal, advance
 
 _PARALLEL = 1e-14
 _NEVER = 1e300
-_SLACK = 1e-9  # relative overlap at the ends of segments: no ray slips through a corner
+_SLACK = 1e-9  # relative overlap at the ends of segments, so that no ray slips through a corner
+
+
+class BucketGrid(NamedTuple):
+    """A grid of square buckets: lower left corner (m), side (m), and numbers of rows and columns."""
+
+    x: float
+    y: float
+    size: float
+    rows: int
+    cols: int
 
 
 @compiled
 def _cell_span(low: float, high: float, origin: float, size: float, count: int) -> tuple[int, int]:
-    """First and last cell that [low, high] touches, one more on both sides against rounding."""
+    """First and last cell that [low, high] touches, one more on each side against rounding."""
     first = int(np.floor((low - origin) / size - 1e-6))
     last = int(np.floor((high - origin) / size + 1e-6))
     return min(max(first, 0), count - 1), min(max(last, 0), count - 1)
@@ -28,7 +40,7 @@ def _cell_span(low: float, high: float, origin: float, size: float, count: int) 
 
 @compiled
 def _touches(segment: NDArray[np.float64], x: float, y: float, half: float) -> bool:
-    """Whether a segment meets the square of half side `half` about (x, y); the bounding boxes are known to overlap."""
+    """Whether a segment meets the square of half side `half` about (x, y); their bounding boxes are known to overlap."""
     dx, dy = segment[2] - segment[0], segment[3] - segment[1]
     distance = abs(dx * (y - segment[1]) - dy * (x - segment[0]))
     return bool(distance <= half * (abs(dx) + abs(dy)) * (1.0 + 1e-6) + 1e-12)
@@ -36,9 +48,10 @@ def _touches(segment: NDArray[np.float64], x: float, y: float, half: float) -> b
 
 @compiled
 def fill_buckets(
-    segments: NDArray[np.float64], origin_x: float, origin_y: float, size: float, rows: int, cols: int
+    segments: NDArray[np.float64], grid: BucketGrid
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Segments `(n, 4)` by cell: cell c (row * cols + col) holds items[starts[c]:starts[c + 1]]."""
+    origin_x, origin_y, size, rows, cols = grid.x, grid.y, grid.size, grid.rows, grid.cols
     starts = np.zeros(rows * cols + 1, np.int32)
     items = np.zeros(0, np.int32)
     for fill in range(2):
@@ -72,8 +85,8 @@ def _segment_distance(s: NDArray[np.float64], ox: float, oy: float, dx: float, d
     if abs(cross) < _PARALLEL:
         return _NEVER
     wx, wy = s[0] - ox, s[1] - oy
-    share = (wx * dy - wy * dx) / cross
-    if share < -_SLACK or share > 1.0 + _SLACK:
+    fraction = (wx * dy - wy * dx) / cross
+    if fraction < -_SLACK or fraction > 1.0 + _SLACK:
         return _NEVER
     distance = float((wx * ey - wy * ex) / cross)
     return distance if distance >= 0.0 else _NEVER
@@ -81,7 +94,7 @@ def _segment_distance(s: NDArray[np.float64], ox: float, oy: float, dx: float, d
 
 @compiled
 def _circle_distance(c: NDArray[np.float64], ox: float, oy: float, dx: float, dy: float) -> float:
-    """Distance along the ray to a circle (x, y, radius) from outside or inside, or _NEVER."""
+    """Distance along the ray to a circle (x, y, radius), from outside or inside, or _NEVER."""
     wx, wy = c[0] - ox, c[1] - oy
     along = float(wx * dx + wy * dy)
     square = c[2] * c[2] - (wx * wx + wy * wy - along * along)
@@ -103,21 +116,21 @@ def _entry(o: float, d: float, low: float, high: float) -> tuple[float, float]:
 
 
 @compiled
-def _cast_standing(
+def _cast_static(
     segments: NDArray[np.float64],
     starts: NDArray[np.int32],
     items: NDArray[np.int32],
-    grid: tuple[float, float, float, int, int],
+    grid: BucketGrid,
     ray: tuple[float, float, float, float],
-    reach: float,
+    max_range: float,
 ) -> tuple[float, int]:
-    """Distance and index of the nearest standing segment; (reach, -1) without one."""
-    x0, y0, size, rows, cols = grid
+    """Distance and index of the nearest static segment; (`max_range`, -1) if there is none."""
+    x0, y0, size, rows, cols = grid.x, grid.y, grid.size, grid.rows, grid.cols
     ox, oy, dx, dy = ray
     in_x, out_x = _entry(ox, dx, x0, x0 + cols * size)
     in_y, out_y = _entry(oy, dy, y0, y0 + rows * size)
-    t, last = max(in_x, in_y, 0.0), min(out_x, out_y, reach)
-    best, index = reach, -1
+    t, last = max(in_x, in_y, 0.0), min(out_x, out_y, max_range)
+    best, index = max_range, -1
     if t > last:
         return best, index
     col = min(max(int(np.floor((ox + t * dx - x0) / size)), 0), cols - 1)
@@ -146,22 +159,22 @@ def cast_segments(
     segments: NDArray[np.float64],
     starts: NDArray[np.int32],
     items: NDArray[np.int32],
-    grid: tuple[float, float, float, int, int],
+    grid: BucketGrid,
     moving: NDArray[np.float64],
     circles: NDArray[np.float64],
     rays: NDArray[np.float64],
-    reach: float,
+    max_range: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """What rays `(m, 4)` (origin x, y, unit direction x, y) hit first within `reach`.
+    """Cast rays `(m, 4)` (origin x, y, unit direction x, y) up to `max_range`.
 
-    Returns the distances `(m,)` (`reach` where nothing is hit), the index of what is hit `(m,)` (standing segments, then
-    moving segments `(k, 4)`, then circles `(c, 3)`; -1 for nothing), and the cosine of the angle of incidence `(m,)`.
+    Returns the distances `(m,)` (`max_range` if nothing is hit), the index of the shape that is hit `(m,)` (static segments,
+    then moving segments `(k, 4)`, then circles `(c, 3)`; -1 for none), and the cosine of the angle of incidence `(m,)`.
     """
     m, n, k = rays.shape[0], segments.shape[0], moving.shape[0]
     ranges, hits, cosines = np.empty(m), np.empty(m, np.int32), np.ones(m)
     for i in prange(m):
         ox, oy, dx, dy = rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3]
-        best, index = _cast_standing(segments, starts, items, grid, (ox, oy, dx, dy), reach)
+        best, index = _cast_static(segments, starts, items, grid, (ox, oy, dx, dy), max_range)
         for j in range(k):
             distance = _segment_distance(moving[j], ox, oy, dx, dy)
             if distance < best:

@@ -96,7 +96,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
         "handmap-slam": MethodEntry(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",
             mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
-            explorer="gridslam.methods.handmap_slam.explorer:MappingExplorer",
+            explorer="gridslam.methods.handmap_slam.mapping_explorer:MappingExplorer",
             needs=("scan", "odom"),
             inputs=(DRAWING,),
         ),

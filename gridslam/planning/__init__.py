@@ -1,0 +1,1 @@
+"""Path planning: obstacles, paths of arcs and lines, paths over cost fields, tours, observation points, motion commands."""

@@ -1,8 +1,8 @@
-"""Observation points: few places from which all walls of a drawing are seen (handmap-slam, paper section 3.1).
+"""Observation points: few places from which all walls of a drawing are visible (handmap-slam, paper section 3.1).
 
-The randomized art gallery: candidates are scattered over free space, ray tracing lists the wall cells that each one sees, and
-the greedy cover takes the candidate that sees most of what is not seen yet. Its size is within ln(n) + 1 of the least cover
-(Chvatal 1979).
+The randomized art gallery: candidates are scattered over free space, ray casting lists the wall cells visible from each, and the
+greedy cover repeatedly takes the candidate with the most walls not covered yet. Its size is within ln(n) + 1 of the minimum
+cover (Chvatal 1979).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.raycast import free_squares
-from gridslam.kernels.sight_lines import sees_faces, wall_faces
+from gridslam.kernels.visibility import visible_faces, wall_faces
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -21,48 +21,52 @@ Cells = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Gallery:
-    """The walls of a grid as things to be seen; lengths in cells.
+    """The walls of a grid as targets of visibility queries; lengths in cells.
 
-    `cells` `(n,)` are the flat indices of the wall cells with a free neighbour; the faces between have middles `(f, 2)` (x, y)
-    and belong to the cells `owners` `(f,)`.
+    squares: Sizes of free squares, for ray casting.
+    cells: Flat indices `(n,)` of the wall cells with a free neighbour.
+    face_centres: Centres `(f, 2)` (x, y) of the faces between wall cells and free cells.
+    owners: Index into `cells` of each face's wall cell `(f,)`.
     """
 
     squares: NDArray[np.uint8]
     cells: NDArray[np.int64]
-    middles: Floats
+    face_centres: Floats
     owners: NDArray[np.int64]
 
-    def seen_from(self, points: Floats, reach: float) -> Cells:
-        """Which wall cells `(p, n)` are seen from points `(p, 2)` (x, y) within a reach."""
+    def visible_from(self, points: Floats, max_range: float) -> Cells:
+        """Whether each wall cell is visible from each point within `max_range` cells, `(p, n)`."""
         places = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
-        return np.asarray(sees_faces(self.squares, places, self.middles, self.owners, len(self.cells), reach))
+        return np.asarray(
+            visible_faces(self.squares, places, self.face_centres, self.owners, len(self.cells), max_range)
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class ObservationPoints:
-    """Places `(k, 2)` (x, y in cells), the wall cells that each sees `(k, n)`, and those that no candidate sees `(n,)`."""
+    """Places `(k, 2)` (x, y in cells), the wall cells visible from each `(k, n)`, and those visible from no candidate `(n,)`."""
 
     points: Floats
-    sees: Cells
+    visible: Cells
     uncoverable: Cells
 
 
 def gallery_of(walls: Cells, free: Cells) -> Gallery:
     """The gallery of wall cells and free cells `(rows, cols)`."""
-    middles, owner_cells = wall_faces(np.ascontiguousarray(walls), np.ascontiguousarray(free))
+    face_centres, owner_cells = wall_faces(np.ascontiguousarray(walls), np.ascontiguousarray(free))
     cells, owners = np.unique(owner_cells, return_inverse=True)
     squares = free_squares(np.ascontiguousarray(walls))
-    return Gallery(np.asarray(squares), cells, middles, owners.astype(np.int64))
+    return Gallery(np.asarray(squares), cells, face_centres, owners.astype(np.int64))
 
 
 def choose_observation_points(
-    gallery: Gallery, standable: Cells, reach: float, count: int, rng: np.random.Generator
+    gallery: Gallery, standable: Cells, max_range: float, count: int, rng: np.random.Generator
 ) -> ObservationPoints:
-    """Scatter `count` candidates over the standable cells `(rows, cols)` and cover all walls that they see."""
+    """Points, of `count` candidates on the standable cells `(rows, cols)`, that cover all walls visible from any candidate."""
     candidates = scatter(standable, count, rng)
-    sees = gallery.seen_from(candidates, reach)
-    chosen = greedy_cover(sees)
-    return ObservationPoints(candidates[chosen], sees[chosen], np.asarray(~sees.any(axis=0)))
+    visible = gallery.visible_from(candidates, max_range)
+    chosen = greedy_cover(visible)
+    return ObservationPoints(candidates[chosen], visible[chosen], np.asarray(~visible.any(axis=0)))
 
 
 def scatter(standable: Cells, count: int, rng: np.random.Generator) -> Floats:
@@ -73,15 +77,15 @@ def scatter(standable: Cells, count: int, rng: np.random.Generator) -> Floats:
     return np.asarray(cells[:, ::-1] + 0.5, dtype=np.float64).reshape(-1, 2)
 
 
-def greedy_cover(sees: Cells) -> NDArray[np.int64]:
-    """Rows of `sees` `(p, n)` that together see all that any row sees; of equals the first."""
-    left = sees.any(axis=0)
-    counts = sees.sum(axis=1)
+def greedy_cover(visible: Cells) -> NDArray[np.int64]:
+    """Rows of `visible` `(p, n)` that together cover every column that any row covers; of equals the first."""
+    uncovered = visible.any(axis=0)
+    counts = visible.sum(axis=1)
     chosen: list[int] = []
-    while left.any():
+    while uncovered.any():
         best = int(counts.argmax())
         chosen.append(best)
-        newly = sees[best] & left
-        left &= ~newly
-        counts = counts - sees[:, newly].sum(axis=1)
+        newly = visible[best] & uncovered
+        uncovered &= ~newly
+        counts = counts - visible[:, newly].sum(axis=1)
     return np.array(chosen, np.int64)

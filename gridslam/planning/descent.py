@@ -1,8 +1,8 @@
-"""Ways by steepest descent on a cost-to-go field with clearance (handmap-slam, paper section 4). Lengths are cells.
+"""Paths by steepest descent on a cost-to-go field with obstacle costs (handmap-slam, paper section 4). Lengths are cells.
 
-The field is that of fast marching, so that the way runs straight in any direction. `arcs_and_lines` has another kernel for a
-cost-to-go: it needs a chain of neighbouring cells with room for the robot, exact to the corner of a cell, which is then pulled
-taut; Dijkstra over 8 neighbours gives the chain, a descent between cells does not.
+The field comes from fast marching, so that the path is straight in any direction. `motion_search` has another kernel for the
+cost-to-go: it needs a chain of neighbouring cells with room for the robot, exact to the corner of a cell, to pull a string
+along. Dijkstra over 8 neighbours gives that chain; a descent between cells does not.
 """
 
 from __future__ import annotations
@@ -17,38 +17,46 @@ from gridslam.kernels.planning.fast_marching import arrival_costs, descend_costs
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-STEP = 0.5  # of the descent
-SLACK = 20.0  # the front goes on for so long after it has reached the robot, so that the descent has room
+MIN_SPAN = 1e-6  # of the inflation, against division by zero
+MAX_POINTS_PER_SIDE = 4  # of a descent, in units of rows + cols
+DESCENT_STEP = 0.5
+SEARCH_MARGIN = 20.0  # the front goes on this far beyond the robot, so that gradients around it are known
 
 
 @dataclass(frozen=True, slots=True)
-class Shyness:
-    """Where the robot passes: not nearer than `least` to what blocks, and dearer up to 1 + `dread` when nearer than `wished`."""
+class Inflation:
+    """Costs around obstacles, as in an inflated costmap.
 
-    least: float
-    wished: float
-    dread: float
+    Cells closer than `min_clearance` to an obstacle are closed. Up to `inflation_radius` the cost falls from 1 +
+    `obstacle_weight` to 1.
+    """
+
+    min_clearance: float
+    inflation_radius: float
+    obstacle_weight: float
 
 
-def prices(distance: NDArray[np.float32], shyness: Shyness) -> NDArray[np.float32]:
-    """The cost of each cell's width `(rows, cols)`: 1 in the open, more near obstacles, infinite where the robot does not fit."""
-    span = max(shyness.wished - shyness.least, 1e-6)
-    near = np.clip((shyness.wished - distance) / span, 0.0, 1.0)
-    price = (1.0 + shyness.dread * near * near).astype(np.float32)
-    price[distance < shyness.least] = np.inf
-    return np.asarray(price)
+def cell_costs(distance: NDArray[np.float32], inflation: Inflation) -> NDArray[np.float32]:
+    """Cost of crossing each cell `(rows, cols)` by its distance to the nearest obstacle: 1 in the open, infinite if closed."""
+    span = max(inflation.inflation_radius - inflation.min_clearance, MIN_SPAN)
+    near = np.clip((inflation.inflation_radius - distance) / span, 0.0, 1.0)
+    cell_cost = (1.0 + inflation.obstacle_weight * near * near).astype(np.float32)
+    cell_cost[distance < inflation.min_clearance] = np.inf
+    return np.asarray(cell_cost)
 
 
 def cost_to_go(
-    price: NDArray[np.float32], goals: NDArray[np.int64], start: tuple[int, int]
+    cell_cost: NDArray[np.float32], goals: NDArray[np.int64], start: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Cost `(rows, cols)` from everywhere to the nearest of the goal cells `(k, 2)` (row, col), as far out as the start."""
-    rows, cols = price.shape
-    flat = np.ravel_multi_index((goals[:, 0], goals[:, 1]), price.shape).astype(np.int64)
+    """Cost `(rows, cols)` from every cell to the nearest goal `(k, 2)` (row, col), computed slightly farther than `start`."""
+    rows, cols = cell_cost.shape
+    flat = np.ravel_multi_index((goals[:, 0], goals[:, 1]), cell_cost.shape).astype(np.int64)
     stop = start[0] * cols + start[1] if 0 <= start[0] < rows and 0 <= start[1] < cols else -1
-    return np.asarray(arrival_costs(price, flat, stop, SLACK))
+    return np.asarray(arrival_costs(cell_cost, flat, stop, SEARCH_MARGIN))
 
 
-def steepest_way(cost: NDArray[np.float32], start_xy: tuple[float, float]) -> Floats:
-    """The way `(n, 2)` (x, y) from a point downhill to where the cost is 0; only the point itself if nothing leads on."""
-    return np.asarray(descend_costs(cost, start_xy[0], start_xy[1], STEP, 4 * sum(cost.shape)))
+def descend_cost_to_go(cost: NDArray[np.float32], start_xy: tuple[float, float]) -> Floats:
+    """Path `(n, 2)` (x, y) downhill from a point to where the cost is 0; only the point itself if there is no path."""
+    return np.asarray(
+        descend_costs(cost, start_xy[0], start_xy[1], DESCENT_STEP, MAX_POINTS_PER_SIDE * sum(cost.shape))
+    )

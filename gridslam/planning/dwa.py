@@ -11,10 +11,25 @@ from gridslam.kernels.wheel_window import free_distances
 
 Floats = NDArray[np.float64]
 
+STANDING_MPS = 1e-9  # slower is standing still or turning on the spot
+
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """What the robot's body can do: a disc on two wheels, lengths in metres and seconds."""
+class WheelSpeeds:
+    """Speeds of the left and the right wheel along the ground (m/s)."""
+
+    left_mps: float
+    right_mps: float
+
+    @staticmethod
+    def standing() -> WheelSpeeds:
+        """Both wheels stopped."""
+        return WheelSpeeds(0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialDrive:
+    """A round robot on two wheels: radius, distance between the wheels (m), and the limits of its drive."""
 
     radius_m: float
     base_m: float
@@ -24,93 +39,94 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
-    """How commands are chosen.
+class DwaSettings:
+    """How wheel speeds are chosen.
 
-    `period_s` is the time between commands and `delay_s` that until one takes effect; `samples` speeds of each wheel are tried.
-    `look_s`: heading is judged after so long. `margin_m` is kept to obstacles; a way free for `far_m` is clear.
+    period_s: Time between commands.
+    delay_s: Time until a command takes effect.
+    samples: Number of speeds tried for each wheel.
+    prediction_s: The heading is scored after this time.
+    margin_m: Clearance kept from obstacles beyond the robot's radius.
+    max_clearance_m: An arc that is free for this distance has the full clearance score.
+    heading_weight, clearance_weight, speed_weight: Weights of the three scores.
     """
 
     period_s: float
     delay_s: float
     samples: int
-    look_s: float
+    prediction_s: float
     margin_m: float
-    far_m: float
-    heading: float
-    clearance: float
-    speed: float
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """The wheel speeds chosen (m/s, left and right)."""
-
-    left_mps: float
-    right_mps: float
+    max_clearance_m: float
+    heading_weight: float
+    clearance_weight: float
+    speed_weight: float
 
 
 def choose_speeds(
-    now: tuple[float, float], target: Floats, obstacles: Floats, drive: Drive, window: Window
-) -> Choice:
-    """The best admissible wheel speeds within reach of the present ones `now` (m/s, left and right).
+    current: WheelSpeeds, target: Floats, obstacles: Floats, drive: DifferentialDrive, settings: DwaSettings
+) -> WheelSpeeds:
+    """The admissible wheel speeds with the highest score that the drive can reach from the current ones.
 
-    `target` `(2,)` is where to go and `obstacles` `(m, 2)` what stands about, in the robot's frame. Score = heading + clearance
-    + speed, each from 0 to 1 and weighted; admissible is what can be stopped before the nearest obstacle on its arc. Where
-    nothing is admissible the robot brakes.
+    `target` `(2,)` is the point to head for and `obstacles` `(m, 2)` are obstacle points, both in the robot's frame (m). The
+    score is the weighted sum of heading, clearance and speed, each from 0 to 1. Speeds are admissible if the robot can stop
+    before the nearest obstacle on its arc. If none are, the robot brakes.
     """
-    speeds = reachable(now, drive, window)
-    ways = np.asarray(
-        free_distances(speeds, obstacles, drive.base_m, drive.radius_m + window.margin_m, window.far_m)
+    speeds = reachable_speeds(current, drive, settings)
+    radius_m = drive.radius_m + settings.margin_m
+    clearances = np.asarray(
+        free_distances(speeds, obstacles, drive.base_m, radius_m, settings.max_clearance_m)
     )
     fastest = np.abs(speeds).max(axis=1)
-    needed = fastest * (window.period_s + window.delay_s) + fastest**2 / (2.0 * drive.acceleration_mps2)
+    needed = fastest * (settings.period_s + settings.delay_s) + fastest**2 / (2.0 * drive.acceleration_mps2)
     forward = speeds.mean(axis=1)
-    admissible = (ways > needed) | (np.abs(forward) < 1e-9)
+    admissible = (clearances > needed) | (np.abs(forward) < STANDING_MPS)
     if not admissible.any():
-        return Choice(*_braking(now, drive, window))
+        return _braking(current, drive, settings)
     score = (
-        window.heading * heading_scores(speeds, target, drive, window)
-        + window.clearance * ways / window.far_m
-        + window.speed * np.clip(forward, 0.0, None) / drive.max_speed_mps
+        settings.heading_weight * heading_scores(speeds, target, drive, settings)
+        + settings.clearance_weight * clearances / settings.max_clearance_m
+        + settings.speed_weight * np.clip(forward, 0.0, None) / drive.max_speed_mps
     )
     best = int(np.where(admissible, score, -np.inf).argmax())
-    return Choice(float(speeds[best, 0]), float(speeds[best, 1]))
+    return WheelSpeeds(float(speeds[best, 0]), float(speeds[best, 1]))
 
 
-def reachable(now: tuple[float, float], drive: Drive, window: Window) -> Floats:
-    """Wheel speeds `(n, 2)` that the acceleration lets the robot reach in one period; standing still where that is one of them.
+def reachable_speeds(current: WheelSpeeds, drive: DifferentialDrive, settings: DwaSettings) -> Floats:
+    """Wheel speeds `(n, 2)` that the acceleration allows within one period; includes standing still if that is reachable.
 
-    The robot drives ahead only: where it rolls back, it brakes.
+    The robot only drives forwards: if it rolls back, it brakes.
     """
-    step = drive.acceleration_mps2 * window.period_s
+    step = drive.acceleration_mps2 * settings.period_s
     top = drive.max_speed_mps
-    axes = [np.linspace(max(v - step, -top), min(v + step, top), window.samples) for v in now]
+    axes = [
+        np.linspace(max(v - step, -top), min(v + step, top), settings.samples)
+        for v in (current.left_mps, current.right_mps)
+    ]
     left, right = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     speeds = np.column_stack([left, right])
-    if max(abs(v) for v in now) <= step:
+    if max(abs(current.left_mps), abs(current.right_mps)) <= step:
         speeds = np.concatenate([speeds, np.zeros((1, 2))])
     turning = np.abs(speeds[:, 1] - speeds[:, 0]) / drive.base_m
     kept = turning <= max(drive.max_turn_radps, float(turning.min()))
     forward = speeds.mean(axis=1)
-    kept &= forward >= min(-1e-9, float(forward[kept].max()))
+    kept &= forward >= min(-STANDING_MPS, float(forward[kept].max()))
     return np.asarray(speeds[kept])
 
 
-def heading_scores(speeds: Floats, target: Floats, drive: Drive, window: Window) -> Floats:
-    """1 where the robot would look at the target after `look_s` of these speeds `(n, 2)`, 0 where straight away from it."""
-    forward, turn = speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / drive.base_m
-    yaw = turn * window.look_s
+def heading_scores(speeds: Floats, target: Floats, drive: DifferentialDrive, settings: DwaSettings) -> Floats:
+    """Scores `(n,)` of wheel speeds `(n, 2)`: 1 if the robot faces the target after `prediction_s`, 0 if it faces away."""
+    forward, yaw_rate = speeds.mean(axis=1), (speeds[:, 1] - speeds[:, 0]) / drive.base_m
+    yaw = yaw_rate * settings.prediction_s
     half = 0.5 * yaw
-    chord = forward * window.look_s * np.sinc(half / np.pi)
+    chord = forward * settings.prediction_s * np.sinc(half / np.pi)
     x, y = chord * np.cos(half), chord * np.sin(half)
     bearing = np.arctan2(target[1] - y, target[0] - x)
     off = np.abs(np.arctan2(np.sin(bearing - yaw), np.cos(bearing - yaw)))
     return np.asarray(1.0 - off / np.pi)
 
 
-def _braking(now: tuple[float, float], drive: Drive, window: Window) -> tuple[float, float]:
+def _braking(current: WheelSpeeds, drive: DifferentialDrive, settings: DwaSettings) -> WheelSpeeds:
     """Both wheels slowed down in the same proportion, so that the robot stays on its arc."""
-    top = max(abs(now[0]), abs(now[1]))
-    share = max(1.0 - drive.acceleration_mps2 * window.period_s / top, 0.0) if top > 0.0 else 0.0
-    return now[0] * share, now[1] * share
+    fastest = max(abs(current.left_mps), abs(current.right_mps))
+    factor = max(1.0 - drive.acceleration_mps2 * settings.period_s / fastest, 0.0) if fastest > 0.0 else 0.0
+    return WheelSpeeds(current.left_mps * factor, current.right_mps * factor)

@@ -1,4 +1,4 @@
-"""Obstacles of a map, passages too narrow for the robot closed (stereo-bayes, paper section 2.5)."""
+"""Obstacles of a map, with passages closed that are too narrow for the robot (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Cells = NDArray[np.bool_]
 class ObstacleRegion:
     """One connected obstacle, in the map frame.
 
-    `cells` and `area_m2` include the `closed_cells` of passages that the robot does not fit into; (`x`, `y`) is the centroid,
-    `min_x` .. `max_y` the bounding box, `gap_m` the free width to the nearest other region (infinite for the only one)
-    and `nearest_id` that region (0: none).
+    `cells` and `area_m2` include the `closed_cells` of passages too narrow for the robot; (`x`, `y`) is the centroid, `min_x` ..
+    `max_y` the bounding box, `gap_m` the free width to the nearest other region (infinite if there is none) and `nearest_id`
+    that region (0: none).
     """
 
     id: int
@@ -42,26 +42,26 @@ class ObstacleRegion:
 
     @classmethod
     def columns(cls) -> tuple[str, ...]:
-        """The names of a row's values."""
+        """The names of the values of a row."""
         return tuple(field.name for field in fields(cls))
 
     def row(self) -> tuple[object, ...]:
-        """The values, for a table."""
+        """The values as a row of a table."""
         return astuple(self)
 
 
 def obstacle_cells(
     occupancy: OccupancyGrid, occupied_from: float = OCCUPIED_FROM, unknown_blocks: bool = False
 ) -> Cells:
-    """Cells `(rows, cols)` with P > `occupied_from` (paper section 2.5), and those not known if `unknown_blocks`."""
+    """Cells `(rows, cols)` with P > `occupied_from` (paper section 2.5), and unknown ones if `unknown_blocks`."""
     obstacles: Cells = occupancy.probability > occupied_from
     return obstacles | np.isnan(occupancy.probability) if unknown_blocks else obstacles
 
 
 def close_passages(obstacles: Cells, resolution_m: float, robot_radius_m: float = ROBOT_RADIUS_M) -> Cells:
-    """The obstacles and every cell that a disc of the robot's radius covers from no free place (paper section 2.5).
+    """The obstacles, and every cell that a disc of the robot's radius covers from no free place (paper section 2.5).
 
-    The morphological closing of the obstacles with the robot's disc, by exact distances between cells' centres. What lies
+    This is the morphological closing of the obstacles with the robot's disc, by exact distances between cell centres. Space
     beyond the grid's edge is free.
     """
     radius = robot_radius_m / resolution_m
@@ -69,15 +69,15 @@ def close_passages(obstacles: Cells, resolution_m: float, robot_radius_m: float 
         return obstacles.copy()
     margin = int(np.ceil(radius)) + 1
     padded = np.pad(obstacles, margin)
-    stands = (
+    free_centres = (
         distances_to(padded) > radius + 0.5
-    )  # the disc touches the obstacle's edge, half a cell from its centre
-    covered = distances_to(stands) <= radius if stands.any() else np.zeros_like(padded)
+    )  # half a cell: from the centre of an obstacle cell to its edge
+    covered = distances_to(free_centres) <= radius if free_centres.any() else np.zeros_like(padded)
     return np.asarray((padded | ~covered)[margin:-margin, margin:-margin] | obstacles)
 
 
 def label_obstacles(obstacles: Cells) -> tuple[NDArray[np.int32], int]:
-    """Labels `(rows, cols)` of the 8-connected regions, 1 to n from the lower left on, 0 where free; and n."""
+    """Labels `(rows, cols)` of the 8-connected regions, 1 to n from the lower left, 0 where free; and n."""
     labels, count = ndimage.label(obstacles, structure=np.ones((3, 3), np.int8))
     return np.asarray(labels, dtype=np.int32), int(count)
 
@@ -91,21 +91,21 @@ def obstacle_regions(
 ) -> list[ObstacleRegion]:
     """The obstacles of a map with narrow passages closed (paper section 2.5), largest first, ids from 1 in that order.
 
-    Regions with fewer than `min_cells` cells of P > `occupied_from` are left out.
+    Regions with fewer than `min_cells` cells of P > `occupied_from` are dropped.
     """
-    seen = obstacle_cells(occupancy, occupied_from, unknown_blocks)
+    occupied = obstacle_cells(occupancy, occupied_from, unknown_blocks)
     geometry = occupancy.geometry
-    labels, count = label_obstacles(close_passages(seen, geometry.resolution_m, robot_radius_m))
+    labels, count = label_obstacles(close_passages(occupied, geometry.resolution_m, robot_radius_m))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    seen_sizes = np.bincount(labels[seen], minlength=count + 1)
+    occupied_sizes = np.bincount(labels[occupied], minlength=count + 1)
     order = np.argsort(-sizes[1:], kind="stable") + 1
-    kept = order[seen_sizes[order] >= max(min_cells, 1)]
+    kept = order[occupied_sizes[order] >= max(min_cells, 1)]
     renumbered = np.zeros(count + 1, np.int32)
     renumbered[kept] = np.arange(1, len(kept) + 1)
     labels = renumbered[labels]
     gaps_m, nearest = _gaps(labels, len(kept), geometry.resolution_m)
     return [
-        _describe(labels, box, i, int(sizes[old] - seen_sizes[old]), geometry, gaps_m[i], int(nearest[i]))
+        _describe(labels, box, i, int(sizes[old] - occupied_sizes[old]), geometry, gaps_m[i], int(nearest[i]))
         for i, (old, box) in enumerate(zip(kept, ndimage.find_objects(labels), strict=True), start=1)
     ]
 
@@ -119,9 +119,10 @@ def _describe(
     gap_m: float,
     nearest: int,
 ) -> ObstacleRegion:
+    """The region with a given label, whose bounding box in cells is `box`."""
     cells = np.argwhere(labels[box] == label) + np.array([box[0].start, box[1].start])
     centres = geometry.centres(cells)
-    # half the extent of a turned square cell along the map's axes
+    # half the extent of a rotated square cell along the map's axes
     half = 0.5 * geometry.resolution_m * (abs(np.cos(geometry.yaw_rad)) + abs(np.sin(geometry.yaw_rad)))
     low, high, middle = centres.min(axis=0) - half, centres.max(axis=0) + half, centres.mean(axis=0)
     return ObstacleRegion(
@@ -143,9 +144,9 @@ def _describe(
 def _gaps(
     labels: NDArray[np.int32], count: int, resolution_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Free width (m) to the nearest other region and its label, both indexed by label.
+    """Free width (m) to the nearest other region and that region's label, both indexed by label.
 
-    Where the cells nearest to one region border on those nearest to another, the two obstacle cells behind are a candidate for
+    Where cells nearest to one region border on cells nearest to another, the two obstacle cells behind them are a candidate for
     the closest pair; the width is that between the two squares.
     """
     gaps = np.full(count + 1, np.inf)
@@ -160,10 +161,10 @@ def _gaps(
     for axis in (0, 1):
         one, other = _neighbours(owner, axis)
         border = one != other
-        here, there = _neighbours(np.moveaxis(sites, 0, -1), axis)
-        apart = np.abs(here[border] - there[border])
+        site, neighbour = _neighbours(np.moveaxis(sites, 0, -1), axis)
+        offset = np.abs(site[border] - neighbour[border])
         pairs.append(np.stack([one[border], other[border]]))
-        widths.append(np.hypot(*np.maximum(apart - 1, 0).T) * resolution_m)
+        widths.append(np.hypot(*np.maximum(offset - 1, 0).T) * resolution_m)
     one, other = np.concatenate([*pairs, *(pair[::-1] for pair in pairs)], axis=1)
     width = np.concatenate([*widths, *widths])
     order = np.lexsort((other, width, one))

@@ -1,4 +1,4 @@
-"""A path of straight lines and circular arcs, with the speeds on it (stereo-bayes, paper section 2.5)."""
+"""A path of straight lines and circular arcs with the speeds along it (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ Kind = Literal["line", "arc", "turn"]
 class Segment:
     """A line, an arc or a turn on the spot, in the map frame.
 
-    It begins at (`x`, `y`, `yaw_rad`). `length_m` is negative where the robot drives backwards; `curvature` (1/m) is
-    positive to the left; `angle_rad` is the change of heading. The speed (m/s, not signed) rises from `enter_speed` to
-    `top_speed` within `rise_s`, holds, and falls to `leave_speed` in the last `fall_s` of `time_s`.
+    It starts at (`x`, `y`, `yaw_rad`). `length_m` is negative where the robot drives backwards; `curvature` (1/m) is positive to
+    the left; `angle_rad` is the change of heading. The speed (m/s, unsigned) rises from `enter_speed` to `top_speed` within
+    `speed_up_s`, stays, and falls to `leave_speed` in the last `slow_down_s` of `time_s`.
     """
 
     kind: Kind
     x: float
     y: float
     yaw_rad: float
-    length_m: float
-    curvature: float
-    angle_rad: float
-    enter_speed: float
-    top_speed: float
-    leave_speed: float
-    rise_s: float
-    fall_s: float
-    time_s: float
+    length_m: float = 0.0
+    curvature: float = 0.0
+    angle_rad: float = 0.0
+    enter_speed: float = 0.0
+    top_speed: float = 0.0
+    leave_speed: float = 0.0
+    speed_up_s: float = 0.0
+    slow_down_s: float = 0.0
+    time_s: float = 0.0
 
     @property
     def radius_m(self) -> float:
-        """The arc's radius: infinite for a line, 0 for a turn on the spot."""
+        """Radius of the arc: infinite for a line, 0 for a turn on the spot."""
         if self.kind == "turn":
             return 0.0
         return 1.0 / abs(self.curvature) if self.curvature else np.inf
 
-    def poses(self, ways_m: Floats) -> Floats:
-        """Poses `(n, 3)` after ways `(n,)` (m, from 0 to |length|); for a turn ways are angles (rad, from 0 to |angle|)."""
-        ways = np.asarray(ways_m, dtype=np.float64)
+    def poses(self, distances_m: Floats) -> Floats:
+        """Poses `(n, 3)` at distances `(n,)` (m) from the segment's start; for a turn on the spot, at angles `(n,)` (rad)."""
+        distances = np.asarray(distances_m, dtype=np.float64)
         if self.kind == "turn":
-            yaw = self.yaw_rad + np.sign(self.angle_rad) * ways
-            return np.column_stack([np.full_like(ways, self.x), np.full_like(ways, self.y), yaw])
-        signed = np.copysign(1.0, self.length_m) * ways
+            yaw = self.yaw_rad + np.sign(self.angle_rad) * distances
+            return np.column_stack([np.full_like(distances, self.x), np.full_like(distances, self.y), yaw])
+        signed = np.copysign(1.0, self.length_m) * distances
         yaw = self.yaw_rad + signed * self.curvature
         if self.curvature == 0.0:
             x = self.x + signed * np.cos(self.yaw_rad)
@@ -60,69 +60,69 @@ class Segment:
 
     @property
     def extent(self) -> float:
-        """Its length (m), or the angle (rad) of a turn on the spot."""
+        """Its length (m), or the angle (rad) of a turn on the spot; not negative."""
         return abs(self.angle_rad) if self.kind == "turn" else abs(self.length_m)
 
     @property
-    def end(self) -> Floats:
-        """The pose `(3,)` where it ends."""
+    def end_pose(self) -> Floats:
+        """The pose `(3,)` at its end."""
         return np.asarray(self.poses(np.array([self.extent]))[0])
 
 
 @dataclass(frozen=True, slots=True)
 class ArcLinePath:
-    """Segments that follow each other with continuous heading, from rest to rest."""
+    """Consecutive segments with continuous heading, driven from rest to rest."""
 
     segments: tuple[Segment, ...]
 
     @property
     def length_m(self) -> float:
-        """The way driven."""
+        """Distance driven."""
         return float(sum(abs(s.length_m) for s in self.segments))
 
     @property
     def time_s(self) -> float:
-        """The time it takes."""
+        """Travel time."""
         return float(sum(s.time_s for s in self.segments))
 
     def sampled(self, spacing_m: float) -> tuple[Floats, Floats, Floats]:
         """Times `(n,)` (s), poses `(n, 3)` and speeds `(n,)` (m/s, negative backwards), at most `spacing_m` (or rad) apart.
 
-        Both ends of every segment are among them, joints once.
+        Both ends of every segment are included, joints once.
         """
         times, poses, speeds = [np.zeros(1)], [self.segments[0].poses(np.zeros(1))], [np.zeros(1)]
         clock = 0.0
         for segment in self.segments:
             count = max(int(np.ceil(segment.extent / spacing_m)), 1)
-            ways = segment.extent * np.arange(1, count + 1) / count
-            at, speed = _timing(segment, ways)
+            distances = segment.extent * np.arange(1, count + 1) / count
+            at, speed = _times_and_speeds(segment, distances)
             times.append(clock + at)
-            poses.append(segment.poses(ways))
+            poses.append(segment.poses(distances))
             speeds.append(np.copysign(speed, segment.length_m))
             clock += segment.time_s
         return np.concatenate(times), np.concatenate(poses), np.concatenate(speeds)
 
 
-def _timing(segment: Segment, ways: Floats) -> tuple[Floats, Floats]:
-    """Times after its begin and speeds at ways along a segment: speed rises, holds and falls at constant rates.
+def _times_and_speeds(segment: Segment, distances: Floats) -> tuple[Floats, Floats]:
+    """Times since the segment's start, and speeds, at distances `(n,)` along it.
 
-    A turn on the spot is reported with a constant rate.
+    The speed rises, stays and falls at constant rates. A turn on the spot is reported with a constant yaw rate.
     """
     if segment.kind == "turn":
-        return segment.time_s * ways / segment.extent, np.zeros_like(ways)
+        return segment.time_s * distances / segment.extent, np.zeros_like(distances)
     v0, top, v1 = segment.enter_speed, segment.top_speed, segment.leave_speed
-    rise, fall = segment.rise_s, segment.fall_s
-    up, down = 0.5 * (v0 + top) * rise, 0.5 * (top + v1) * fall
-    left = segment.extent - ways
-    speed = np.full_like(ways, top)
-    times = rise + (ways - up) / top
-    climbing, falling = ways < up, left < down
-    if rise > 0.0:
-        gain = (top - v0) / rise
-        speed[climbing] = np.sqrt(np.maximum(v0**2 + 2.0 * gain * ways[climbing], 0.0))
-        times[climbing] = (speed[climbing] - v0) / gain
-    if fall > 0.0:
-        loss = (top - v1) / fall
-        speed[falling] = np.sqrt(np.maximum(v1**2 + 2.0 * loss * left[falling], 0.0))
-        times[falling] = segment.time_s - (speed[falling] - v1) / loss
+    up_s, down_s = segment.speed_up_s, segment.slow_down_s
+    up, down = 0.5 * (v0 + top) * up_s, 0.5 * (top + v1) * down_s
+    remaining = segment.extent - distances
+    speed = np.full_like(distances, top)
+    times = up_s + (distances - up) / top
+    is_speeding_up, is_slowing_down = distances < up, remaining < down
+    if up_s > 0.0:
+        gain = (top - v0) / up_s
+        speed[is_speeding_up] = np.sqrt(np.maximum(v0**2 + 2.0 * gain * distances[is_speeding_up], 0.0))
+        times[is_speeding_up] = (speed[is_speeding_up] - v0) / gain
+    if down_s > 0.0:
+        loss = (top - v1) / down_s
+        speed[is_slowing_down] = np.sqrt(np.maximum(v1**2 + 2.0 * loss * remaining[is_slowing_down], 0.0))
+        times[is_slowing_down] = segment.time_s - (speed[is_slowing_down] - v1) / loss
     return times, speed

@@ -1,4 +1,4 @@
-"""From any drivable path to one with less travel time between the same poses."""
+"""Improvement of a drivable path: less travel time between the same poses."""
 
 from __future__ import annotations
 
@@ -8,25 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import wrap_angle
-from gridslam.kernels.planning.circles import chain_parts, least_time
+from gridslam.kernels.planning.circles import chain_parts, minimise_travel_time
 from gridslam.kernels.planning.shortcut import shortcut
 from gridslam.planning.space import Space
-from gridslam.planning.travel_time import NOTHING, SpeedLimits, parts_of, time_of
+from gridslam.planning.travel_time import ZERO, SpeedLimits, parts_of, travel_time_of
 
 Floats = NDArray[np.float64]
 
-WIDTHS = (1.0, 2.0, 4.0)  # radii that shortcuts try, in units of the smallest
-SPACING_M = 0.5
-REACH = 40
-FIRST_STEP_M, LAST_STEP_M = 0.64, 0.005
-PASSES = 2
+RADIUS_FACTORS = (1.0, 2.0, 4.0)  # radii of shortcuts, in units of the smallest radius
+SPACING_M = 0.5  # of the joints that shortcuts connect
+MAX_JOINTS_AHEAD = 40
+INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # of the local search over circles
+MAX_PASSES = 2  # of shortcuts and local search
+SAME_YAW_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Refiner:
-    """The robot in its space: the smallest radius (m) of its arcs, whether it turns on the spot, and its speeds.
+    """Improves paths of one robot in one space.
 
-    With `search_radius_m`, the smallest radius of the given motions, `radius_m` may be 0.
+    `radius_m` is the smallest radius of its arcs, 0 if it turns on the spot anywhere; `search_radius_m` is that of the given
+    motions.
     """
 
     space: Space
@@ -34,86 +36,104 @@ class Refiner:
     search_radius_m: float
     limits: SpeedLimits
 
-    def refine(self, motions: Floats, begin: Floats, start: Floats, goal: Floats) -> Floats:
-        """Parts `(m, 6)` from `start` to `goal` that take less time than the motions `(n, 2)` from `begin`.
+    def refine(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
+        """Parts `(m, 6)` from `start` to `goal` that take less time than the motions `(n, 2)` from `first_pose`.
 
-        Lengths below 0 are driven backwards. Where the yaws of `begin` and `start`, or of the motions' end and the goal,
-        differ, the robot turns on the spot; a goal yaw of NaN is free.
+        Negative lengths are driven backwards. The robot turns on the spot at the start if the yaws of `first_pose` and `start`
+        differ, and at the goal if the last pose of the motions and `goal` do. A goal yaw of NaN is free.
         """
-        done = []
-        runs = _runs(motions)
+        refined = []
+        runs = _split_by_direction(motions)
         for i, run in enumerate(runs):
-            end = _end(begin, run)
-            first = start if i == 0 else begin
+            end = _end_pose(first_pose, run)
+            first = start if i == 0 else first_pose
             last = goal if i == len(runs) - 1 else end
-            done.append(self._one_direction(run, begin, first, last))
-            begin = end
-        return np.vstack(done)
+            refined.append(self._refine_run(run, first_pose, first, last))
+            first_pose = end
+        return np.vstack(refined)
 
     def polyline(self, points: Floats, start: Floats, goal: Floats) -> Floats:
-        """Parts `(m, 6)` along lines between `points` `(n, 2)`, with turns on the spot that become arcs where that saves time."""
+        """Parts `(m, 6)` along a polyline `(n, 2)`, with turns on the spot that become arcs where that saves time."""
         circles = np.column_stack([points, np.zeros(len(points)), np.ones(len(points))])
-        limits = self.limits.for_kernels
-        return self._descend(circles, start, goal, limits)[0]
+        return self._descend(circles, start, goal)[0]
 
-    def _descend(self, circles: Floats, start: Floats, goal: Floats, limits: Floats) -> tuple[Floats, float]:
-        """The parts after the descent from a chain of circles, and their time (s): infinite if the chain is no free path."""
-        circles, time = least_time(
-            self.space.world, circles, start, goal, self.radius_m, limits, FIRST_STEP_M, LAST_STEP_M
+    def _descend(self, circles: Floats, start: Floats, goal: Floats) -> tuple[Floats, float]:
+        """Parts after the local search from a chain of circles, and their time (s): infinite if the chain is not free."""
+        circles, time = minimise_travel_time(
+            world=self.space.world,
+            circles=circles,
+            start=start,
+            goal=goal,
+            radius=self.radius_m,
+            limits=self.limits.for_kernels,
+            first_step=INITIAL_STEP_M,
+            last_step=FINAL_STEP_M,
         )
         parts = np.empty((2 * len(circles) - 1, 6))
         chain_parts(circles, len(circles), start, goal, parts)
         return parts, float(time)
 
-    def _one_direction(self, run: Floats, begin: Floats, start: Floats, goal: Floats) -> Floats:
+    def _refine_run(self, run: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
         """A run backwards is the run forwards from its end, driven the other way round."""
         if run[0, 0] >= 0.0:
-            return self._forwards(run, begin, start, goal)
-        end = _end(begin, run)
+            return self._refine_forwards(run, first_pose, start, goal)
+        end = _end_pose(first_pose, run)
         mirrored = np.column_stack([-run[::-1, 0], run[::-1, 1]])
-        return _reversed(self._forwards(mirrored, end, np.where(np.isnan(goal), end, goal), start))
+        return _driven_backwards(
+            self._refine_forwards(mirrored, end, np.where(np.isnan(goal), end, goal), start)
+        )
 
-    def _forwards(self, motions: Floats, begin: Floats, start: Floats, goal: Floats) -> Floats:
+    def _refine_forwards(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
+        """Alternate shortcuts and local search until the travel time no longer falls."""
         world, limits = self.space.world, self.limits.for_kernels
-        best = _with_turns(parts_of(begin, motions), start, goal)
-        least = time_of(best, self.limits)
-        for _ in range(PASSES):
-            radii = self.search_radius_m * np.array(WIDTHS)
-            motions = shortcut(world, begin, motions, radii, limits, SPACING_M, REACH)
-            circles = _circles(motions, begin, self.search_radius_m)
-            if not _agree(begin, start):
+        best = _with_turns_on_the_spot(parts_of(first_pose, motions), start, goal)
+        best_time = travel_time_of(best, self.limits)
+        for _ in range(MAX_PASSES):
+            radii = self.search_radius_m * np.array(RADIUS_FACTORS)
+            motions = shortcut(
+                world=world,
+                start=first_pose,
+                parts=motions,
+                radii=radii,
+                limits=limits,
+                spacing=SPACING_M,
+                max_joints_ahead=MAX_JOINTS_AHEAD,
+            )
+            circles = _circles(motions, first_pose, self.search_radius_m)
+            if not _has_same_yaw(first_pose, start):
                 circles = np.vstack([[*start[:2], 0.0, 1.0], circles])
-            if not _agree(_end(begin, motions), goal):
+            if not _has_same_yaw(_end_pose(first_pose, motions), goal):
                 circles = np.vstack([circles, [*goal[:2], 0.0, 1.0]])
-            parts, time = self._descend(circles, start, goal, limits)
-            if not time < least:
+            parts, time = self._descend(circles, start, goal)
+            if not time < best_time:
                 break
-            best, least = parts, time
-            driven = best[best[:, 3] > NOTHING]
-            begin, motions = driven[0, :3].copy(), driven[:, 3:5].copy()
+            best, best_time = parts, time
+            driven = best[best[:, 3] > ZERO]
+            first_pose, motions = driven[0, :3].copy(), driven[:, 3:5].copy()
         return best
 
 
-def _agree(pose: Floats, wanted: Floats) -> bool:
-    return bool(abs(wrap_angle(pose[2] - wanted[2])) < 1e-6)
+def _has_same_yaw(pose: Floats, wanted: Floats) -> bool:
+    """Whether two poses have the same heading; False if either is NaN."""
+    return bool(abs(wrap_angle(pose[2] - wanted[2])) < SAME_YAW_RAD)
 
 
-def _with_turns(parts: Floats, start: Floats, goal: Floats) -> Floats:
-    """The parts with turns on the spot before and after them where the yaws ask for it."""
+def _with_turns_on_the_spot(parts: Floats, start: Floats, goal: Floats) -> Floats:
+    """The parts, with turns on the spot before and after them where the yaws differ from those wanted."""
     rows = []
-    if not _agree(parts[0, :3], start):
+    if not _has_same_yaw(parts[0, :3], start):
         rows.append([*start, 0.0, 0.0, float(wrap_angle(parts[0, 2] - start[2]))])
     rows.extend(parts.tolist())
-    end = _end(parts[0, :3], parts[:, 3:5])
-    if not np.isnan(goal[2]) and not _agree(end, goal):
+    end = _end_pose(parts[0, :3], parts[:, 3:5])
+    if not np.isnan(goal[2]) and not _has_same_yaw(end, goal):
         rows.append([*end, 0.0, 0.0, float(wrap_angle(goal[2] - end[2]))])
     return np.array(rows)
 
 
-def _circles(motions: Floats, begin: Floats, radius_m: float) -> Floats:
-    """The chain of circles `(n, 4)` of motions (all forwards); circles without an arc are put at ends that are lines."""
-    parts = parts_of(begin, motions)
-    end = np.array([*_end(begin, motions), 0.0, 0.0, 0.0])
+def _circles(motions: Floats, first_pose: Floats, radius_m: float) -> Floats:
+    """The chain of circles `(n, 4)` of forward motions; a circle is added at each end that is a line."""
+    parts = parts_of(first_pose, motions)
+    end = np.array([*_end_pose(first_pose, motions), 0.0, 0.0, 0.0])
     arcs = [part for part in parts if part[4] != 0.0]
     first_side = float(np.sign(arcs[0][4])) if arcs else 1.0
     last_side = float(np.sign(arcs[-1][4])) if arcs else 1.0
@@ -126,26 +146,27 @@ def _circles(motions: Floats, begin: Floats, radius_m: float) -> Floats:
 
 
 def _circle(part: Floats, radius_m: float, side: float) -> list[float]:
+    """The circle of an arc, as a row of `chain_parts`."""
     x, y, yaw = part[:3]
     return [x - side * radius_m * np.sin(yaw), y + side * radius_m * np.cos(yaw), radius_m, side]
 
 
-def _runs(motions: Floats) -> list[Floats]:
-    """The motions cut where the direction changes."""
+def _split_by_direction(motions: Floats) -> list[Floats]:
+    """The motions in runs of one driving direction each."""
     return list(np.split(motions, np.flatnonzero(np.diff(np.sign(motions[:, 0]))) + 1))
 
 
-def _end(begin: Floats, motions: Floats) -> Floats:
-    """The pose after the motions."""
-    parts = parts_of(begin, np.vstack([motions, [0.0, 0.0]]))
+def _end_pose(first_pose: Floats, motions: Floats) -> Floats:
+    """The pose `(3,)` after the motions."""
+    parts = parts_of(first_pose, np.vstack([motions, [0.0, 0.0]]))
     return np.asarray(parts[-1, :3])
 
 
-def _reversed(parts: Floats) -> Floats:
+def _driven_backwards(parts: Floats) -> Floats:
     """The same parts driven backwards, last first."""
     out = parts[::-1].copy()
     for row, part in zip(out, parts[::-1], strict=True):
-        row[:3] = _end(part[:3], part[None, 3:5])
+        row[:3] = _end_pose(part[:3], part[None, 3:5])
         row[2] += part[5]
         row[3], row[5] = -part[3], -part[5]
     return out

@@ -1,4 +1,4 @@
-"""What is in the way, said so that one can do something about it."""
+"""Errors that name why there is no path, and what to change."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gridslam.planning.space import Space
 
 Floats = NDArray[np.float64]
 
-HALVINGS = 12
+HALVINGS = 12  # of the interval that holds the width of the widest passage
 
 
 def blocked_pose(
     occupancy: OccupancyGrid, space: Space, name: str, pose: Floats, local: Floats
 ) -> MethodError:
-    """The robot cannot stand at the start or the goal."""
+    """The error for a start or goal at which the robot cannot stand."""
     where = f"{name} {pose[0]:g},{pose[1]:g}"
     row, col = space.cell(local)
     rows, cols = occupancy.probability.shape
@@ -45,74 +45,79 @@ def blocked_pose(
     )
 
 
-def no_way(
+def no_path(
     occupancy: OccupancyGrid, space: Space, occupied_from: float, start: Floats, goal: Floats
 ) -> MethodError:
-    """Obstacles separate the start from the goal."""
+    """The error for a start and a goal that obstacles or unknown cells separate."""
     (sx, sy), (gx, gy) = space.to_map(np.array([start, goal]))[:, :2].tolist()
-    pair = f"no way from {sx:g},{sy:g} to {gx:g},{gy:g}"
-    width, narrowest = _widest_way(space, start, goal)
+    pair = f"no path from {sx:g},{sy:g} to {gx:g},{gy:g}"
+    width, narrowest = _widest_passage(space, start, goal)
     if width > 0.0:
         x, y = space.to_map(np.array([[*narrowest, 0.0]]))[0, :2]
         return MethodError(
-            f"{pair}: the widest one is only {width:.2f} m wide at {x:.2f},{y:.2f}; a smaller robot would pass"
+            f"{pair}: the widest passage is only {width:.2f} m wide at {x:.2f},{y:.2f}; a smaller robot would fit"
         )
-    if _joined(~(np.pad(occupancy.probability, 1) > occupied_from), space.cell(start), space.cell(goal)):
+    if _is_connected(
+        ~(np.pad(occupancy.probability, 1) > occupied_from), space.cell(start), space.cell(goal)
+    ):
         return MethodError(
             f"{pair}: unknown cells separate them; map the place, or let unknown cells be free"
         )
     return MethodError(f"{pair}: obstacles separate them")
 
 
-def no_headings(which: str, pose: Floats, radius_m: float, reverse: bool) -> MethodError:
-    """There is room for the robot, but not for its turns."""
+def unreachable_heading(which: str, pose: Floats, radius_m: float, reverse: bool) -> MethodError:
+    """The error for a pose with room for the robot, but not for the turns to its heading."""
     hint = "allow a smaller radius, turns on the spot" + ("" if reverse else ", or driving backwards")
     return MethodError(
         f"{which} {pose[0]:g},{pose[1]:g}: its heading {pose[2]:.3g} rad cannot be met by arcs of {radius_m:g} m or more; {hint}"
     )
 
 
-def too_hard(radius_m: float, states: int) -> MethodError:
-    """The search was given up."""
+def search_limit_reached(radius_m: float, states: int) -> MethodError:
+    """The error for a search that was given up after so many states."""
     return MethodError(
         f"no path found among {states} poses: there may be one, but it needs many turns of {radius_m:g} m in narrow places; "
         "allow a smaller radius, turns on the spot or driving backwards"
     )
 
 
-def _widest_way(space: Space, start: Floats, goal: Floats) -> tuple[float, Floats]:
-    """The width (m) of the widest way's narrowest place, and that place (x, y); 0 where there is no way at all.
+def _widest_passage(space: Space, start: Floats, goal: Floats) -> tuple[float, Floats]:
+    """Width (m) of the narrowest place of the widest path, and that place (x, y); 0 if there is no path at all.
 
-    Just above that width the free space falls apart: the place lies between the part with the start and another one.
+    For any larger width the free space falls apart, so the place lies between the part with the start and another part.
     """
     ends = [(2 * row + 1, 2 * col + 1) for row, col in (space.cell(start), space.cell(goal))]
     low, high = 0.0, float(min(space.field[end] for end in ends))
-    if not _joined(space.field > 0.0, *ends):
+    if not _is_connected(space.field > 0.0, *ends):
         return 0.0, np.zeros(2)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _joined(space.field > middle, *ends) else (low, middle)
+        low, high = (middle, high) if _is_connected(space.field > middle, *ends) else (low, middle)
     _, parts = cv2.connectedComponents(np.asarray(space.field > high, np.uint8), connectivity=8)
     _, whole = cv2.connectedComponents(np.asarray(space.field > low, np.uint8), connectivity=8)
-    here = parts == parts[ends[0]] if parts[ends[0]] else _only(parts.shape, ends[0])
-    beyond = ((parts > 0) & ~here & (whole == whole[ends[0]])) | _only(parts.shape, ends[1])
-    ways = np.where(whole == whole[ends[0]], distances_to(here) + distances_to(beyond), np.inf)
-    row, col = np.unravel_index(int(np.argmin(ways)), ways.shape)
+    around_start = parts == parts[ends[0]] if parts[ends[0]] else _single_cell(parts.shape, ends[0])
+    others = ((parts > 0) & ~around_start & (whole == whole[ends[0]])) | _single_cell(parts.shape, ends[1])
+    detours = np.where(whole == whole[ends[0]], distances_to(around_start) + distances_to(others), np.inf)
+    row, col = np.unravel_index(int(np.argmin(detours)), detours.shape)
     return 2.0 * low, np.array([col, row]) * 0.5 * space.resolution_m
 
 
-def _only(shape: tuple[int, ...], place: tuple[int, int]) -> NDArray[np.bool_]:
+def _single_cell(shape: tuple[int, ...], place: tuple[int, int]) -> NDArray[np.bool_]:
+    """A mask with one cell set."""
     mask = np.zeros(shape, np.bool_)
     mask[place] = True
     return mask
 
 
-def _joined(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int]) -> bool:
+def _is_connected(free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int]) -> bool:
+    """Whether two cells lie in one 8-connected part of the mask."""
     _, labels = cv2.connectedComponents(np.asarray(free, np.uint8), connectivity=8)
     return bool(labels[a] == labels[b] and labels[a] > 0)
 
 
 def _kind(occupancy: OccupancyGrid, row: int, col: int) -> str:
+    """A word for what blocks a cell."""
     rows, cols = occupancy.probability.shape
     if not (0 <= row < rows and 0 <= col < cols):
         return "the map's edge"
@@ -120,6 +125,7 @@ def _kind(occupancy: OccupancyGrid, row: int, col: int) -> str:
 
 
 def _extent(occupancy: OccupancyGrid) -> str:
+    """A phrase with the bounding box of the map."""
     rows, cols = occupancy.probability.shape
     ends = np.array([[0, 0], [0, cols], [rows, 0], [rows, cols]])
     corners = occupancy.geometry.centres(ends - 0.5)

@@ -1,4 +1,4 @@
-"""The map as a planner sees it: blocked cells with a closed border, and the distance to them everywhere."""
+"""The map as a planner needs it: blocked cells with a closed border, and the distance to them everywhere."""
 
 from __future__ import annotations
 
@@ -8,21 +8,26 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.planning.clearance import World, is_free
+from gridslam.kernels.planning.clearance import CollisionWorld, is_free
 from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.planning.obstacles import obstacle_cells
 
 Floats = NDArray[np.float64]
 
+MIN_DISC_RADIUS_M = 1e-3  # of the inner disc, for a footprint that has none
+SEARCHED_CELLS = 2  # on each side of a pose, for a cell with room for the robot
+
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """Where a robot can be. Its own frame: axes of the grid, metres, origin at the corner of the border's corner cell.
+    """A map and a robot in the grid's own frame: axes of the grid, metres, origin at the outer corner of the border.
 
-    `blocked` `(rows + 2, cols + 2)` is the map with a border of blocked cells; `field` `(2 rows + 5, 2 cols + 5)` the exact
-    distance (m) from every corner, middle of an edge and centre of a cell to the nearest blocked square. `discs` `(n, 3)` is the
-    robot and `margin_m` what it keeps off obstacles.
+    blocked: The map `(rows + 2, cols + 2)` with a border of blocked cells.
+    field: Exact distance (m) `(2 rows + 5, 2 cols + 5)` from every corner, edge midpoint and cell centre to the nearest square.
+    geometry: The map's geometry.
+    discs: The robot's discs `(n, 3)` (x, y, radius).
+    margin_m: The clearance that they keep from obstacles.
     """
 
     blocked: NDArray[np.bool_]
@@ -33,21 +38,21 @@ class Space:
 
     @property
     def resolution_m(self) -> float:
-        """The side of a cell."""
+        """Side of a cell (m)."""
         return self.geometry.resolution_m
 
     @property
-    def world(self) -> World:
-        """What the kernels take."""
-        return World(self.field, self.blocked, self.resolution_m, self.discs, self.margin_m)
+    def world(self) -> CollisionWorld:
+        """Map and robot for the kernels."""
+        return CollisionWorld(self.field, self.blocked, self.resolution_m, self.discs, self.margin_m)
 
-    def world_of(self, radius_m: float) -> World:
-        """The same for a disc about the robot's origin instead of the robot."""
+    def world_for_disc(self, radius_m: float) -> CollisionWorld:
+        """The same for a disc about the robot's origin in place of the robot."""
         return self.world._replace(discs=np.array([[0.0, 0.0, radius_m]]))
 
     @property
     def inner_radius_m(self) -> float:
-        """The radius of the largest disc about the robot's origin that lies within one of its discs."""
+        """Radius (m) of the largest disc about the robot's origin that lies within one of its discs."""
         return float(max((self.discs[:, 2] - np.hypot(self.discs[:, 0], self.discs[:, 1])).max(), 0.0))
 
     def to_local(self, poses: Floats) -> Floats:
@@ -73,38 +78,40 @@ class Space:
         return int(pose[1] // self.resolution_m), int(pose[0] // self.resolution_m)
 
     def nearest_open_cell(self, pose: Floats, needed_m: float) -> tuple[int, int]:
-        """The nearest cell (row, col) to a pose that has `needed_m` about its centre and a straight way to the pose.
+        """The nearest cell (row, col) to a pose with clearance `needed_m` and a free straight line to the pose.
 
-        It is at most two cells off; where there is none, the pose's own cell is given.
+        It is at most two cells away; if there is none, the pose's own cell is returned.
         """
         row, col = self.cell(pose)
-        world = self.world_of(needed_m - self.margin_m)
-        nearest, at = np.inf, (row, col)
-        for r in range(max(row - 2, 0), min(row + 3, self.blocked.shape[0])):
-            for c in range(max(col - 2, 0), min(col + 3, self.blocked.shape[1])):
+        world = self.world_for_disc(needed_m - self.margin_m)
+        nearest, cell = np.inf, (row, col)
+        for r in range(max(row - SEARCHED_CELLS, 0), min(row + SEARCHED_CELLS + 1, self.blocked.shape[0])):
+            for c in range(
+                max(col - SEARCHED_CELLS, 0), min(col + SEARCHED_CELLS + 1, self.blocked.shape[1])
+            ):
                 dx, dy = ((np.array([c, r]) + 0.5) * self.resolution_m - pose[:2]).tolist()
-                way = float(np.hypot(dx, dy))
-                if way < nearest and self.field[2 * r + 1, 2 * c + 1] >= needed_m:
-                    towards = np.arctan2(dy, dx)
-                    if is_free(world, pose[0], pose[1], towards, way, 0.0):
-                        nearest, at = way, (r, c)
-        return at
+                distance = float(np.hypot(dx, dy))
+                if distance < nearest and self.field[2 * r + 1, 2 * c + 1] >= needed_m:
+                    heading = np.arctan2(dy, dx)
+                    if is_free(world, pose[0], pose[1], heading, distance, curvature=0.0):
+                        nearest, cell = distance, (r, c)
+        return cell
 
 
 def make_space(
     occupancy: OccupancyGrid, discs: Floats, margin_m: float, occupied_from: float, unknown_blocks: bool
 ) -> Space:
-    """The space of a map for a robot; see `obstacle_cells` for what blocks."""
+    """The space of a map for a robot; `obstacle_cells` decides which cells block."""
     blocked = np.pad(obstacle_cells(occupancy, occupied_from, unknown_blocks), 1, constant_values=True)
     field = distance_field(blocked, occupancy.geometry.resolution_m)
     return Space(blocked, field, occupancy.geometry, discs, margin_m)
 
 
 def distance_field(blocked: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float32]:
-    """Exact distance (m) `(2 rows + 1, 2 cols + 1)` from the points half a cell apart to the nearest blocked square.
+    """Exact distance (m) `(2 rows + 1, 2 cols + 1)` from points half a cell apart to the nearest blocked square.
 
-    The point of a square that is nearest to one of these points is itself one of them, so a distance transform between
-    points is exact.
+    The point of a square that is nearest to one of these points is itself one of them, so a distance transform between points is
+    exact.
     """
     rows, cols = blocked.shape
     squares = np.zeros((2 * rows + 1, 2 * cols + 1), np.uint8)

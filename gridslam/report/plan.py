@@ -1,4 +1,4 @@
-"""A planned path as a directory: sampled poses, segments, a picture, and all of it as JSON."""
+"""A planned path as a directory: sampled poses, segments, a picture, and a JSON report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gridslam.core.files import write_atomic
 from gridslam.core.poses import wrap_angle
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Table
-from gridslam.planning.arcs_and_lines import Plan
+from gridslam.planning.arcs_and_lines import PlannedPath
 from gridslam.planning.path import ArcLinePath, Segment
 from gridslam.report.directory import REPORT_FORMAT, REPORT_NAME, new_run_directory
 from gridslam.report.text_files import write_table
@@ -30,12 +30,12 @@ SPACING = 0.05  # m or rad between sampled poses
 SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
-FOOTPRINT_EVERY_M = 0.5
-AROUND_M = 1.5
-LARGEST_SIDE_IN, SMALLEST_SIDE_IN = 9.0, 3.5
+FOOTPRINT_SPACING_M = 0.5
+BORDER_M = 1.5
+MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
 
 
-def plan_document(plan: Plan, map_path: Path, spacing: float = SPACING) -> dict[str, Any]:
+def plan_document(plan: PlannedPath, map_path: Path, spacing: float = SPACING) -> dict[str, Any]:
     """The plan as JSON: segments, candidates, and poses with their times."""
     times, poses, speeds = plan.path.sampled(spacing)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds])
@@ -54,7 +54,7 @@ def plan_document(plan: Plan, map_path: Path, spacing: float = SPACING) -> dict[
 
 
 def segment_row(segment: Segment) -> tuple[object, ...]:
-    """What SEGMENT_COLUMNS name; the radius is positive to the left, negative to the right, None for a line."""
+    """The values of SEGMENT_COLUMNS; the radius is positive to the left, negative to the right, None for a line."""
     radius = segment.radius_m
     signed = math.copysign(radius, segment.curvature) if math.isfinite(radius) else None
     yaw = float(wrap_angle(segment.yaw_rad))
@@ -73,9 +73,14 @@ def segment_row(segment: Segment) -> tuple[object, ...]:
 
 
 def write_plan(
-    directory: Path, plan: Plan, occupancy: OccupancyGrid, discs: Floats, map_path: Path, force: bool = False
+    directory: Path,
+    plan: PlannedPath,
+    occupancy: OccupancyGrid,
+    discs: Floats,
+    map_path: Path,
+    force: bool = False,
 ) -> None:
-    """Write path.csv, segments.csv, path.png and report.json. Raises ConfigError as `new_run_directory` does."""
+    """Write path.csv, segments.csv, path.png and report.json; raises ConfigError as `new_run_directory` does."""
     times, poses, speeds = plan.path.sampled(SPACING)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds]).tolist()
     with new_run_directory(directory, force) as folder:
@@ -89,15 +94,15 @@ def write_plan(
 
 
 def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> bytes:
-    """A PNG of the map around the path, the path in the colour of its speed, and the robot's outline along it."""
+    """A PNG of the map around the path, the path coloured by speed, and the robot's footprint along it."""
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
     _, poses, speeds = path.sampled(SPACING)
-    low, high = poses[:, :2].min(axis=0) - AROUND_M, poses[:, :2].max(axis=0) + AROUND_M
+    low, high = poses[:, :2].min(axis=0) - BORDER_M, poses[:, :2].max(axis=0) + BORDER_M
     extent = high - low
-    scale = LARGEST_SIDE_IN / extent.max()
-    width, height = np.maximum(extent * scale, SMALLEST_SIDE_IN)
+    scale = MAX_SIDE_IN / extent.max()
+    width, height = np.maximum(extent * scale, MIN_SIDE_IN)
     figure = Figure(figsize=(width + 1.2, height), dpi=90, layout="constrained")
     axes = figure.add_subplot()
     _draw_map(axes, occupancy)
@@ -125,7 +130,9 @@ def _draw_map(axes: Axes, occupancy: OccupancyGrid) -> None:
     rows, cols = occupancy.probability.shape
     geometry = occupancy.geometry
     shades = np.where(np.isnan(occupancy.probability), 0.18, occupancy.probability)
-    turn = Affine2D().scale(geometry.resolution_m).rotate(geometry.yaw_rad).translate(*geometry.origin_xy_m)
+    grid_to_map = (
+        Affine2D().scale(geometry.resolution_m).rotate(geometry.yaw_rad).translate(*geometry.origin_xy_m)
+    )
     axes.imshow(
         shades,
         cmap="Greys",
@@ -134,7 +141,7 @@ def _draw_map(axes: Axes, occupancy: OccupancyGrid) -> None:
         origin="lower",
         extent=(0, cols, 0, rows),
         interpolation="nearest",
-        transform=turn + axes.transData,
+        transform=grid_to_map + axes.transData,
     )
 
 
@@ -142,18 +149,18 @@ def _draw_robot(axes: Axes, path: ArcLinePath, discs: Floats) -> None:
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
-    _, poses, _ = path.sampled(FOOTPRINT_EVERY_M)
+    _, poses, _ = path.sampled(FOOTPRINT_SPACING_M)
     patches = []
     for x, y, yaw in poses:
         c, s = np.cos(yaw), np.sin(yaw)
         patches += [Circle((x + c * ox - s * oy, y + s * ox + c * oy), radius) for ox, oy, radius in discs]
-    alone = len(discs) == 1
+    is_round = len(discs) == 1
     axes.add_collection(
         PatchCollection(
             patches,
-            facecolor="#1e6ec8" if not alone else "none",
-            edgecolor="#1e6ec8" if alone else "none",
-            alpha=0.5 if alone else 0.12,
+            facecolor="#1e6ec8" if not is_round else "none",
+            edgecolor="#1e6ec8" if is_round else "none",
+            alpha=0.5 if is_round else 0.12,
             linewidths=0.7,
         )
     )

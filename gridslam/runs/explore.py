@@ -1,7 +1,7 @@
-"""The closed loop: simulator, estimator and explorer, from a drawing to a finished map with nobody steering.
+"""The closed loop of simulator, estimator and explorer: a drawing in, a finished map out.
 
-The estimator is shown the events in the order of their stamps, a moment late: the order in which a recorded log is read. So the
-recorded log gives the same map when it is mapped again.
+The estimator receives the events in the order of their stamps, slightly delayed. A recorded log is read in the same order, so
+mapping it again gives the same map.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gridslam.logs.write import open_writer
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
-from gridslam.planning.dwa import Drive
+from gridslam.planning.dwa import DifferentialDrive
 from gridslam.runs.run import Clock, Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import merge_counts
@@ -36,11 +36,11 @@ from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig
 
 STEPS_PER_COMMAND = 10  # of 10 ms
-HOLD_NS = 250_000_000  # messages come at most so late
-MOST_TURN_RADPS = 10.0
+MAX_DELAY_NS = 250_000_000  # of a message after its stamp
+MAX_YAW_RATE_RADPS = 10.0
 LOG_NAME, TRUTH_NAME = "log.mcap", "truth"
 
-Ended = Literal["finished", "contact", "time", "interrupted"]
+Ending = Literal["finished", "contact", "time", "interrupted"]
 
 
 class WheelCommand(Protocol):
@@ -53,53 +53,53 @@ class WheelCommand(Protocol):
 
 
 class Explores(Protocol):
-    """The part of a method that drives."""
+    """The part of a method that drives the robot."""
 
     @property
     def is_finished(self) -> bool:
-        """Whether there is nothing left to look at."""
+        """Whether there is nothing left to observe."""
 
-    def see(self, event: Event) -> None:
-        """Take in an event as it comes."""
+    def add(self, event: Event) -> None:
+        """Process an event as it arrives."""
 
     def command(self) -> WheelCommand:
-        """What the wheels shall do next."""
+        """Wheel speeds for the next period."""
 
-    def told(self, result: RunResult) -> RunResult:
-        """The estimator's result with what the exploration has to tell."""
+    def add_to(self, result: RunResult) -> RunResult:
+        """The estimator's result with those of the exploration."""
 
 
 @dataclass(frozen=True, slots=True)
 class Explored:
-    """A finished exploration: the run as `map` would make it of the recorded log, and how it ended."""
+    """A finished exploration: the run, as `map` would make it of the recorded log, and how it ended."""
 
     run: Run
-    ended: Ended
+    ended: Ending
     duration_s: float
-    way_m: float
+    travelled_m: float
     clearance_m: float
 
 
 class InStampOrder:
-    """Events leave in the order of their stamps, a fixed time after the moment they bear."""
+    """Releases events in the order of their stamps, a fixed delay after them."""
 
-    def __init__(self, hold_ns: int) -> None:
-        self._hold_ns = hold_ns
+    def __init__(self, delay_ns: int) -> None:
+        self._delay_ns = delay_ns
         self._waiting: list[tuple[int, int, Event]] = []
         self._count = 0
 
     def add(self, event: Event) -> None:
-        """Take in an event."""
+        """Add an event."""
         heapq.heappush(self._waiting, (event.stamp_ns, self._count, event))
         self._count += 1
 
     def ready(self, now_ns: int) -> Iterator[Event]:
-        """The events whose time has come."""
-        while self._waiting and self._waiting[0][0] <= now_ns - self._hold_ns:
+        """The events that are due, removed."""
+        while self._waiting and self._waiting[0][0] <= now_ns - self._delay_ns:
             yield heapq.heappop(self._waiting)[2]
 
     def rest(self) -> Iterator[Event]:
-        """All that is left."""
+        """All remaining events, removed."""
         while self._waiting:
             yield heapq.heappop(self._waiting)[2]
 
@@ -112,11 +112,18 @@ def explore(
     folder: Path,
     show: Show,
     stop: Stop,
-    longest_s: float | None = None,
+    max_duration_s: float | None = None,
 ) -> Explored:
-    """Explore a world, writing `log.mcap` and `truth/` into a folder.
+    """Explore a world, and write `log.mcap` and `truth/` to a folder.
 
-    Raises ConfigError: the method does not explore, lacks its drawing, or the world has no lidar or odometry.
+    config: Method and settings.
+    world, world_path: The world and its file.
+    inputs: The method's inputs, among them the drawing.
+    show: Called with the progress.
+    stop: Asked in every period whether to stop.
+    max_duration_s: Longest time in the world, if it is below the world's own.
+
+    Raises ConfigError if the method does not explore or lacks its drawing, or if the world has no lidar or odometry.
     """
     entry = _checked(config, world, inputs)
     with timing_compilation() as clock:
@@ -130,7 +137,7 @@ def explore(
             method, config.method, drive_of(world), config.seed
         )
         limit_s, limit = min(
-            (world.max_duration_s, "max_duration_s of the world"), (longest_s or np.inf, "--longest")
+            (world.max_duration_s, "max_duration_s of the world"), (max_duration_s or np.inf, "--longest")
         )
         log_path = folder / LOG_NAME
         loop = _Loop(simulator, method, explorer, show, limit_s, clock.now)
@@ -138,8 +145,8 @@ def explore(
             loop.drive(writer.write, writer.write_truth, stop)
         before_result = clock.now()
         show(Progress(loop.events, loop.events, loop.scans, is_finishing=True))
-        result = explorer.told(method.result())
-        result = replace(result, measures=_with_facts(result.measures, loop))
+        result = explorer.add_to(method.result())
+        result = replace(result, measures=_with_ending(result.measures, loop))
         write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
         finished = clock.now()
         hashes = {item.path.name: item.sha256 for item in inputs.values()}
@@ -163,11 +170,17 @@ def explore(
             compile_s=clock.seconds,
             given={name: item.path.name for name, item in inputs.items()},
         )
-        return Explored(run, loop.ended, simulator.time_s, simulator.robot.distance_m, loop.watch.clearance_m)
+        return Explored(
+            run=run,
+            ended=loop.ended,
+            duration_s=simulator.time_s,
+            travelled_m=simulator.robot.distance_m,
+            clearance_m=loop.watch.clearance_m,
+        )
 
 
 class _Loop:
-    """The loop itself; what came of it is in its attributes."""
+    """Runs the closed loop and stores the result in its attributes."""
 
     def __init__(
         self,
@@ -180,27 +193,27 @@ class _Loop:
     ) -> None:
         self.simulator, self._method, self._explorer = simulator, method, explorer
         self._show, self._limit_s, self._now = show, limit_s, now
-        self._order = InStampOrder(HOLD_NS)
+        self._order = InStampOrder(MAX_DELAY_NS)
         self.watch = ContactWatch(simulator)
         self.path: list[Odometry] = []
         self.counts: Counter[str] = Counter()
-        self.ended: Ended = "interrupted"
+        self.ended: Ending = "interrupted"
         self.process_s = 0.0
         self.events = self.scans = 0
 
     def drive(
         self, write: Callable[[Event], None], write_truth: Callable[[Odometry], None], stop: Stop
     ) -> None:
-        """Until nothing is left to look at, the time is over, the robot touches something, or somebody says stop."""
-        for mount in self.simulator.extrinsics():
-            self._take(mount, write)
-        self._note_truth(write_truth)
+        """Run until the explorer has finished, the time is over, the robot touches something, or `stop` returns True."""
+        for extrinsics in self.simulator.extrinsics():
+            self._add_event(extrinsics, write)
+        self._record_truth(write_truth)
         while not self._is_over(stop):
             started = self._now()
             command = self._explorer.command()
             self.process_s += self._now() - started
             self._step(command, write)
-            self._note_truth(write_truth)
+            self._record_truth(write_truth)
         for event in self._order.rest():
             self._method.process(event)
 
@@ -216,11 +229,11 @@ class _Loop:
         return True
 
     def _step(self, command: WheelCommand, write: Callable[[Event], None]) -> None:
-        """Drive for a tenth of a second, showing estimator and explorer what comes."""
+        """DifferentialDrive for a tenth of a second, showing estimator and explorer what comes."""
         radius = self.simulator.world.robot.wheels.radius_m
         for _ in range(STEPS_PER_COMMAND):
             for event in self.simulator.step(command.left_mps / radius, command.right_mps / radius):
-                self._take(event, write)
+                self._add_event(event, write)
             if self.watch.is_touching:
                 break
         started = self._now()
@@ -230,7 +243,7 @@ class _Loop:
         self.process_s += self._now() - started
         self._show(Progress(self.events, max(self.events, 1), self.scans))
 
-    def _take(self, event: Event, write: Callable[[Event], None]) -> None:
+    def _add_event(self, event: Event, write: Callable[[Event], None]) -> None:
         write(event)
         self.events += 1
         if isinstance(event, LaserScan):
@@ -239,19 +252,23 @@ class _Loop:
         elif isinstance(event, Odometry):
             self.counts["read.odom"] += 1
         self._order.add(event)
-        self._explorer.see(event)
+        self._explorer.add(event)
 
-    def _note_truth(self, write_truth: Callable[[Odometry], None]) -> None:
+    def _record_truth(self, write_truth: Callable[[Odometry], None]) -> None:
         pose = self.simulator.truth()
         write_truth(pose)
         self.path.append(pose)
 
 
-def drive_of(world: WorldConfig) -> Drive:
-    """What the world's robot can do."""
+def drive_of(world: WorldConfig) -> DifferentialDrive:
+    """The drive of the world's robot."""
     wheels = world.robot.wheels
-    return Drive(
-        world.robot.radius_m, wheels.base_m, wheels.acceleration_mps2, wheels.max_speed_mps, MOST_TURN_RADPS
+    return DifferentialDrive(
+        radius_m=world.robot.radius_m,
+        base_m=wheels.base_m,
+        acceleration_mps2=wheels.acceleration_mps2,
+        max_speed_mps=wheels.max_speed_mps,
+        max_turn_radps=MAX_YAW_RATE_RADPS,
     )
 
 
@@ -259,15 +276,13 @@ def _checked(config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[s
     name = config.method_name
     entry = registry.METHODS[name]
     if not entry.explorer:
-        able = [n for n, e in registry.METHODS.items() if e.explorer]
-        raise ConfigError(
-            f"method.name: {name} has no `gridslam explore`; methods that have: {', '.join(able)}"
-        )
+        explorers = [n for n, e in registry.METHODS.items() if e.explorer]
+        raise ConfigError(f"method.name: {name} cannot explore; methods that can: {', '.join(explorers)}")
     refuse_unknown_inputs(name, inputs)
     if world.sensors.lidar is None:
-        raise ConfigError("sensors.lidar: the robot of this world has no lidar to explore with; add one")
+        raise ConfigError("sensors.lidar: this world's robot has no lidar; exploring needs one")
     if world.sensors.odometry is None or not world.sensors.odometry.publish_odometry:
-        raise ConfigError("sensors.odometry: the robot of this world has no odometry to explore with; add it")
+        raise ConfigError("sensors.odometry: this world's robot publishes no odometry; exploring needs it")
     return entry
 
 
@@ -276,21 +291,21 @@ def _trajectory(path: list[Odometry]) -> Trajectory:
     return Trajectory(stamps, np.array([pose.pose for pose in path]).reshape(-1, 3))
 
 
-def _with_facts(measures: Mapping[str, object], loop: _Loop) -> dict[str, object]:
-    """The measures with how the exploration ended and what it took."""
-    told = measures.get("exploration")
+def _with_ending(measures: Mapping[str, object], loop: _Loop) -> dict[str, object]:
+    """The measures with the ending, duration, distance and clearance of the exploration."""
+    exploration = measures.get("exploration")
     simulator = loop.simulator
-    facts: dict[str, object] = {
+    ending: dict[str, object] = {
         "ended": loop.ended,
         "duration_s": round(simulator.time_s, 2),
-        "way_m": round(simulator.robot.distance_m, 2),
-        "least_clearance_m": round(float(loop.watch.clearance_m), 3),
+        "travelled_m": round(simulator.robot.distance_m, 2),
+        "min_clearance_m": round(float(loop.watch.clearance_m), 3),
     }
-    return {**measures, "exploration": {**facts, **(told if isinstance(told, dict) else {})}}
+    return {**measures, "exploration": {**ending, **(exploration if isinstance(exploration, dict) else {})}}
 
 
 def _problems(loop: _Loop, limit: str) -> tuple[str, ...]:
-    """What a person must know of an exploration that did not end well."""
+    """A message if the exploration did not finish."""
     simulator = loop.simulator
     if loop.ended == "contact":
         x, y = simulator.robot.x, simulator.robot.y
@@ -298,5 +313,5 @@ def _problems(loop: _Loop, limit: str) -> tuple[str, ...]:
             f"the robot touched something at ({x:.2f}, {y:.2f}) after {simulator.time_s:.0f} s and stopped there",
         )
     if loop.ended == "time":
-        return (f"not finished after {simulator.time_s:.0f} s, the longest time; raise {limit}",)
+        return (f"not finished after {simulator.time_s:.0f} s, the time limit; raise {limit}",)
     return ()

@@ -8,12 +8,15 @@ from pathlib import Path
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import BUILT_IN, MethodEntry
-from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
-from gridslam.planning.dwa import Drive
+from gridslam.planning.arcs_and_lines import plan_path
+from gridslam.planning.dwa import DifferentialDrive
+from gridslam.planning.options import PlanOptions
 from gridslam.simulation.scripted import scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
-DRIVE = Drive(radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0)
+DRIVE = DifferentialDrive(
+    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
+)
 COMMAND_EVERY = 50  # events
 ROOM = {
     "walls": [{"rectangle": [-4, -3, 4, 3]}],
@@ -60,7 +63,7 @@ def _explore(entry: MethodEntry) -> None:
     explorer = registry.load(entry.explorer)(method, registry.load(entry.config)(), DRIVE, 0)
     for number, (event, _) in enumerate(scripted_log(laps=1)):
         method.process(event)
-        explorer.see(event)
+        explorer.add(event)
         if number % COMMAND_EVERY == COMMAND_EVERY - 1 and not explorer.is_finished:
             explorer.command()
 

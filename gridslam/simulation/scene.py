@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from gridslam.simulation.geometry import NO_SEGMENTS, Array
 from gridslam.simulation.people import Walker
 from gridslam.simulation.shapes import Door, MovableObject, PoseDeg
 from gridslam.simulation.world_config import WorldConfig
+
+if TYPE_CHECKING:
+    from gridslam.kernels.segments import BucketGrid
 
 MAX_CELLS = 400_000
 LEG_REFLECTIVITY = 0.4
@@ -83,10 +87,18 @@ class Scene:
         from gridslam.kernels.segments import cast_segments, fill_buckets
 
         if self._buckets is None:
-            self._buckets = fill_buckets(self.static_segments, *self._grid)
+            self._buckets = fill_buckets(self.static_segments, self._grid)
         circles = self.circles(time_s)
+        starts, items = self._buckets
         ranges, index, cosines = cast_segments(
-            self.static_segments, *self._buckets, self._grid, self.moving_segments, circles, rays, max_range_m
+            segments=self.static_segments,
+            starts=starts,
+            items=items,
+            grid=self._grid,
+            moving=self.moving_segments,
+            circles=circles,
+            rays=rays,
+            max_range=max_range_m,
         )
         legs = np.full(len(circles) - len(self.cylinders), LEG_REFLECTIVITY)
         reflectivity = np.concatenate(
@@ -117,12 +129,15 @@ def static_segments(world: WorldConfig, folder: Path) -> tuple[Array, Array]:
     return np.ascontiguousarray(segments), reflectivities
 
 
-def _grid_of(segments: Array) -> tuple[float, float, float, int, int]:
-    """Origin, cell size (m), rows and columns of the buckets for ray casting: half a metre, or larger cells in a large world."""
+def _grid_of(segments: Array) -> BucketGrid:
+    """A grid of buckets of half a metre, or larger ones in a large world."""
+    from gridslam.kernels.segments import BucketGrid
+
     if not len(segments):
-        return 0.0, 0.0, 1.0, 1, 1
+        return BucketGrid(0.0, 0.0, size=1.0, rows=1, cols=1)
     points = segments.reshape(-1, 2)
     low, high = points.min(axis=0) - 0.01, points.max(axis=0) + 0.01
     width, height = (float(v) for v in high - low)
     size = max(0.5, (width * height / MAX_CELLS) ** 0.5)
-    return float(low[0]), float(low[1]), size, int(height / size) + 1, int(width / size) + 1
+    rows, cols = int(height / size) + 1, int(width / size) + 1
+    return BucketGrid(float(low[0]), float(low[1]), size, rows, cols)

@@ -22,15 +22,15 @@ from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, Pat
 from gridslam.methods.handmap_slam.pursuit import Pursuit
 from gridslam.methods.handmap_slam.seen_scans import ScanMemory, SeenScan
 from gridslam.planning.art_gallery import gallery_of, greedy_cover, scatter
-from gridslam.planning.dwa import Drive
+from gridslam.planning.dwa import DifferentialDrive
 from gridslam.planning.tour import tour_length
 from tests.benchmarks.explorations import BUILDING_START, DRAWINGS, Outcome, run_set, trials
 from tests.benchmarks.harness import Row
-from tests.reference.planning import least_cover
+from tests.reference.planning import minimum_cover
 
 Floats = NDArray[np.float64]
 
-DRIVE = Drive(0.25, 0.4, 0.8, 1.5, 10.0)
+DRIVE = DifferentialDrive(0.25, 0.4, 0.8, 1.5, 10.0)
 SEEDS = range(10)
 
 
@@ -50,9 +50,9 @@ def cover_rows() -> Iterator[Row]:
         gallery = gallery_of(drawn.walls, drawn.free)
         ratios, bounds = [], []
         for seed in SEEDS:
-            sees = gallery.seen_from(scatter(drawn.free, 80, np.random.default_rng(seed)), 60.0)
-            ratios.append(len(greedy_cover(sees)) / least_cover(sees))
-            bounds.append(np.log(int(sees.any(axis=0).sum())))
+            visible = gallery.visible_from(scatter(drawn.free, 80, np.random.default_rng(seed)), 60.0)
+            ratios.append(len(greedy_cover(visible)) / minimum_cover(visible))
+            bounds.append(np.log(int(visible.any(axis=0).sum())))
         yield Row(f"explore.cover.{name}.over_optimum", float(np.mean(ratios)), "x")
         yield Row(f"explore.cover.{name}.worst", max(ratios), "x", bound=float(min(bounds)))
 
@@ -92,8 +92,8 @@ def cycle_rows() -> Iterator[Row]:
     def plan() -> None:
         grid = plan_grid(drawn, 1.0, 1.0, path.cell_m)
         blocked, cleared = memory.over(grid, np.zeros(3), pose)
-        price = passable_prices(grid, blocked, cleared, 0.25, path)
-        find_path(grid, price, blocked, pose, np.array([24.0, 24.0]), 0.25, 0.2)
+        cell_cost = passable_prices(grid, blocked, cleared, 0.25, path)
+        find_path(grid, cell_cost, blocked, pose, np.array([24.0, 24.0]), 0.25, 0.2)
 
     yield Row("explore.path", cpu_ms(plan, 10), "ms")
 

@@ -226,13 +226,22 @@ def correlative_search(rng: np.random.Generator) -> Pair:
 def segment_casting(rng: np.random.Generator) -> Pair:
     """200 rays among 100 walls of the simulator."""
     walls = rng.uniform(-5.0, 5.0, (100, 4))
-    grid = (-5.1, -5.1, 0.5, 21, 21)
-    buckets = segments.fill_buckets(walls, *grid)
+    grid = segments.BucketGrid(-5.1, -5.1, size=0.5, rows=21, cols=21)
+    starts, items = segments.fill_buckets(walls, grid)
     angle = rng.uniform(-np.pi, np.pi, 200)
     rays = np.column_stack([rng.uniform(-4.0, 4.0, (200, 2)), np.cos(angle), np.sin(angle)])
     none, circles = np.zeros((0, 4)), np.zeros((0, 3))
 
     def kernel() -> object:
-        return segments.cast_segments(walls, *buckets, grid, none, circles, rays, 20.0)
+        return segments.cast_segments(
+            segments=walls,
+            starts=starts,
+            items=items,
+            grid=grid,
+            moving=none,
+            circles=circles,
+            rays=rays,
+            max_range=20.0,
+        )
 
     return kernel, lambda: [cast_one(walls, circles, ray, 20.0) for ray in rays]

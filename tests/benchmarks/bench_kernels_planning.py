@@ -8,10 +8,11 @@ import numpy as np
 
 from gridslam.kernels.planning import clearance
 from gridslam.kernels.planning.circles import travel_time
+from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.fast_marching import arrival_costs
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.kernels.planning.shortest_tour import exact_tour
-from gridslam.kernels.sight_lines import pass_beams
+from gridslam.kernels.visibility import pass_beams
 from gridslam.kernels.wheel_window import free_distances
 from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
@@ -19,12 +20,19 @@ from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
 from tests.reference import planning as reference
 from tests.reference import planning_grid as grid_reference
-from tests.reference import sight_lines as sight_reference
+from tests.reference import visibility as visibility_reference
 
 ALONE = True
 
 SHAPE, RESOLUTION_M, RADIUS_M = (60, 80), 0.1, 0.2
-LIMITS = np.array([1.0, 0.5, 1.5, 0.5, 0.5, 2.0])  # speed, lateral, turn rate, up, down, turn acceleration
+LIMITS = DriveLimits(
+    top_speed=1.0,
+    lateral_acceleration=0.5,
+    yaw_rate=1.5,
+    acceleration=0.5,
+    deceleration=0.5,
+    yaw_acceleration=2.0,
+)
 
 
 def rows() -> Iterator[Row]:
@@ -37,7 +45,7 @@ def rows() -> Iterator[Row]:
             ("is_free", 25.0, drives(rng)),
             ("travel_time", 10000.0, times(rng)),
             ("exact_tour", 500.0, tour(rng)),
-            ("sees_faces", 70.0, sight(rng)),
+            ("visible_faces", 70.0, sight(rng)),
             ("pass_beams", 100.0, beams(rng)),
             ("free_distances", 1500.0, ways(rng)),
         )
@@ -46,21 +54,23 @@ def rows() -> Iterator[Row]:
 
 def arrival(rng: np.random.Generator) -> Pair:
     """Fast marching over 30 x 40 cells, against sweeps until nothing changes."""
-    price = rng.uniform(1.0, 4.0, (30, 40))
-    price[rng.random(price.shape) < 0.1] = np.inf
-    price[15, 20] = 1.0
-    in_single, source = price.astype(np.float32), np.array([15 * 40 + 20])
+    cell_cost = rng.uniform(1.0, 4.0, (30, 40))
+    cell_cost[rng.random(cell_cost.shape) < 0.1] = np.inf
+    cell_cost[15, 20] = 1.0
+    in_single, source = cell_cost.astype(np.float32), np.array([15 * 40 + 20])
     return (
         lambda: arrival_costs(in_single, source, -1, np.inf),
-        lambda: reference.eikonal_by_sweeps(price, [(15, 20)]),
+        lambda: reference.eikonal_by_sweeps(cell_cost, [(15, 20)]),
     )
 
 
-def world(rng: np.random.Generator) -> clearance.World:
+def world(rng: np.random.Generator) -> clearance.CollisionWorld:
     """A map with obstacles, and a round robot."""
     blocked = rng.random(SHAPE) < 0.01
     discs = np.array([[0.0, 0.0, RADIUS_M]])
-    return clearance.World(distance_field(blocked, RESOLUTION_M), blocked, RESOLUTION_M, discs, 0.005)
+    return clearance.CollisionWorld(
+        distance_field(blocked, RESOLUTION_M), blocked, RESOLUTION_M, discs, 0.005
+    )
 
 
 def cost(rng: np.random.Generator) -> Pair:
@@ -100,7 +110,7 @@ def times(rng: np.random.Generator) -> Pair:
     parts = np.zeros((6, 6))
     parts[:, 3] = rng.uniform(0.05, 2.0, 6)
     parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
-    speeds, limits = np.empty(7), LIMITS[:5].tolist()
+    speeds, limits = np.empty(7), LIMITS[:5]
     return (
         lambda: travel_time(parts, LIMITS, speeds),
         lambda: grid_reference.travel_time(parts[:, 3], parts[:, 4], limits),
@@ -120,8 +130,8 @@ def sight(rng: np.random.Generator) -> Pair:
     gallery, free = gallery_of(walls, ~walls), np.argwhere(~walls)
     places = free[rng.integers(len(free), size=5), ::-1] + 0.4
     return (
-        lambda: gallery.seen_from(places, 50.0),
-        lambda: [sight_reference.seen_walls(walls, ~walls, (x, y), 50.0) for x, y in places.tolist()],
+        lambda: gallery.visible_from(places, 50.0),
+        lambda: [visibility_reference.visible_walls(walls, ~walls, (x, y), 50.0) for x, y in places.tolist()],
     )
 
 
@@ -131,7 +141,7 @@ def beams(rng: np.random.Generator) -> Pair:
     ends = np.stack([ranges * np.cos(bearings) + 40.2, ranges * np.sin(bearings) + 30.3], axis=1)
     scan = (np.array([40.2, 30.3]), ends, rng.random(180) < 0.9, 100.0, 1.5, 3.0)
     passed, hit = np.zeros(SHAPE, np.uint16), np.zeros(SHAPE, np.uint16)
-    return lambda: pass_beams(passed, hit, *scan), lambda: sight_reference.passed_and_hit(SHAPE, *scan)
+    return lambda: pass_beams(passed, hit, *scan), lambda: visibility_reference.passed_and_hit(SHAPE, *scan)
 
 
 def ways(rng: np.random.Generator) -> Pair:

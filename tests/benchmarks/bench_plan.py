@@ -22,8 +22,9 @@ from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.occupancy_correlation import fit_correlation
-from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.footprint import disc
+from gridslam.planning.options import PlanOptions
 from gridslam.planning.space import make_space
 from gridslam.report.plan import SEGMENT_COLUMNS, segment_row
 from tests.benchmarks.harness import Row, say
@@ -111,8 +112,8 @@ def is_sound(segments: list[dict[str, float]], poses: Floats, start: Floats, goa
     gap, turn = largest_jump(segments)
     ends = np.abs(poses[[0, -1], :2] - [start[:2], goal[:2]]).max()
     yaws = np.abs(np.angle(np.exp(1j * (poses[[0, -1], 2] - [start[2], goal[2]])))).max()
-    bends = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
-    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and bends <= 1.0 / RADIUS_M + 1e-6)
+    cross_products = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
+    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and cross_products <= 1.0 / RADIUS_M + 1e-6)
 
 
 def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[tuple[Floats, Floats]]:
@@ -140,7 +141,7 @@ def shortest(grid: OccupancyGrid, start: Floats, goal: Floats) -> float:
     cells = [space.cell(pose) for pose in space.to_local(np.array([start, goal]))]
     cols = space.blocked.shape[1]
     flat = [row * cols + col for row, col in cells]
-    needed = ROBOT_M - 0.7072 * space.resolution_m
-    way = cost_to_go(space.field, space.resolution_m, needed, 0.0, 1.0, flat[1], flat[0], 1.0)[cells[0]]
+    required = ROBOT_M - 0.7072 * space.resolution_m
+    way = cost_to_go(space.field, space.resolution_m, required, 0.0, 1.0, flat[1], flat[0], 1.0)[cells[0]]
     straight = float(np.hypot(*(start - goal)[:2]))
     return max(straight, float(way) / OCTILE - 2.0 * space.resolution_m, 0.05)

@@ -24,7 +24,7 @@ from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.method import HandmapSlam
-from gridslam.planning.descent import Shyness, cost_to_go, prices, steepest_way
+from gridslam.planning.descent import Inflation, cell_costs, cost_to_go, descend_cost_to_go
 from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
@@ -33,7 +33,7 @@ from gridslam.simulation.world_config import WorldConfig, load_world, validate_w
 Floats = NDArray[np.float64]
 
 DRAWINGS = Path(__file__).resolve().parents[2] / "configs" / "worlds" / "drawings"
-SHYNESS = Shyness(least=8.0, wished=14.0, dread=3.0)  # cells of 5 cm
+SHYNESS = Inflation(least=8.0, wished=14.0, obstacle_weight=3.0)  # cells of 5 cm
 WHEELS = {
     "left_radius_error": 0.003,
     "base_error": 0.01,
@@ -129,21 +129,21 @@ def round_trip(grid: OccupancyGrid, start: tuple[float, float]) -> Floats:
     """Way points `(n, 2)` of a way to the places farthest from each other, and back to the start."""
     step, origin = grid.geometry.resolution_m, np.asarray(grid.geometry.origin_xy_m)
     blocked = ~(np.nan_to_num(grid.probability, nan=1.0) < 0.5)
-    price = prices(distances_to(blocked), SHYNESS)
+    cell_cost = cell_costs(distances_to(blocked), SHYNESS)
     here = (np.asarray(start) - origin) / step
     stops = [here]
-    nearest = np.full(price.shape, np.inf)
+    nearest = np.full(cell_cost.shape, np.inf)
     for _ in range(STOPS):
         goal = np.array([[int(stops[-1][1]), int(stops[-1][0])]])
-        nearest = np.minimum(nearest, cost_to_go(price, goal, (-1, -1)))
+        nearest = np.minimum(nearest, cost_to_go(cell_cost, goal, (-1, -1)))
         reached = np.where(np.isfinite(nearest), nearest, -1.0)
         row, col = np.unravel_index(int(reached.argmax()), reached.shape)
         stops.append(np.array([col + 0.5, row + 0.5]))
     stops.append(here)
     legs = []
     for begin, end in pairwise(stops):
-        cost = cost_to_go(price, np.array([[int(end[1]), int(end[0])]]), (-1, -1))
-        way = steepest_way(cost, (float(begin[0]), float(begin[1])))
+        cost = cost_to_go(cell_cost, np.array([[int(end[1]), int(end[0])]]), (-1, -1))
+        way = descend_cost_to_go(cost, (float(begin[0]), float(begin[1])))
         legs.append(cv2.approxPolyDP(way.astype(np.float32)[:, None], 3.0, False)[1:, 0])
     return np.concatenate(legs).astype(np.float64) * step + origin
 

@@ -76,7 +76,7 @@ class Outcome:
     clearance_m: float
     map_error_m: float  # mean distance from a mapped wall cell to the nearest true one
     completeness_m: float  # and from a true one to the nearest mapped one
-    coverage: float  # share of the true walls that border on reachable space and are mapped
+    coverage: float  # share of the true walls that border on reachable_speeds space and are mapped
     unreachable: int
     scale_x: float
     scale_y: float
@@ -166,7 +166,7 @@ def coverage_of(
     standable = (labels == labels[row, col]) & (labels > 0)
     gallery = gallery_of(walls, np.asarray(free))
     places = scatter(np.asarray(standable), 400, np.random.default_rng(0))
-    coverable = gallery.seen_from(places, SEEN_WITHIN_M / step).any(axis=0)
+    coverable = gallery.visible_from(places, SEEN_WITHIN_M / step).any(axis=0)
     cells = np.column_stack(np.unravel_index(gallery.cells[coverable], walls.shape))
     mapped = built.geometry.centres(np.argwhere(built.probability > 0.5))
     nearest, _ = cKDTree(se2.transform_points(T_truth_built, mapped)).query(true.geometry.centres(cells))

@@ -309,7 +309,7 @@ def test_the_help_of_a_command_is_about_that_command(cli: Cli, command: str, say
 def test_the_examples_of_the_help_are_valid(cli: Cli, tmp_path: Path) -> None:
     picture = tmp_path / "office.png"
     assert cli("simulate", "office", "--preview", picture, "--set", "robot.speed_mps=0.3")[0] == 0
-    key = "method.exploration.frontier.enabled=false"
+    key = "method.advanced.exploration.visit_frontiers=false"
     assert cli("config", "check", "handmap-slam", "--set", key)[0] == 0
     assert "method.particles=50" in cli("config", "show", "--help")[1]
 

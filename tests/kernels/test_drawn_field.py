@@ -1,4 +1,4 @@
-"""Scores on a stretched drawing against the loop written for the eye."""
+"""Scores on a stretched drawing against the reference implementation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.reference import drawn_field as reference
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_sums_are_those_of_the_plain_loop(seed):
+def test_sums_equal_those_of_the_reference(seed):
     rng = np.random.default_rng(seed)
     rows, cols = rng.integers(2, 60, 2)
     field = rng.uniform(0.0, 3.0, (rows, cols)).astype(np.float32)

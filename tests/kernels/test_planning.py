@@ -1,4 +1,4 @@
-"""The planner's kernels against slow and obvious computations."""
+"""The planner's kernels against their reference implementations."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gridslam.kernels.planning.circles import chain_parts, travel_time
-from gridslam.kernels.planning.clearance import World, advance, is_free, wall_distance
+from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free, wall_distance
+from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.dubins import WORDS, dubins_words
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.planning.space import distance_field
@@ -15,13 +16,20 @@ from tests.reference import planning_grid as reference
 
 Floats = NDArray[np.float64]
 RESOLUTION = 0.1
-LIMITS = np.array([1.0, 0.5, 1.5, 0.5, 0.5, 2.0])  # speed, lateral, turn rate, up, down, turn acceleration
+LIMITS = DriveLimits(
+    top_speed=1.0,
+    lateral_acceleration=0.5,
+    yaw_rate=1.5,
+    acceleration=0.5,
+    deceleration=0.5,
+    yaw_acceleration=2.0,
+)
 
 
-def world(seed: int, share: float = 0.03, radius: float = 0.2) -> World:
-    blocked = np.random.default_rng(seed).random((40, 50)) < share
+def world(seed: int, occupied_fraction: float = 0.03, radius: float = 0.2) -> CollisionWorld:
+    blocked = np.random.default_rng(seed).random((40, 50)) < occupied_fraction
     field = distance_field(blocked, RESOLUTION)
-    return World(field, blocked, RESOLUTION, np.array([[0.0, 0.0, radius]]), 0.005)
+    return CollisionWorld(field, blocked, RESOLUTION, np.array([[0.0, 0.0, radius]]), 0.005)
 
 
 def to_squares(blocked: NDArray[np.bool_], points: Floats) -> Floats:
@@ -36,7 +44,7 @@ def test_the_field_is_the_distance_to_the_nearest_square() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_distance_is_never_too_long_and_decides_what_is_needed(seed: int) -> None:
+def test_a_distance_is_never_too_long_and_decides_the_required_clearance(seed: int) -> None:
     here = world(seed)
     points = np.random.default_rng(seed).uniform(0.0, 4.0, (2000, 2))
     for (x, y), true in zip(points, to_squares(here.blocked, points), strict=True):
@@ -47,26 +55,24 @@ def test_a_distance_is_never_too_long_and_decides_what_is_needed(seed: int) -> N
 
 
 @pytest.mark.parametrize("curvature", [0.0, 2.0, -5.0])
-def test_a_drive_is_free_when_all_its_places_are(curvature: float) -> None:
-    here = world(5, share=0.01)
+def test_a_drive_is_free_if_all_its_places_are(curvature: float) -> None:
+    here = world(5, occupied_fraction=0.01)
     rng = np.random.default_rng(6)
-    outcomes = []
+    results = []
     for pose in rng.uniform([0.3, 0.3, -np.pi], [4.7, 3.7, np.pi], (600, 3)):
         length = float(rng.uniform(-1.5, 1.5))
         ways = np.linspace(0.0, length, 400)
         places = np.array([advance(*pose, way, curvature)[:2] for way in ways])
         if places.min() < 0.3 or (places > [4.7, 3.7]).any():
-            continue  # beyond the grid nothing is free
-        least = to_squares(here.blocked, places).min()
+            continue  # everything off the grid is blocked
+        lowest = to_squares(here.blocked, places).min()
         free = is_free(here, *pose, length, curvature)
-        outcomes.append(free)
+        results.append(free)
         if free:
-            assert least >= 0.2 - 1e-6
+            assert lowest >= 0.2 - 1e-6
         else:
-            assert (
-                least < 0.205 + 0.005
-            )  # refused only where the margin is touched, up to the samples' spacing
-    assert 0.1 < np.mean(outcomes) < 0.95
+            assert lowest < 0.205 + 0.005  # refused only within the margin, up to the spacing of the samples
+    assert 0.1 < np.mean(results) < 0.95
 
 
 def test_every_dubins_word_ends_at_the_goal() -> None:
@@ -83,8 +89,8 @@ def test_every_dubins_word_ends_at_the_goal() -> None:
             assert abs(np.angle(np.exp(1j * (pose[2] - goal[2])))) < 1e-9
 
 
-def test_the_shortest_word_is_not_longer_than_any_of_many_other_chains() -> None:
-    # CSC and CCC words contain the optimum (Dubins 1957): no arc-line-arc found by trial may be shorter.
+def test_no_sampled_chain_is_shorter_than_the_shortest_word() -> None:
+    # CSC and CCC words contain the optimum (Dubins 1957): no sampled arc-line-arc may be shorter.
     rng = np.random.default_rng(1)
     start, goal = np.array([0.0, 0.0, 0.3]), np.array([2.0, 1.0, -1.0])
     _, total = dubins_words(start, goal, 0.5)
@@ -101,13 +107,17 @@ def test_the_shortest_word_is_not_longer_than_any_of_many_other_chains() -> None
     assert total.min() <= shortest + 0.1
 
 
-def test_the_cost_to_go_is_that_of_a_graph_of_neighbours() -> None:
-    here = world(3, share=0.05)
-    needed, dread, shy = 0.1, 2.0, 0.3
-    spare = here.field[1::2, 1::2] - needed
-    source = int(np.flatnonzero(spare.ravel() >= 0.0)[0])
-    expected = reference.cost_to_go(here.field, RESOLUTION, needed, dread, shy, source)
-    found = cost_to_go(here.field, RESOLUTION, needed, dread, shy, source, source, np.inf)
+def test_the_cost_to_go_equals_that_of_the_graph_of_neighbours() -> None:
+    here = world(3, occupied_fraction=0.05)
+    required, obstacle_weight, inflation_radius = 0.1, 2.0, 0.3
+    clearance = here.field[1::2, 1::2] - required
+    source = int(np.flatnonzero(clearance.ravel() >= 0.0)[0])
+    expected = reference.cost_to_go(
+        here.field, RESOLUTION, required, obstacle_weight, inflation_radius, source
+    )
+    found = cost_to_go(
+        here.field, RESOLUTION, required, obstacle_weight, inflation_radius, source, source, np.inf
+    )
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
@@ -132,17 +142,17 @@ def test_circles_are_joined_by_their_tangents() -> None:
     assert joined > 20
 
 
-def test_the_travel_time_is_that_of_driving_as_fast_as_allowed_in_small_steps() -> None:
+def test_the_travel_time_equals_that_of_small_steps_at_the_allowed_speed() -> None:
     rng = np.random.default_rng(9)
     for _ in range(20):
         parts = np.zeros((6, 6))
         parts[:, 3] = rng.uniform(0.05, 2.0, 6)
         parts[:, 4] = rng.choice([0.0, 0.5, -2.0, 5.0], 6)
-        expected = reference.travel_time(parts[:, 3], parts[:, 4], LIMITS[:5].tolist())
+        expected = reference.travel_time(parts[:, 3], parts[:, 4], LIMITS[:5])
         assert travel_time(parts, LIMITS, np.empty(7)) == pytest.approx(expected, rel=2e-3)
 
 
-def test_a_turn_on_the_spot_takes_the_time_of_its_trapezium_of_rates() -> None:
+def test_a_turn_on_the_spot_takes_the_time_of_a_trapezoidal_yaw_rate_profile() -> None:
     parts = np.zeros((1, 6))
     parts[0, 5] = np.pi  # up to 1.5 rad/s within 0.75 s: pi / 1.5 + 0.75 s
     assert travel_time(parts, LIMITS, np.empty(2)) == pytest.approx(np.pi / 1.5 + 0.75)

@@ -1,4 +1,4 @@
-"""Observation points (handmap-slam, paper section 3.1) against the least cover."""
+"""Observation points (handmap-slam, paper section 3.1) against the minimum cover."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.planning.art_gallery import choose_observation_points, gallery_of, greedy_cover, scatter
-from tests.reference.planning import least_cover
+from tests.reference.planning import minimum_cover
 
 
 def drawing(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -24,34 +24,34 @@ def drawing(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_all_coverable_walls_are_covered_by_few_more_points_than_needed(seed: int) -> None:
+def test_the_greedy_cover_covers_all_coverable_walls_within_its_bound(seed: int) -> None:
     walls, free = drawing(seed)
     gallery = gallery_of(walls, free)
     candidates = scatter(free, 60, np.random.default_rng(seed))
-    sees = gallery.seen_from(candidates, 15.0)
-    chosen = greedy_cover(sees)
-    assert (sees[chosen].any(axis=0) == sees.any(axis=0)).all()
-    least = least_cover(sees)
-    largest = int(sees.sum(axis=1).max())
-    assert least <= len(chosen) <= (np.log(largest) + 1.0) * least  # Chvatal 1979
+    visible = gallery.visible_from(candidates, 15.0)
+    chosen = greedy_cover(visible)
+    assert (visible[chosen].any(axis=0) == visible.any(axis=0)).all()
+    smallest = minimum_cover(visible)
+    largest = int(visible.sum(axis=1).max())
+    assert smallest <= len(chosen) <= (np.log(largest) + 1.0) * smallest  # Chvatal 1979
 
 
-def test_no_chosen_point_is_needless_when_it_is_chosen() -> None:
+def test_every_chosen_point_adds_walls() -> None:
     walls, free = drawing(7)
     points = choose_observation_points(gallery_of(walls, free), free, 15.0, 80, np.random.default_rng(0))
-    seen = np.zeros(points.sees.shape[1], bool)
-    for row in points.sees:
+    seen = np.zeros(points.visible.shape[1], bool)
+    for row in points.visible:
         assert (row & ~seen).any()
         seen |= row
 
 
-def test_walls_that_no_candidate_sees_are_told() -> None:
+def test_walls_visible_from_no_candidate_are_reported() -> None:
     walls, free = drawing(2)
     standable = np.zeros_like(free)
     standable[2:6, 2:6] = free[2:6, 2:6]
     points = choose_observation_points(gallery_of(walls, free), standable, 5.0, 50, np.random.default_rng(0))
     assert points.uncoverable.any()
-    assert not (points.uncoverable & points.sees.any(axis=0)).any()
+    assert not (points.uncoverable & points.visible.any(axis=0)).any()
 
 
 def test_the_same_seed_gives_the_same_points() -> None:

@@ -33,26 +33,26 @@ def test_a_passage_narrower_than_the_robot_is_closed() -> None:
     assert region.cells == 200 + region.closed_cells
     assert (
         10 <= region.closed_cells <= 50
-    )  # the middle of the passage; the disc reaches a little into its two ends
+    )  # the middle of the passage; the disc extends slightly into both ends
     assert region.gap_m == np.inf
     assert region.nearest_id == 0
 
 
-def test_closing_equals_trying_the_disc_at_every_cell() -> None:
+def test_closing_equals_testing_the_disc_at_every_cell() -> None:
     rng = np.random.default_rng(3)
     obstacles = rng.random((30, 40)) < 0.02
     closed = close_passages(obstacles, 0.1, 0.25)
     rows, cols = np.mgrid[-5:35, -5:45]
     cells = np.argwhere(obstacles)
     places = np.stack([rows.ravel(), cols.ravel()], axis=1)
-    apart = np.abs(places[:, None] - cells[None])
-    free = places[(np.hypot(*np.moveaxis(apart, -1, 0)) > 3.0).all(axis=1)]
+    offsets = np.abs(places[:, None] - cells[None])
+    free = places[(np.hypot(*np.moveaxis(offsets, -1, 0)) > 3.0).all(axis=1)]
     for cell in np.argwhere(np.ones_like(obstacles)):
         covered = (np.hypot(*(free - cell).T) <= 2.5).any()
         assert closed[tuple(cell)] == (obstacles[tuple(cell)] or not covered)
 
 
-def test_unknown_cells_are_obstacles_only_when_asked() -> None:
+def test_unknown_cells_are_obstacles_only_on_request() -> None:
     grid = two_blocks(gap_cells=9)
     grid.probability[0:5] = np.nan
     assert obstacle_cells(grid).sum() == 200
@@ -60,7 +60,7 @@ def test_unknown_cells_are_obstacles_only_when_asked() -> None:
     assert obstacle_cells(grid, occupied_from=0.96).sum() == 0
 
 
-def test_small_regions_are_left_out_and_a_free_map_has_none() -> None:
+def test_small_regions_are_dropped_and_a_free_map_has_none() -> None:
     grid = two_blocks(gap_cells=9)
     grid.probability[35, 50] = 1.0
     assert len(obstacle_regions(grid)) == 3
@@ -68,7 +68,7 @@ def test_small_regions_are_left_out_and_a_free_map_has_none() -> None:
     assert obstacle_regions(OccupancyGrid(np.zeros((5, 5), np.float32), grid.geometry)) == []
 
 
-def test_a_turned_grid_gives_boxes_in_the_map_frame() -> None:
+def test_a_rotated_grid_gives_boxes_in_the_map_frame() -> None:
     turned = obstacle_regions(two_blocks(gap_cells=9, yaw_rad=np.pi / 2))[0]
     straight = obstacle_regions(two_blocks(gap_cells=9))[0]
     assert turned.min_x == pytest.approx(-1.0 - (straight.max_y - 2.0))

@@ -1,4 +1,4 @@
-"""Tours (handmap-slam, paper section 3.2) against all orders, and ways that respect walls."""
+"""Tours (handmap-slam, paper section 3.2) against all orders, and path costs around walls."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
-from gridslam.planning.tour import plan_tour, tour_length, way_lengths
+from gridslam.planning.tour import path_costs, plan_tour, tour_length
 from tests.reference.planning import shortest_tour_length
 
 
@@ -16,7 +16,7 @@ def table(count: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_few_places_are_visited_on_the_shortest_of_all_ways(seed: int) -> None:
+def test_few_places_are_visited_in_the_optimal_order(seed: int) -> None:
     distances = table(8, seed)
     order = plan_tour(distances, np.random.default_rng(0))
     assert sorted(order) == list(range(8))
@@ -25,7 +25,7 @@ def test_few_places_are_visited_on_the_shortest_of_all_ways(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_local_search_comes_close_to_the_optimum_of_13_places(seed: int) -> None:
+def test_local_search_is_close_to_the_optimum_of_13_places(seed: int) -> None:
     distances = table(13, seed)
     best = tour_length(distances, np.asarray(exact_tour(distances)))
     searched = tour_length(distances, np.asarray(improved_tour(distances, np.arange(13))))
@@ -33,7 +33,7 @@ def test_local_search_comes_close_to_the_optimum_of_13_places(seed: int) -> None
     assert searched <= 1.25 * best
 
 
-def test_many_places_are_all_visited_once() -> None:
+def test_many_places_are_each_visited_once() -> None:
     distances = table(40, 1)
     order = plan_tour(distances, np.random.default_rng(0))
     assert sorted(order) == list(range(40))
@@ -41,16 +41,16 @@ def test_many_places_are_all_visited_once() -> None:
     assert tour_length(distances, order) < tour_length(distances, np.arange(40))
 
 
-def test_one_place_and_none_are_tours_as_well() -> None:
+def test_one_place_and_two_are_tours() -> None:
     assert plan_tour(np.zeros((1, 1)), np.random.default_rng(0)).tolist() == [0]
     assert plan_tour(np.ones((2, 2)), np.random.default_rng(0)).tolist() == [0, 1]
 
 
-def test_ways_go_round_walls() -> None:
-    price = np.ones((21, 21), np.float32)
-    price[:20, 10] = np.inf
-    lengths = way_lengths(price, np.array([[0, 8], [0, 12], [20, 10]]))
+def test_path_costs_go_around_walls() -> None:
+    cell_cost = np.ones((21, 21), np.float32)
+    cell_cost[:20, 10] = np.inf
+    lengths = path_costs(cell_cost, np.array([[0, 8], [0, 12], [20, 10]]))
     np.testing.assert_allclose(lengths, lengths.T)
     assert lengths[0, 1] > 38.0  # 20 rows up and down
-    price[20, 10] = np.inf
-    assert np.isinf(way_lengths(price, np.array([[0, 8], [0, 12]]))[0, 1])
+    cell_cost[20, 10] = np.inf
+    assert np.isinf(path_costs(cell_cost, np.array([[0, 8], [0, 12]]))[0, 1])

@@ -1,4 +1,4 @@
-"""Scoring a scan on a drawing, point by point, as it is described."""
+"""Reference implementation of the score of a scan on a drawing, point by point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is a planned path what it claims to be? By sampling it densely and looking at every occupied square near it."""
+"""Checks of a planned path by dense samples and the occupied squares near them."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ class Squares:
         ) * self.side + occupancy.geometry.origin_xy_m
         self.tree = cKDTree(self.centres)
 
-    def distances(self, points: Floats, reach: float) -> Floats:
-        """Distance (m) of every point `(n, 2)` to the nearest square; `reach` where there is none nearer."""
-        out = np.full(len(points), reach)
-        beyond = reach + 0.7072 * self.side
-        close = np.flatnonzero(self.tree.query(points, distance_upper_bound=beyond)[0] < beyond)
-        for i, near in zip(close, self.tree.query_ball_point(points[close], beyond), strict=True):
+    def distances(self, points: Floats, max_distance: float) -> Floats:
+        """Distance (m) of every point `(n, 2)` to the nearest square, at most `max_distance`."""
+        out = np.full(len(points), max_distance)
+        search_radius = max_distance + 0.7072 * self.side
+        close = np.flatnonzero(self.tree.query(points, distance_upper_bound=search_radius)[0] < search_radius)
+        for i, near in zip(close, self.tree.query_ball_point(points[close], search_radius), strict=True):
             gaps = np.maximum(np.abs(self.centres[near] - points[i]) - 0.5 * self.side, 0.0)
-            out[i] = min(reach, float(np.hypot(*gaps.T).min()))
+            out[i] = min(max_distance, float(np.hypot(*gaps.T).min()))
         return out
 
 
 def largest_jump(segments: list[dict[str, float]]) -> tuple[float, float]:
-    """The largest gap (m) and change of yaw (rad) between the end of a segment and the begin of the next, by small steps."""
-    gap = turn = 0.0
+    """Largest gap (m) and yaw difference (rad) between the end of a segment and the start of the next."""
+    gap = yaw_jump = 0.0
     for here, after in pairwise(segments):
         end = drive(here)[-1]
         gap = max(gap, float(np.hypot(end[0] - after["x"], end[1] - after["y"])))
-        turn = max(turn, abs(float(np.angle(np.exp(1j * (end[2] - after["yaw"]))))))
-    return gap, turn
+        yaw_jump = max(yaw_jump, abs(float(np.angle(np.exp(1j * (end[2] - after["yaw"]))))))
+    return gap, yaw_jump
 
 
 def drive(segment: dict[str, float], spacing_m: float = 0.01) -> Floats:
@@ -69,7 +69,7 @@ def drive(segment: dict[str, float], spacing_m: float = 0.01) -> Floats:
 
 
 def escapes(squares: Squares, pose: Floats, radius_m: float, robot_m: float, seed: int) -> bool:
-    """Whether any of 600 random drives (left, right or straight, changing now and then) goes on for 1.5 m from a pose.
+    """Whether any of 600 random drives (left, right or straight, changing occasionally) gets 1.5 m away from a pose.
 
     1.5 m are more than a full circle of 0.2 m radius.
     """

@@ -1,4 +1,4 @@
-"""Slow, obvious reference implementations of what the explorer plans with."""
+"""Reference implementations of the explorer's planning."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
-def eikonal_by_sweeps(price: Floats, sources: list[tuple[int, int]]) -> Floats:
-    """The upwind solution of |grad cost| = price, by trying all cells again and again until none changes."""
-    rows, cols = price.shape
+def eikonal_by_sweeps(cell_cost: Floats, sources: list[tuple[int, int]]) -> Floats:
+    """The upwind solution of |grad cost| = cell_cost, by updating all cells until none changes."""
+    rows, cols = cell_cost.shape
     cost = np.full((rows, cols), np.inf)
     for cell in sources:
         cost[cell] = 0.0
@@ -21,13 +21,13 @@ def eikonal_by_sweeps(price: Floats, sources: list[tuple[int, int]]) -> Floats:
     while changed:
         changed = False
         for r, c in itertools.product(range(rows), range(cols)):
-            if not math.isfinite(price[r, c]) or (r, c) in sources:
+            if not math.isfinite(cell_cost[r, c]) or (r, c) in sources:
                 continue
             a = min((cost[i, c] for i in (r - 1, r + 1) if 0 <= i < rows), default=math.inf)
             b = min((cost[r, j] for j in (c - 1, c + 1) if 0 <= j < cols), default=math.inf)
-            new = min(a, b) + price[r, c]
-            if math.isfinite(a) and math.isfinite(b) and abs(a - b) < price[r, c]:
-                new = 0.5 * (a + b + math.sqrt(2.0 * price[r, c] ** 2 - (a - b) ** 2))
+            new = min(a, b) + cell_cost[r, c]
+            if math.isfinite(a) and math.isfinite(b) and abs(a - b) < cell_cost[r, c]:
+                new = 0.5 * (a + b + math.sqrt(2.0 * cell_cost[r, c] ** 2 - (a - b) ** 2))
             if new < cost[r, c] - 1e-9:
                 cost[r, c] = new
                 changed = True
@@ -35,7 +35,7 @@ def eikonal_by_sweeps(price: Floats, sources: list[tuple[int, int]]) -> Floats:
 
 
 def shortest_tour_length(distances: Floats) -> float:
-    """The least length of an open tour from place 0, over all orders."""
+    """The length of the shortest open tour from place 0, over all orders."""
     others = range(1, len(distances))
     return min(
         sum(distances[a, b] for a, b in itertools.pairwise((0, *order)))
@@ -43,12 +43,12 @@ def shortest_tour_length(distances: Floats) -> float:
     )
 
 
-def least_cover(sees: NDArray[np.bool_]) -> int:
-    """The number of rows of `sees` `(p, n)` that a least cover takes, by integer programming."""
+def minimum_cover(visible: NDArray[np.bool_]) -> int:
+    """The number of rows of `visible` `(p, n)` in a minimum cover, by integer programming."""
     from scipy.optimize import Bounds, LinearConstraint, milp
 
-    coverable = sees[:, sees.any(axis=0)].astype(float)
-    count = len(sees)
+    coverable = visible[:, visible.any(axis=0)].astype(float)
+    count = len(visible)
     solved = milp(
         np.ones(count),
         constraints=LinearConstraint(coverable.T, lb=1.0),

@@ -1,4 +1,4 @@
-"""The planner's clearances, costs and times by graphs, samples and small steps."""
+"""Reference implementations of the planner's clearances, costs and times."""
 
 from __future__ import annotations
 
@@ -14,16 +14,21 @@ Floats = NDArray[np.float64]
 
 
 def distance_to_squares(blocked: NDArray[np.bool_], resolution_m: float, points: Floats) -> Floats:
-    """Distance (m) of points `(n, 2)` to the nearest blocked square, by looking at all."""
+    """Distance (m) of points `(n, 2)` to the nearest blocked square, by testing all of them."""
     centres = (np.argwhere(blocked)[:, ::-1] + 0.5) * resolution_m
     gaps = np.maximum(np.abs(points[:, None] - centres[None]) - 0.5 * resolution_m, 0.0)
     return np.asarray(np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=1))
 
 
 def cost_to_go(
-    field: NDArray[np.float32], resolution_m: float, needed: float, dread: float, shy_of: float, goal: int
+    field: NDArray[np.float32],
+    resolution_m: float,
+    required: float,
+    obstacle_weight: float,
+    inflation_radius: float,
+    goal: int,
 ) -> Floats:
-    """Least cost from every cell to the goal, by the shortest ways of the graph of neighbours whose edges are all listed."""
+    """Cost `(rows, cols)` from every cell to the goal, by shortest paths over an explicit graph of neighbours."""
     rows, cols = field.shape[0] // 2, field.shape[1] // 2
     edges = []
     for row in range(rows):
@@ -32,11 +37,15 @@ def cost_to_go(
                 r, c = row + dr, col + dc
                 if not (0 <= r < rows and 0 <= c < cols):
                     continue
-                spare = field[2 * r + 1, 2 * c + 1] - needed
-                own = field[2 * row + 1, 2 * col + 1] - needed
-                between = field[row + r + 1, col + c + 1] - needed
-                if min(spare, own, between) >= 0.0:
-                    price = resolution_m * np.hypot(dr, dc) * (1.0 + dread * max(0.0, 1.0 - spare / shy_of))
+                clearance = field[2 * r + 1, 2 * c + 1] - required
+                own = field[2 * row + 1, 2 * col + 1] - required
+                between = field[row + r + 1, col + c + 1] - required
+                if min(clearance, own, between) >= 0.0:
+                    price = (
+                        resolution_m
+                        * np.hypot(dr, dc)
+                        * (1.0 + obstacle_weight * max(0.0, 1.0 - clearance / inflation_radius))
+                    )
                     edges.append((row * cols + col, r * cols + c, price))
     start, end, price = np.array(edges).T
     graph = coo_matrix((price, (start.astype(int), end.astype(int))), shape=(rows * cols, rows * cols))

@@ -1,4 +1,4 @@
-"""The slow reference of `gridslam.kernels.segments`: every ray against every shape, written for the eye."""
+"""Reference implementation of `gridslam.kernels.segments`: every ray is tested against every shape."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 
-def cast_one(segments: np.ndarray, circles: np.ndarray, ray: np.ndarray, reach: float) -> float:
-    """Distance to the nearest segment or circle, `reach` without one."""
+def cast_one(segments: np.ndarray, circles: np.ndarray, ray: np.ndarray, max_range: float) -> float:
+    """Distance to the nearest segment or circle, at most `max_range`."""
     ox, oy, dx, dy = ray.tolist()
-    nearest = reach
+    nearest = max_range
     for x0, y0, x1, y1 in segments.tolist():
         # o + t d = a + u (b - a)
         matrix = np.array([[dx, x0 - x1], [dy, y0 - y1]])

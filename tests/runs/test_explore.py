@@ -50,7 +50,7 @@ def test_the_run_directory_holds_map_log_truth_tour_and_picture(explored: Path) 
     assert report["command"] == "explore"
     assert facts["ended"] == "finished"
     assert facts["unreachable"] == []
-    assert facts["least_clearance_m"] > 0.0
+    assert facts["min_clearance_m"] > 0.0
     assert report["errors"]["ape"]["trans"]["rmse"] < 0.1
     with (explored / "tour.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -58,13 +58,13 @@ def test_the_run_directory_holds_map_log_truth_tour_and_picture(explored: Path) 
     assert {row["status"] for row in rows} <= {"reached", "seen"}
 
 
-def test_it_is_evaluated_like_any_run(explored: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_can_be_evaluated_like_any_run(explored: Path, capsys: pytest.CaptureFixture[str]) -> None:
     gates = ["--require", "map.accuracy.mean<=0.05", "--require", "ape.trans.rmse<=0.1"]
     assert main(["evaluate", str(explored), *gates, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["map"]["completeness"]["mean"] < 0.1
 
 
-def test_its_log_mapped_again_gives_the_same_bytes(explored: Path, tmp_path: Path) -> None:
+def test_mapping_its_log_again_gives_the_same_bytes(explored: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
     arguments = [
         "map",
@@ -82,7 +82,7 @@ def test_its_log_mapped_again_gives_the_same_bytes(explored: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "message"),
     [
         (["hand-corridor-20", "--drawing", "missing.png"], 2, "missing.png"),
         (["hand-corridor-20", "--drawing", str(DRAWING), "-c", "slam-sd"], 2, "handmap-slam"),
@@ -95,17 +95,17 @@ def test_its_log_mapped_again_gives_the_same_bytes(explored: Path, tmp_path: Pat
         (["hand-corridor-20", "--drawing", str(DRAWING), "--start-in-drawing", "99,0,0"], 2, "outside"),
     ],
 )
-def test_what_cannot_be_explored_is_told_in_a_line(
-    arguments: list[str], code: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_exploration_that_cannot_start_is_a_one_line_error(
+    arguments: list[str], code: int, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["explore", *arguments, "-o", str(tmp_path / "run")]) == code
     captured = capsys.readouterr()
-    assert told in captured.err
+    assert message in captured.err
     assert captured.err.count("\n") <= 2
     assert not (tmp_path / "run").exists()
 
 
-def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(
+def test_an_exploration_over_the_time_limit_is_written_and_exits_with_4(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     output = tmp_path / "run"
@@ -126,8 +126,8 @@ def test_an_exploration_that_takes_too_long_is_written_and_ends_with_4(
     assert (output / "log.mcap").exists()
 
 
-def test_events_leave_in_the_order_of_their_stamps_once_they_are_old_enough() -> None:
-    order = InStampOrder(hold_ns=100)
+def test_events_are_released_in_the_order_of_their_stamps_after_the_delay() -> None:
+    order = InStampOrder(delay_ns=100)
     for stamp in (50, 30, 60, 30):
         order.add(Odometry(stamp, "odom", float(stamp), 0.0, 0.0))
     assert [e.stamp_ns for e in order.ready(130)] == [30, 30]
@@ -135,16 +135,16 @@ def test_events_leave_in_the_order_of_their_stamps_once_they_are_old_enough() ->
     assert [e.stamp_ns for e in order.rest()] == [60]
 
 
-def test_without_a_start_the_robot_finds_itself_in_the_drawing_and_explores(tmp_path: Path) -> None:
-    # A round hall: no corner to tell one side from the other but the drawing's own bumps, and no matter which it takes.
+def test_without_a_start_the_robot_is_localized_in_the_drawing_and_explores(tmp_path: Path) -> None:
+    # A round hall: only irregularities of the drawing distinguish the directions, and any of them will do.
     drawing = DRAWING.with_name("round.png")
     arguments = ["explore", "hand-round", "--drawing", str(drawing), "-o", str(tmp_path / "run"), "--quiet"]
     assert main(arguments) == 0
     report = json.loads((tmp_path / "run" / "report.json").read_text())
     facts = report["measures"]["exploration"]
     assert facts["ended"] == "finished"
-    assert facts["least_clearance_m"] > 0.0
-    assert report["measures"]["drawing"]["fits"]
+    assert facts["min_clearance_m"] > 0.0
+    assert report["measures"]["drawing"]["matches_place"]
     assert report["errors"]["ape"]["trans"]["rmse"] < 0.05
 
 
@@ -176,6 +176,6 @@ def test_the_correction_takes_the_robot_to_the_end_of_a_corridor_that_is_drawn_t
         capsys.readouterr()
         assert main(["evaluate", str(output), "--json"]) == 0
         completeness[corrected] = json.loads(capsys.readouterr().out)["map"]["completeness"]["mean"]
-    # 25 m are drawn. By 8 m of sight from where the drawing ends, six metres and more of both walls and the end are not mapped.
+    # 25 m are drawn. With a lidar of 8 m at the drawn end, more than 6 m of both walls and the end wall are not mapped.
     assert completeness["true"] < 0.1
     assert completeness["false"] > 5.0 * completeness["true"]

@@ -6,7 +6,8 @@ import numpy as np
 
 from gridslam.kernels.compiling import announcing_compilation
 from gridslam.maps.map_server import load_map
-from gridslam.planning.arcs_and_lines import PlanOptions, plan_path
+from gridslam.planning.arcs_and_lines import plan_path
+from gridslam.planning.options import PlanOptions
 from gridslam.runs.explore import explore
 from gridslam.runs.run import read_inputs, run_map
 from gridslam.runs.run_config import load_run_config

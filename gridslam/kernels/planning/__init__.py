@@ -1,1 +1,1 @@
-"""Kernels of path planning: grids, clearance, arcs, search, tours."""
+"""Compiled kernels of path planning: clearance, costs over cells, pose search, path improvement, tours."""

@@ -1,9 +1,9 @@
-"""Is the robot clear of all obstacles, at a pose and all along an arc or a line?
+"""Collision checks of a robot at a pose and along arcs, lines and turns on the spot.
 
-Obstacles are the squares of the blocked cells. `field` holds the exact distance (m) to the nearest of them at every lattice
-point: corners, middles of edges and centres of cells, half a cell apart; point (i, j) lies at y = i, x = j half cells. A
-distance changes by no more than the way travelled, so the field bounds it everywhere; only where the bound does not decide
-are the squares themselves looked at. The robot is a set of discs `(n, 3)`: x, y (m, robot frame) and radius (m).
+Obstacles are the squares of the blocked cells. `field` holds the exact distance (m) to the nearest square at every lattice
+point: corners, edge midpoints and centres of cells, half a cell apart; point (i, j) lies at y = i, x = j half cells. A distance
+changes by at most the distance travelled, so the field bounds it everywhere; the squares themselves are only searched where the
+bound does not decide. The robot is a set of discs `(n, 3)`: x, y (m, robot frame) and radius (m).
 """
 
 from __future__ import annotations
@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.planning.drive_limits import STRAIGHT_CURVATURE
 
-STRAIGHT = 1e-9  # curvatures (1/m) below this are lines
+PROGRESS = 0.9  # of the margin: the part of it that a step may use up
+MIN_SPEED = 1e-6  # of a disc about the turning centre, against division by zero
+OUTSIDE = -1.0  # clearance off the map, or of a robot that touches something
 
 
-class World(NamedTuple):
-    """The map and the robot, as the planning kernels take them: lengths in metres, `margin` is kept off obstacles."""
+class CollisionWorld(NamedTuple):
+    """Map and robot as the planning kernels take them. Lengths are metres; the discs keep `margin` off obstacles."""
 
     field: NDArray[np.float32]
     blocked: NDArray[np.bool_]
@@ -29,28 +32,30 @@ class World(NamedTuple):
 
 
 @compiled
-def wall_distance(world: World, x: float, y: float, needed: float) -> float:
-    """A lower bound (m) of the distance from a point to the nearest blocked square: >= `needed` where that is so."""
+def wall_distance(world: CollisionWorld, x: float, y: float, required: float) -> float:
+    """A lower bound (m) of the distance from (x, y) to the nearest blocked square, at least `required` if the distance is."""
     half = 0.5 * world.resolution
     i, j = int(np.rint(y / half)), int(np.rint(x / half))
     if i < 0 or j < 0 or i >= world.field.shape[0] or j >= world.field.shape[1]:
         return -1.0
     off = np.hypot(x - j * half, y - i * half)
     bound = float(world.field[i, j] - off)
-    if bound >= needed or world.field[i, j] + off < needed:
+    if bound >= required or world.field[i, j] + off < required:
         return bound
-    return float(_distance_to_squares(world, x, y, needed + world.resolution))
+    return float(_distance_to_squares(world, x, y, required + world.resolution))
 
 
 @compiled
-def _distance_to_squares(world: World, x: float, y: float, reach: float) -> float:
-    """Distance to the nearest blocked square; `reach` when there is none nearer."""
+def _distance_to_squares(world: CollisionWorld, x: float, y: float, max_distance: float) -> float:
+    """Distance (m) from (x, y) to the nearest blocked square, at most `max_distance`."""
     rows, cols = world.blocked.shape
     side = world.resolution
-    nearest = reach * reach
-    for row in range(max(int((y - reach) / side), 0), min(int((y + reach) / side) + 1, rows)):
+    nearest = max_distance * max_distance
+    for row in range(max(int((y - max_distance) / side), 0), min(int((y + max_distance) / side) + 1, rows)):
         dy = max(row * side - y, y - (row + 1) * side, 0.0)
-        for col in range(max(int((x - reach) / side), 0), min(int((x + reach) / side) + 1, cols)):
+        for col in range(
+            max(int((x - max_distance) / side), 0), min(int((x + max_distance) / side) + 1, cols)
+        ):
             if world.blocked[row, col]:
                 dx = max(col * side - x, x - (col + 1) * side, 0.0)
                 nearest = min(nearest, dx * dx + dy * dy)
@@ -60,7 +65,7 @@ def _distance_to_squares(world: World, x: float, y: float, reach: float) -> floa
 @compiled
 def advance(x: float, y: float, yaw: float, length: float, curvature: float) -> tuple[float, float, float]:
     """The pose after driving `length` (m, negative: backwards) along an arc of the given curvature (1/m, left positive)."""
-    if abs(curvature) < STRAIGHT:
+    if abs(curvature) < STRAIGHT_CURVATURE:
         return x + length * np.cos(yaw), y + length * np.sin(yaw), yaw
     turned = yaw + length * curvature
     return (
@@ -72,20 +77,20 @@ def advance(x: float, y: float, yaw: float, length: float, curvature: float) -> 
 
 @compiled
 def pose_clearance(
-    world: World,
+    world: CollisionWorld,
     x: float,
     y: float,
     yaw: float,
     curvature: float,
     spin: float,
 ) -> float:
-    """How far (m) the robot may drive without any disc coming nearer to an obstacle than 0; negative unless all are `margin` off.
+    """Distance (m) that the robot can drive before a disc can touch an obstacle; negative if one is within the margin.
 
-    Driving along `curvature` a disc's centre moves the faster the farther it lies off the turning centre; `spin` = 1 asks for
-    the angle (rad) of a turn on the spot instead.
+    On an arc of the given `curvature` (1/m) a disc moves faster the farther its centre lies from the turning centre. With `spin`
+    = 1 the result is the angle (rad) of a turn on the spot instead.
     """
     c, s = np.cos(yaw), np.sin(yaw)
-    way = 1e9
+    free_distance = 1e9
     for k in range(world.discs.shape[0]):
         ox, oy, radius = world.discs[k, 0], world.discs[k, 1], world.discs[k, 2]
         px, py = x + c * ox - s * oy, y + s * ox + c * oy
@@ -93,51 +98,51 @@ def pose_clearance(
         if free < world.margin:
             return -1.0
         speed = np.hypot(ox, oy) if spin > 0.0 else np.hypot(1.0 - curvature * oy, curvature * ox)
-        way = min(way, (free + 0.9 * world.margin) / max(speed, 1e-6))
-    return way
+        free_distance = min(free_distance, (free + PROGRESS * world.margin) / max(speed, MIN_SPEED))
+    return free_distance
 
 
 @compiled
 def is_free(
-    world: World,
+    world: CollisionWorld,
     x: float,
     y: float,
     yaw: float,
     length: float,
     curvature: float,
 ) -> bool:
-    """Whether the robot touches nothing all along an arc or a line (length negative: backwards).
+    """Whether the robot stays clear of obstacles along an arc or a line of `length` (m, negative: backwards).
 
-    At every place looked at, the clearance c is at least the margin m; the next is c + 0.9 m on. In between the clearance is
-    at least half of (c + m - step), which is positive: nothing is missed.
+    At every pose checked the clearance c is at least the margin m, and the next pose is at most c + 0.9 m ahead. In between the
+    clearance is at least half of (c + m - step), which is positive, so no collision is missed.
     """
-    at, total = 0.0, abs(length)
+    travelled, total = 0.0, abs(length)
     sign = 1.0 if length >= 0.0 else -1.0
     while True:
-        px, py, pyaw = advance(x, y, yaw, sign * at, curvature)
-        way = pose_clearance(world, px, py, pyaw, curvature, 0.0)
-        if way < 0.0:
+        px, py, pyaw = advance(x, y, yaw, sign * travelled, curvature)
+        free_distance = pose_clearance(world, px, py, pyaw, curvature, 0.0)
+        if free_distance < 0.0:
             return False
-        if at >= total:
+        if travelled >= total:
             return True
-        at = min(at + way, total)
+        travelled = min(travelled + free_distance, total)
 
 
 @compiled
 def is_free_to_turn(
-    world: World,
+    world: CollisionWorld,
     x: float,
     y: float,
     yaw: float,
     angle: float,
 ) -> bool:
-    """Whether the robot touches nothing while it turns on the spot by `angle` (rad)."""
-    at, total = 0.0, abs(angle)
+    """Whether the robot stays clear of obstacles while it turns on the spot by `angle` (rad)."""
+    travelled, total = 0.0, abs(angle)
     sign = 1.0 if angle >= 0.0 else -1.0
     while True:
-        way = pose_clearance(world, x, y, yaw + sign * at, 0.0, 1.0)
-        if way < 0.0:
+        free_distance = pose_clearance(world, x, y, yaw + sign * travelled, 0.0, 1.0)
+        if free_distance < 0.0:
             return False
-        if at >= total:
+        if travelled >= total:
             return True
-        at = min(at + way, total)
+        travelled = min(travelled + free_distance, total)

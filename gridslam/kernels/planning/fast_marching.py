@@ -1,4 +1,4 @@
-"""Fast marching: the time at which a front that starts at some cells arrives everywhere, and the steepest way back."""
+"""Fast marching over a grid of cell costs, and steepest descent on the resulting cost-to-go."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
 
+MIN_SLOPE, MAX_SLOPE = 1e-6, 1e6  # gradients that a descent follows
+
 
 @compiled
 def arrival_costs(
-    price: NDArray[np.float32], sources: NDArray[np.int64], stop: int, beyond: float
+    cell_cost: NDArray[np.float32], sources: NDArray[np.int64], stop: int, margin: float
 ) -> NDArray[np.float32]:
-    """Least cost from every cell's centre to the nearest source, in cells times price (Sethian 1996, first order).
+    """Lowest cost `(rows, cols)` from every cell's centre to the nearest source, by fast marching (Sethian 1996, first order).
 
-    `price` `(rows, cols)` is the cost of a cell's width, infinite where nothing passes; `sources` are flat indices. The front
-    ends `beyond` after it has reached the cell `stop` (-1: never); cells that it has not reached cost infinitely much.
+    `cell_cost` `(rows, cols)` is the cost of crossing one cell, infinite if it is closed; `sources` are flat indices. The front
+    stops `margin` after it has reached the cell `stop` (-1: never); cells that it has not reached get infinite cost.
     """
-    rows, cols = price.shape
+    rows, cols = cell_cost.shape
     cost = np.full(rows * cols, np.inf, np.float32)
     done = np.zeros(rows * cols, np.bool_)
     queue = [(np.float32(0.0), np.int64(0)) for _ in range(0)]
@@ -35,7 +37,7 @@ def arrival_costs(
             break
         done[cell] = True
         if cell == stop:
-            limit = float(here) + beyond
+            limit = float(here) + margin
         row, col = cell // cols, cell % cols
         for k in range(4):
             r = row + (1 if k == 0 else -1 if k == 1 else 0)
@@ -43,9 +45,9 @@ def arrival_costs(
             if r < 0 or c < 0 or r >= rows or c >= cols:
                 continue
             there = int(r * cols + c)
-            if done[there] or price[r, c] == np.inf:
+            if done[there] or cell_cost[r, c] == np.inf:
                 continue
-            new = np.float32(_eikonal(cost, done, rows, cols, r, c, price[r, c]))
+            new = np.float32(_eikonal(cost, done, rows, cols, r, c, cell_cost[r, c]))
             if new < cost[there]:
                 cost[there] = new
                 heapq.heappush(queue, (new, np.int64(there)))
@@ -57,9 +59,9 @@ def arrival_costs(
 
 @compiled
 def _eikonal(
-    cost: NDArray[np.float32], done: NDArray[np.bool_], rows: int, cols: int, r: int, c: int, price: float
+    cost: NDArray[np.float32], done: NDArray[np.bool_], rows: int, cols: int, r: int, c: int, cell_cost: float
 ) -> float:
-    """The upwind solution of |grad cost| = price at a cell from its settled neighbours."""
+    """The upwind solution of |grad cost| = cell_cost at a cell, from its settled neighbours."""
     at = r * cols + c
     a = b = np.inf
     if r > 0 and done[at - cols]:
@@ -70,33 +72,33 @@ def _eikonal(
         b = min(b, cost[at - 1])
     if c + 1 < cols and done[at + 1]:
         b = min(b, cost[at + 1])
-    if abs(a - b) >= price or a == np.inf or b == np.inf:
-        return min(a, b) + price
-    return float(0.5 * (a + b + np.sqrt(2.0 * price * price - (a - b) ** 2)))
+    if abs(a - b) >= cell_cost or a == np.inf or b == np.inf:
+        return min(a, b) + cell_cost
+    return float(0.5 * (a + b + np.sqrt(2.0 * cell_cost * cell_cost - (a - b) ** 2)))
 
 
 @compiled
 def descend_costs(
-    cost: NDArray[np.float32], x: float, y: float, step: float, most: int
+    cost: NDArray[np.float32], x: float, y: float, step: float, max_points: int
 ) -> NDArray[np.float64]:
-    """Steepest descent on a cost field from (x, y), in cells: the way `(n, 2)` as x, y, to a cell of cost 0 or as far as it goes.
+    """Path `(n, 2)` (x, y in cells) of steepest descent on a cost field from (x, y), to a cell of cost 0 or as far as it leads.
 
-    The gradient is that of the bilinear interpolation between cells' centres; where it leads nowhere (beside closed cells) the
-    way goes on to the centre of the cheapest neighbour.
+    The gradient is that of the bilinear interpolation between cell centres. Where it leads nowhere, beside closed cells, the
+    path steps to the centre of the cheapest neighbour. `step` is the step length in cells.
     """
     rows, cols = cost.shape
-    way = np.empty((most, 2))
-    way[0, 0], way[0, 1] = x, y
+    path = np.empty((max_points, 2))
+    path[0, 0], path[0, 1] = x, y
     n = 1
     lowest = np.inf
-    while n < most:
+    while n < max_points:
         row, col = int(np.floor(y)), int(np.floor(x))
         if row < 0 or col < 0 or row >= rows or col >= cols or cost[row, col] == 0.0:
             break
         moved = False
         gx, gy = _gradient(cost, x, y)
         norm = np.hypot(gx, gy)
-        if norm > 1e-6 and norm < 1e6:
+        if norm > MIN_SLOPE and norm < MAX_SLOPE:
             nx, ny = x - step * gx / norm, y - step * gy / norm
             value = _bilinear(cost, nx, ny)
             if value < lowest:
@@ -117,14 +119,14 @@ def descend_costs(
             if br == row and bc == col:
                 break
             x, y, lowest = bc + 0.5, br + 0.5, best
-        way[n, 0], way[n, 1] = x, y
+        path[n, 0], path[n, 1] = x, y
         n += 1
-    return way[:n].copy()
+    return path[:n].copy()
 
 
 @compiled
 def _corner(cost: NDArray[np.float32], x: float, y: float) -> tuple[int, int, float, float]:
-    """The lower left of the four cells' centres about a point, and the point's shares of the way to the others."""
+    """Row and column of the lower left of the four cell centres around a point, and the point's fractions towards the others."""
     rows, cols = cost.shape
     r = min(max(int(np.floor(y - 0.5)), 0), rows - 2)
     c = min(max(int(np.floor(x - 0.5)), 0), cols - 2)
@@ -133,6 +135,7 @@ def _corner(cost: NDArray[np.float32], x: float, y: float) -> tuple[int, int, fl
 
 @compiled
 def _bilinear(cost: NDArray[np.float32], x: float, y: float) -> float:
+    """The cost at a point, infinite beside closed cells."""
     r, c, u, v = _corner(cost, x, y)
     a, b, d, e = cost[r, c], cost[r, c + 1], cost[r + 1, c], cost[r + 1, c + 1]
     if a == np.inf or b == np.inf or d == np.inf or e == np.inf:
@@ -142,7 +145,7 @@ def _bilinear(cost: NDArray[np.float32], x: float, y: float) -> float:
 
 @compiled
 def _gradient(cost: NDArray[np.float32], x: float, y: float) -> tuple[float, float]:
-    """Zero beside closed cells, where nothing can be interpolated."""
+    """The cost gradient (d/dx, d/dy) at a point; zero beside closed cells."""
     r, c, u, v = _corner(cost, x, y)
     a, b, d, e = cost[r, c], cost[r, c + 1], cost[r + 1, c], cost[r + 1, c + 1]
     if a == np.inf or b == np.inf or d == np.inf or e == np.inf:

@@ -1,4 +1,4 @@
-"""Shortest ways over the cells of a map, near obstacles dearer if wanted, and taut strings."""
+"""Cost-to-go over the cells of a map, the path of cells that descends it, and string pulling."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning.clearance import World, is_free
+from gridslam.kernels.planning.clearance import CollisionWorld, is_free
 
 DIAGONAL = np.sqrt(2.0)
+SEARCH_MARGIN_M = 2.0  # the search goes on at least this far beyond the start
 
 
 @compiled
 def cost_to_go(
     field: NDArray[np.float32],
     resolution: float,
-    needed: float,
-    dread: float,
-    shy_of: float,
+    required: float,
+    obstacle_weight: float,
+    inflation_radius: float,
     goal: int,
     start: int,
-    beyond: float,
+    search_factor: float,
 ) -> NDArray[np.float32]:
-    """Cost (m) from every cell's centre to the goal's, over 8 neighbours (Dijkstra 1959); infinite where none was found.
+    """Cost (m) `(rows, cols)` from every cell to the goal over 8 neighbours (Dijkstra 1959); infinite if it was not reached.
 
-    Cells whose centre is nearer than `needed` (m) to an obstacle are closed. A metre costs 1, and up to 1 + `dread` where the
-    clearance to spare falls from `shy_of` (m) to 0. `goal` and `start` are cells' flat indices; the search ends at
-    `beyond` times the start's cost.
+    Cells whose centre has less than `required` (m) clearance are closed. A metre costs 1, rising to 1 + `obstacle_weight` as the
+    clearance beyond `required` falls from `inflation_radius` (m) to 0. `goal` and `start` are flat indices. The search ends at
+    `search_factor` times the cost of the start.
     """
     rows, cols = field.shape[0] // 2, field.shape[1] // 2
     cost = np.full(rows * cols, np.inf, np.float32)
@@ -45,7 +46,7 @@ def cost_to_go(
             break
         done[cell] = True
         if cell == start:
-            limit = np.float32(here * beyond + 2.0)
+            limit = np.float32(here * search_factor + SEARCH_MARGIN_M)
         row, col = cell // cols, cell % cols
         for dr in range(-1, 2):
             for dc in range(-1, 2):
@@ -53,13 +54,15 @@ def cost_to_go(
                 if (dr == 0 and dc == 0) or r < 0 or c < 0 or r >= rows or c >= cols:
                     continue
                 there = r * cols + c
-                spare = field[2 * r + 1, 2 * c + 1] - needed
-                if done[there] or spare < 0.0:
+                spare_clearance = field[2 * r + 1, 2 * c + 1] - required
+                if done[there] or spare_clearance < 0.0:
                     continue
-                if field[2 * row + 1 + dr, 2 * col + 1 + dc] < needed:
+                if field[2 * row + 1 + dr, 2 * col + 1 + dc] < required:
                     continue
                 step = resolution * (DIAGONAL if dr != 0 and dc != 0 else 1.0)
-                new = np.float32(here + step * (1.0 + dread * max(0.0, 1.0 - spare / shy_of)))
+                new = np.float32(
+                    here + step * (1.0 + obstacle_weight * max(0.0, 1.0 - spare_clearance / inflation_radius))
+                )
                 if new < cost[there]:
                     cost[there] = new
                     heapq.heappush(queue, (new, np.int32(there)))
@@ -71,18 +74,18 @@ def cost_to_go(
 
 @compiled
 def descend(cost: NDArray[np.float32], start: int) -> NDArray[np.int64]:
-    """Cells (row, col) `(n, 2)` downhill from a cell to the goal, where the cost is 0; empty if the cell has no cost."""
+    """Cells (row, col) `(n, 2)` downhill from the flat index `start` to the goal, where the cost is 0; empty without a path."""
     rows, cols = cost.shape
     row, col = start // cols, start % cols
-    way = np.empty((rows * cols, 2), np.int64)
+    cells = np.empty((rows * cols, 2), np.int64)
     n = 0
     if not np.isfinite(cost[row, col]):
-        return way[:0].copy()
+        return cells[:0].copy()
     while True:
-        way[n, 0], way[n, 1] = row, col
+        cells[n, 0], cells[n, 1] = row, col
         n += 1
         if cost[row, col] == 0.0:
-            return way[:n].copy()
+            return cells[:n].copy()
         best, steepest = np.inf, 0.0
         at_r, at_c = row, col
         for dr in range(-1, 2):
@@ -95,18 +98,18 @@ def descend(cost: NDArray[np.float32], start: int) -> NDArray[np.int64]:
                     steepest, best = drop, cost[r, c]
                     at_r, at_c = r, c
         if best == np.inf:
-            return way[:0].copy()
+            return cells[:0].copy()
         row, col = at_r, at_c
 
 
 @compiled
-def pull_taut(
-    world: World,
+def pull_string(
+    world: CollisionWorld,
     points: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The corners `(m, 2)` of a shorter way through the same free space as the way over `points` `(n, 2)` (m).
+    """Corners `(m, 2)` of a shorter polyline through the same free space as the one over `points` `(n, 2)` (m).
 
-    From each corner the next is the farthest point that a straight drive reaches, found by doubling the reach and halving it.
+    From each corner the next one is the farthest point that a straight drive reaches, found by doubling and bisection.
     """
     n = points.shape[0]
     kept = np.empty((n, 2))
@@ -116,17 +119,17 @@ def pull_taut(
         low, step = at + 1, 2
         high = n
         while at + step < n:
-            if _sees(world, points[at], points[at + step]):
+            if _is_line_free(world, points[at], points[at + step]):
                 low = at + step
                 step *= 2
             else:
                 high = at + step
                 break
-        if high == n and _sees(world, points[at], points[n - 1]):
+        if high == n and _is_line_free(world, points[at], points[n - 1]):
             low = n - 1
         while high - low > 1:
             middle = (low + high) // 2
-            if _sees(world, points[at], points[middle]):
+            if _is_line_free(world, points[at], points[middle]):
                 low = middle
             else:
                 high = middle
@@ -137,10 +140,11 @@ def pull_taut(
 
 
 @compiled
-def _sees(
-    world: World,
+def _is_line_free(
+    world: CollisionWorld,
     a: NDArray[np.float64],
     b: NDArray[np.float64],
 ) -> bool:
+    """Whether the robot can drive straight from point a to point b."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     return bool(is_free(world, a[0], a[1], np.arctan2(dy, dx), np.hypot(dx, dy), 0.0))

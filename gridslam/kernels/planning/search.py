@@ -1,8 +1,8 @@
-"""Search over poses: short arcs and lines, Dubins paths to the goal, and Dubins paths along a rough way (hybrid A*).
+"""Search over poses with short arcs and lines and with Dubins paths, guided by a path over the cells (hybrid A*).
 
-After Dolgov et al. 2010: a state's pose is continuous, of all states in one bin of x, y, yaw the cheapest is kept. The poses
-of a rough way, the taut string through the map, are states too: they lead exactly through passages that no grid of
-arcs would hit. Costs are driving times at the speed that each curvature allows.
+After Dolgov et al. 2010: a state's pose is continuous, and of all states in one bin of x, y, yaw the cheapest is kept. The poses
+of the guide path, a polyline pulled taut through the map, are states too: they lead exactly through passages that no
+grid of arcs would hit. Costs are driving times at the speed that each curvature allows.
 """
 
 from __future__ import annotations
@@ -14,32 +14,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning.clearance import World, advance, is_free
+from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
+from gridslam.kernels.planning.drive_limits import YAW, DriveLimits, X, Y, speed_on
 from gridslam.kernels.planning.dubins import connect
 
-FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2
-GREED = 1.3
-GOAL_SHOT_M = 3.0
-SHOOT_EVERY = 16  # states far from the goal
-AFTER_FIRST = 4000  # states that are still looked at once a goal is reached
-ALONG = np.array([1, 2, 4, 7, 11], np.int64)
-BENDS = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])  # in units of the sharpest
-BETWEEN, AT_GOAL = -1, -2
+FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2  # results of a search
+HEURISTIC_WEIGHT = 1.3  # above 1: a weighted A*, which expands fewer states and may miss the cheapest path
+GOAL_CONNECTION_M = 3.0  # every state with less than this left to go is connected to the goals
+CONNECT_EVERY = 16  # of the states farther away, one in so many
+MAX_EXPANSIONS_AFTER_GOAL = 4000  # states expanded after the first path to a goal, to find a cheaper one
+GUIDE_OFFSETS = np.array(
+    [1, 2, 4, 7, 11], np.int64
+)  # poses ahead on the guide path that a state is connected to
+RELATIVE_CURVATURES = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])  # in units of 1 / radius
+ON_GRID, AT_GOAL = -1, -2  # marks of states that lie on no guide pose
+COUNT, BEST_GOAL = 0, 1  # entries of States.size
+MAX_NEW_STATES = 64  # that one expansion can add, rounded up
 
 
 class Query(NamedTuple):
-    """What is asked for.
+    """What the search looks for, and on which grid.
 
-    `goals` `(g, 3)` are the poses of which one is to be reached, `spine` `(m, 3)` those along a rough way, `togo` the cost
-    (m) from every cell to the goal. `limits` are top speed, lateral acceleration and turn rate, `radius` (m) the smallest.
-    Arcs are `step` (m) long, bins `bin_size` (m) wide and a full turn / `bin_yaws` large. `reverse_cost` is the price (s) of
-    a change of direction, infinite to forbid driving backwards.
+    goals: Poses `(g, 3)`, one of which is to be reached.
+    guide_path: Poses `(m, 3)` along the guide path.
+    cost_to_go: Cost (m) `(rows, cols)` from every cell to the goal, the heuristic.
+    limits: The robot's speed limits.
+    radius: Smallest turning radius (m).
+    step: Length (m) of an arc.
+    bin_size: Width (m) of a bin in x and y.
+    bin_yaws: Number of bins of a full turn.
+    reverse_cost: Cost (s) of a change of direction; infinite to forbid driving backwards.
     """
 
     goals: NDArray[np.float64]
-    spine: NDArray[np.float64]
-    togo: NDArray[np.float32]
-    limits: NDArray[np.float64]
+    guide_path: NDArray[np.float64]
+    cost_to_go: NDArray[np.float32]
+    limits: DriveLimits
     radius: float
     step: float
     bin_size: float
@@ -48,12 +58,12 @@ class Query(NamedTuple):
 
 
 class States(NamedTuple):
-    """The states found so far, and the least costs of bins (a hash table) and of the spine's poses.
+    """The states found so far, and the lowest costs of the bins (a hash table) and of the guide path's poses.
 
-    `size` holds their number and the index of the cheapest at a goal, -1 before there is one.
-
-    `parts` `(n, 3, 2)` are the motions (length, < 0: backwards; curvature) from the parent; `mark` is BETWEEN, AT_GOAL or
-    the index of a pose of the spine; `sense` is +1, or -1 where the robot came backwards.
+    size: The number of states (COUNT) and the index of the cheapest one at a goal (BEST_GOAL), -1 if there is none.
+    parts: Motions `(n, 3, 2)` from the parent: length (m, negative: backwards), curvature (1/m).
+    mark: ON_GRID, AT_GOAL or the index of a pose of the guide path.
+    direction: +1, or -1 if the robot arrived backwards.
     """
 
     size: NDArray[np.int64]
@@ -62,189 +72,207 @@ class States(NamedTuple):
     parent: NDArray[np.int64]
     parts: NDArray[np.float64]
     mark: NDArray[np.int64]
-    sense: NDArray[np.int64]
+    direction: NDArray[np.int64]
     keys: NDArray[np.int64]
     best: NDArray[np.float64]
-    spine_best: NDArray[np.float64]
-
-
-@compiled
-def speed_on(curvature: float, top_speed: float, lateral: float, turn_rate: float) -> float:
-    """The speed (m/s) that a curvature (1/m) allows: lateral acceleration v^2 k, turn rate v k."""
-    k = abs(curvature)
-    if k < 1e-9:
-        return top_speed
-    return float(min(top_speed, np.sqrt(lateral / k), turn_rate / k))
+    guide_best: NDArray[np.float64]
 
 
 @compiled
 def search_poses(
-    world: World, query: Query, start: NDArray[np.float64], most: int
+    world: CollisionWorld, query: Query, start: NDArray[np.float64], max_states: int
 ) -> tuple[int, NDArray[np.float64], int]:
-    """A drivable path from the start to one of the goals, as motions `(n, 2)` of length (m, < 0: backwards) and curvature.
+    """Drivable motions `(n, 2)` from the start to one of the goals: length (m, negative: backwards) and curvature (1/m).
 
-    The path is not the cheapest: once a goal is reached, the search goes on for a bounded time only. Returns FOUND, EXHAUSTED
-    (there is no path) or TOO_MANY (more than `most` states), the motions, and the number of states.
+    The path is not the cheapest: after a goal is reached, the search continues for a bounded number of states only.
+    Returns FOUND, EXHAUSTED (there is no path) or TOO_MANY (more than `max_states` states), the motions, and the number of
+    states.
     """
-    ways = 2 if np.isfinite(query.reverse_cost) else 1
+    directions = 2 if np.isfinite(query.reverse_cost) else 1
     slots = 1
-    while slots < 2 * most:
+    while slots < 2 * max_states:
         slots *= 2
     states = States(
-        np.array([1, -1]),
-        np.empty((most, 3)),
-        np.empty(most),
-        np.empty(most, np.int64),
-        np.empty((most, 3, 2)),
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
+        np.array([1, -1]),  # COUNT, BEST_GOAL
+        np.empty((max_states, 3)),
+        np.empty(max_states),
+        np.empty(max_states, np.int64),
+        np.empty((max_states, 3, 2)),
+        np.empty(max_states, np.int64),
+        np.empty(max_states, np.int64),
         np.full(slots, -1, np.int64),
         np.full(slots, np.inf),
-        np.full(query.spine.shape[0], np.inf),
+        np.full(query.guide_path.shape[0], np.inf),
     )
     states.pose[0] = start
-    states.cost[0], states.parent[0], states.mark[0], states.sense[0] = 0.0, -1, BETWEEN, 1
+    states.cost[0], states.parent[0], states.mark[0], states.direction[0] = 0.0, -1, ON_GRID, 1
     states.parts[0] = 0.0
     queue = [(0.0, 0)]
-    patience = AFTER_FIRST
+    expansions_left = MAX_EXPANSIONS_AFTER_GOAL
     while len(queue) > 0:
         _, node = heapq.heappop(queue)
         mark, cost = states.mark[node], states.cost[node]
-        if states.size[1] >= 0:
-            patience -= 1
-        if mark == AT_GOAL or patience == 0:
-            return FOUND, _trace(states, states.size[1]), states.size[0]
+        if states.size[BEST_GOAL] >= 0:
+            expansions_left -= 1
+        if mark == AT_GOAL or expansions_left == 0:
+            return FOUND, _extract_motions(states, states.size[BEST_GOAL]), states.size[COUNT]
         if mark >= 0:
-            if cost > states.spine_best[mark]:
+            if cost > states.guide_best[mark]:
                 continue
-        elif node > 0 and cost > states.best[_slot(query, states, states.pose[node], states.sense[node])[0]]:
+        elif (
+            node > 0
+            and cost > states.best[_hash_slot(query, states, states.pose[node], states.direction[node])[0]]
+        ):
             continue
-        if states.size[0] + 64 > most:
-            if states.size[1] < 0:
-                return TOO_MANY, states.parts[0, :0].copy(), states.size[0]
-            return FOUND, _trace(states, states.size[1]), states.size[0]
-        _shoot_along_spine(world, query, states, queue, node)
-        for way in range(ways):
-            _shoot_at_goals(world, query, states, queue, node, 1 - 2 * way)
+        if states.size[COUNT] + MAX_NEW_STATES > max_states:
+            if states.size[BEST_GOAL] < 0:
+                return TOO_MANY, states.parts[0, :0].copy(), states.size[COUNT]
+            return FOUND, _extract_motions(states, states.size[BEST_GOAL]), states.size[COUNT]
+        _connect_to_guide_path(world, query, states, queue, node)
+        for way in range(directions):
+            _connect_to_goals(world, query, states, queue, node, 1 - 2 * way)
             _steer(world, query, states, queue, node, 1 - 2 * way)
-    return EXHAUSTED, states.parts[0, :0].copy(), states.size[0]
+    return EXHAUSTED, states.parts[0, :0].copy(), states.size[COUNT]
 
 
 @compiled
-def _shoot_at_goals(
-    world: World, query: Query, states: States, queue: list[tuple[float, int]], node: int, sense: int
+def _connect_to_goals(
+    world: CollisionWorld,
+    query: Query,
+    states: States,
+    queue: list[tuple[float, int]],
+    node: int,
+    direction: int,
 ) -> None:
-    """Dubins paths to the goals, from states near them and now and then from others.
+    """Add Dubins paths to the goals, from states near them and occasionally from others.
 
-    A path driven backwards is the path forwards from the goal, with its parts the other way round.
+    A path driven backwards is the forward path from the goal with its parts in reverse order.
     """
     here = states.pose[node]
-    if node % SHOOT_EVERY != 0 and _to_go(world, query, here) > GOAL_SHOT_M:
+    if node % CONNECT_EVERY != 0 and _cost_to_go_at(world, query, here) > GOAL_CONNECTION_M:
         return
-    shot = np.zeros((3, 2))
+    connection = np.zeros((3, 2))
     for goal in query.goals:
-        longest = 3.0 * np.hypot(goal[0] - here[0], goal[1] - here[1]) + 4.0 * np.pi * query.radius
-        if sense > 0:
-            found = connect(world, here, goal, query.radius, longest, shot)
+        max_length = 3.0 * np.hypot(goal[X] - here[X], goal[Y] - here[Y]) + 4.0 * np.pi * query.radius
+        if direction > 0:
+            found = connect(world, here, goal, query.radius, max_length, connection)
         else:
-            found = connect(world, goal, here, query.radius, longest, shot)
-            shot[:, 0] = -shot[:, 0]
-            shot = shot[::-1].copy()
+            found = connect(world, goal, here, query.radius, max_length, connection)
+            connection[:, 0] = -connection[:, 0]
+            connection = connection[::-1].copy()
         if np.isfinite(found):
-            cost = states.cost[node] + _time(shot, query.limits) + _switch(query, states, node, sense)
-            if sense < 0:
-                cost += found / query.limits[0]
-            _add(states, queue, node, goal, cost, cost, AT_GOAL, sense, shot)
+            cost = (
+                states.cost[node]
+                + _driving_time(connection, query.limits)
+                + _direction_change_cost(query, states, node, direction)
+            )
+            if direction < 0:
+                cost += found / query.limits.top_speed
+            _push_state(states, queue, node, goal, cost, cost, AT_GOAL, direction, connection)
 
 
 @compiled
-def _shoot_along_spine(
-    world: World, query: Query, states: States, queue: list[tuple[float, int]], node: int
+def _connect_to_guide_path(
+    world: CollisionWorld, query: Query, states: States, queue: list[tuple[float, int]], node: int
 ) -> None:
-    """Dubins paths to poses of the rough way that lie ahead of the nearest."""
+    """Add Dubins paths to poses of the guide path ahead of the nearest one."""
     here = states.pose[node]
-    near = states.mark[node] if states.mark[node] >= 0 else _nearest(query.spine, here)
-    shot = np.zeros((3, 2))
-    so_far = states.cost[node] + _switch(query, states, node, 1)
-    for ahead in ALONG:
+    near = states.mark[node] if states.mark[node] >= 0 else _nearest_on_guide_path(query.guide_path, here)
+    connection = np.zeros((3, 2))
+    so_far = states.cost[node] + _direction_change_cost(query, states, node, 1)
+    for ahead in GUIDE_OFFSETS:
         k = near + ahead
-        if k >= query.spine.shape[0]:
+        if k >= query.guide_path.shape[0]:
             return
-        pose = query.spine[k]
-        away = np.hypot(pose[0] - here[0], pose[1] - here[1])
-        if so_far + away / query.limits[0] >= states.spine_best[k]:
+        pose = query.guide_path[k]
+        away = np.hypot(pose[X] - here[X], pose[Y] - here[Y])
+        if so_far + away / query.limits.top_speed >= states.guide_best[k]:
             continue
-        longest = 1.5 * away + 2.0 * np.pi * query.radius
-        if not np.isfinite(connect(world, here, pose, query.radius, longest, shot)):
+        max_length = 1.5 * away + 2.0 * np.pi * query.radius
+        if not np.isfinite(connect(world, here, pose, query.radius, max_length, connection)):
             continue
-        cost = so_far + _time(shot, query.limits)
-        if cost < states.spine_best[k]:
-            states.spine_best[k] = cost
-            guess = cost + GREED * _to_go(world, query, pose) / query.limits[0]
-            _add(states, queue, node, pose, cost, guess, k, 1, shot)
+        cost = so_far + _driving_time(connection, query.limits)
+        if cost < states.guide_best[k]:
+            states.guide_best[k] = cost
+            priority = cost + HEURISTIC_WEIGHT * _cost_to_go_at(world, query, pose) / query.limits.top_speed
+            _push_state(states, queue, node, pose, cost, priority, k, 1, connection)
 
 
 @compiled
-def _switch(query: Query, states: States, node: int, sense: int) -> float:
-    """The price of a change of direction, if it is one; none at the very start."""
-    return 0.0 if node == 0 or states.sense[node] == sense else query.reverse_cost
+def _direction_change_cost(query: Query, states: States, node: int, direction: int) -> float:
+    """Cost (s) if `direction` differs from that of the state; 0 at the start."""
+    return 0.0 if node == 0 or states.direction[node] == direction else query.reverse_cost
 
 
 @compiled
 def _steer(
-    world: World, query: Query, states: States, queue: list[tuple[float, int]], node: int, sense: int
+    world: CollisionWorld,
+    query: Query,
+    states: States,
+    queue: list[tuple[float, int]],
+    node: int,
+    direction: int,
 ) -> None:
-    """One step straight and along arcs; `sense` -1: backwards, at twice the cost."""
+    """Add one step straight and one along each arc; `direction` -1 is backwards, at twice the cost."""
     x, y, yaw = states.pose[node]
     motion = np.zeros((3, 2))
     pose = np.empty(3)
-    for bend in BENDS:
-        curvature, length = bend / query.radius, sense * query.step
-        pose[0], pose[1], pose[2] = advance(x, y, yaw, length, curvature)
-        cost = states.cost[node] + query.step / speed_on(
-            curvature, query.limits[0], query.limits[1], query.limits[2]
-        )
-        if sense < 0:
-            cost += query.step / query.limits[0]
-        cost += _switch(query, states, node, sense)
-        rest = _to_go(world, query, pose)
+    for relative_curvature in RELATIVE_CURVATURES:
+        curvature, length = relative_curvature / query.radius, direction * query.step
+        pose[X], pose[Y], pose[YAW] = advance(x, y, yaw, length, curvature)
+        cost = states.cost[node] + query.step / speed_on(curvature, query.limits)
+        if direction < 0:
+            cost += query.step / query.limits.top_speed
+        cost += _direction_change_cost(query, states, node, direction)
+        rest = _cost_to_go_at(world, query, pose)
         if not np.isfinite(rest):
             continue
-        slot, key = _slot(query, states, pose, sense)
+        slot, key = _hash_slot(query, states, pose, direction)
         if cost >= states.best[slot] or not is_free(world, x, y, yaw, length, curvature):
             continue
         states.keys[slot], states.best[slot] = key, cost
         motion[0, 0], motion[0, 1] = length, curvature
-        _add(states, queue, node, pose, cost, cost + GREED * rest / query.limits[0], BETWEEN, sense, motion)
+        _push_state(
+            states,
+            queue,
+            node,
+            pose,
+            cost,
+            cost + HEURISTIC_WEIGHT * rest / query.limits.top_speed,
+            ON_GRID,
+            direction,
+            motion,
+        )
 
 
 @compiled
-def _add(
+def _push_state(
     states: States,
     queue: list[tuple[float, int]],
     parent: int,
     pose: NDArray[np.float64],
     cost: float,
-    guess: float,
+    priority: float,
     mark: int,
-    sense: int,
+    direction: int,
     motion: NDArray[np.float64],
 ) -> None:
-    n = states.size[0]
+    """Append a state and queue it by its `priority`."""
+    n = states.size[COUNT]
     states.pose[n], states.parts[n] = pose, motion
-    states.cost[n], states.parent[n], states.mark[n], states.sense[n] = cost, parent, mark, sense
-    states.size[0] = n + 1
-    if mark == AT_GOAL and (states.size[1] < 0 or cost < states.cost[states.size[1]]):
-        states.size[1] = n
-    heapq.heappush(queue, (guess, n))
+    states.cost[n], states.parent[n], states.mark[n], states.direction[n] = cost, parent, mark, direction
+    states.size[COUNT] = n + 1
+    if mark == AT_GOAL and (states.size[BEST_GOAL] < 0 or cost < states.cost[states.size[BEST_GOAL]]):
+        states.size[BEST_GOAL] = n
+    heapq.heappush(queue, (priority, n))
 
 
 @compiled
-def _slot(query: Query, states: States, pose: NDArray[np.float64], sense: int) -> tuple[int, int]:
-    """Where the hash table holds, or would hold, the bin of a pose, and the bin's key."""
-    row, col = int(pose[1] / query.bin_size), int(pose[0] / query.bin_size)
-    yaw = int((pose[2] % (2.0 * np.pi)) / (2.0 * np.pi) * query.bin_yaws)
-    key = (((row << 22) + col) << 12) + (yaw << 1) + (1 if sense > 0 else 0)
+def _hash_slot(query: Query, states: States, pose: NDArray[np.float64], direction: int) -> tuple[int, int]:
+    """The slot of the hash table that holds, or would hold, the bin of a pose, and the bin's key."""
+    row, col = int(pose[Y] / query.bin_size), int(pose[X] / query.bin_size)
+    yaw = int((pose[YAW] % (2.0 * np.pi)) / (2.0 * np.pi) * query.bin_yaws)
+    key = (((row << 22) + col) << 12) + (yaw << 1) + (1 if direction > 0 else 0)
     last = states.keys.shape[0] - 1
     slot = ((key ^ (key >> 17)) * 0x9E3779B1 >> 7) & last
     while states.keys[slot] != key and states.keys[slot] != -1:
@@ -253,39 +281,41 @@ def _slot(query: Query, states: States, pose: NDArray[np.float64], sense: int) -
 
 
 @compiled
-def _to_go(world: World, query: Query, pose: NDArray[np.float64]) -> float:
-    """The least cost to go of the cell and its neighbours; infinite where there is none."""
-    rows, cols = query.togo.shape
-    row, col = int(pose[1] / world.resolution), int(pose[0] / world.resolution)
+def _cost_to_go_at(world: CollisionWorld, query: Query, pose: NDArray[np.float64]) -> float:
+    """Lowest cost-to-go of the pose's cell and its neighbours; infinite if none has any."""
+    rows, cols = query.cost_to_go.shape
+    row, col = int(pose[Y] / world.resolution), int(pose[X] / world.resolution)
     least = np.inf
     for r in range(max(row - 1, 0), min(row + 2, rows)):
         for c in range(max(col - 1, 0), min(col + 2, cols)):
-            least = min(least, query.togo[r, c])
+            least = min(least, query.cost_to_go[r, c])
     return least
 
 
 @compiled
-def _nearest(spine: NDArray[np.float64], pose: NDArray[np.float64]) -> int:
+def _nearest_on_guide_path(guide_path: NDArray[np.float64], pose: NDArray[np.float64]) -> int:
+    """Index of the guide path's pose nearest to a pose."""
     best, index = np.inf, 0
-    for k in range(spine.shape[0]):
-        apart = (spine[k, 0] - pose[0]) ** 2 + (spine[k, 1] - pose[1]) ** 2
+    for k in range(guide_path.shape[0]):
+        apart = (guide_path[k, X] - pose[X]) ** 2 + (guide_path[k, Y] - pose[Y]) ** 2
         if apart < best:
             best, index = apart, k
     return index
 
 
 @compiled
-def _time(parts: NDArray[np.float64], limits: NDArray[np.float64]) -> float:
+def _driving_time(parts: NDArray[np.float64], limits: DriveLimits) -> float:
+    """Time (s) to drive parts `(n, 2)` at the highest speed that each curvature allows."""
     total = 0.0
     for k in range(parts.shape[0]):
         if parts[k, 0] != 0.0:
-            total += abs(parts[k, 0]) / speed_on(parts[k, 1], limits[0], limits[1], limits[2])
+            total += abs(parts[k, 0]) / speed_on(parts[k, 1], limits)
     return total
 
 
 @compiled
-def _trace(states: States, node: int) -> NDArray[np.float64]:
-    """The motions from the start to a state, equal neighbours joined."""
+def _extract_motions(states: States, node: int) -> NDArray[np.float64]:
+    """The motions from the start to a state, equal neighbours merged."""
     chain = [node]
     while states.parent[chain[-1]] >= 0:
         chain.append(states.parent[chain[-1]])

@@ -1,4 +1,4 @@
-"""Open tours over a table of distances: the exact optimum of few places, local search for many."""
+"""Open tours over a table of distances: the optimum for few places, local search for many."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from gridslam.kernels.compiled import compiled
 
 @compiled
 def exact_tour(distances: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The shortest way from place 0 through all others, `(n,)` (Held and Karp 1962); memory grows with n 2^n."""
+    """Order `(n,)` of the shortest tour from place 0 through all others (Held and Karp 1962). Memory grows with n 2^n."""
     n = distances.shape[0] - 1
     full = 1 << n
     best = np.full((full, n), np.inf)
-    before = np.full((full, n), -1, np.int64)
+    predecessor = np.full((full, n), -1, np.int64)
     for j in range(n):
         best[1 << j, j] = distances[0, j + 1]
     for visited in range(1, full):
@@ -28,12 +28,12 @@ def exact_tour(distances: NDArray[np.float64]) -> NDArray[np.int64]:
                 new = here + distances[last + 1, j + 1]
                 if new < best[visited | 1 << j, j]:
                     best[visited | 1 << j, j] = new
-                    before[visited | 1 << j, j] = last
+                    predecessor[visited | 1 << j, j] = last
     order = np.zeros(n + 1, np.int64)
     visited, last = full - 1, int(best[full - 1].argmin())
     for at in range(n, 0, -1):
         order[at] = last + 1
-        visited, last = visited & ~(1 << last), before[visited, last]
+        visited, last = visited & ~(1 << last), predecessor[visited, last]
     return order
 
 
@@ -41,7 +41,7 @@ def exact_tour(distances: NDArray[np.float64]) -> NDArray[np.int64]:
 def improved_tour(distances: NDArray[np.float64], start: NDArray[np.int64]) -> NDArray[np.int64]:
     """The tour `(n,)` after reversals (2-opt) and moves of up to three places (or-opt), until neither shortens it.
 
-    The first place stays; the last is free.
+    The first place is fixed, the last is free.
     """
     order = start.copy()
     n = len(order)
@@ -65,27 +65,27 @@ def improved_tour(distances: NDArray[np.float64], start: NDArray[np.int64]) -> N
 
 @compiled
 def _move_block(distances: NDArray[np.float64], order: NDArray[np.int64], i: int, size: int) -> bool:
-    """Put `size` places from `i` on where they cost least, either way round; whether that shortened the tour."""
+    """Move `size` places from index `i` on to where they cost least, in either orientation; whether the tour got shorter."""
     n = len(order)
     first, last = order[i], order[i + size - 1]
     removed = distances[order[i - 1], first]
     if i + size < n:
         removed += distances[last, order[i + size]] - distances[order[i - 1], order[i + size]]
     rest = np.concatenate((order[:i], order[i + size :]))
-    least, at, turned = removed - 1e-9, -1, False
+    lowest, at, is_reversed = removed - 1e-9, -1, False
     for k in range(1, len(rest) + 1):
         after = k < len(rest)
         link = distances[rest[k - 1], rest[k]] if after else 0.0
-        straight = distances[rest[k - 1], first] - link + (distances[last, rest[k]] if after else 0.0)
+        forward = distances[rest[k - 1], first] - link + (distances[last, rest[k]] if after else 0.0)
         reverse = distances[rest[k - 1], last] - link + (distances[first, rest[k]] if after else 0.0)
-        if straight < least:
-            least, at, turned = straight, k, False
-        if reverse < least:
-            least, at, turned = reverse, k, True
+        if forward < lowest:
+            lowest, at, is_reversed = forward, k, False
+        if reverse < lowest:
+            lowest, at, is_reversed = reverse, k, True
     if at < 0:
         return False
     block = order[i : i + size].copy()
-    if turned:
+    if is_reversed:
         block = block[::-1].copy()
     order[:] = np.concatenate((rest[:at], block, rest[at:]))
     return True

@@ -1,42 +1,55 @@
-"""The robot in the drawing, and how metres of the world become metres of the drawing."""
+"""The robot's pose in the drawing, and conversion between metres of the world and drawing units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class DrawingPose:
-    """The robot in the drawing frame: origin lower left, nominal 0.1 m a pixel.
+    """The robot in the drawing frame: origin at the lower left corner, lengths in drawing units (0.1 per pixel).
 
-    `yaw_rad` is the heading before the drawing's stretching: a point p of the robot's frame (m) lies in the drawing at
-    (x, y) + diag(scale_x, scale_y) R(yaw) p. The scales are drawing metres per world metre along the drawing's axes, equal
-    unless they are estimated separately. `spread_m` is the standard deviation of the position (drawing metres), `fit` the
-    share of the scan's points that lie near drawn walls.
+    `yaw_rad` is the heading before the drawing is stretched: a point p of the robot's frame (m) lies at
+    (x, y) + diag(scale_x, scale_y) R(yaw) p. The scales are drawing units per metre along the drawing's axes, equal unless they
+    are estimated separately. `position_std` is the standard deviation of the position (drawing units), `inlier_ratio` the
+    fraction of the scan's points close to drawn walls.
     """
 
     stamp_ns: int
-    x_m: float
-    y_m: float
+    x: float
+    y: float
     yaw_rad: float
     scale_x: float
     scale_y: float
-    spread_m: float
-    fit: float
+    position_std: float
+    inlier_ratio: float
+
+    @property
+    def mean_scale(self) -> float:
+        """The geometric mean of both scales."""
+        return float((self.scale_x * self.scale_y) ** 0.5)
 
     def to_drawing(self, points_m: Floats) -> Floats:
-        """Points `(n, 2)` of the robot's frame (world metres) in the drawing frame."""
+        """Points `(n, 2)` of the robot's frame (m) in the drawing frame."""
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        turned = np.asarray(points_m) @ np.array([[cos, sin], [-sin, cos]])
-        return np.asarray(turned * (self.scale_x, self.scale_y) + (self.x_m, self.y_m))
+        rotated = np.asarray(points_m) @ np.array([[cos, sin], [-sin, cos]])
+        return np.asarray(rotated * (self.scale_x, self.scale_y) + (self.x, self.y))
 
-    def from_drawing(self, points_m: Floats) -> Floats:
-        """Points `(n, 2)` of the drawing frame in the robot's frame (world metres)."""
+    def from_drawing(self, points: Floats) -> Floats:
+        """Points `(n, 2)` of the drawing frame in the robot's frame (m)."""
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        local = (np.asarray(points_m) - (self.x_m, self.y_m)) / (self.scale_x, self.scale_y)
+        local = (np.asarray(points) - (self.x, self.y)) / (self.scale_x, self.scale_y)
         return np.asarray(local @ np.array([[cos, -sin], [sin, cos]]))
+
+    def after(self, step: Floats, stamp_ns: int | None = None) -> DrawingPose:
+        """The pose after a motion `(3,)` of the robot (m, m, rad)."""
+        x, y = self.to_drawing(step[None, :2])[0].tolist()
+        yaw = float(se2.wrap_angle(self.yaw_rad + step[2]))
+        return replace(self, x=x, y=y, yaw_rad=yaw, stamp_ns=self.stamp_ns if stamp_ns is None else stamp_ns)

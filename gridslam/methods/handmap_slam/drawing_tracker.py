@@ -1,9 +1,9 @@
-"""The robot in the drawing, update by update: Monte Carlo localization, line observation, motion correction."""
+"""The robot's pose in the drawing, update by update: Monte Carlo localization, line observation, motion correction."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,32 +14,56 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.matching.lines import Segments, ransac_lines
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.line_front_end import moved
 from gridslam.methods.handmap_slam.line_observation import (
     LineObserver,
     ObservedLine,
     correction_of,
     families_observed,
 )
-from gridslam.methods.handmap_slam.localizer import DrawingLocalizer, DrawnBelief
-from gridslam.methods.handmap_slam.places import Been, Places
+from gridslam.methods.handmap_slam.localizer import DrawingBelief, DrawingLocalizer
+from gridslam.methods.handmap_slam.visited_poses import VisitedPose, VisitedPoses
 
 Floats = NDArray[np.float64]
 
-LEAST_POINTS = 10
+MIN_POINTS = 10  # of a scan that updates the particles
+UPDATE_M, UPDATE_RAD = 0.2, 0.15  # motion after which a scan updates the particles
+REVISIT_RADIUS_M = 1.0  # an earlier pose this close is the same place
+REVISIT_AFTER_M = 4.0  # distance to travel before a place counts as revisited
+CORRECTION_STEP_M = 0.25  # of the position along the unobserved axis, metres of the world
+CORRECTION_PATIENCE = 3  # consecutive updates without observation before the first correction
+
+# Lines of a scan, found by RANSAC.
+LINE_TOLERANCE_M = 0.03
+LINE_MIN_POINTS = 12
+MAX_LINES = 8
+LINE_HYPOTHESES = 80  # draws for each line
+LINE_MAX_GAP_M = 3.0  # a line ends where it has no point for this distance
 
 
 @dataclass(frozen=True, slots=True)
-class Update:
-    """What one update came to: the pose, its scan's row in the track, and the drawn lines in view."""
+class DrawingUpdate:
+    """The result of one update: the scan's row in the track, the pose, and the drawn lines in view."""
 
     row: int
     pose: DrawingPose
     lines: tuple[ObservedLine, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class TrackedScan:
+    """A scan with the front end's pose `(3,)`, its row in the track, and the endpoints `(m, 2)` of its beams.
+
+    The endpoints (robot's frame, m) include those of beams without return.
+    """
+
+    scan: PreparedScan
+    track_pose: Floats
+    row: int
+    endpoints: Floats
+
+
 class DrawingTracker:
-    """Follows the robot in the drawing; `pose` is None until a scan with points has come."""
+    """Tracks the robot in the drawing; `pose` is None until a scan with points has arrived."""
 
     def __init__(
         self,
@@ -54,12 +78,12 @@ class DrawingTracker:
         self._localizer = DrawingLocalizer(config, drawn, rng)
         self._line_rng = line_rng
         self._updated_at: Floats | None = None  # the front end's pose at the last update
-        self._at_update: DrawingPose | None = None
-        self._unobserved = 0
+        self._pose_at_update: DrawingPose | None = None
+        self._unobserved_updates = 0
         self._travelled_m = 0.0
-        self._been = Places(config.localization.recall_m)
+        self._visited = VisitedPoses(REVISIT_RADIUS_M)
         self.pose: DrawingPose | None = None
-        self.updates: list[Update] = []
+        self.updates: list[DrawingUpdate] = []
         self.counters: Counter[str] = Counter()
 
     @property
@@ -69,118 +93,98 @@ class DrawingTracker:
 
     def lines_of(self, scan: PreparedScan) -> Segments:
         """The scan's lines in the robot's frame."""
-        config = self._config.lines
         return ransac_lines(
             scan.points,
-            config.tolerance_m,
-            config.least_points,
-            config.most_lines,
-            config.hypotheses,
-            self._line_rng,
-            config.gap_m,
+            LINE_TOLERANCE_M,
+            LINE_MIN_POINTS,
+            MAX_LINES,
+            LINE_HYPOTHESES,
+            rng=self._line_rng,
+            gap_m=LINE_MAX_GAP_M,
         )
 
-    def take(
-        self,
-        scan: PreparedScan,
-        track_pose: Floats,
-        row: int,
-        beam_ends: Floats,
-        lines: Segments | None = None,
-    ) -> None:
-        """Follow the robot to the front end's pose `(3,)`; weigh with the scan when it has come far enough.
+    def add_scan(self, tracked: TrackedScan, lines: Segments | None = None) -> None:
+        """Move the pose along with the front end, and update the particles if the robot has moved far enough.
 
-        `beam_ends` `(m, 2)` tell how far the scan's beams went, those without return included (robot's frame, m); `lines` are
-        the scan's, if they are known already.
+        `lines` are the scan's lines, if they are known already.
         """
-        if self._updated_at is None or self._at_update is None:
-            if len(scan.points) >= LEAST_POINTS:
-                self._tell(self._localizer.start(scan.points), scan, track_pose, row, beam_ends, lines)
+        scan = tracked.scan
+        if self._updated_at is None or self._pose_at_update is None:
+            if len(scan.points) >= MIN_POINTS:
+                self._finish_update(self._localizer.start(scan.points), tracked, lines)
             return
-        step = se2.between(self._updated_at, track_pose)
-        settings = self._config.localization
-        far = (
-            float(np.hypot(step[0], step[1])) >= settings.update_m
-            or abs(float(step[2])) >= settings.update_rad
-        )
-        if not far:
-            self.pose = moved(self._at_update, step, scan.stamp_ns)
+        step = se2.between(self._updated_at, tracked.track_pose)
+        distance_m = float(np.hypot(step[0], step[1]))
+        if distance_m < UPDATE_M and abs(float(step[2])) < UPDATE_RAD:
+            self.pose = self._pose_at_update.after(step, scan.stamp_ns)
             return
-        self._localizer.move(step)
-        self._travelled_m += float(np.hypot(step[0], step[1]))
-        self._recall(track_pose)
-        if len(scan.points) < LEAST_POINTS:
+        self._localizer.predict(step)
+        self._travelled_m += distance_m
+        self._use_revisited_pose(tracked.track_pose)
+        if len(scan.points) < MIN_POINTS:
             self.counters["drawing.scan_without_points"] += 1
-            self._updated_at = track_pose.copy()
-            self._at_update = self.pose = moved(self._at_update, step, scan.stamp_ns)
+            self._updated_at = tracked.track_pose.copy()
+            self._pose_at_update = self.pose = self._pose_at_update.after(step, scan.stamp_ns)
             return
-        self._tell(self._localizer.weigh(scan.points), scan, track_pose, row, beam_ends, lines)
+        self._finish_update(self._localizer.update(scan.points), tracked, lines)
 
-    def _tell(
-        self,
-        belief: DrawnBelief,
-        scan: PreparedScan,
-        track_pose: Floats,
-        row: int,
-        beam_ends: Floats,
-        lines: Segments | None,
-    ) -> None:
-        """Take the belief as the pose, observe the drawn lines from there, and correct."""
-        pose = _pose_of(belief, scan.stamp_ns)
-        observed = self._observer.observe(self.lines_of(scan) if lines is None else lines, beam_ends, pose)
-        self._count(observed)
+    def _finish_update(self, belief: DrawingBelief, tracked: TrackedScan, lines: Segments | None) -> None:
+        """Take the pose from the belief, observe the drawn lines from there, and correct the pose."""
+        pose = _pose_of(belief, tracked.scan.stamp_ns)
+        if lines is None:
+            lines = self.lines_of(tracked.scan)
+        observed = self._observer.observe(lines, tracked.endpoints, pose)
+        for family, is_observed in families_observed(observed).items():
+            self.counters[f"lines.{family}.{'observed' if is_observed else 'unobserved'}"] += 1
         if self._config.correction:
             pose = self._corrected(pose, observed)
-        self._updated_at = track_pose.copy()
-        self._at_update = self.pose = pose
-        self.updates.append(Update(row, pose, tuple(observed)))
-        self._been.add(Been(track_pose.copy(), self._travelled_m, pose))
+        self._updated_at = tracked.track_pose.copy()
+        self._pose_at_update = self.pose = pose
+        self.updates.append(DrawingUpdate(tracked.row, pose, tuple(observed)))
+        self._visited.add(VisitedPose(tracked.track_pose.copy(), self._travelled_m, pose))
         self.counters["drawing.updates"] += 1
 
-    def _recall(self, track_pose: Floats) -> None:
-        """Where the robot has been before it should be found in the drawing as before: a bent drawing stays bent."""
-        settings = self._config.localization
-        if not settings.recall_share:
+    def _use_revisited_pose(self, track_pose: Floats) -> None:
+        """Place particles at the earlier pose in the drawing when the robot returns to a place.
+
+        A deformed drawing is deformed in the same way on the second visit.
+        """
+        if not self._config.advanced.revisit_fraction:
             return
-        before_m = self._travelled_m - settings.recall_after_m
-        near = [
-            been for been in self._been.near(track_pose, settings.recall_m) if been.travelled_m < before_m
+        before_m = self._travelled_m - REVISIT_AFTER_M
+        earlier = [
+            visited
+            for visited in self._visited.near(track_pose, REVISIT_RADIUS_M)
+            if visited.travelled_m < before_m
         ]
-        if near:
-            best = max(near, key=lambda been: been.pose.fit)
-            then = moved(best.pose, se2.between(best.track_pose, track_pose))
-            scales = np.log([then.scale_x, then.scale_y])
-            self._localizer.recall(np.array([then.x_m, then.y_m, then.yaw_rad, *scales]))
-            self.counters["drawing.recalls"] += 1
+        if earlier:
+            best = max(earlier, key=lambda visited: visited.pose.inlier_ratio)
+            pose = best.pose.after(se2.between(best.track_pose, track_pose))
+            scales = np.log([pose.scale_x, pose.scale_y])
+            self._localizer.place_particles(np.array([pose.x, pose.y, pose.yaw_rad, *scales]))
+            self.counters["drawing.revisits"] += 1
 
     def _corrected(self, pose: DrawingPose, observed: list[ObservedLine]) -> DrawingPose:
-        """Shift the belief by a step along the unobserved axis, once it has been unobserved for some updates."""
-        config = self._config.lines
-        step = correction_of(observed, config.threshold, config.step_m)
-        self._unobserved = self._unobserved + 1 if step.any() else 0
-        if self._unobserved < config.patience:
+        """The pose shifted along the unobserved axis, if that has been unobserved for some updates."""
+        step = correction_of(observed, CORRECTION_STEP_M)
+        self._unobserved_updates = self._unobserved_updates + 1 if step.any() else 0
+        if self._unobserved_updates < CORRECTION_PATIENCE:
             return pose
         offset = step * (pose.scale_x, pose.scale_y)
         self._localizer.shift(offset)
         self.counters["drawing.corrections"] += 1
-        return DrawingPose(
-            pose.stamp_ns,
-            pose.x_m + float(offset[0]),
-            pose.y_m + float(offset[1]),
-            pose.yaw_rad,
-            pose.scale_x,
-            pose.scale_y,
-            pose.spread_m,
-            pose.fit,
-        )
-
-    def _count(self, observed: list[ObservedLine]) -> None:
-        families = families_observed(observed, self._config.lines.threshold)
-        for family, is_observed in families.items():
-            self.counters[f"lines.{family}.{'observed' if is_observed else 'unobserved'}"] += 1
+        return replace(pose, x=pose.x + float(offset[0]), y=pose.y + float(offset[1]))
 
 
-def _pose_of(belief: DrawnBelief, stamp_ns: int) -> DrawingPose:
+def _pose_of(belief: DrawingBelief, stamp_ns: int) -> DrawingPose:
     x, y, yaw, log_x, log_y = belief.state.tolist()
-    spread = float(np.hypot(belief.deviations[0], belief.deviations[1]))
-    return DrawingPose(stamp_ns, x, y, yaw, float(np.exp(log_x)), float(np.exp(log_y)), spread, belief.fit)
+    return DrawingPose(
+        stamp_ns,
+        x,
+        y,
+        yaw,
+        scale_x=float(np.exp(log_x)),
+        scale_y=float(np.exp(log_y)),
+        position_std=float(np.hypot(belief.std[0], belief.std[1])),
+        inlier_ratio=belief.inlier_ratio,
+    )

@@ -14,7 +14,9 @@ from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-MOST_CELLS = 4_000_000
+MAX_CELLS = 4_000_000
+MIN_SIDE_CELLS = 2  # of a grid that costs are interpolated on
+CELL_M = 0.1  # of the grid in the world
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +32,9 @@ class PlanGrid:
     cell_m: float
     cell_xy: tuple[float, float]
 
-    def to_cells(self, points_m: Floats) -> Floats:
-        """Drawing metres `(n, 2)` in cells."""
-        return np.asarray(points_m) / self.cell_xy
+    def to_cells(self, points: Floats) -> Floats:
+        """Drawing units `(n, 2)` in cells."""
+        return np.asarray(points) / self.cell_xy
 
     def to_drawing(self, points: Floats) -> Floats:
         """Cells `(n, 2)` in drawing metres."""
@@ -48,11 +50,11 @@ class PlanGrid:
 
     def cell_of(self, pose: DrawingPose) -> tuple[int, int]:
         """The cell (row, col) of a robot; it may lie outside of the grid."""
-        x, y = self.to_cells(np.array([[pose.x_m, pose.y_m]]))[0]
+        x, y = self.to_cells(np.array([[pose.x, pose.y]]))[0]
         return int(np.floor(y)), int(np.floor(x))
 
 
-def plan_grid(drawn: DrawnMap, scale_x: float, scale_y: float, cell_m: float) -> PlanGrid:
+def plan_grid(drawn: DrawnMap, scale_x: float, scale_y: float, cell_m: float = CELL_M) -> PlanGrid:
     """The grid of a drawing at a scale (drawing metres per metre).
 
     Where several pixels fall into a cell, one wall among them makes it a wall. Cells grow where there would be too many.
@@ -60,14 +62,19 @@ def plan_grid(drawn: DrawnMap, scale_x: float, scale_y: float, cell_m: float) ->
     rows, cols = drawn.walls.shape
     step = drawn.geometry.resolution_m
     area = (cols * step / scale_x) * (rows * step / scale_y)
-    cell = max(cell_m, float(np.sqrt(area / MOST_CELLS)))
+    cell = max(cell_m, float(np.sqrt(area / MAX_CELLS)))
     cell_xy = (cell * scale_x, cell * scale_y)
-    size = (max(int(np.ceil(cols * step / cell_xy[0])), 2), max(int(np.ceil(rows * step / cell_xy[1])), 2))
+    size = (
+        max(int(np.ceil(cols * step / cell_xy[0])), MIN_SIDE_CELLS),
+        max(int(np.ceil(rows * step / cell_xy[1])), MIN_SIDE_CELLS),
+    )
     col = np.minimum(((np.arange(size[0]) + 0.5) * cell_xy[0] / step).astype(np.int64), cols - 1)
     row = np.minimum(((np.arange(size[1]) + 0.5) * cell_xy[1] / step).astype(np.int64), rows - 1)
     walls = drawn.walls
     if max(cell_xy) > step:
-        reach = (int(np.ceil(cell_xy[0] / step)), int(np.ceil(cell_xy[1] / step)))
-        walls = cv2.dilate(walls.astype(np.uint8), np.ones(reach[::-1], np.uint8)) > 0
-    around = np.ix_(row, col)
-    return PlanGrid(np.asarray(walls[around]), np.asarray(drawn.free[around] & ~walls[around]), cell, cell_xy)
+        size_px = (int(np.ceil(cell_xy[0] / step)), int(np.ceil(cell_xy[1] / step)))
+        walls = cv2.dilate(walls.astype(np.uint8), np.ones(size_px[::-1], np.uint8)) > 0
+    sampled = np.ix_(row, col)
+    return PlanGrid(
+        np.asarray(walls[sampled]), np.asarray(drawn.free[sampled] & ~walls[sampled]), cell, cell_xy
+    )

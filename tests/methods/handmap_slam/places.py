@@ -22,7 +22,7 @@ START = (3.0, 2.5, 0.0)  # of the scripted robot in the drawing at scale 1
 
 
 def hall_drawing(scale_x: float = 1.0, scale_y: float = 1.0, mirrored: bool = False) -> Drawing:
-    """The hall drawn with these scales, drawing metres per metre."""
+    """The hall drawn with these scales, in drawing units per metre."""
     levels = scripted_drawing().levels
     rows, cols = levels.shape
     size = (round(cols * scale_x), round(rows * scale_y))
@@ -42,13 +42,13 @@ def drawn_truth(pose: NDArray[np.float64], scale_x: float = 1.0, scale_y: float 
 
 
 def run(
-    config: HandmapSlamConfig, drawing: Drawing, laps: int = 1, seed: int = 0, most_events: int = 10**9
+    config: HandmapSlamConfig, drawing: Drawing, laps: int = 1, seed: int = 0, max_events: int = 10**9
 ) -> tuple[RunResult, list[tuple[DrawingPose, NDArray[np.float64]]], HandmapSlam]:
     """The result, and the pose in the drawing with the true pose after every odometry message."""
     method = HandmapSlam(config, seed, drawing=drawing)
     pairs = []
     for index, (event, truth) in enumerate(scripted(laps)):
-        if index >= most_events:
+        if index >= max_events:
             break
         method.process(event)
         if truth is not None and method.drawing_pose is not None:
@@ -66,11 +66,11 @@ def true_poses() -> dict[int, NDArray[np.float64]]:
 
 
 def position_errors(result: RunResult) -> NDArray[np.float64]:
-    """Position errors `(n,)` of the trajectory, the first pose being that of the truth."""
+    """Position errors `(n,)` of the trajectory, with the first pose aligned to the truth."""
     truth = true_poses()
-    wanted = np.array([truth[stamp] for stamp in result.trajectory.stamps_ns.tolist()])
-    aligned = se2.compose(wanted[0], result.trajectory.poses)
-    return np.hypot(*(aligned - wanted)[:, :2].T)
+    expected = np.array([truth[stamp] for stamp in result.trajectory.stamps_ns.tolist()])
+    aligned = se2.compose(expected[0], result.trajectory.poses)
+    return np.hypot(*(aligned - expected)[:, :2].T)
 
 
 def events(laps: int = 1) -> list[Event]:

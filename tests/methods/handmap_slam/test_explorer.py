@@ -1,4 +1,4 @@
-"""The explorer in a simulated corridor with the truth as its localization (a double, in tests only)."""
+"""The explorer in a simulated corridor with the true pose in place of an estimate."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from gridslam.core import poses as se2
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.base import Estimate
+from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
+from gridslam.methods.handmap_slam.exploration_report import exploration_measures, tour_table
 from gridslam.methods.handmap_slam.explorer import Explorer
-from gridslam.methods.handmap_slam.explorer_outcome import exploration_measures, tour_table
-from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, FrontierConfig
 from gridslam.runs.explore import drive_of
 from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, validate_world
 
 SCALE_X, SCALE_Y = 1.3, 0.9
-MARGIN_M = 0.5  # of the drawing about the hall, drawing metres
+MARGIN_M = 0.5  # around the hall, drawing units
 LENGTH_M, WIDTH_M = 14.0, 6.0
 
 
@@ -46,7 +46,7 @@ def hall(*walls: list[list[float]], boxes: tuple[tuple[float, float], ...] = ())
 
 
 def drawing_of_hall(with_room: bool = True) -> DrawnMap:
-    """The hall as drawn at other scales along x and y, with its room or without."""
+    """The hall as drawn at other scales along x and y, with or without the room."""
     step = 0.1
     rows = int((WIDTH_M * SCALE_Y + 2 * MARGIN_M) / step)
     cols = int((LENGTH_M * SCALE_X + 2 * MARGIN_M) / step)
@@ -59,27 +59,29 @@ def drawing_of_hall(with_room: bool = True) -> DrawnMap:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class Exploration:
     explorer: Explorer
     simulator: Simulator
     touched: bool
 
 
-def drive(world: WorldConfig, drawn: DrawnMap, config: ExplorationConfig, longest_s: float = 150.0) -> Drive:
+def drive(
+    world: WorldConfig, drawn: DrawnMap, config: ExplorationConfig, max_duration_s: float = 150.0
+) -> Exploration:
     """The closed loop with the true pose in place of an estimate."""
     simulator = Simulator(world, Path())
     explorer = Explorer(config, drawn, drive_of(world), seed=1)
     watch = ContactWatch(simulator)
     start = simulator.robot.pose.copy()
-    for mount in simulator.extrinsics():
-        explorer.see(mount)
+    for extrinsics in simulator.extrinsics():
+        explorer.add(extrinsics)
     estimate = pose = None
-    while not explorer.is_finished and simulator.time_s < longest_s and not watch.is_touching:
+    while not explorer.is_finished and simulator.time_s < max_duration_s and not watch.is_touching:
         command = explorer.command(estimate, pose)
         radius = world.robot.wheels.radius_m
         for _ in range(10):
             for event in simulator.step(command.left_mps / radius, command.right_mps / radius):
-                explorer.see(event)
+                explorer.add(event)
         stamp, true = world.start_ns + round(simulator.time_s * 1e9), simulator.robot.pose
         estimate = Estimate(stamp, se2.between(start, true))
         pose = DrawingPose(
@@ -87,24 +89,24 @@ def drive(world: WorldConfig, drawn: DrawnMap, config: ExplorationConfig, longes
             float(true[0]) * SCALE_X + MARGIN_M,
             float(true[1]) * SCALE_Y + MARGIN_M,
             float(se2.wrap_angle(true[2])),
-            SCALE_X,
-            SCALE_Y,
-            0.1,
-            1.0,
+            scale_x=SCALE_X,
+            scale_y=SCALE_Y,
+            position_std=0.1,
+            inlier_ratio=1.0,
         )
-    return Drive(explorer, simulator, watch.is_touching)
+    return Exploration(explorer, simulator, watch.is_touching)
 
 
-TOUR_ONLY = ExplorationConfig(frontier=FrontierConfig(enabled=False))
+TOUR_ONLY = ExplorationConfig(visit_frontiers=False)
 
 
-def test_the_robot_visits_hall_and_room_and_ends_by_itself() -> None:
+def test_the_robot_visits_hall_and_room_and_finishes() -> None:
     driven = drive(hall(), drawing_of_hall(), TOUR_ONLY)
     assert driven.explorer.is_finished
     assert not driven.touched
     measures = exploration_measures(driven.explorer.plan)
     assert measures["unreachable"] == []
-    assert float(str(measures["walls_looked_at"])) > 0.95
+    assert float(str(measures["walls_observed"])) > 0.95
     plan = driven.explorer.plan
     assert plan is not None
     rows = tour_table(plan).rows
@@ -112,14 +114,14 @@ def test_the_robot_visits_hall_and_room_and_ends_by_itself() -> None:
     assert {row[3] for row in rows} <= {"reached", "seen"}
 
 
-def test_boxes_that_the_drawing_lacks_are_not_touched() -> None:
+def test_the_robot_does_not_touch_boxes_missing_from_the_drawing() -> None:
     driven = drive(hall(boxes=((5.0, 3.0), (3.0, 1.2), (7.4, 4.6))), drawing_of_hall(), TOUR_ONLY)
     assert driven.explorer.is_finished
     assert not driven.touched
     assert exploration_measures(driven.explorer.plan)["unreachable"] == []
 
 
-def test_a_room_that_is_walled_up_is_told_as_unreachable_and_the_rest_is_visited() -> None:
+def test_a_walled_up_room_is_reported_as_unreachable_and_the_rest_is_visited() -> None:
     driven = drive(hall([[9, 2], [9, 3.4]]), drawing_of_hall(), TOUR_ONLY)
     assert driven.explorer.is_finished
     assert not driven.touched
@@ -128,21 +130,21 @@ def test_a_room_that_is_walled_up_is_told_as_unreachable_and_the_rest_is_visited
     missed = [t for t in plan.targets if t.status == "unreachable"]
     assert missed
     assert all(t.xy[0] > 9.0 * SCALE_X + MARGIN_M for t in missed)
-    assert all("closed" in t.reason or "solid" in t.reason or "nearer" in t.reason for t in missed)
+    assert all("no open path" in t.reason or "obstacle" in t.reason or "closer" in t.reason for t in missed)
     assert all(t.status in ("reached", "seen") for t in plan.targets if t not in missed)
 
 
 @pytest.mark.parametrize("enabled", [False, True])
-def test_a_room_that_the_drawing_lacks_is_visited_only_beyond_the_tour(enabled: bool) -> None:
-    config = ExplorationConfig(frontier=FrontierConfig(enabled=enabled))
+def test_a_room_missing_from_the_drawing_is_visited_only_after_the_tour(enabled: bool) -> None:
+    config = ExplorationConfig(visit_frontiers=enabled)
     driven = drive(hall(), drawing_of_hall(with_room=False), config)
     assert driven.explorer.is_finished
     assert not driven.touched
-    furthest = driven.simulator.robot.poses_at(np.arange(0.0, driven.simulator.time_s, 0.5))[:, 0].max()
-    assert (furthest > 8.7) == enabled
+    farthest = driven.simulator.robot.poses_at(np.arange(0.0, driven.simulator.time_s, 0.5))[:, 0].max()
+    assert (farthest > 8.7) == enabled
 
 
-def test_nothing_is_commanded_before_the_estimator_knows_where_the_robot_is() -> None:
+def test_the_robot_stands_until_the_estimator_has_a_pose() -> None:
     explorer = Explorer(TOUR_ONLY, drawing_of_hall(), drive_of(hall()), seed=0)
     command = explorer.command(None, None)
     assert (command.left_mps, command.right_mps) == (0.0, 0.0)

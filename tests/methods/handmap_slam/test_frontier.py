@@ -1,12 +1,13 @@
-"""Looking at what was not seen yet."""
+"""Frontiers of the observed space, and the tour over them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gridslam.methods.handmap_slam.frontier import FrontierTour, hidden_gallery, unseen_beside
-from gridslam.methods.handmap_slam.planning_config import FrontierConfig, PathConfig
-from gridslam.methods.handmap_slam.seen_scans import SeenScan
+from gridslam.methods.handmap_slam.config import ExplorationConfig
+from gridslam.methods.handmap_slam.frontier_tour import FrontierTour
+from gridslam.methods.handmap_slam.observed_grid import frontier_cells, frontier_gallery
+from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints
 
 
 def room() -> tuple[np.ndarray, np.ndarray]:
@@ -20,73 +21,73 @@ def room() -> tuple[np.ndarray, np.ndarray]:
     return free, blocked
 
 
-def test_what_is_to_be_looked_at_lies_where_free_space_meets_what_was_never_seen() -> None:
+def test_frontiers_lie_where_free_space_borders_on_unobserved_space() -> None:
     free, blocked = room()
-    found = unseen_beside(free, blocked, 8)
+    found = frontier_cells(free, blocked, 8)
     assert found[20:30, 54].all()
     assert not found[:, :51].any()
     assert not (found & (free | blocked)).any()
 
 
-def test_short_borders_are_left_alone() -> None:
+def test_short_frontiers_are_ignored() -> None:
     free, blocked = room()
-    assert not unseen_beside(free, blocked, 20).any()
+    assert not frontier_cells(free, blocked, 20).any()
 
 
-def test_gaps_between_beams_are_no_borders() -> None:
+def test_gaps_between_beams_are_no_frontiers() -> None:
     free, blocked = room()
     free[15:38, 30:45:3] = False
-    assert not unseen_beside(free, blocked, 8)[:, :50].any()
+    assert not frontier_cells(free, blocked, 8)[:, :50].any()
 
 
-def test_a_corner_behind_a_box_is_seen_past_the_box_only() -> None:
+def test_a_corner_behind_a_box_is_visible_only_from_beside_the_box() -> None:
     free, blocked = room()
     blocked[20:30, 51] = True
     free[20:30, 51:54] = False
-    free[20:31, 40:51] = False  # unseen: the box itself and the shadow behind it
+    free[20:31, 40:51] = False  # unobserved: the box itself and its shadow
     blocked[20:31, 40] = blocked[20, 40:46] = True
-    hidden = unseen_beside(free, blocked, 2)
-    gallery = hidden_gallery(hidden, free)
-    before_the_box, past_the_box = np.array([[20.5, 25.5], [48.5, 15.5]])
-    sees = gallery.seen_from(np.array([before_the_box, past_the_box]), 40.0)
+    frontier = frontier_cells(free, blocked, 2)
+    gallery = frontier_gallery(frontier, free)
+    in_front, beside_the_box = np.array([[20.5, 25.5], [48.5, 15.5]])
+    visible = gallery.visible_from(np.array([in_front, beside_the_box]), 40.0)
     shadow = np.ravel_multi_index((20, 48), free.shape)
-    assert hidden.ravel()[shadow]
+    assert frontier.ravel()[shadow]
     index = np.flatnonzero(gallery.cells == shadow)[0]
-    assert sees[:, index].tolist() == [False, True]
+    assert visible[:, index].tolist() == [False, True]
 
 
-def scan(open_from: float, open_to: float) -> SeenScan:
-    """720 beams about a robot in a round room of 3 m, open between two bearings."""
+def scan(open_from: float, open_to: float) -> BeamEndpoints:
+    """720 beams of a robot in a round room of 3 m radius, open between two bearings."""
     bearings = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     is_open = (bearings > open_from) & (bearings < open_to)
     ranges = np.where(is_open, 8.0, 3.0)
-    ends = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
-    return SeenScan(0, np.zeros(2), ends, ~is_open)
+    endpoints = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+    return BeamEndpoints(0, np.zeros(2), endpoints, ~is_open)
 
 
-def test_the_way_leads_to_the_open_side_and_a_closed_room_is_done() -> None:
-    tour = FrontierTour(PathConfig(), FrontierConfig())
-    tour.seen.add(np.array([5.0, -3.0, 0.0]), scan(-0.4, 0.4))
-    found = tour.way(0, np.array([5.0, -3.0, 0.0]), 0.25)
+def test_the_path_leads_to_the_open_side_and_a_closed_room_is_finished() -> None:
+    tour = FrontierTour(ExplorationConfig())
+    tour.observed.add(np.array([5.0, -3.0, 0.0]), scan(-0.4, 0.4))
+    found = tour.path(0, np.array([5.0, -3.0, 0.0]), 0.25)
     assert np.isfinite(found.cost_m)
-    # The flanks of the opening are beyond 3 m and looked at from 4 m at most: a small step towards it shows more of them.
-    assert 0.1 < found.way[-1, 0] < 5.0
-    closed = FrontierTour(PathConfig(), FrontierConfig())
-    closed.seen.add(np.zeros(3), scan(0.0, 0.0))
-    assert not len(closed.way(0, np.zeros(3), 0.25).way)
-    assert not closed.is_finished  # it looks again for a while
-    closed.way(3 * 10**9, np.zeros(3), 0.25)
+    # The sides of the opening lie beyond 3 m and are viewed from 4 m at most: a small step towards it shows more of them.
+    assert 0.1 < found.path[-1, 0] < 5.0
+    closed = FrontierTour(ExplorationConfig())
+    closed.observed.add(np.zeros(3), scan(0.0, 0.0))
+    assert not len(closed.path(0, np.zeros(3), 0.25).path)
+    assert not closed.is_finished  # it waits for more scans first
+    closed.path(3 * 10**9, np.zeros(3), 0.25)
     assert closed.is_finished
 
 
-def test_a_view_that_comes_no_nearer_is_given_up() -> None:
-    tour = FrontierTour(PathConfig(), FrontierConfig(patience_s=5.0))
-    tour.seen.add(np.zeros(3), scan(-0.2, 0.2))
+def test_a_viewpoint_that_gets_no_closer_is_abandoned() -> None:
+    tour = FrontierTour(ExplorationConfig())
+    tour.observed.add(np.zeros(3), scan(-0.2, 0.2))
     for second in range(200):
-        tour.way(second * 10**9, np.zeros(3), 0.25)
-    assert tour.given_up >= 1
+        tour.path(second * 10**9, np.zeros(3), 0.25)
+    assert tour.abandoned >= 1
     assert tour.is_finished
 
 
-def test_where_it_is_off_nothing_is_looked_for() -> None:
-    assert FrontierTour(PathConfig(), FrontierConfig(enabled=False)).is_finished
+def test_a_disabled_frontier_tour_is_finished() -> None:
+    assert FrontierTour(ExplorationConfig(visit_frontiers=False)).is_finished

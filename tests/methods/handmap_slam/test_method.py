@@ -1,4 +1,4 @@
-"""handmap-slam as a whole, on the scripted hall."""
+"""The whole method on the scripted hall."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from tests.methods.handmap_slam.places import (
     start_in,
 )
 
-SHORT = 400  # events: a straight way of 12 m
+SHORT = 400  # events: a straight drive of 12 m
 
 
 @pytest.fixture(scope="module")
 def lap():
-    """One lap with the drawing as it should be."""
+    """One lap with an accurate drawing."""
     return run(HandmapSlamConfig(start=START), hall_drawing())
 
 
@@ -38,50 +38,50 @@ def test_map_and_trajectory_are_metric(lap):
     assert result.occupancy is not None
     occupied = np.argwhere(np.nan_to_num(result.occupancy.probability) > 0.65)
     corners = result.occupancy.geometry.centres(occupied)
-    # The hall is 14 x 9 m, the start at (2, 1.5): what was built spans it and no more.
+    # The hall is 14 x 9 m, the start at (2, 1.5): the map spans exactly that.
     assert corners.min(axis=0) == pytest.approx([-2.0, -1.5], abs=0.15)
     assert corners.max(axis=0) == pytest.approx([12.0, 7.5], abs=0.15)
 
 
-def test_the_robot_is_found_in_the_drawing_all_along(lap):
+def test_the_robot_is_localized_in_the_drawing_throughout(lap):
     _, pairs, _ = lap
-    off = [np.hypot(*(np.array([p.x_m, p.y_m]) - drawn_truth(t))) for p, t in pairs]
-    assert max(off) < 0.4
-    assert np.mean(off) < 0.15
+    errors = [np.hypot(*(np.array([p.x, p.y]) - drawn_truth(t))) for p, t in pairs]
+    assert max(errors) < 0.4
+    assert np.mean(errors) < 0.15
 
 
-def test_the_report_tells_of_the_drawing(lap):
+def test_the_result_reports_on_the_drawing(lap):
     result, _, _ = lap
     facts = result.measures["drawing"]
-    assert facts["fits"] and facts["coverage"] > 0.9
+    assert facts["matches_place"] and facts["coverage"] > 0.9
     assert facts["scale"] == pytest.approx(1.0, abs=0.05)
     lines = result.tables["lines"]
     assert list(lines.columns)[:3] == ["stamp", "line", "family"]
     assert {row[2] for row in lines.rows} == {"x", "y"}
     assert all(0.0 <= row[-1] <= 1.0 for row in lines.rows)
-    for name in ("scale_x", "scale_y", "drawing_fit", "lines_x", "lines_y"):
+    for name in ("scale_x", "scale_y", "drawing_inlier_ratio", "lines_x", "lines_y"):
         assert len(result.series[name].values) == result.counters["drawing.updates"]
     assert {"drawing_free", "drawing_walls", "drawing_seen"} <= set(result.layers)
     assert result.pictures["drawing"].rgb.shape[2] == 3
 
 
-def test_same_seed_same_result_other_seed_other_particles():
+def test_the_same_seed_gives_the_same_result_and_another_seed_other_particles():
     config = HandmapSlamConfig(start=START)
-    (a, pairs_a, _), (b, pairs_b, _) = (run(config, hall_drawing(), most_events=SHORT) for _ in range(2))
+    (a, pairs_a, _), (b, pairs_b, _) = (run(config, hall_drawing(), max_events=SHORT) for _ in range(2))
     np.testing.assert_array_equal(a.trajectory.poses, b.trajectory.poses)
     assert a.tables["lines"].rows == b.tables["lines"].rows
     assert pairs_a[-1][0] == pairs_b[-1][0]
-    _, pairs_c, _ = run(config, hall_drawing(), seed=1, most_events=SHORT)
+    _, pairs_c, _ = run(config, hall_drawing(), seed=1, max_events=SHORT)
     assert pairs_c[-1][0] != pairs_a[-1][0]
 
 
 def test_without_a_start_the_whole_drawing_is_searched():
     _, pairs, _ = run(HandmapSlamConfig(), hall_drawing(0.7, 0.7))
     pose, truth = pairs[-1]
-    assert [pose.x_m, pose.y_m] == pytest.approx(drawn_truth(truth, 0.7, 0.7), abs=0.4)
+    assert [pose.x, pose.y] == pytest.approx(drawn_truth(truth, 0.7, 0.7), abs=0.4)
 
 
-def test_the_paper_s_form_maps_as_well():
+def test_the_paper_s_form_maps():
     config = HandmapSlamConfig(
         start=START,
         front_end="lines",
@@ -91,24 +91,24 @@ def test_the_paper_s_form_maps_as_well():
     result, pairs, _ = run(config, hall_drawing())
     assert position_errors(result).mean() < 0.15
     pose, truth = pairs[-1]
-    assert [pose.x_m, pose.y_m] == pytest.approx(drawn_truth(truth), abs=0.4)
+    assert [pose.x, pose.y] == pytest.approx(drawn_truth(truth), abs=0.4)
 
 
-def test_a_drawing_of_another_place_is_told_and_the_map_is_right_nevertheless():
+def test_a_drawing_of_another_place_is_reported_and_the_map_is_still_right():
     levels = np.full((200, 400), 255, np.uint8)
     rows, cols = np.mgrid[0:200, 0:400]
-    ring = np.abs(np.hypot((cols - 200) / 2.0, rows - 100) - 80) < 2
+    outer_wall = np.abs(np.hypot((cols - 200) / 2.0, rows - 100) - 80) < 2
     star = np.abs((cols + rows) % 60 - 30) < 1
-    levels[ring | (star & (np.hypot((cols - 200) / 2.0, rows - 100) < 78) & (rows % 40 > 12))] = 0
+    levels[outer_wall | (star & (np.hypot((cols - 200) / 2.0, rows - 100) < 78) & (rows % 40 > 12))] = 0
     result, _, _ = run(
         HandmapSlamConfig(start=(20.0, 10.0, 0.0), localization={"scale": 1.0}), Drawing(levels, "other.png")
     )
     assert position_errors(result).max() < 0.05
     facts = result.measures["drawing"]
-    assert facts["fit"] < 0.8
+    assert facts["inlier_ratio"] < 0.8
 
 
-def test_scans_without_returns_are_counted_and_the_way_goes_on():
+def test_scans_without_returns_are_counted_and_tracking_continues():
     config = HandmapSlamConfig(start=START)
     method = HandmapSlam(config, 0, drawing=hall_drawing())
     for index, event in enumerate(events()[:SHORT]):
@@ -134,12 +134,12 @@ def test_a_log_of_empty_scans_gives_no_map_and_no_traceback():
     assert result.tables["lines"].rows == []
 
 
-def test_nothing_at_all_gives_an_empty_result():
+def test_no_events_give_an_empty_result():
     result = HandmapSlam(HandmapSlamConfig(), 0, drawing=hall_drawing()).result()
     assert len(result.trajectory) == 0
 
 
-def test_odometry_that_is_no_number_is_skipped_with_a_count():
+def test_odometry_that_is_not_finite_is_skipped_and_counted():
     method = HandmapSlam(HandmapSlamConfig(start=START), 0, drawing=hall_drawing())
     for event in events()[:60]:
         method.process(event)
@@ -148,7 +148,7 @@ def test_odometry_that_is_no_number_is_skipped_with_a_count():
     assert method.result().counters["skipped.odom.not_finite"] > 10
 
 
-def test_a_start_outside_of_the_drawing_is_an_error():
+def test_a_start_outside_the_drawing_is_an_error():
     with pytest.raises(ConfigError, match=r"method\.start"):
         HandmapSlam(HandmapSlamConfig(start=(-1.0, 2.0, 0.0)), 0, drawing=hall_drawing())
 
@@ -159,15 +159,15 @@ def test_a_run_without_drawing_is_an_error():
 
 
 @pytest.mark.parametrize(("scale_x", "scale_y"), [(1.0, 1.0), (0.5, 0.5), (1.8, 1.8)])
-def test_the_scale_of_an_undistorted_drawing_is_found_within_5_percent(scale_x, scale_y):
+def test_the_scale_of_an_undistorted_drawing_is_estimated_within_5_percent(scale_x, scale_y):
     result, _, _ = run(
-        HandmapSlamConfig(start=start_in(scale_x, scale_y)), hall_drawing(scale_x, scale_y), most_events=SHORT
+        HandmapSlamConfig(start=start_in(scale_x, scale_y)), hall_drawing(scale_x, scale_y), max_events=SHORT
     )
     assert result.measures["drawing"]["scale"] == pytest.approx(scale_x, rel=0.05)
 
 
 @pytest.mark.parametrize(("scale_x", "scale_y"), [(1.3, 1.0), (0.8, 1.1)])
-def test_the_two_scales_of_a_stretched_drawing_are_found_within_5_percent(scale_x, scale_y):
+def test_the_two_scales_of_a_stretched_drawing_are_estimated_within_5_percent(scale_x, scale_y):
     result, _, _ = run(HandmapSlamConfig(start=start_in(scale_x, scale_y)), hall_drawing(scale_x, scale_y))
     facts = result.measures["drawing"]
     assert facts["scale_x"] == pytest.approx(scale_x, rel=0.05)

@@ -29,9 +29,9 @@ def test_no_wall_is_lost_at_any_scale(scales: tuple[float, float]) -> None:
     assert grid.cell_xy == pytest.approx((0.1 * scales[0], 0.1 * scales[1]))
 
 
-def test_points_of_the_robot_s_frame_go_to_cells_and_back() -> None:
+def test_points_of_the_robot_s_frame_transform_to_cells_and_back() -> None:
     grid = plan_grid(drawn(), 2.0, 1.5, 0.1)
-    pose = DrawingPose(0, 2.0, 1.0, 0.7, 2.0, 1.5, 0.0, 1.0)
+    pose = DrawingPose(0, 2.0, 1.0, 0.7, scale_x=2.0, scale_y=1.5, position_std=0.0, inlier_ratio=1.0)
     points = np.random.default_rng(0).normal(0.0, 1.0, (20, 2))
     cells = grid.robot_to_cells(points, pose)
     np.testing.assert_allclose(grid.robot_from_cells(cells, pose), points, atol=1e-12)
@@ -40,7 +40,7 @@ def test_points_of_the_robot_s_frame_go_to_cells_and_back() -> None:
     np.testing.assert_allclose(np.hypot(*(ahead[1:] - ahead[0]).T), 10.0)
 
 
-def test_a_drawing_of_a_whole_town_gets_larger_cells() -> None:
+def test_a_very_large_drawing_gets_larger_cells() -> None:
     grid = plan_grid(drawn(), 0.001, 0.001, 0.1)
     assert grid.walls.size < 4.2e6
     assert grid.cell_m > 0.1

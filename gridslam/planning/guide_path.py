@@ -1,4 +1,4 @@
-"""Poses along a taut string, as stepping stones for the search."""
+"""Poses along a polyline, which guide the search for motions."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 SPACING_M = 0.4
+SAME_CORNER_M = 1e-6
+SAME_CORNER_M = SAME_CORNER_M
 
 
-def spine_of(corners: Floats) -> Floats:
+def poses_along_polyline(corners: Floats) -> Floats:
     """Poses `(n, 3)` along the lines between corners `(m, 2)`, at most 0.4 m apart.
 
-    Within a line the yaw is the line's, at a corner half way between its two lines'. The first and the last pose have
-    the yaw of the first and the last line. Equal corners are joined.
+    On a line the yaw is the line's; at a corner it is half way between those of its two lines. The first and the last pose have
+    the yaw of the first and the last line. Repeated corners are merged.
     """
-    kept = np.concatenate([[True], np.hypot(*np.diff(corners, axis=0).T) > 1e-6])
+    kept = np.concatenate([[True], np.hypot(*np.diff(corners, axis=0).T) > SAME_CORNER_M])
     points = corners[kept]
     if len(points) < 2:
         return np.array([[*points[0], 0.0]])

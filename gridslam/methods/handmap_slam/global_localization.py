@@ -1,0 +1,96 @@
+"""Global localization: without a start pose, the whole drawing is searched at many scales for the place of the first scan."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.filters.resampling import systematic_resampling
+from gridslam.maps.drawing import DrawnMap
+from gridslam.methods.handmap_slam.config import HandmapSlamConfig
+from gridslam.methods.handmap_slam.drawn_likelihood import MAX_DISTANCE_SIGMAS, OUTLIER_FRACTION
+from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table
+from gridslam.sensors.pose_search import PoseSearch, SearchSettings
+from gridslam.sensors.range_caster import range_caster
+
+Floats = NDArray[np.float64]
+
+SCALE_STD = 0.1  # relative, of a given scale
+SCALES = 17  # tried, evenly spaced in the logarithm
+SPACING_M = 0.4  # of the places tried, in metres of the world
+HEADINGS = 72
+COARSE_POINTS = 60  # of the scan
+MAX_POSES = 300_000  # at each scale; on larger drawings the spacing grows
+REFINED_POSES = 300
+HYPOTHESES = 60  # kept at each scale
+SAME_POSE_M, SAME_POSE_RAD = 0.5, 0.26  # closer hypotheses are one
+
+RANGE_SIGMA = 0.25  # of the logarithm of a range: errors of drawings are proportional to length
+MAX_RANGE_ERROR = 1.5  # of the logarithm; larger ones are limited to it: doors, furniture
+RANGE_WEIGHT = 10.0  # independent ranges in a scan
+SCATTER = np.array([0.15, 0.15, 0.05, 0.04, 0.04])  # about a hypothesis: metres of the world, rad, log scales
+
+
+def search_states(
+    drawn: DrawnMap, points: Floats, config: HandmapSlamConfig, count: int, rng: np.random.Generator
+) -> Floats:
+    """States `(count, 5)` (x, y, yaw, log scales) around the best hypotheses over all places, headings and scales.
+
+    `points` `(m, 2)` are those of the first scan (robot's frame, m).
+    """
+    settings = config.localization
+    low, high = settings.scale_range
+    if settings.scale is not None:
+        factor = np.exp(2.0 * SCALE_STD)
+        low, high = settings.scale / factor, settings.scale * factor
+    scales = np.geomspace(low, high, SCALES)
+    hypotheses = np.concatenate(
+        [_hypotheses_at(float(scale), drawn, points, settings.sigma_m) for scale in scales]
+    )
+    scores = _range_scores(drawn, points, hypotheses)
+    weights = np.exp(scores - scores.max())
+    states = hypotheses[systematic_resampling(weights, count, rng)]
+    scatter = rng.standard_normal((count, 5)) * SCATTER
+    scatter[:, :2] *= np.exp(states[:, 3:4])
+    if not settings.separate_scales:
+        scatter[:, 4] = scatter[:, 3]
+    states = states + scatter
+    states[:, 2] = se2.wrap_angle(states[:, 2])
+    return np.asarray(states)
+
+
+def _hypotheses_at(scale: float, drawn: DrawnMap, points: Floats, sigma_m: float) -> Floats:
+    """The best states `(k, 5)` at one scale of the drawing."""
+    sigma = sigma_m * scale
+    field = distance_field(drawn.walls, drawn.geometry, MAX_DISTANCE_SIGMAS * sigma)
+    settings = SearchSettings(
+        spacing_m=SPACING_M * scale,
+        headings=HEADINGS,
+        sigma_m=sigma,
+        points=COARSE_POINTS,
+        most_poses=MAX_POSES,
+        refined=REFINED_POSES,
+        hypotheses=HYPOTHESES,
+        apart_m=SAME_POSE_M * scale,
+        apart_rad=SAME_POSE_RAD,
+    )
+    table = log_likelihood_table(field, sigma, OUTLIER_FRACTION)
+    found = PoseSearch(field, drawn.free, settings).best(points * scale, table)
+    return np.column_stack([found.poses, np.full((len(found.poses), 2), np.log(scale))])
+
+
+def _range_scores(drawn: DrawnMap, points: Floats, states: Floats) -> Floats:
+    """Log-likelihoods `(n,)` of the measured ranges, given those ray cast in the drawing from the states `(n, 5)`.
+
+    Endpoints near walls alone would favour small scales, at which a scan fits into a corner. A ray that would have had to
+    pass a drawn wall, or that stops in the open, contradicts such a state.
+    """
+    caster = range_caster(drawn.walls, drawn.geometry)
+    bearings, ranges = np.arctan2(points[:, 1], points[:, 0]), np.hypot(points[:, 0], points[:, 1])
+    max_range = float(np.hypot(*drawn.walls.shape)) * drawn.geometry.resolution_m
+    expected = caster.ranges(states[:, :3], bearings, np.zeros(3), max_range).astype(np.float64)
+    with np.errstate(divide="ignore"):
+        error = np.log(np.maximum(expected, drawn.geometry.resolution_m)) - np.log(ranges) - states[:, 3:4]
+    squared = np.minimum((error / RANGE_SIGMA) ** 2, MAX_RANGE_ERROR**2 / RANGE_SIGMA**2)
+    return np.asarray(-0.5 * squared.mean(axis=1) * RANGE_WEIGHT)

@@ -1,0 +1,155 @@
+"""From a start to a goal pose: the guide path over the cells, and drivable motions along it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
+from gridslam.kernels.planning.search import EXHAUSTED, FOUND, Query, search_poses
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.planning.guide_path import poses_along_polyline
+from gridslam.planning.options import PlanOptions
+from gridslam.planning.refusals import no_path, search_limit_reached, unreachable_heading
+from gridslam.planning.space import MIN_DISC_RADIUS_M, Space
+
+Floats = NDArray[np.float64]
+Costs = NDArray[np.float32]
+
+INFLATION_RADIUS_M = 0.6
+SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more than the start
+FIRST_SEARCH_STATES = 100_000
+BACKWARD_SEARCH_STATES = 1_000_000
+LAST_SEARCH_STATES = 3_000_000
+COARSE_STEP_M, FINE_STEP_M = 0.15, 0.05  # length of an arc
+YAW_BINS, FINE_YAW_BINS = 64, 240
+COARSE_BIN, FINE_BIN = 0.5, 0.2  # width of a bin, in steps
+MIN_SEARCH_RADIUS_M = 0.1  # for robots that turn on the spot, whose smallest radius may be 0
+HALF_TURN = np.array([0.0, 0.0, np.pi])
+
+
+class SearchResult(NamedTuple):
+    """FOUND, EXHAUSTED or TOO_MANY, the motions `(n, 2)` (length, curvature), and the number of states."""
+
+    status: int
+    motions: Floats
+    states: int
+
+
+class MotionSearch:
+    """Searches between two poses of one space (its own frame); a goal yaw of NaN is free."""
+
+    def __init__(
+        self, occupancy: OccupancyGrid, space: Space, options: PlanOptions, start: Floats, goal: Floats
+    ) -> None:
+        self._occupancy, self._space, self._options = occupancy, space, options
+        self._start, self._goal = start, goal
+        smallest = options.min_radius_m
+        self.radius_m = max(smallest, MIN_SEARCH_RADIUS_M) if options.turn_on_spot else smallest
+        self._clearance_m = max(space.inner_radius_m, MIN_DISC_RADIUS_M) + space.margin_m
+
+    def cost_to_go(self, obstacle_weight: float, whole_map: bool = False, from_start: bool = False) -> Costs:
+        """Cost (m) to the goal from the cells around the shortest path, or from the whole map; `from_start`: to the start.
+
+        Raises MethodError if no path connects start and goal.
+        """
+        space = self._space
+        cols = space.blocked.shape[1]
+        ends = (self._start, self._goal) if from_start else (self._goal, self._start)
+        (row, col), start = (space.nearest_open_cell(pose, self._clearance_m) for pose in ends)
+        cost: Costs = cost_to_go(
+            field=space.field,
+            resolution=space.resolution_m,
+            required=self._clearance_m,
+            obstacle_weight=obstacle_weight,
+            inflation_radius=INFLATION_RADIUS_M,
+            goal=row * cols + col,
+            start=start[0] * cols + start[1],
+            search_factor=np.inf if whole_map else SEARCH_FACTOR,
+        )
+        if not np.isfinite(cost[start]):
+            raise no_path(self._occupancy, space, self._options.occupied_from, self._start, self._goal)
+        return cost
+
+    def guide_path(self, cost: Costs) -> Floats:
+        """Poses `(n, 3)` along the taut polyline from start to goal that descends the cost-to-go."""
+        space = self._space
+        row, col = space.nearest_open_cell(self._start, self._clearance_m)
+        cells = descend(cost, row * cost.shape[1] + col)
+        points = np.vstack([self._start[:2], (cells[:, ::-1] + 0.5) * space.resolution_m, self._goal[:2]])
+        world = space.world_for_disc(self._clearance_m - space.margin_m)
+        return poses_along_polyline(pull_string(world, points))
+
+    def motions(
+        self, start: Floats, goals: Floats, guide_path: Floats, cost: Costs, is_required: bool
+    ) -> Floats | None:
+        """Motions `(n, 2)` from the start to one of the goals; None if a short search fails and none is required.
+
+        A required search that fails raises MethodError. A long search starts only if both ends can be left: from a goal whose
+        heading leads out of a wall few poses can be reached backwards, so that search ends soon.
+        """
+        result = self._search(start, goals, guide_path, cost, max_states=FIRST_SEARCH_STATES)
+        if result.status == FOUND or not is_required:
+            return result.motions if result.status == FOUND else None
+        cost = self.cost_to_go(0.0, whole_map=True)
+        if result.status == EXHAUSTED:  # within the cells that the first search was limited to
+            result = self._search(start, goals, guide_path, cost, FIRST_SEARCH_STATES, is_fine=True)
+            if result.status == EXHAUSTED:
+                raise self._unreachable("start", self._start)
+        if result.status != FOUND and len(goals) == 1:
+            result = self._search_from_goal(start, goals[0], guide_path)
+            if result.status == EXHAUSTED:
+                raise self._unreachable("goal", self._goal)
+        states = 0
+        if result.status != FOUND:
+            result = self._search(start, goals, guide_path, cost, LAST_SEARCH_STATES)
+            states = result.states
+        if result.status == EXHAUSTED:
+            raise self._unreachable("start", self._start)
+        if result.status != FOUND:
+            raise search_limit_reached(self.radius_m, states)
+        return result.motions
+
+    def _unreachable(self, name: str, pose: Floats) -> Exception:
+        in_map = self._space.to_map(pose[None])[0]
+        return unreachable_heading(name, in_map, self.radius_m, self._options.reverse)
+
+    def _search_from_goal(self, start: Floats, goal: Floats, guide_path: Floats) -> SearchResult:
+        """The same search from the goal, with all headings reversed: the path found is driven the other way round."""
+        ends = np.stack([goal, start]) + HALF_TURN
+        result = self._search(
+            ends[0],
+            ends[1][None],
+            guide_path[::-1] + HALF_TURN,
+            self.cost_to_go(0.0, whole_map=True, from_start=True),
+            BACKWARD_SEARCH_STATES,
+            is_fine=True,
+        )
+        return result._replace(motions=result.motions[::-1] * [1.0, -1.0])
+
+    def _search(
+        self,
+        start: Floats,
+        goals: Floats,
+        guide_path: Floats,
+        cost: Costs,
+        max_states: int,
+        is_fine: bool = False,
+    ) -> SearchResult:
+        options = self._options
+        step_m = FINE_STEP_M if is_fine else max(COARSE_STEP_M, 0.5 * self.radius_m)
+        query = Query(
+            goals=goals,
+            guide_path=guide_path,
+            cost_to_go=cost,
+            limits=options.limits.for_kernels,
+            radius=self.radius_m,
+            step=step_m,
+            bin_size=(FINE_BIN if is_fine else COARSE_BIN) * step_m,
+            bin_yaws=FINE_YAW_BINS if is_fine else YAW_BINS,
+            reverse_cost=options.reverse_cost_s if options.reverse else np.inf,
+        )
+        status, motions, states = search_poses(self._space.world, query, start, max_states)
+        return SearchResult(int(status), np.asarray(motions), int(states))
