@@ -1,7 +1,7 @@
-"""Hand-drawn maps: a picture of any paint program read as brightness, and found in it what is wall and what is free.
+"""Hand-drawn maps: reads a picture as brightness, and separates walls from free space.
 
-The *drawing frame* has its origin at the lower-left corner of the picture, x to the right and y up, in metres at the
-nominal 0.1 m a pixel (handmap-slam, paper section 4). How many of these a metre of the world is, the localization finds.
+The *drawing frame* has its origin at the lower left corner of the picture, x to the right and y up. Its lengths are drawing
+units, 0.1 per pixel (handmap-slam, paper section 4). Localization estimates how many drawing units a metre is.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from gridslam.maps.drawing_regions import Regions, classes_of, regions_of
 from gridslam.maps.occupancy import GridGeometry
 
 RESOLUTION_M = 0.1
-MOST_PIXELS = 16_000_000
-LEAST_SIDE_PX = 16
-LEAST_CONTRAST = 32  # of 255, between the darker and the brighter class
+MAX_PIXELS = 16_000_000
+MIN_SIDE_PX = 16
+MIN_CONTRAST = 32  # of 255, between the darker and the brighter class
 
 FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
 DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
@@ -35,25 +35,25 @@ WallColour = Literal["auto", "dark", "bright"]
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Brightness `levels` uint8 `(rows, cols)`, row 0 = bottom, transparency laid over paper; `name` for messages."""
+    """Brightness `levels` uint8 `(rows, cols)`, row 0 at the bottom, transparent pixels as paper; `name` is for messages."""
 
     levels: NDArray[np.uint8]
     name: str
 
     @property
-    def size_m(self) -> tuple[float, float]:
-        """Width and height in the drawing frame."""
+    def size(self) -> tuple[float, float]:
+        """Width and height in drawing units."""
         rows, cols = self.levels.shape
         return cols * RESOLUTION_M, rows * RESOLUTION_M
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnMap:
-    """What a drawing says: bool arrays `(rows, cols)`, row 0 = bottom, in the drawing frame.
+    """A drawing as bool arrays `(rows, cols)`, row 0 at the bottom, in the drawing frame.
 
-    `free` is where the robot can get to from its start; `walls` are the drawn surfaces about it and about all other
-    enclosed space, and lines across gaps that would let the outside in. `walls_are` tells their colour, `is_open` that no
-    outline encloses the free space.
+    `free` is the space that the robot can reach from its start; `walls` are the drawn surfaces around it and around all
+    other enclosed space, and lines that close gaps to the outside. `walls_are` is their colour, `is_open` whether no outer
+    wall encloses the free space.
     """
 
     free: NDArray[np.bool_]
@@ -64,21 +64,21 @@ class DrawnMap:
 
 
 def load_drawing(path: Path) -> Drawing:
-    """Read a picture. Raises MapError: not a picture, absurdly large or small, or all of one colour."""
+    """Read a picture. Raises MapError if it is no picture, too large or too small, or of one colour."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns of sizes and of odd palettes
+            warnings.simplefilter("ignore")  # Pillow warns about sizes and unusual palettes
             with Image.open(path, formats=FORMATS) as image:
                 _check_size(path, *image.size)
                 levels = _brightness(image)
     except Image.DecompressionBombError:
-        raise MapError(f"{path}: the drawing has more than {MOST_PIXELS} pixels; draw it smaller") from None
+        raise MapError(f"{path}: the drawing has more than {MAX_PIXELS} pixels; draw it smaller") from None
     except DAMAGE as error:
         raise MapError(f"{path}: not a readable picture ({error}); save the drawing as PNG or JPEG") from None
     darkest, brightest = np.percentile(levels, [0.02, 99.98])
-    if brightest - darkest < LEAST_CONTRAST:
+    if brightest - darkest < MIN_CONTRAST:
         raise MapError(
-            f"{path}: the drawing is all of one colour; draw the walls darker or brighter than the paper"
+            f"{path}: the drawing has only one colour; draw the walls darker or brighter than the paper"
         )
     return Drawing(np.ascontiguousarray(levels[::-1]), path.name)
 
@@ -86,24 +86,24 @@ def load_drawing(path: Path) -> Drawing:
 def drawn_map(
     drawing: Drawing,
     walls_are: WallColour = "auto",
-    gap_m: float = 0.3,
-    start_xy_m: tuple[float, float] | None = None,
+    max_gap: float = 0.3,
+    start_xy: tuple[float, float] | None = None,
 ) -> DrawnMap:
-    """Tell walls from free space.
+    """Separate walls from free space.
 
-    The colour of the walls is the one that the start `(x, y)` does not lie in; without a start that of thin structures, or where
-    nothing is thin that of the picture's edge. Free is what the start lies in, or the largest enclosed space. Gaps in strokes
-    up to `gap_m` (drawing metres) are closed.
+    The walls have the colour that is not at the start `(x, y)`. Without a start they have the colour of thin structures, or
+    that of the picture's edge if nothing is thin. The free space is the region of the start, or the largest enclosed one.
+    Gaps in strokes up to `max_gap` (drawing units) are closed.
 
-    Raises MapError: there is no free space. ConfigError: the start is outside of the picture.
+    Raises MapError if there is no free space, and ConfigError if the start lies outside the picture.
     """
-    cell = _start_cell(drawing, start_xy_m)
+    cell = _start_cell(drawing, start_xy)
     dark = classes_of(drawing.levels)
-    regions = regions_of(dark, walls_are, round(gap_m / RESOLUTION_M), cell)
+    regions = regions_of(dark, walls_are, round(max_gap / RESOLUTION_M), cell)
     if regions is None:
         raise MapError(
             f"{drawing.name}: no free space was found in the drawing; "
-            "set method.drawing.walls_are to dark or bright, and close the outline of the place"
+            "set method.drawing.walls_are to dark or bright, and close the outer walls of the place"
         )
     geometry = GridGeometry(RESOLUTION_M, (0.0, 0.0))
     return DrawnMap(
@@ -120,34 +120,34 @@ def _frozen(array: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return array
 
 
-def _start_cell(drawing: Drawing, start_xy_m: tuple[float, float] | None) -> tuple[int, int] | None:
-    if start_xy_m is None:
+def _start_cell(drawing: Drawing, start_xy: tuple[float, float] | None) -> tuple[int, int] | None:
+    if start_xy is None:
         return None
-    width, height = drawing.size_m
-    x, y = start_xy_m
+    width, height = drawing.size
+    x, y = start_xy
     if not (0.0 <= x < width and 0.0 <= y < height):
         raise ConfigError(
-            f"{drawing.name}: the start ({x:g}, {y:g}) lies outside of the drawing, which is {width:g} x {height:g} m "
-            "at 0.1 m a pixel, measured from its lower-left corner; correct method.start"
+            f"{drawing.name}: the start ({x:g}, {y:g}) lies outside the drawing, which is {width:g} x {height:g} drawing "
+            "units (0.1 per pixel) from its lower left corner; correct method.start"
         )
     return int(y / RESOLUTION_M), int(x / RESOLUTION_M)
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
-    if min(width, height) < LEAST_SIDE_PX:
+    if min(width, height) < MIN_SIDE_PX:
         raise MapError(
-            f"{path}: {width} x {height} pixels show no place; at least {LEAST_SIDE_PX} a side are needed"
+            f"{path}: {width} x {height} pixels are too small for a drawing; at least {MIN_SIDE_PX} per side are needed"
         )
-    if width * height > MOST_PIXELS:
+    if width * height > MAX_PIXELS:
         raise MapError(
-            f"{path}: {width} x {height} pixels, at most {MOST_PIXELS} are read; scale the drawing down"
+            f"{path}: {width} x {height} pixels, at most {MAX_PIXELS} are read; scale the drawing down"
         )
 
 
 def _brightness(image: Image.Image) -> NDArray[np.uint8]:
     """Brightness `(rows, cols)`, top row first.
 
-    What is transparent is paper: white, or black where what is drawn is bright.
+    Transparent pixels are paper: white, or black if the strokes are bright.
     """
     if image.mode.startswith(("I", "F")):
         values = np.asarray(image, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Walls, free space and outside in a drawing of two colours. All lengths are pixels, arrays bool `(rows, cols)`."""
+"""Walls, free space and outside of a two-coloured drawing. Lengths are pixels, arrays are bool `(rows, cols)`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from gridslam.maps.distances import distances_to
 
 Mask = NDArray[np.bool_]
 
-THIN = 3.0  # a colour whose widest spot is so much narrower than the other's is that of the strokes
-SPECKLE_PX = 4  # smaller specks of either colour are noise of compression
-WIDEST_LEAKS_PX = (
+THIN_RATIO = (
+    3.0  # a colour is that of the strokes if its widest area is narrower by this factor than the other's
+)
+SPECKLE_PX = 4  # largest size of specks of either colour, which are compression noise
+LEAK_WIDTHS_PX = (
     0,
     1,
     2,
@@ -26,15 +28,15 @@ WIDEST_LEAKS_PX = (
     11,
     15,
     20,
-)  # half gaps through which the outside is kept from coming in
-ENCLOSED_SHARE = 0.35  # of the strokes' surface must border on what is enclosed: less is but a loop of a pen
-START_AROUND_PX = 3
+)  # half widths of gaps to the outside that are closed, tried in order
+MIN_ENCLOSED_RATIO = 0.35  # of the strokes' surface that borders on enclosed space; less is a small loop
+START_RADIUS_PX = 3
 CLOSING_DIRECTIONS = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Regions:
-    """Free space, surfaces, whether walls are the darker colour, and whether nothing encloses the free space."""
+    """Free space, wall surfaces, whether walls are the darker colour, and whether no outer wall encloses the free space."""
 
     free: Mask
     walls: Mask
@@ -43,11 +45,11 @@ class Regions:
 
 
 def classes_of(levels: NDArray[np.uint8]) -> Mask:
-    """Which pixels are dark, by Otsu's threshold; specks that compression leaves are taken out of either colour."""
+    """Which pixels are dark, by Otsu's threshold, with specks of compression removed from either colour."""
     threshold, _ = cv2.threshold(
         cv2.medianBlur(np.ascontiguousarray(levels), 3), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
     )
-    if not levels.min() <= threshold < levels.max():  # the median has wiped out strokes of one pixel
+    if not levels.min() <= threshold < levels.max():  # the median has removed strokes one pixel wide
         threshold, _ = cv2.threshold(
             np.ascontiguousarray(levels), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
         )
@@ -58,7 +60,7 @@ def classes_of(levels: NDArray[np.uint8]) -> Mask:
 def regions_of(
     dark: Mask, walls_are: Literal["auto", "dark", "bright"], gap_px: int, start: tuple[int, int] | None
 ) -> Regions | None:
-    """Regions of a drawing; None when nothing is free. `start` is a (row, col) in free space."""
+    """Regions of a drawing; None if nothing is free. `start` is a (row, col) in free space."""
     walls_are_dark = _are_walls_dark(dark, start) if walls_are == "auto" else walls_are == "dark"
     strokes = dark if walls_are_dark else ~dark
     if not strokes.any() or strokes.all():
@@ -72,22 +74,22 @@ def regions_of(
     free = _component(inside, start)
     if not free.any():
         return None
-    # Where the free space borders on the outside through a gap in the outline, a line is thought across.
+    # Where the free space borders on the outside through a gap in the outer wall, a line closes the gap.
     seam = _grown(inside, 1) & outside if outside is not None else np.zeros_like(free)
     return Regions(free & ~seam, (_grown(inside, 1) & barrier) | seam, walls_are_dark, is_open)
 
 
 def _are_walls_dark(dark: Mask, start: tuple[int, int] | None) -> bool:
-    """The colour of the walls: not that of the start; else the thin one; else the one at the picture's edge."""
+    """Whether walls are dark: the colour that is not at the start, else the thin one, else the one at the picture's edge."""
     if start is not None:
         row, col = start
-        r = START_AROUND_PX
+        r = START_RADIUS_PX
         around = dark[max(row - r, 0) : row + r + 1, max(col - r, 0) : col + r + 1]
         return bool(around.mean() < 0.5)
     width_dark, width_bright = _widest(dark), _widest(~dark)
-    if width_bright > THIN * width_dark:
+    if width_bright > THIN_RATIO * width_dark:
         return True
-    if width_dark > THIN * width_bright:
+    if width_dark > THIN_RATIO * width_bright:
         return False
     edge = np.concatenate([dark[0], dark[-1], dark[:, 0], dark[:, -1]])
     return bool(edge.mean() > 0.5)
@@ -99,28 +101,28 @@ def _widest(mask: Mask) -> float:
 
 
 def _outside(barrier: Mask, start: tuple[int, int] | None) -> Mask | None:
-    """What lies outside of the outline; None when nothing is enclosed.
+    """The outside of the outer walls; None if nothing is enclosed.
 
-    Gaps in the outline are kept shut by the least closing that encloses a place.
+    Gaps in the outer walls are closed by the smallest closing that encloses a place.
     """
     surface = barrier & _grown(~barrier, 1)
     to_wall = _distance(~barrier)
     widest = float(to_wall.max())
-    for reach in WIDEST_LEAKS_PX:
-        if reach > 0.7 * widest:
+    for radius in LEAK_WIDTHS_PX:
+        if radius > 0.7 * widest:
             break
-        roomy = to_wall > reach if reach else ~barrier
-        outside = _joined_to_edge(roomy)
-        if reach:
-            outside = _grown(outside, reach) & ~barrier
+        beyond_leaks = to_wall > radius if radius else ~barrier
+        outside = _joined_to_edge(beyond_leaks)
+        if radius:
+            outside = _grown(outside, radius) & ~barrier
         inside = ~barrier & ~outside
         if (
             start is not None
             and inside[start]
-            and bool((_component(inside, start) & (to_wall > reach)).any())
+            and bool((_component(inside, start) & (to_wall > radius)).any())
         ):
             return outside
-        if start is None and (surface & _grown(inside, 1)).sum() > ENCLOSED_SHARE * surface.sum():
+        if start is None and (surface & _grown(inside, 1)).sum() > MIN_ENCLOSED_RATIO * surface.sum():
             return outside
     return None
 
@@ -136,7 +138,7 @@ def _joined_to_edge(mask: Mask) -> Mask:
 
 
 def _component(mask: Mask, start: tuple[int, int] | None) -> Mask:
-    """The part of a mask that holds the start, or the largest one; empty where the mask is."""
+    """The part of a mask that contains the start, or the largest one; empty if the mask is."""
     if not mask.any():
         return mask
     labels = _labels(mask)
@@ -148,7 +150,7 @@ def _component(mask: Mask, start: tuple[int, int] | None) -> Mask:
 
 
 def _nearest_free(barrier: Mask, start: tuple[int, int]) -> tuple[int, int]:
-    """The free pixel nearest to a start that was put on a stroke by a hair."""
+    """The free pixel nearest to a start that lies on a stroke."""
     if not barrier[start]:
         return start
     free = np.argwhere(~barrier)
@@ -157,25 +159,25 @@ def _nearest_free(barrier: Mask, start: tuple[int, int]) -> tuple[int, int]:
 
 
 def _closed(mask: Mask, gap_px: int) -> Mask:
-    """A mask with gaps up to `gap_px` between strokes in line closed.
+    """The mask with gaps up to `gap_px` between collinear strokes closed.
 
     Closing along lines, not with a disc, leaves corners and narrow passages as they are.
     """
     if gap_px < 1:
         return mask
-    reach = gap_px + 2
-    padded = np.pad(mask, reach).astype(np.uint8)
+    radius = gap_px + 2
+    padded = np.pad(mask, radius).astype(np.uint8)
     closed = padded.copy()
     for angle in np.arange(CLOSING_DIRECTIONS) * (np.pi / CLOSING_DIRECTIONS):
         closed = np.maximum(
             closed,
-            np.asarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _line_kernel(reach, angle)), np.uint8),
+            np.asarray(cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _line_kernel(radius, angle)), np.uint8),
         )
-    return np.asarray(closed[reach:-reach, reach:-reach] > 0)
+    return np.asarray(closed[radius:-radius, radius:-radius] > 0)
 
 
 def _line_kernel(length: int, angle_rad: float) -> NDArray[np.uint8]:
-    """A line of so many pixels in a square kernel."""
+    """A line of `length` pixels in a square kernel."""
     half = length // 2
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.uint8)
     along = np.rint(np.arange(-half, half + 1)[:, None] * (np.cos(angle_rad), np.sin(angle_rad))).astype(
@@ -185,12 +187,12 @@ def _line_kernel(length: int, angle_rad: float) -> NDArray[np.uint8]:
     return kernel
 
 
-def _grown(mask: Mask, reach: int) -> Mask:
-    """All pixels within `reach` of the mask (a disc; one pixel: its eight neighbours)."""
-    if reach == 1:
+def _grown(mask: Mask, radius: int) -> Mask:
+    """All pixels within `radius` of the mask (a disc; one pixel: its eight neighbours)."""
+    if radius == 1:
         kernel = np.ones((3, 3), np.uint8)
         return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
-    return np.asarray(_distance(~mask) <= reach)
+    return np.asarray(_distance(~mask) <= radius)
 
 
 def _distance(mask: Mask) -> NDArray[np.float32]:

@@ -1,6 +1,6 @@
 """Exploring: points and tour against the optimum, the time of a cycle, and closed loops of a few seeds.
 
-The tables of many seeds are made by `python -m tests.benchmarks.explorations OUT`.
+Tables over many seeds come from `python -m tests.benchmarks.explorations OUT`.
 """
 
 from __future__ import annotations
@@ -15,22 +15,24 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
 from gridslam.maps.drawing import drawn_map, load_drawing
+from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.pathfinder import find_path, passable_prices
+from gridslam.methods.handmap_slam.pathfinder import CostGrid, find_path, observed_costs
 from gridslam.methods.handmap_slam.plan_grid import plan_grid
-from gridslam.methods.handmap_slam.planning_config import ExplorationConfig, PathConfig
 from gridslam.methods.handmap_slam.pursuit import Pursuit
-from gridslam.methods.handmap_slam.seen_scans import ScanMemory, SeenScan
+from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints, ScanMemory
 from gridslam.planning.art_gallery import gallery_of, greedy_cover, scatter
-from gridslam.planning.dwa import DifferentialDrive
+from gridslam.planning.dwa import DifferentialDrive, WheelSpeeds
 from gridslam.planning.tour import tour_length
-from tests.benchmarks.explorations import BUILDING_START, DRAWINGS, Outcome, run_set, trials
+from tests.benchmarks.explorations import BUILDING_START, DRAWINGS, ExplorationResult, run_set, trials
 from tests.benchmarks.harness import Row
 from tests.reference.planning import minimum_cover
 
 Floats = NDArray[np.float64]
 
-DRIVE = DifferentialDrive(0.25, 0.4, 0.8, 1.5, 10.0)
+DRIVE = DifferentialDrive(
+    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
+)
 SEEDS = range(10)
 
 
@@ -44,7 +46,7 @@ def rows() -> Iterator[Row]:
 
 
 def cover_rows() -> Iterator[Row]:
-    """Greedy cover over the least one on the drawings that ship with the program, 80 candidates, seeds 0 to 9."""
+    """Size of the greedy cover over the minimum, on the two built-in drawings, 80 candidates, seeds 0 to 9."""
     for name in ("corridor", "building"):
         drawn = drawn_map(load_drawing(DRAWINGS / f"{name}.png"))
         gallery = gallery_of(drawn.walls, drawn.free)
@@ -58,7 +60,7 @@ def cover_rows() -> Iterator[Row]:
 
 
 def tour_rows() -> Iterator[Row]:
-    """Local search over the optimum, 13 places, seeds 0 to 9; up to that many the program takes the optimum itself."""
+    """Length of the local search over the optimum, which the program uses up to 13 places; seeds 0 to 9."""
     ratios = []
     for seed in SEEDS:
         points = np.random.default_rng(seed).uniform(0.0, 10.0, (13, 2))
@@ -74,39 +76,39 @@ def cycle_rows() -> Iterator[Row]:
     scan = _scan_about()
     pursuit = Pursuit(ExplorationConfig(), DRIVE)
     for _ in range(3):
-        pursuit.see(np.zeros(3), scan)
+        pursuit.add_scan(np.zeros(3), scan)
     pursuit.follow(np.column_stack([np.linspace(0.0, 3.0, 60), np.zeros(60)]), np.zeros(3))
     stamps = iter(range(10**9, 10**12, 10**8))
     yield Row(
         "explore.command",
-        cpu_ms(lambda: pursuit.command(next(stamps), np.zeros(3), (0.3, 0.3)), 100),
+        cpu_ms(lambda: pursuit.command(next(stamps), np.zeros(3), WheelSpeeds(0.3, 0.3)), 100),
         "ms",
         bound=5.0,
     )
     drawn = drawn_map(load_drawing(DRAWINGS / "building.png"))
-    path, memory = PathConfig(), ScanMemory(PathConfig())
+    config, memory = ExplorationConfig(), ScanMemory()
     for k in range(60):
         memory.add(np.array([0.4 * k - 12.0, 0.0, 0.0]), scan)
-    pose = DrawingPose(0, *BUILDING_START, 1.0, 1.0, 0.1, 1.0)
+    pose = DrawingPose(0, *BUILDING_START, scale_x=1.0, scale_y=1.0, position_std=0.1, inlier_ratio=1.0)
 
     def plan() -> None:
-        grid = plan_grid(drawn, 1.0, 1.0, path.cell_m)
-        blocked, cleared = memory.over(grid, np.zeros(3), pose)
-        cell_cost = passable_prices(grid, blocked, cleared, 0.25, path)
-        find_path(grid, cell_cost, blocked, pose, np.array([24.0, 24.0]), 0.25, 0.2)
+        grid = plan_grid(drawn, 1.0, 1.0)
+        blocked, cleared = memory.cells_on(grid, np.zeros(3), pose)
+        cell_cost = observed_costs(grid, blocked, cleared, 0.25, config)
+        find_path(CostGrid(grid, cell_cost, blocked), pose, np.array([24.0, 24.0]), 0.25, 0.2)
 
     yield Row("explore.path", cpu_ms(plan, 10), "ms")
 
 
 def loop_rows() -> Iterator[Row]:
-    """Whole explorations, seeds 0 and 1: all finished, nothing touched, the map right, and the walls in it."""
+    """Whole explorations, seeds 0 and 1: finished, without contact, with an accurate and complete map."""
     for name in ("corridor-35-corrected", "building-distorted", "curved"):
         found = runs_of(name)
         finished = float(np.mean([run.ended == "finished" for run in found]))
-        yield Row(f"explore.{name}.finished", finished, "share", bound=1.0, at_least=True)
+        yield Row(f"explore.{name}.finished", finished, "fraction", bound=1.0, at_least=True)
         yield Row(f"explore.{name}.map_error", max(run.map_error_m for run in found), "m", bound=0.05)
         yield Row(
-            f"explore.{name}.coverage", min(run.coverage for run in found), "share", 0.95, at_least=True
+            f"explore.{name}.coverage", min(run.coverage for run in found), "fraction", 0.95, at_least=True
         )
         yield Row(
             f"explore.{name}.clearance", min(run.clearance_m for run in found), "m", bound=0.0, at_least=True
@@ -125,11 +127,11 @@ def correction_rows() -> Iterator[Row]:
     yield Row("explore.paper.corridor-35.gain", gain, "x", bound=3.0, at_least=True)
 
 
-def runs_of(name: str) -> list[Outcome]:
+def runs_of(name: str) -> list[ExplorationResult]:
     """Seeds 0 and 1 of a trial."""
     trial = next(t for some in trials().values() for t in some if t.name == name)
     with tempfile.TemporaryDirectory() as folder:
-        return run_set([trial], Path(folder), most_seeds=2)
+        return run_set([trial], Path(folder), max_seeds=2)
 
 
 def cpu_ms(call: Callable[[], object], times: int) -> float:
@@ -141,9 +143,9 @@ def cpu_ms(call: Callable[[], object], times: int) -> float:
     return 1e3 * (time.process_time() - started) / times
 
 
-def _scan_about() -> SeenScan:
+def _scan_about() -> BeamEndpoints:
     """360 beams in a corridor 2.4 m wide."""
     bearings = np.linspace(-np.pi, np.pi, 360, endpoint=False)
     ranges = np.minimum(1.2 / np.maximum(np.abs(np.sin(bearings)), 1e-3), 8.0)
-    ends: Floats = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
-    return SeenScan(0, np.zeros(2), ends, ranges < 8.0)
+    endpoints: Floats = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+    return BeamEndpoints(0, np.zeros(2), endpoints, ranges < 8.0)

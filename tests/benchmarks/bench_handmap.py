@@ -1,7 +1,7 @@
 """handmap-slam over recorded drives: map error, localization in the drawing, scales, with and without motion correction.
 
-The drives are those of the simulator's own driver: the map is judged, not the exploration. Map error is the mean distance from
-mapped walls to the nearest true one. All bounds are on the worst seed.
+The drives are those of the simulator's driver, so the map is evaluated and not the exploration. The map error is the mean
+distance from mapped walls to the nearest true wall. All bounds are on the worst seed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tests.benchmarks.drawn_places import (
     DRAWINGS,
     Judged,
     built_in_drive,
-    free_share,
+    free_fraction,
     in_distorted_building,
     judge,
     return_error_m,
@@ -31,7 +31,7 @@ from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir
 
 SEEDS = range(10)
-FEW_SEEDS = range(5)  # of what is slow, and no requirement
+FEW_SEEDS = range(5)  # of slow runs without a bound
 SKETCH_SEEDS = range(3)
 PICTURES = Path("out") / "benchmarks"
 CORRIDOR_START = (2.7, 3.2, 0.0)
@@ -50,7 +50,7 @@ SKETCHES: dict[str, tuple[str, float, tuple[float, float], tuple[float, float]]]
     "easy_01": ("easy_model", 0.05, (60, 330), (47, 412)),
     "easy_05": ("easy_model", 0.05, (60, 330), (47, 412)),
 }
-SKETCH_LOCALIZATION = {"aspect_deviation": 0.4}  # people do not keep the ratio of width and height
+SKETCH_SETTINGS = {"aspect_std": 0.4}  # people do not preserve the ratio of width to height
 
 
 def rows() -> Iterator[Row]:
@@ -84,12 +84,12 @@ def corridor_rows() -> Iterator[Row]:
             seeds = SEEDS if kind == "best" else FEW_SEEDS
             runs = [judge(built_in_drive(f"hand-corridor-{length}", s), config, drawing, s) for s in seeds]
             stretch = np.array([25.0 / length, 1.0])
-            off = [r.drawing_errors_m(r.true_poses[:, :2] * stretch + 1.2) for r in runs]
+            errors = [r.drawing_errors(r.true_poses[:, :2] * stretch + 1.2) for r in runs]
             label = f"handmap.corridor-{length}.{kind}"
             yield from summary(label, runs, 0.05 if kind == "best" else None)
-            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in off), "drawing m")
-            yield Row(f"{label}.fit", min(fact(r, "fit") for r in runs), "share")
-            yield Row(f"{label}.x_observed", min(x_observed(r) for r in runs), "share of updates")
+            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units")
+            yield Row(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
+            yield Row(f"{label}.x_observed", min(x_observed(r) for r in runs), "fraction of updates")
             if kind == "best":
                 yield Row(f"{label}.scale_x", worst_scale(runs, "scale_x", 25.0 / length), "relative", 0.05)
                 yield Row(f"{label}.cpu", 1e3 * max(r.cpu_per_scan_s for r in runs), "ms a scan", 10.0)
@@ -99,19 +99,23 @@ def building_rows() -> Iterator[Row]:
     """The building with both drawings, start given and found."""
     for name, start in (("building", BUILDING_START), ("building-distorted", DISTORTED_START)):
         drawing = load_drawing(DRAWINGS / f"{name}.png")
-        for kind, begin in (("", start), (".found", None)):
-            config = HandmapSlamConfig(start=begin)
+        for kind, start_pose in (("", start), (".found", None)):
+            config = HandmapSlamConfig(start=start_pose)
             runs = [judge(built_in_drive("hand-building", seed), config, drawing, seed) for seed in SEEDS]
             label = f"handmap.{name}{kind}"
             yield from summary(label, runs)
             if name == "building":
-                wanted = [r.true_poses[:, :2] + 1.2 for r in runs]
+                expected = [r.true_poses[:, :2] + 1.2 for r in runs]
             else:
-                wanted = [in_distorted_building(r.true_poses[:, :2]) for r in runs]
-            off = [r.drawing_errors_m(w) for r, w in zip(runs, wanted, strict=True)]
-            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in off), "drawing m", 1.0)
+                expected = [in_distorted_building(r.true_poses[:, :2]) for r in runs]
+            errors = [r.drawing_errors(w) for r, w in zip(runs, expected, strict=True)]
+            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units", 1.0)
             yield Row(
-                f"{label}.within_1m", min(float((e < 1.0).mean()) for e in off), "share", 0.7, at_least=True
+                f"{label}.within_1m",
+                min(float((e < 1.0).mean()) for e in errors),
+                "fraction",
+                0.7,
+                at_least=True,
             )
             if name == "building":
                 yield Row(f"{label}.scale", worst_scale(runs, "scale", 1.0), "relative", 0.05)
@@ -119,7 +123,7 @@ def building_rows() -> Iterator[Row]:
 
 
 def curved_rows() -> Iterator[Row]:
-    """A corridor in an S and a round hall: no lines to hold on to."""
+    """An S-shaped corridor and a round hall, which have no straight lines."""
     for name, start in (("curved", CURVED_START), ("round", ROUND_START)):
         drawing = load_drawing(DRAWINGS / f"{name}.png")
         for kind, settings, seeds in (("best", {}, SEEDS), ("paper", paper_settings(), FEW_SEEDS)):
@@ -128,7 +132,11 @@ def curved_rows() -> Iterator[Row]:
             yield from summary(f"handmap.{name}.{kind}", runs, 0.08 if kind == "best" else None)
             if kind == "best":
                 yield Row(
-                    f"handmap.{name}.fit", min(fact(r, "fit") for r in runs), "share", 0.7, at_least=True
+                    f"handmap.{name}.inlier_ratio",
+                    min(fact(r, "inlier_ratio") for r in runs),
+                    "ratio",
+                    0.7,
+                    at_least=True,
                 )
                 save_picture(runs[0], f"handmap_{name}")
 
@@ -149,31 +157,31 @@ def stretched_rows() -> Iterator[Row]:
 
 
 def sketch_rows(folder: Path) -> Iterator[Row]:
-    """Drawings by people: the true plan is the place."""
+    """Drawings by people; the true plan serves as the place."""
     for name, (plan, resolution, begin, start_px) in SKETCHES.items():
         drawing = load_drawing(folder / f"{name}.png")
         height = drawing.levels.shape[0]
         start = (0.1 * start_px[0], 0.1 * (height - start_px[1]))
-        config = HandmapSlamConfig(start=(*start, 0.0), localization=SKETCH_LOCALIZATION)
+        config = HandmapSlamConfig(start=(*start, 0.0), advanced=SKETCH_SETTINGS)
         runs = [
             judge(sketched_drive(folder / f"{plan}.png", begin, resolution, seed), config, drawing, seed)
             for seed in SKETCH_SEEDS
         ]
         label = f"handmap.sketch.{name}"
         yield from summary(label, runs)
-        yield Row(f"{label}.fit", min(fact(r, "fit") for r in runs), "share")
-        yield Row(f"{label}.coverage", min(fact(r, "coverage") for r in runs), "share")
-        yield Row(f"{label}.in_free", min(free_share(r, drawing, start) for r in runs), "share")
+        yield Row(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
+        yield Row(f"{label}.coverage", min(fact(r, "coverage") for r in runs), "fraction")
+        yield Row(f"{label}.in_free", min(free_fraction(r, drawing, start) for r in runs), "fraction")
         yield Row(f"{label}.return", max(return_error_m(r) for r in runs), "m")
         save_picture(runs[0], f"handmap_{name}")
 
 
 def summary(label: str, runs: list[Judged], bound: float | None = 0.05) -> Iterator[Row]:
     """Map error: worst and mean of the seeds."""
-    errors = [r.map_error_m for r in runs]
-    say(f"{label}: map error by seed {np.round(errors, 4).tolist()}")
-    yield Row(f"{label}.map", max(errors), "m", bound)
-    yield Row(f"{label}.map_mean", float(np.mean(errors)), "m")
+    map_errors = [r.map_error_m for r in runs]
+    say(f"{label}: map error by seed {np.round(map_errors, 4).tolist()}")
+    yield Row(f"{label}.map", max(map_errors), "m", bound)
+    yield Row(f"{label}.map_mean", float(np.mean(map_errors)), "m")
 
 
 def fact(run: Judged, key: str) -> float:
@@ -184,17 +192,17 @@ def fact(run: Judged, key: str) -> float:
 
 
 def x_observed(run: Judged) -> float:
-    """Share of the updates with drawn lines across x in view at which one of them was observed."""
+    """Fraction of the updates with drawn lines across x in view at which one of them was observed."""
     seen, unseen = (run.result.counters.get(f"lines.x.{k}", 0) for k in ("observed", "unobserved"))
     return seen / max(seen + unseen, 1)
 
 
-def worst_scale(runs: list[Judged], key: str, wanted: float) -> float:
+def worst_scale(runs: list[Judged], key: str, expected: float) -> float:
     """Largest relative error of a scale over the seeds."""
-    return max(abs(fact(r, key) / wanted - 1.0) for r in runs)
+    return max(abs(fact(r, key) / expected - 1.0) for r in runs)
 
 
 def save_picture(run: Judged, name: str) -> None:
-    """The picture of a run, for eyes."""
+    """Save the picture of a run."""
     PICTURES.mkdir(parents=True, exist_ok=True)
     Image.fromarray(run.result.pictures["drawing"].rgb).save(PICTURES / f"{name}.png")

@@ -1,4 +1,4 @@
-"""The kernels of planning and exploring beside their slow reference implementations, on a map of 60 x 80 cells."""
+"""The kernels of planning and exploring against their reference implementations, on a map of 60 x 80 cells."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LIMITS = DriveLimits(
 
 
 def rows() -> Iterator[Row]:
-    """Costs, clearances, tours, sight, and times."""
+    """Costs, clearances, tours, visibility, and times."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(
         (
@@ -45,7 +45,7 @@ def rows() -> Iterator[Row]:
             ("is_free", 25.0, drives(rng)),
             ("travel_time", 10000.0, times(rng)),
             ("exact_tour", 500.0, tour(rng)),
-            ("visible_faces", 70.0, sight(rng)),
+            ("visible_faces", 70.0, visibility(rng)),
             ("pass_beams", 100.0, beams(rng)),
             ("free_distances", 1500.0, ways(rng)),
         )
@@ -53,7 +53,7 @@ def rows() -> Iterator[Row]:
 
 
 def arrival(rng: np.random.Generator) -> Pair:
-    """Fast marching over 30 x 40 cells, against sweeps until nothing changes."""
+    """Fast marching over 30 x 40 cells, against sweeps until convergence."""
     cell_cost = rng.uniform(1.0, 4.0, (30, 40))
     cell_cost[rng.random(cell_cost.shape) < 0.1] = np.inf
     cell_cost[15, 20] = 1.0
@@ -74,7 +74,7 @@ def world(rng: np.random.Generator) -> clearance.CollisionWorld:
 
 
 def cost(rng: np.random.Generator) -> Pair:
-    """The shortest ways from everywhere, against scipy's on the graph of all cells."""
+    """The cost-to-go, against scipy's shortest paths on the graph of all cells."""
     field = world(rng).field
     goal = int(np.flatnonzero(field[1::2, 1::2].ravel() > 0.3)[0])
     setting = (field, RESOLUTION_M, 0.1, 2.0, 0.3, goal)
@@ -82,7 +82,7 @@ def cost(rng: np.random.Generator) -> Pair:
 
 
 def drives(rng: np.random.Generator) -> Pair:
-    """Whether an arc of 1.5 m is free, against all squares' distances from a hundred places on it; 50 arcs."""
+    """Whether an arc of 1.5 m is free, against the distances of a hundred places on it to all squares; 50 arcs."""
     here = world(rng)
     poses = rng.uniform([1.0, 1.0, -np.pi], [7.0, 5.0, np.pi], (50, 3))
     curvatures = rng.uniform(-2.0, 2.0, 50)
@@ -118,14 +118,14 @@ def times(rng: np.random.Generator) -> Pair:
 
 
 def tour(rng: np.random.Generator) -> Pair:
-    """The shortest of all ways through eight places."""
+    """The optimal tour through eight places, against all orders."""
     places = rng.uniform(0.0, 10.0, (8, 2))
     distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
     return lambda: exact_tour(distances), lambda: reference.shortest_tour_length(distances)
 
 
-def sight(rng: np.random.Generator) -> Pair:
-    """The walls that five places see."""
+def visibility(rng: np.random.Generator) -> Pair:
+    """The walls visible from five places."""
     walls = rng.random(SHAPE) < 0.03
     gallery, free = gallery_of(walls, ~walls), np.argwhere(~walls)
     places = free[rng.integers(len(free), size=5), ::-1] + 0.4
@@ -136,7 +136,7 @@ def sight(rng: np.random.Generator) -> Pair:
 
 
 def beams(rng: np.random.Generator) -> Pair:
-    """What a scan of 180 beams says of the cells."""
+    """Counts of the beams of a scan of 180 beams per cell."""
     bearings, ranges = np.linspace(-np.pi, np.pi, 180, endpoint=False), rng.uniform(5.0, 30.0, 180)
     ends = np.stack([ranges * np.cos(bearings) + 40.2, ranges * np.sin(bearings) + 30.3], axis=1)
     scan = (np.array([40.2, 30.3]), ends, rng.random(180) < 0.9, 100.0, 1.5, 3.0)
@@ -145,7 +145,7 @@ def beams(rng: np.random.Generator) -> Pair:
 
 
 def ways(rng: np.random.Generator) -> Pair:
-    """How far 20 pairs of wheel speeds may be driven among 100 points, against driving in steps of a millimetre."""
+    """Free distances of 20 pairs of wheel speeds among 100 points, against driving in steps of 1 mm."""
     obstacles = rng.uniform(-2.0, 2.0, (100, 2))
     obstacles = obstacles[np.hypot(*obstacles.T) > 0.5]
     speeds = rng.uniform(0.1, 0.6, (20, 2))

@@ -1,8 +1,8 @@
 """Paths of lines and arcs between 200 random pairs of poses on each of the public maps.
 
-Robot: a disc of 0.2 m, arcs of 0.2 m or more, forwards only. A pair that is refused counts as failed unless random drives from
-the end that the refusal names all end at an obstacle within 1.5 m. The length is compared with a lower bound of the any-angle
-shortest way: the way over 8 neighbours, half a cell's diagonal nearer to obstacles, divided by 1.0824.
+Robot: a disc of 0.2 m, arcs of 0.2 m or more, forwards only. A refused pair counts as failed unless all random
+drives from the pose that the refusal names end at an obstacle within 1.5 m. The length is compared with a lower bound of the
+any-angle shortest path: the path over 8 neighbours, half a cell's diagonal closer to obstacles, divided by 1.0824.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ PAIRS = 200
 ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
 KEPT_M = ROBOT_M + MARGIN_M
 HALF_TURN = np.array([0.0, 0.0, np.pi])
-OCTILE = 1.0824  # the way over 8 neighbours against the straight one, at most
+OCTILE = 1.0824  # largest ratio of the path over 8 neighbours to the straight line
 
 Floats = NDArray[np.float64]
 
 
 @dataclass
-class Tally:
-    """What came of the pairs of one map."""
+class PlanCounts:
+    """Counts and figures over the pairs of one map."""
 
     found: int = 0
     refused: int = 0
     failed: int = 0
     collisions: int = 0
-    broken: int = 0
+    invalid: int = 0
     ratios: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
 
@@ -65,30 +65,30 @@ def rows() -> Iterator[Row]:
         grid = load_any_map(folder / "maps" / f"{name}.yaml")
         tally = measure(grid, name, pairs, reverse=False)
         yield Row(f"plan.{name}.found", tally.found, f"of {pairs}")
-        yield Row(f"plan.{name}.refused", tally.refused, "headings that no drive meets")
+        yield Row(f"plan.{name}.refused", tally.refused, "headings that cannot be met")
         yield Row(f"plan.{name}.failed", tally.failed, f"of {pairs}", 0)
         yield Row(f"plan.{name}.collisions", tally.collisions, "paths", 0)
-        yield Row(f"plan.{name}.broken", tally.broken, "paths", 0)
+        yield Row(f"plan.{name}.broken", tally.invalid, "paths", 0)
         yield Row(f"plan.{name}.length_ratio", float(np.median(tally.ratios)), "of the any-angle length", 1.3)
         yield Row(f"plan.{name}.cpu.median", float(np.median(tally.seconds)), "s")
         yield Row(f"plan.{name}.cpu.max", float(np.max(tally.seconds)), "s")
         backwards = measure(grid, name, pairs // 4, reverse=True)
         yield Row(f"plan.{name}.reverse.failed", backwards.failed + backwards.refused, f"of {pairs // 4}", 0)
-        yield Row(f"plan.{name}.reverse.collisions", backwards.collisions + backwards.broken, "paths", 0)
+        yield Row(f"plan.{name}.reverse.collisions", backwards.collisions + backwards.invalid, "paths", 0)
         yield Row(f"correlation.{name}.r0", fit_correlation(grid).r0, "per cell")
 
 
-def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> Tally:
-    """Plan between random poses of one component of the free space, and check what comes."""
+def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCounts:
+    """Plan between random poses of one component of the free space, and check the paths."""
     squares = Squares(grid)
     options = PlanOptions(discs=disc(ROBOT_M), min_radius_m=RADIUS_M, margin_m=MARGIN_M, reverse=reverse)
-    tally = Tally()
+    tally = PlanCounts()
     for i, (start, goal) in enumerate(random_pairs(grid, squares, pairs)):
-        begun = time.process_time()
+        started = time.process_time()
         try:
             plan = plan_path(grid, start, goal, options)
         except MethodError as error:
-            tally.seconds.append(time.process_time() - begun)
+            tally.seconds.append(time.process_time() - started)
             text = str(error)
             end = start if text.startswith("start") else goal + HALF_TURN
             if "heading" in text and not reverse and not escapes(squares, end, RADIUS_M, KEPT_M, i):
@@ -97,23 +97,23 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> Tally:
                 tally.failed += 1
                 say(f"{name} pair {i}, {start.tolist()} to {goal.tolist()}: {text}")
             continue
-        tally.seconds.append(time.process_time() - begun)
+        tally.seconds.append(time.process_time() - started)
         tally.found += 1
         segments = [dict(zip(SEGMENT_COLUMNS, segment_row(s), strict=True)) for s in plan.path.segments]
         poses = np.vstack([drive(segment) for segment in segments])
         tally.collisions += bool(squares.distances(poses[:, :2], 0.25).min() < ROBOT_M - 1e-4)
-        tally.broken += not is_sound(segments, poses, start, goal)
+        tally.invalid += not is_valid(segments, poses, start, goal)
         tally.ratios.append(plan.path.length_m / shortest(grid, start, goal))
     return tally
 
 
-def is_sound(segments: list[dict[str, float]], poses: Floats, start: Floats, goal: Floats) -> bool:
-    """Ends met, heading continuous, curvature bounded."""
+def is_valid(segments: list[dict[str, float]], poses: Floats, start: Floats, goal: Floats) -> bool:
+    """Whether the path meets both ends with continuous heading and bounded curvature."""
     gap, turn = largest_jump(segments)
     ends = np.abs(poses[[0, -1], :2] - [start[:2], goal[:2]]).max()
     yaws = np.abs(np.angle(np.exp(1j * (poses[[0, -1], 2] - [start[2], goal[2]])))).max()
-    cross_products = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
-    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and cross_products <= 1.0 / RADIUS_M + 1e-6)
+    curvature = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
+    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and curvature <= 1.0 / RADIUS_M + 1e-6)
 
 
 def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[tuple[Floats, Floats]]:
@@ -136,12 +136,22 @@ def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[
 
 
 def shortest(grid: OccupancyGrid, start: Floats, goal: Floats) -> float:
-    """A lower bound (m) of the length of any way that keeps the robot's radius off obstacles."""
+    """A lower bound (m) of the length of any path that keeps the robot's radius from obstacles."""
     space = make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
     cells = [space.cell(pose) for pose in space.to_local(np.array([start, goal]))]
     cols = space.blocked.shape[1]
     flat = [row * cols + col for row, col in cells]
     required = ROBOT_M - 0.7072 * space.resolution_m
-    way = cost_to_go(space.field, space.resolution_m, required, 0.0, 1.0, flat[1], flat[0], 1.0)[cells[0]]
+    cost = cost_to_go(
+        field=space.field,
+        resolution=space.resolution_m,
+        required=required,
+        obstacle_weight=0.0,
+        inflation_radius=1.0,
+        goal=flat[1],
+        start=flat[0],
+        search_factor=1.0,
+    )
+    distance = float(cost[cells[0]])
     straight = float(np.hypot(*(start - goal)[:2]))
-    return max(straight, float(way) / OCTILE - 2.0 * space.resolution_m, 0.05)
+    return max(straight, distance / OCTILE - 2.0 * space.resolution_m, 0.05)

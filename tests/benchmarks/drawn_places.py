@@ -29,11 +29,12 @@ from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
+from tests.conftest import REPOSITORY
 
 Floats = NDArray[np.float64]
 
-DRAWINGS = Path(__file__).resolve().parents[2] / "configs" / "worlds" / "drawings"
-SHYNESS = Inflation(least=8.0, wished=14.0, obstacle_weight=3.0)  # cells of 5 cm
+DRAWINGS = REPOSITORY / "configs" / "worlds" / "drawings"
+INFLATION = Inflation(min_clearance=8.0, inflation_radius=14.0, obstacle_weight=3.0)  # cells of 5 cm
 WHEELS = {
     "left_radius_error": 0.003,
     "base_error": 0.01,
@@ -54,8 +55,8 @@ CORRESPONDENCES = np.array([[float(v) for v in line.split()] for line in LANDMAR
 
 
 @dataclass(frozen=True)
-class Drive:
-    """What the sensors said, where the robot really was, and the true map."""
+class RecordedDrive:
+    """The events of a drive, the true trajectory, and the true map."""
 
     events: tuple[Event, ...]
     truth: Trajectory
@@ -64,7 +65,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class Judged:
-    """A run: mean distance (m) of mapped walls to true ones, the poses in the drawing with the true ones of their moments."""
+    """A run: mean distance (m) from mapped to true walls, and the poses in the drawing with the true poses at their stamps."""
 
     result: RunResult
     map_error_m: float
@@ -72,12 +73,12 @@ class Judged:
     true_poses: Floats
     cpu_per_scan_s: float
 
-    def drawing_errors_m(self, wanted: Floats) -> Floats:
-        """Distances `(n,)` in the drawing (drawing metres) to where the robot should be, `(n, 2)`."""
-        return np.hypot(*(np.array([(p.x_m, p.y_m) for p in self.drawn]) - wanted).T)
+    def drawing_errors(self, expected: Floats) -> Floats:
+        """Distances `(n,)` (drawing units) of the estimated positions in the drawing from the expected ones `(n, 2)`."""
+        return np.hypot(*(np.array([(p.x, p.y) for p in self.drawn]) - expected).T)
 
 
-def drive(world: WorldConfig, folder: Path) -> Drive:
+def drive(world: WorldConfig, folder: Path) -> RecordedDrive:
     """Drive a world's route."""
     simulator = Simulator(world, folder)
     grid = true_map(simulator.scene, world.truth)
@@ -89,18 +90,22 @@ def drive(world: WorldConfig, folder: Path) -> Drive:
         elif isinstance(event, Odometry):
             truth.append(event)
     poses = np.array([(t.x_m, t.y_m, t.yaw_rad) for t in truth])
-    return Drive(tuple(events), Trajectory(np.array([t.stamp_ns for t in truth]), poses).sorted(), grid)
+    return RecordedDrive(
+        tuple(events), Trajectory(np.array([t.stamp_ns for t in truth]), poses).sorted(), grid
+    )
 
 
 @lru_cache(maxsize=10)
-def built_in_drive(name: str, seed: int) -> Drive:
+def built_in_drive(name: str, seed: int) -> RecordedDrive:
     """The route of a world that ships with the program, with other noise."""
     world, path = load_world(name, seed=seed)
     return drive(world, path.parent)
 
 
 @lru_cache(maxsize=10)
-def sketched_drive(plan: Path, start_px: tuple[float, float], resolution_m: float, seed: int) -> Drive:
+def sketched_drive(
+    plan: Path, start_px: tuple[float, float], resolution_m: float, seed: int
+) -> RecordedDrive:
     """A round through the place that a picture of a plan shows (walls bright), from a start in pixels from its top left."""
     rows = load_drawing(plan).levels.shape[0]
     start = (start_px[0] * resolution_m, (rows - start_px[1]) * resolution_m)
@@ -126,10 +131,10 @@ def sketched_drive(plan: Path, start_px: tuple[float, float], resolution_m: floa
 
 
 def round_trip(grid: OccupancyGrid, start: tuple[float, float]) -> Floats:
-    """Way points `(n, 2)` of a way to the places farthest from each other, and back to the start."""
+    """Way points `(n, 2)` of a route to the places farthest from each other, and back to the start."""
     step, origin = grid.geometry.resolution_m, np.asarray(grid.geometry.origin_xy_m)
     blocked = ~(np.nan_to_num(grid.probability, nan=1.0) < 0.5)
-    cell_cost = cell_costs(distances_to(blocked), SHYNESS)
+    cell_cost = cell_costs(distances_to(blocked), INFLATION)
     here = (np.asarray(start) - origin) / step
     stops = [here]
     nearest = np.full(cell_cost.shape, np.inf)
@@ -141,15 +146,15 @@ def round_trip(grid: OccupancyGrid, start: tuple[float, float]) -> Floats:
         stops.append(np.array([col + 0.5, row + 0.5]))
     stops.append(here)
     legs = []
-    for begin, end in pairwise(stops):
+    for start_cell, end in pairwise(stops):
         cost = cost_to_go(cell_cost, np.array([[int(end[1]), int(end[0])]]), (-1, -1))
-        way = descend_cost_to_go(cost, (float(begin[0]), float(begin[1])))
-        legs.append(cv2.approxPolyDP(way.astype(np.float32)[:, None], 3.0, False)[1:, 0])
+        path = descend_cost_to_go(cost, (float(start_cell[0]), float(start_cell[1])))
+        legs.append(cv2.approxPolyDP(path.astype(np.float32)[:, None], 3.0, False)[1:, 0])
     return np.concatenate(legs).astype(np.float64) * step + origin
 
 
-def judge(run: Drive, config: HandmapSlamConfig, drawing: Drawing, seed: int) -> Judged:
-    """Map the drive and hold the result against the truth."""
+def judge(run: RecordedDrive, config: HandmapSlamConfig, drawing: Drawing, seed: int) -> Judged:
+    """Map the drive and compare the result with the truth."""
     method = HandmapSlam(config, seed, drawing=drawing)
     drawn: list[DrawingPose] = []
     started = time.process_time()
@@ -180,7 +185,7 @@ def _aligned(estimate: Floats, truth: Floats) -> Floats:
 
 
 def in_distorted_building(positions: Floats) -> Floats:
-    """Where positions `(n, 2)` of hand-building lie in drawings/building-distorted.png: a thin plate through the landmarks."""
+    """Positions `(n, 2)` of hand-building in drawings/building-distorted.png, by a thin plate spline through the landmarks."""
     rows = load_drawing(DRAWINGS / "building-distorted.png").levels.shape[0]
     pixels = CORRESPONDENCES[:, 2:]
     drawn = np.column_stack([pixels[:, 0] + 0.5, rows - pixels[:, 1] - 0.5]) * 0.1
@@ -188,19 +193,19 @@ def in_distorted_building(positions: Floats) -> Floats:
     return np.asarray(plate(positions))
 
 
-def free_share(judged: Judged, drawing: Drawing, start: tuple[float, float]) -> float:
-    """Share of the poses in the drawing that lie in its free space."""
-    drawn = drawn_map(drawing, start_xy_m=start)
-    cells = drawn.geometry.cells(np.array([(p.x_m, p.y_m) for p in judged.drawn]))
+def free_fraction(judged: Judged, drawing: Drawing, start: tuple[float, float]) -> float:
+    """Fraction of the poses in the drawing that lie in its free space."""
+    drawn = drawn_map(drawing, start_xy=start)
+    cells = drawn.geometry.cells(np.array([(p.x, p.y) for p in judged.drawn]))
     inside = (cells >= 0).all(axis=1) & (cells < drawn.free.shape).all(axis=1)
     return float(np.mean([ok and bool(drawn.free[r, c]) for ok, (r, c) in zip(inside, cells, strict=True)]))
 
 
 def return_error_m(judged: Judged) -> float:
-    """Where the robot ends, at its start, against where it began, in the drawing; in metres of the world."""
+    """Distance (m of the world) in the drawing between the first and the last pose of a robot that returns to its start."""
     first, last = judged.drawn[0], judged.drawn[-1]
-    off = judged.true_poses[-1, :2] - judged.true_poses[0, :2]
+    offset = judged.true_poses[-1, :2] - judged.true_poses[0, :2]
     cos, sin = np.cos(first.yaw_rad), np.sin(first.yaw_rad)
-    way = np.array([cos * off[0] - sin * off[1], sin * off[0] + cos * off[1]])
-    moved = np.array([last.x_m - first.x_m, last.y_m - first.y_m]) / (last.scale_x, last.scale_y)
-    return float(np.hypot(*(moved - way)))
+    motion = np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]])
+    moved = np.array([last.x - first.x, last.y - first.y]) / (last.scale_x, last.scale_y)
+    return float(np.hypot(*(moved - motion)))

@@ -1,7 +1,7 @@
-"""Explorations in the simulator, many seeds each: did the robot finish, touch anything, and is the map right?
+"""Explorations in the simulator with many seeds: whether they finish without contact, and the errors of the map.
 
-`python -m tests.benchmarks.explorations OUT [SET ...]` runs sets of trials one after the other and prints their tables; each run
-is a line in OUT/runs.jsonl with a picture beside it, and runs that are there already are not repeated. SET:N takes N seeds.
+`python -m tests.benchmarks.explorations OUT [SET ...]` runs sets of trials and prints their tables. Each run is a line in
+OUT/runs.jsonl with a picture beside it; runs that exist already are not repeated. SET:N takes N seeds.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ from gridslam.simulation.shapes import Box, Wall
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
 from tests.benchmarks.harness import say
 from tests.benchmarks.real_places import data_dir
+from tests.conftest import REPOSITORY
 
-DRAWINGS = Path(__file__).resolve().parents[2] / "configs" / "worlds" / "drawings"
-COVERED_M = 0.15  # a true wall with a mapped one so near is covered
-ROBOT_M = 0.3  # the robot gets where walls are farther away
+DRAWINGS = REPOSITORY / "configs" / "worlds" / "drawings"
+COVERED_M = 0.15  # a true wall this close to a mapped one is covered
+ROBOT_M = 0.3  # distance to walls that the robot can keep
 SEEN_WITHIN_M = 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A world, a drawing of it, where the robot starts in the drawing, and what is changed."""
+    """A world, a drawing of it, the start in the drawing, and changes to world and settings."""
 
     name: str
     world: str | WorldConfig
@@ -54,15 +55,15 @@ class Trial:
     seeds: tuple[int, ...]
     settings: tuple[str, ...] = ()
     folder: Path = Path()
-    boxes: int = 0  # put at random into the corridor, other ones for each seed
+    boxes: int = 0  # placed at random in the corridor, different for each seed
     walls: tuple[Wall, ...] = ()
     config: str = "handmap-slam"
     world_settings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What is told of one run; errors in metres.
+class ExplorationResult:
+    """Figures of one run; errors in metres.
 
     The paper's "mean distance between corresponding points of the true and the built map" is `mean_distance_m`: each point of one
     map corresponds to the nearest of the other, both ways round. One way alone would not count walls that were never mapped.
@@ -72,11 +73,11 @@ class Outcome:
     seed: int
     ended: str
     duration_s: float
-    way_m: float
+    travelled_m: float
     clearance_m: float
     map_error_m: float  # mean distance from a mapped wall cell to the nearest true one
     completeness_m: float  # and from a true one to the nearest mapped one
-    coverage: float  # share of the true walls that border on reachable_speeds space and are mapped
+    coverage: float  # fraction of the true walls that border on reachable_speeds space and are mapped
     unreachable: int
     scale_x: float
     scale_y: float
@@ -89,7 +90,7 @@ class Outcome:
         return 0.5 * (self.map_error_m + self.completeness_m)
 
 
-def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
+def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> ExplorationResult:
     """One run."""
     world, world_path = _world_of(trial, seed)
     x, y, yaw = trial.start
@@ -98,12 +99,12 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Outcome:
     with tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.process_time()
         done = explore(config, world, world_path, inputs, folder, lambda _: None, lambda: False)
-        outcome = _outcome(trial, seed, done, folder, time.process_time() - started)
+        result = _result(trial, seed, done, folder, time.process_time() - started)
     if pictures is not None:
         made = done.run.result.pictures.get("exploration")
         if made is not None:
             Image.fromarray(made.rgb).save(pictures / f"{trial.name}-{seed}.png")
-    return outcome
+    return result
 
 
 def _world_of(trial: Trial, seed: int) -> tuple[WorldConfig, Path]:
@@ -119,7 +120,7 @@ def _world_of(trial: Trial, seed: int) -> tuple[WorldConfig, Path]:
 
 
 def _random_boxes(world: WorldConfig, count: int, seed: int) -> Iterator[Box]:
-    """Boxes in a corridor along x that leave a way of a metre at least, away from the start."""
+    """Boxes in a corridor along x that leave a passage of at least 1 m, away from the start."""
     rng = np.random.default_rng([seed, count])
     length, width = (world.walls[0].rectangle or (0, 0, 25, 4))[2:]
     for k in range(count):
@@ -133,7 +134,7 @@ def _random_boxes(world: WorldConfig, count: int, seed: int) -> Iterator[Box]:
         )
 
 
-def _outcome(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float) -> Outcome:
+def _result(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float) -> ExplorationResult:
     result, truth = done.run.result, done.run.truth
     facts, drawing = result.measures["exploration"], result.measures["drawing"]
     assert isinstance(facts, dict) and isinstance(drawing, dict)
@@ -147,8 +148,8 @@ def _outcome(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float
             error, completeness = float(distances.accuracy.mean()), float(distances.completeness.mean())
             coverage = coverage_of(result.occupancy, true, alignment.T_truth_estimate, done.run.truth)
     missed = [f"({m['x']:.1f}, {m['y']:.1f}) {m['reason']}" for m in facts["unreachable"]]
-    return Outcome(
-        trial.name, seed, done.ended, done.duration_s, done.way_m, float(done.clearance_m), error, completeness, coverage,
+    return ExplorationResult(
+        trial.name, seed, done.ended, done.duration_s, done.travelled_m, float(done.clearance_m), error, completeness, coverage,
         len(missed), float(drawing.get("scale_x", "nan")), float(drawing.get("scale_y", "nan")), cpu_s, missed,
     )  # fmt: skip
 
@@ -156,7 +157,7 @@ def _outcome(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float
 def coverage_of(
     built: OccupancyGrid, true: OccupancyGrid, T_truth_built: NDArray[np.float64], path: Trajectory | None
 ) -> float:
-    """Share of the true walls that a robot can see from where it can get (from its path on) that are mapped within 15 cm."""
+    """Fraction of the true walls visible from where the robot can drive that are mapped within 15 cm."""
     assert path is not None
     step = true.geometry.resolution_m
     walls, free = true.probability > 0.5, true.probability < 0.5
@@ -257,7 +258,7 @@ def _with_extra_door() -> WorldConfig:
 
 
 SKETCHES = {
-    # drawing: plan, its metres a pixel, start in the world (m, deg), start in the drawing (drawing metres)
+    # drawing: plan, its metres a pixel, start in the world (m, deg), start in the drawing (drawing units)
     "kth_04": ("kth_model", 0.05, (12.5, 10.0, 0.0), (23.2, 18.3, 0.0)),
     "kth_07": ("kth_model", 0.05, (12.5, 10.0, 0.0), (24.0, 22.0, 0.0)),
     "kth_10": ("kth_model", 0.05, (12.5, 10.0, 0.0), (19.5, 8.8, 0.0)),
@@ -281,32 +282,33 @@ def _sketch_trials(folder: Path) -> Iterator[Trial]:
         yield Trial(drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder)
 
 
-def table(outcomes: Iterable[Outcome]) -> str:
-    """One line for each trial: runs finished, contacts, and the means of the figures with the worst run's map error."""
-    by_name: dict[str, list[Outcome]] = {}
-    for outcome in outcomes:
-        by_name.setdefault(outcome.trial, []).append(outcome)
+def table(results: Iterable[ExplorationResult]) -> str:
+    """One line per trial: runs finished, contacts, and the means of the figures with the worst map error."""
+    by_name: dict[str, list[ExplorationResult]] = {}
+    for result in results:
+        by_name.setdefault(result.trial, []).append(result)
     head = (
         "trial                            runs fin con unre  map mean/worst (m)  compl (m)  cover"
-        "  s_x    s_y    time s  way m  cpu s"
+        "  s_x    s_y    time s  dist m  cpu s"
     )
     lines = [head]
     for name, runs in by_name.items():
         mean = {
             key: float(np.nanmean([getattr(r, key) for r in runs]))
-            for key in ("map_error_m", "completeness_m", "coverage", "duration_s", "way_m", "cpu_s", "scale_x", "scale_y")
+            for key in ("map_error_m", "completeness_m", "coverage", "duration_s", "travelled_m", "cpu_s", "scale_x", "scale_y")
         }  # fmt: skip
         worst = max(r.map_error_m for r in runs)
         finished, contacts = (sum(r.ended == how for r in runs) for how in ("finished", "contact"))
         lines.append(
             f"{name:32} {len(runs):4d} {finished:3d} {contacts:3d} {sum(r.unreachable for r in runs):4d}"
             f"  {mean['map_error_m']:8.3f} / {worst:.3f}    {mean['completeness_m']:6.3f}    {mean['coverage']:.3f}"
-            f"  {mean['scale_x']:.3f}  {mean['scale_y']:.3f}  {mean['duration_s']:6.0f} {mean['way_m']:6.0f} {mean['cpu_s']:6.1f}"
+            f"  {mean['scale_x']:.3f}  {mean['scale_y']:.3f}  {mean['duration_s']:6.0f}"
+            f" {mean['travelled_m']:6.0f} {mean['cpu_s']:6.1f}"
         )
     return "\n".join(lines)
 
 
-def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
+def draw_bars(results: Iterable[ExplorationResult], path: Path) -> None:
     """Mean distance of the maps by ratio, with and without motion correction, as figure 10 has it; whiskers: range of the seeds.
 
     A panel for each kind of `corridor_trials` among the runs.
@@ -314,7 +316,7 @@ def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
     from matplotlib.figure import Figure
 
     by_name: dict[tuple[str, int, str], list[float]] = {}
-    for run in outcomes:
+    for run in results:
         _, length, *words, how = run.trial.split("-")
         by_name.setdefault(("-".join(words), int(length), how), []).append(run.mean_distance_m)
     kinds = list(dict.fromkeys(kind for kind, _, _ in by_name))
@@ -336,32 +338,33 @@ def draw_bars(outcomes: Iterable[Outcome], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def run_set(chosen: Iterable[Trial], folder: Path, most_seeds: int | None = None) -> list[Outcome]:
-    """All runs of some trials; each is kept in `runs.jsonl`, and one that is there is not repeated."""
+def run_set(chosen: Iterable[Trial], folder: Path, max_seeds: int | None = None) -> list[ExplorationResult]:
+    """All runs of some trials; each is stored in `runs.jsonl`, and runs found there are not repeated."""
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / "runs.jsonl"
     lines = record.read_text().splitlines() if record.exists() else []
-    known = {(o.trial, o.seed): o for o in (Outcome(**json.loads(line)) for line in lines)}
+    known = {(o.trial, o.seed): o for o in (ExplorationResult(**json.loads(line)) for line in lines)}
     found = []
     for trial in chosen:
-        for seed in trial.seeds[:most_seeds]:
-            outcome = known.get((trial.name, seed))
-            if outcome is None:
-                outcome = run_trial(trial, seed, folder)
+        for seed in trial.seeds[:max_seeds]:
+            result = known.get((trial.name, seed))
+            if result is None:
+                result = run_trial(trial, seed, folder)
                 with record.open("a") as stream:
                     stream.write(
-                        json.dumps({k: getattr(outcome, k) for k in Outcome.__dataclass_fields__}) + "\n"
+                        json.dumps({k: getattr(result, k) for k in ExplorationResult.__dataclass_fields__})
+                        + "\n"
                     )
-            say(f"{trial.name} {seed}: {outcome.ended}, map {outcome.map_error_m:.3f} m, {outcome.reasons}")
-            found.append(outcome)
+            say(f"{trial.name} {seed}: {result.ended}, map {result.map_error_m:.3f} m, {result.reasons}")
+            found.append(result)
     return found
 
 
 if __name__ == "__main__":
     every, bars = trials(), []
     for name in sys.argv[2:] or every:
-        wanted, _, most = name.partition(":")
-        found = run_set(every[wanted], Path(sys.argv[1]), int(most) if most else None)
+        wanted, _, max_seeds = name.partition(":")
+        found = run_set(every[wanted], Path(sys.argv[1]), int(max_seeds) if max_seeds else None)
         print(f"\n{wanted}\n{table(found)}", flush=True)  # noqa: T201
         if wanted.startswith("corridors"):
             bars += found

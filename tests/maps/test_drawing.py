@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.drawing import MOST_PIXELS, drawn_map, load_drawing
+from gridslam.maps.drawing import MAX_PIXELS, drawn_map, load_drawing
 
 HEIGHT, WIDTH = 120, 200
 ROOM = (slice(20, 100), slice(30, 170))  # rows from the top, columns: what lies within the strokes of `room`
@@ -91,7 +91,7 @@ def test_small_gaps_in_strokes_are_closed(tmp_path, gap):
     picture = room()
     picture[30:99, 98:100] = 0  # an inner wall with a hiccup of the pen
     picture[60 : 60 + gap, 95:103] = 255
-    drawn = drawn_map(read(picture, tmp_path), start_xy_m=(5.0, 6.0))
+    drawn = drawn_map(read(picture, tmp_path), start_xy=(5.0, 6.0))
     walls = drawn.walls[::-1]
     assert walls[55:65, 96:102].any(axis=1).all()
 
@@ -99,7 +99,7 @@ def test_small_gaps_in_strokes_are_closed(tmp_path, gap):
 @pytest.mark.parametrize("width", [8, 16])
 @pytest.mark.parametrize("start", [None, (10.0, 6.0)])
 def test_a_gap_in_the_outline_does_not_let_the_outside_in(tmp_path, width, start):
-    drawn = drawn_map(read(room(gap=slice(90, 90 + width)), tmp_path), start_xy_m=start)
+    drawn = drawn_map(read(room(gap=slice(90, 90 + width)), tmp_path), start_xy=start)
     within, without = share_of_room(drawn.free)
     assert not drawn.is_open
     assert within > 0.97
@@ -111,14 +111,14 @@ def test_doors_stay_open(tmp_path):
     picture = room()
     picture[20:99, 98:100] = 0
     picture[55:67, 95:103] = 255  # 1.2 m
-    drawn = drawn_map(read(picture, tmp_path), start_xy_m=(5.0, 6.0))
+    drawn = drawn_map(read(picture, tmp_path), start_xy=(5.0, 6.0))
     assert drawn.free[60, 60] and drawn.free[60, 140]
 
 
 def test_without_a_border_the_free_space_ends_with_the_picture(tmp_path):
     picture = np.full((HEIGHT, WIDTH), 255, np.uint8)
     picture[40:42], picture[80:82] = 0, 0
-    drawn = drawn_map(read(picture, tmp_path), start_xy_m=(10.0, 6.0))
+    drawn = drawn_map(read(picture, tmp_path), start_xy=(10.0, 6.0))
     assert drawn.is_open
     assert drawn.free[50:70].all()
     assert not drawn.free[: HEIGHT - 83].any()
@@ -170,13 +170,13 @@ def test_a_cut_picture_is_told(tmp_path):
 
 
 def test_one_colour_is_told(tmp_path):
-    with pytest.raises(MapError, match="all of one colour"):
+    with pytest.raises(MapError, match="only one colour"):
         read(np.full((100, 100), 200, np.uint8), tmp_path)
 
 
 def test_absurd_sizes_are_refused(tmp_path):
     path = tmp_path / "drawing.png"
-    side = int(MOST_PIXELS**0.5) + 10
+    side = int(MAX_PIXELS**0.5) + 10
     Image.new("1", (side, side)).save(path)
     with pytest.raises(MapError, match="pixels"):
         load_drawing(path)
@@ -186,13 +186,13 @@ def test_absurd_sizes_are_refused(tmp_path):
     path.write_bytes(bytes(content))
     with pytest.raises(MapError, match=r"draw it smaller|scale the drawing down"):
         load_drawing(path)
-    with pytest.raises(MapError, match="show no place"):
+    with pytest.raises(MapError, match="too small for a drawing"):
         read(np.eye(8, dtype=np.uint8) * 255, tmp_path)
 
 
 def test_a_start_outside_of_the_picture_is_told(tmp_path):
-    with pytest.raises(ConfigError, match=r"start \(30, 5\) lies outside .* 20 x 12 m"):
-        drawn_map(read(room(), tmp_path), start_xy_m=(30.0, 5.0))
+    with pytest.raises(ConfigError, match=r"start \(30, 5\) lies outside .* 20 x 12 drawing"):
+        drawn_map(read(room(), tmp_path), start_xy=(30.0, 5.0))
 
 
 @pytest.mark.real_data

@@ -77,7 +77,7 @@ def test_the_first_scan_gives_pose_and_scale_around_a_given_start(scale):
     levels = np.asarray(oval().walls, np.uint8)[::1]
     size = (round(161 * scale), round(121 * scale))
     picture = np.where(cv2.resize(levels, size, interpolation=cv2.INTER_AREA) > 0, 0, 255).astype(np.uint8)
-    drawn = drawn_map(Drawing(picture, "oval"), start_xy_m=(CENTRE_M[0] * scale, CENTRE_M[1] * scale))
+    drawn = drawn_map(Drawing(picture, "oval"), start_xy=(CENTRE_M[0] * scale, CENTRE_M[1] * scale))
     start = (CENTRE_M[0] * scale + 0.3, CENTRE_M[1] * scale - 0.2, 0.1)
     config = HandmapSlamConfig(start=start)
     localizer = DrawingLocalizer(config, drawn, random_stream(0, "test"))
@@ -114,6 +114,6 @@ def test_visited_poses_within_the_radius_are_returned():
 def test_a_start_outside_the_drawn_walls_makes_the_drawing_open():
     picture = np.full((121, 161), 255, np.uint8)
     cv2.ellipse(picture, (80, 60), (60, 40), 0, 0, 360, 0, 2)
-    drawn = drawn_map(Drawing(picture, "oval"), start_xy_m=(1.0, 1.0))
+    drawn = drawn_map(Drawing(picture, "oval"), start_xy=(1.0, 1.0))
     assert drawn.is_open
-    assert not drawn_map(Drawing(picture, "oval"), start_xy_m=CENTRE_M).is_open
+    assert not drawn_map(Drawing(picture, "oval"), start_xy=CENTRE_M).is_open
