@@ -51,7 +51,7 @@ Footprint = Annotated[
     ),
 ]
 MinRadius = Annotated[float, typer.Option("--min-radius", metavar="M", help="Smallest turning radius.")]
-OnSpot = Annotated[
+TurnInPlace = Annotated[
     bool,
     typer.Option(
         "--turn-on-spot", help="The robot may turn on the spot at both ends; with --min-radius 0, anywhere."
@@ -84,7 +84,7 @@ def run(
     radius: Radius = None,
     footprint: Footprint = None,
     min_radius: MinRadius = 0.2,
-    turn_on_spot: OnSpot = False,
+    turn_on_spot: TurnInPlace = False,
     reverse: Reverse = False,
     margin: Margin = 0.005,
     occupied_from: OccupiedFrom = 0.9,

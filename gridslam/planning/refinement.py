@@ -86,7 +86,7 @@ class Refiner:
     def _refine_forwards(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
         """Alternate shortcuts and local search until the travel time no longer falls."""
         world, limits = self.space.world, self.limits.for_kernels
-        best = _with_turns_on_the_spot(parts_of(first_pose, motions), start, goal)
+        best = _with_turns_in_place(parts_of(first_pose, motions), start, goal)
         best_time = travel_time_of(best, self.limits)
         for _ in range(MAX_PASSES):
             radii = self.search_radius_m * np.array(RADIUS_FACTORS)
@@ -118,7 +118,7 @@ def _has_same_yaw(pose: Floats, wanted: Floats) -> bool:
     return bool(abs(wrap_angle(pose[2] - wanted[2])) < SAME_YAW_RAD)
 
 
-def _with_turns_on_the_spot(parts: Floats, start: Floats, goal: Floats) -> Floats:
+def _with_turns_in_place(parts: Floats, start: Floats, goal: Floats) -> Floats:
     """The parts, with turns on the spot before and after them where the yaws differ from those wanted."""
     rows = []
     if not _has_same_yaw(parts[0, :3], start):

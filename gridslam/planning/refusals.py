@@ -75,7 +75,7 @@ def unreachable_heading(which: str, pose: Floats, radius_m: float, reverse: bool
 
 
 def search_limit_reached(radius_m: float, states: int) -> MethodError:
-    """The error for a search that was given up after so many states."""
+    """The error for a search that was that reached its limit of states."""
     return MethodError(
         f"no path found among {states} poses: there may be one, but it needs many turns of {radius_m:g} m in narrow places; "
         "allow a smaller radius, turns on the spot or driving backwards"

@@ -47,7 +47,7 @@ def rows() -> Iterator[Row]:
             ("exact_tour", 500.0, tour(rng)),
             ("visible_faces", 70.0, visibility(rng)),
             ("pass_beams", 100.0, beams(rng)),
-            ("free_distances", 1500.0, ways(rng)),
+            ("free_distances", 1500.0, free(rng)),
         )
     )
 
@@ -90,8 +90,8 @@ def drives(rng: np.random.Generator) -> Pair:
     def sampled() -> list[bool]:
         free = []
         for pose, curvature in zip(poses, curvatures, strict=True):
-            ways = np.linspace(0.0, 1.5, 100)
-            places = np.array([clearance.advance(*pose, way, curvature)[:2] for way in ways])
+            distances = np.linspace(0.0, 1.5, 100)
+            places = np.array([clearance.advance(*pose, distance, curvature)[:2] for distance in distances])
             distances = grid_reference.distance_to_squares(here.blocked, RESOLUTION_M, places)
             free.append(bool(distances.min() >= RADIUS_M))
         return free
@@ -144,7 +144,7 @@ def beams(rng: np.random.Generator) -> Pair:
     return lambda: pass_beams(passed, hit, *scan), lambda: visibility_reference.passed_and_hit(SHAPE, *scan)
 
 
-def ways(rng: np.random.Generator) -> Pair:
+def free(rng: np.random.Generator) -> Pair:
     """Free distances of 20 pairs of wheel speeds among 100 points, against driving in steps of 1 mm."""
     obstacles = rng.uniform(-2.0, 2.0, (100, 2))
     obstacles = obstacles[np.hypot(*obstacles.T) > 0.5]

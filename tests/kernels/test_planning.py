@@ -61,8 +61,8 @@ def test_a_drive_is_free_if_all_its_places_are(curvature: float) -> None:
     results = []
     for pose in rng.uniform([0.3, 0.3, -np.pi], [4.7, 3.7, np.pi], (600, 3)):
         length = float(rng.uniform(-1.5, 1.5))
-        ways = np.linspace(0.0, length, 400)
-        places = np.array([advance(*pose, way, curvature)[:2] for way in ways])
+        distances = np.linspace(0.0, length, 400)
+        places = np.array([advance(*pose, distance, curvature)[:2] for distance in distances])
         if places.min() < 0.3 or (places > [4.7, 3.7]).any():
             continue  # everything off the grid is blocked
         lowest = to_squares(here.blocked, places).min()
@@ -98,12 +98,12 @@ def test_no_sampled_chain_is_shorter_than_the_shortest_word() -> None:
     for signs in [(1, 1), (1, -1), (-1, 1), (-1, -1)]:
         for turn in rng.uniform(0.0, 2.0 * np.pi, 400):
             x, y, yaw = advance(*start, turn * 0.5, signs[0] / 0.5)
-            for way in np.linspace(0.0, 4.0, 41):
-                end = np.array([x + way * np.cos(yaw), y + way * np.sin(yaw)])
+            for distance in np.linspace(0.0, 4.0, 41):
+                end = np.array([x + distance * np.cos(yaw), y + distance * np.sin(yaw)])
                 second = (signs[1] * (goal[2] - yaw)) % (2.0 * np.pi)
                 last = advance(*end, yaw, second * 0.5, signs[1] / 0.5)
                 if np.hypot(last[0] - goal[0], last[1] - goal[1]) < 0.05:
-                    shortest = min(shortest, 0.5 * turn + way + 0.5 * second)
+                    shortest = min(shortest, 0.5 * turn + distance + 0.5 * second)
     assert total.min() <= shortest + 0.1
 
 
@@ -156,5 +156,5 @@ def test_a_turn_on_the_spot_takes_the_time_of_a_trapezoidal_yaw_rate_profile() -
     parts = np.zeros((1, 6))
     parts[0, 5] = np.pi  # up to 1.5 rad/s within 0.75 s: pi / 1.5 + 0.75 s
     assert travel_time(parts, LIMITS, np.empty(2)) == pytest.approx(np.pi / 1.5 + 0.75)
-    parts[0, 5] = -0.5  # half way at 2 rad/s^2: 2 sqrt(0.5 / 2)
+    parts[0, 5] = -0.5  # half distance at 2 rad/s^2: 2 sqrt(0.5 / 2)
     assert travel_time(parts, LIMITS, np.empty(2)) == pytest.approx(1.0)

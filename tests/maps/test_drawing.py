@@ -35,7 +35,7 @@ def read(picture: np.ndarray, folder: Path, name: str = "drawing.png"):
     return load_drawing(path)
 
 
-def share_of_room(free: np.ndarray) -> tuple[float, float]:
+def fractions_of_room(free: np.ndarray) -> tuple[float, float]:
     """Share of the room's interior that is free, and the free pixels outside of it as a share of the interior."""
     inside = np.zeros((HEIGHT, WIDTH), np.bool_)
     inside[24:96, 34:166] = True
@@ -46,7 +46,7 @@ def share_of_room(free: np.ndarray) -> tuple[float, float]:
 
 
 def assert_is_the_room(free: np.ndarray) -> None:
-    within, without = share_of_room(free)
+    within, without = fractions_of_room(free)
     assert within > 0.98
     assert without < 0.02
 
@@ -58,7 +58,7 @@ def test_the_room_is_found_whatever_the_colours_and_the_pen(tmp_path, stroke, in
     drawn = drawn_map(read(255 - picture if inverted else picture, tmp_path))
     assert drawn.walls_are == ("bright" if inverted else "dark")
     assert not drawn.is_open
-    within, without = share_of_room(drawn.free)
+    within, without = fractions_of_room(drawn.free)
     assert within > (0.98 if stroke < 10 else 0.85)
     assert without < 0.02
 
@@ -100,7 +100,7 @@ def test_small_gaps_in_strokes_are_closed(tmp_path, gap):
 @pytest.mark.parametrize("start", [None, (10.0, 6.0)])
 def test_a_gap_in_the_outline_does_not_let_the_outside_in(tmp_path, width, start):
     drawn = drawn_map(read(room(gap=slice(90, 90 + width)), tmp_path), start_xy=start)
-    within, without = share_of_room(drawn.free)
+    within, without = fractions_of_room(drawn.free)
     assert not drawn.is_open
     assert within > 0.97
     assert without < 0.03
@@ -141,7 +141,7 @@ def test_a_shaky_hand_does_not_matter(tmp_path):
     for a, b in pairwise(corners):
         line = a + np.linspace(0, 1, 25)[:, None] * (b - a) + rng.normal(0, 0.8, (25, 2))
         cv2.polylines(picture, [np.rint(line).astype(np.int32)], False, 0, 2)
-    within, without = share_of_room(drawn_map(read(picture, tmp_path)).free)
+    within, without = fractions_of_room(drawn_map(read(picture, tmp_path)).free)
     assert within > 0.97
     assert without < 0.03
 

@@ -41,7 +41,7 @@ BUILDING = """A building with rooms off a corridor, with an accurate and with a 
 FINISHES = """The paper's uncorrected run by the distorted drawing does not finish; ours does, in {count} of {runs}
 runs: a robot that is off in the drawing still reaches its points, since paths are planned over what the lidar
 sees."""
-BENT = """The paper's form maps the building worse than the best settings do since its heading is that of the drawn
+DEFORMED = """The paper's form maps the building worse than the best settings do since its heading is that of the drawn
 lines, which are not where they seem to be. Recorded drives through the building, mapped by the distorted drawing in the paper's
 form, come out {drawn:.3f} m off; with the heading of odometry and scan matching, and all else the same, {scans:.3f} m."""
 KINDS = {"paper": "paper-", "short": "paper-8m-", "best": ""}
@@ -174,5 +174,5 @@ def building(work: Work) -> Experiment:
     parts = [FINISHES.format(count=count, runs=len(lost))] if count else []
     if error_of(lost) > 0.05:
         headings = np.array(work.each("heading", mapped_by_heading, SEEDS)).mean(axis=0)
-        parts.append(BENT.format(drawn=headings[0], scans=headings[1]))
+        parts.append(DEFORMED.format(drawn=headings[0], scans=headings[1]))
     return Experiment("A building and two drawings", BUILDING, rows, pictures, " ".join(parts))

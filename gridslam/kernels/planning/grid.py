@@ -86,7 +86,7 @@ def descend(cost: NDArray[np.float32], start: int) -> NDArray[np.int64]:
         n += 1
         if cost[row, col] == 0.0:
             return cells[:n].copy()
-        best, steepest = np.inf, 0.0
+        best, largest_drop = np.inf, 0.0
         at_r, at_c = row, col
         for dr in range(-1, 2):
             for dc in range(-1, 2):
@@ -94,8 +94,8 @@ def descend(cost: NDArray[np.float32], start: int) -> NDArray[np.int64]:
                 if (dr == 0 and dc == 0) or r < 0 or c < 0 or r >= rows or c >= cols:
                     continue
                 drop = (cost[row, col] - cost[r, c]) / (DIAGONAL if dr != 0 and dc != 0 else 1.0)
-                if cost[r, c] < cost[row, col] and drop > steepest:
-                    steepest, best = drop, cost[r, c]
+                if cost[r, c] < cost[row, col] and drop > largest_drop:
+                    largest_drop, best = drop, cost[r, c]
                     at_r, at_c = r, c
         if best == np.inf:
             return cells[:0].copy()

@@ -21,7 +21,7 @@ from gridslam.kernels.planning.dubins import connect
 FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2  # results of a search
 HEURISTIC_WEIGHT = 1.3  # above 1: a weighted A*, which expands fewer states and may miss the cheapest path
 GOAL_CONNECTION_M = 3.0  # every state with less than this left to go is connected to the goals
-CONNECT_EVERY = 16  # of the states farther away, one in so many
+CONNECT_EVERY = 16  # of the states farther away, every 16th is
 MAX_EXPANSIONS_AFTER_GOAL = 4000  # states expanded after the first path to a goal, to find a cheaper one
 GUIDE_OFFSETS = np.array(
     [1, 2, 4, 7, 11], np.int64
@@ -129,9 +129,9 @@ def search_poses(
                 return TOO_MANY, states.parts[0, :0].copy(), states.size[COUNT]
             return FOUND, _extract_motions(states, states.size[BEST_GOAL]), states.size[COUNT]
         _connect_to_guide_path(world, query, states, queue, node)
-        for way in range(directions):
-            _connect_to_goals(world, query, states, queue, node, 1 - 2 * way)
-            _steer(world, query, states, queue, node, 1 - 2 * way)
+        for index in range(directions):
+            _connect_to_goals(world, query, states, queue, node, 1 - 2 * index)
+            _steer(world, query, states, queue, node, 1 - 2 * index)
     return EXHAUSTED, states.parts[0, :0].copy(), states.size[COUNT]
 
 
@@ -285,11 +285,11 @@ def _cost_to_go_at(world: CollisionWorld, query: Query, pose: NDArray[np.float64
     """Lowest cost-to-go of the pose's cell and its neighbours; infinite if none has any."""
     rows, cols = query.cost_to_go.shape
     row, col = int(pose[Y] / world.resolution), int(pose[X] / world.resolution)
-    least = np.inf
+    lowest = np.inf
     for r in range(max(row - 1, 0), min(row + 2, rows)):
         for c in range(max(col - 1, 0), min(col + 2, cols)):
-            least = min(least, query.cost_to_go[r, c])
-    return least
+            lowest = min(lowest, query.cost_to_go[r, c])
+    return lowest
 
 
 @compiled

@@ -84,14 +84,14 @@ def _joints(start: NDArray[np.float64], parts: NDArray[np.float64], spacing: flo
     for k in range(parts.shape[0]):
         count = max(int(np.ceil(parts[k, 0] / spacing)), 1)
         x, y, yaw = joints[at - 1, X], joints[at - 1, Y], joints[at - 1, YAW]
-        way = joints[at - 1, DISTANCE]
+        distance = joints[at - 1, DISTANCE]
         for i in range(1, count + 1):
             length = parts[k, 0] * i / count
             joints[at, X], joints[at, Y], joints[at, YAW] = advance(x, y, yaw, length, parts[k, 1])
             joints[at, LENGTH], joints[at, CURVATURE], joints[at, DISTANCE] = (
                 parts[k, 0] / count,
                 parts[k, 1],
-                way + length,
+                distance + length,
             )
             at += 1
     return joints

@@ -83,7 +83,7 @@ def test_the_path_leads_to_the_open_side_and_a_closed_room_is_finished() -> None
 def test_a_viewpoint_that_gets_no_closer_is_abandoned() -> None:
     tour = FrontierTour(ExplorationConfig())
     tour.observed.add(np.zeros(3), scan(-0.2, 0.2))
-    for second in range(200):
+    for second in range(0, 800, 4):
         tour.path(second * 10**9, np.zeros(3), 0.25)
     assert tour.abandoned >= 1
     assert tour.is_finished
