@@ -1,4 +1,4 @@
-"""Poses drawn evenly over the free space of a map."""
+"""The free space of a map, and poses sampled uniformly from it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,25 @@ Floats = NDArray[np.float64]
 
 
 def free_cells(occupancy: OccupancyGrid, threshold: float) -> NDArray[np.bool_]:
-    """Cells `(rows, cols)` known to be free with at most this probability of occupancy. Raises MapError when there is none."""
+    """Mask `(rows, cols)` of the known cells with at most this probability of occupancy.
+
+    Raises MapError: the map has no such cell.
+    """
     free = np.nan_to_num(occupancy.probability, nan=1.0) <= threshold
     if not free.any():
-        raise MapError("the map has no free cell, so the robot can be nowhere; check its thresholds and mode")
+        raise MapError(
+            "the map has no free cell where the robot could be; check the map's thresholds and mode"
+        )
     return free
 
 
 def draw_free_poses(
     free: NDArray[np.bool_], occupancy: OccupancyGrid, count: int, rng: np.random.Generator
 ) -> Floats:
-    """Poses `(count, 3)`, uniform over the free cells and all headings."""
+    """Poses `(count, 3)` in the map frame, uniform over the free cells and all headings."""
     cells = np.argwhere(free)[rng.integers(0, int(free.sum()), count)]
     geometry = occupancy.geometry
     within = (rng.random((count, 2)) - 0.5) * geometry.resolution_m
-    turn = np.array([0.0, 0.0, geometry.yaw_rad])
-    xy = geometry.centres(cells) + se2.transform_points(turn, within)
+    rotation = np.array([0.0, 0.0, geometry.yaw_rad])
+    xy = geometry.centres(cells) + se2.transform_points(rotation, within)
     return np.column_stack([xy, rng.uniform(-np.pi, np.pi, count)])

@@ -1,4 +1,4 @@
-"""How many particles a belief needs (Fox 2003, KLD sampling)."""
+"""The number of particles that a belief needs: KLD sampling (Fox 2003)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 
 def particles_needed(bins: int, error: float, quantile: float) -> int:
-    """Samples that keep the Kullback-Leibler distance to a belief over `bins` bins below `error`.
+    """Number of samples that keeps the Kullback-Leibler distance to a belief over `bins` bins below `error`.
 
-    `quantile` is that of the standard normal distribution for the wanted probability (2.33 for 0.99): Fox's bound, the
-    quantile of chi-square by the approximation of Wilson and Hilferty.
+    `quantile` is that of the standard normal distribution for the wanted probability (2.33 for 0.99). Source: Fox 2003, with the
+    chi-square quantile by the approximation of Wilson and Hilferty.
     """
     if bins <= 1:
         return 1

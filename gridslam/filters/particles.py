@@ -1,4 +1,4 @@
-"""A weighted set of poses and what it says: effective size, its main cluster, its spread."""
+"""Weighted particles, their effective sample size, moments and main cluster."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-_MOST_BINS = 1e6  # counted directly; more are numbered first
+_MAX_DIRECT_BINS = 1e6  # up to this many bins are counted directly; otherwise only occupied bins are numbered
 
 
 @dataclass(frozen=True, slots=True)
 class Particles:
-    """Poses `(n, 3)` with normalised weights `(n,)`."""
+    """Poses `(n, 3)` (x, y, yaw) with normalised weights `(n,)`."""
 
     poses: Floats
     weights: Floats
@@ -26,16 +26,16 @@ class Particles:
 
     @staticmethod
     def even(poses: Floats) -> Particles:
-        """All poses with the same weight."""
+        """Particles at the poses `(n, 3)` with equal weights."""
         return Particles(poses, np.full(len(poses), 1.0 / len(poses)))
 
     @property
     def effective_size(self) -> float:
-        """N_eff = 1 / sum w^2."""
+        """Effective sample size N_eff = 1 / sum w^2."""
         return float(1.0 / np.sum(self.weights**2))
 
     def reweighted(self, log_likelihood: Floats) -> Particles:
-        """Weights times likelihood, normalised."""
+        """The particles with their weights multiplied by a likelihood `(n,)` and normalised."""
         with np.errstate(divide="ignore"):
             log_weights = np.log(self.weights) + log_likelihood
         weights = np.exp(log_weights - log_weights.max())
@@ -44,15 +44,15 @@ class Particles:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """A Gaussian about part of the particles: mean `(3,)`, covariance `(3, 3)`, and its share of all weight."""
+    """A Gaussian of some of the particles: mean `(3,)`, covariance `(3, 3)`, and their total weight `mass`."""
 
     mean: Floats
     covariance: Floats
     mass: float
 
     @property
-    def spread_m(self) -> float:
-        """Standard deviation of the position."""
+    def std_m(self) -> float:
+        """Standard deviation of the position, m: the root of var_x + var_y."""
         return float(np.sqrt(max(self.covariance[0, 0] + self.covariance[1, 1], 0.0)))
 
 
@@ -62,7 +62,7 @@ def moments(particles: Particles) -> Belief:
 
 
 def main_cluster(particles: Particles, radius_m: float, radius_rad: float, rounds: int = 4) -> Belief:
-    """The heaviest cluster: from the heaviest bin of the size of the radius the mean climbs to the middle of what is near.
+    """The heaviest cluster of particles, by mean shift from the heaviest bin of the size of the radius.
 
     The mean of all particles would lie between clusters, perhaps in a wall.
     """
@@ -71,7 +71,7 @@ def main_cluster(particles: Particles, radius_m: float, radius_rad: float, round
     bins -= bins.min(axis=0)
     extent = bins.max(axis=0) + 1
     member = (bins[:, 0] * extent[1] + bins[:, 1]) * extent[2] + bins[:, 2]
-    if np.prod(extent, dtype=np.float64) > _MOST_BINS:
+    if np.prod(extent, dtype=np.float64) > _MAX_DIRECT_BINS:
         _, member = np.unique(member, return_inverse=True)
     near = member == np.argmax(np.bincount(member, weights))
     for _ in range(rounds):
@@ -88,9 +88,9 @@ def main_cluster(particles: Particles, radius_m: float, radius_rad: float, round
 
 def _moments(poses: Floats, weights: Floats) -> Belief:
     mass = float(weights.sum())
-    share = weights / mass
-    yaw = np.arctan2(share @ np.sin(poses[:, 2]), share @ np.cos(poses[:, 2]))
-    mean = np.array([share @ poses[:, 0], share @ poses[:, 1], yaw])
+    normalised = weights / mass
+    yaw = np.arctan2(normalised @ np.sin(poses[:, 2]), normalised @ np.cos(poses[:, 2]))
+    mean = np.array([normalised @ poses[:, 0], normalised @ poses[:, 1], yaw])
     off = poses - mean
     off[:, 2] = se2.wrap_angle(off[:, 2])
-    return Belief(mean, (off * share[:, None]).T @ off, mass)
+    return Belief(mean, (off * normalised[:, None]).T @ off, mass)

@@ -1,4 +1,4 @@
-"""Resampling with as many particles as the belief needs."""
+"""Systematic resampling, and resampling to the number of particles that the belief needs."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveSize:
-    """Number of particles by KLD sampling, between two bounds; bins of `bin_m` by `bin_m` by `bin_rad`."""
+    """Parameters of KLD sampling: bounds of the number of particles, error, quantile, and bins of position and heading."""
 
-    least: int
-    most: int
+    min: int
+    max: int
     error: float
     quantile: float
     bin_m: float
@@ -35,14 +35,14 @@ def systematic_resampling(weights: Floats, count: int, rng: np.random.Generator)
 
 
 def resample(particles: Particles, size: AdaptiveSize, rng: np.random.Generator) -> Particles:
-    """Systematic (low-variance) resampling to evenly weighted particles, as many as KLD sampling asks for.
+    """Particles with equal weights by systematic resampling; their number is that of KLD sampling.
 
-    The bins are counted over the most that could be drawn, which errs to the side of more particles.
+    The occupied bins are counted over the largest number of particles, which errs on the side of more particles.
     """
     start = float(rng.random())
-    chosen = systematic(particles.weights, size.most, start)
+    chosen = systematic(particles.weights, size.max, start)
     bins = occupied_bins(particles.poses, chosen, size.bin_m, size.bin_rad)
-    count = min(max(particles_needed(bins, size.error, size.quantile), size.least), size.most)
-    if count < size.most:
+    count = min(max(particles_needed(bins, size.error, size.quantile), size.min), size.max)
+    if count < size.max:
         chosen = systematic(particles.weights, count, start)
     return Particles.even(particles.poses[chosen])

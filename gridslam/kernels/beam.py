@@ -1,6 +1,8 @@
-"""Weights of the beam model: what the map says each beam should have measured, looked up against what it did."""
+"""Scores of poses by the beam model: a table over the measured range and the range that the map predicts."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -10,23 +12,39 @@ from gridslam.kernels.compiled import compiled_parallel
 from gridslam.kernels.raycast import cast
 
 
-@compiled_parallel
-def sum_over_beams(
-    squares: NDArray[np.uint8],
-    table: NDArray[np.float32],
-    cells_per_bin: float,
-    bearings: NDArray[np.float64],
-    measured_bins: NDArray[np.int64],
-    sensor: NDArray[np.float64],
-    poses: NDArray[np.float64],
-    reach: float,
-) -> NDArray[np.float64]:
-    """Sum of table[measured bin, expected bin] `(n,)` over the beams `(b,)`, the expected range by ray casting from each pose.
+class RangeTable(NamedTuple):
+    """Log-probabilities `(bins, bins)` by the measured range (row) and the expected range (column).
 
-    Poses `(n, 3)` are the robot's (x, y in cells, yaw), `sensor` `(3,)` is T_base_sensor in cells; bearings are the sensor's.
+    Bins have the width `cells_per_bin`; the last row and the last column are no return.
     """
+
+    log_probability: NDArray[np.float32]
+    cells_per_bin: float
+
+
+class MeasuredBeams(NamedTuple):
+    """One scan: bearings `(b,)` in the sensor's frame, bins `(b,)` of the measured ranges, and T_base_sensor `(3,)` in cells.
+
+    `max_range` (cells) is the range at which rays end.
+    """
+
+    bearings: NDArray[np.float64]
+    bins: NDArray[np.int64]
+    sensor: NDArray[np.float64]
+    max_range: float
+
+
+@compiled_parallel
+def sum_over_ranges(
+    squares: NDArray[np.uint8], table: RangeTable, beams: MeasuredBeams, poses: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Sums `(n,)` over the beams of the table's log-probabilities for robot poses `(n, 3)` (x, y in cells, yaw).
+
+    The expected ranges are those of ray casting in the free `squares` of the map (see `raycast`).
+    """
+    log_probability, bearings, sensor = table.log_probability, beams.bearings, beams.sensor
     n, b = poses.shape[0], bearings.shape[0]
-    last = table.shape[1] - 1
+    last = log_probability.shape[1] - 1
     cos_b, sin_b = np.cos(bearings), np.sin(bearings)
     sums = np.empty(n)
     for i in prange(n):
@@ -39,7 +57,8 @@ def sum_over_beams(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            expected = cast(squares, x, y, dx, dy, reach)
-            total += table[measured_bins[k], min(int(expected / cells_per_bin + 0.5), last)]
+            expected = cast(squares, x, y, dx, dy, beams.max_range)
+            column = min(int(expected / table.cells_per_bin + 0.5), last)
+            total += log_probability[beams.bins[k], column]
         sums[i] = total
     return sums

@@ -1,11 +1,13 @@
-"""Scoring of poses by the distance field under the scan's end points.
+"""Scores of poses by a distance field under the endpoints of a scan.
 
-The field is a byte per cell: the distance to the nearest occupied cell in steps of the caller's choice. What a distance is worth
-is a table of 256 entries, so that one field serves every model: a sharp likelihood, a broad one, a count of explained beams.
-Coordinates are in cells from the field's lower-left corner; points beyond the field take the last entry of the table.
+The field holds a byte per cell: the distance to the nearest occupied cell in steps that the caller chooses. A table of 256
+entries gives the score of each distance, so that one field serves several models. Coordinates are in cells from the field's
+lower-left corner; points outside the field take the last entry of the table.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -15,6 +17,27 @@ from gridslam.kernels.compiled import compiled, compiled_parallel
 from gridslam.kernels.raycast import cast
 
 
+class VisibilityMap(NamedTuple):
+    """A map for `sum_over_beams`; lengths in cells.
+
+    `field` uint8 `(rows, cols)` holds distance steps and `squares` the free squares of ray casting. A wall within `tolerance` of
+    a beam's endpoint does not block the beam; `slack` is how far aside the endpoint is moved to test whether the beam grazes a
+    wall.
+    """
+
+    field: NDArray[np.uint8]
+    squares: NDArray[np.uint8]
+    tolerance: float
+    slack: float
+
+
+class BeamCells(NamedTuple):
+    """Beams in the robot's frame, in cells: origins `(m, 2)` and endpoints `(m, 2)`."""
+
+    origins: NDArray[np.float64]
+    endpoints: NDArray[np.float64]
+
+
 @compiled_parallel
 def sum_over_points(
     field: NDArray[np.uint8],
@@ -22,14 +45,14 @@ def sum_over_points(
     points: NDArray[np.float32],
     poses: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Sum of table[field] `(n,)` over the points `(m, 2)` seen from each pose `(n, 3)` (x, y in cells, yaw)."""
+    """Sums `(n,)` of table[field] under the points `(m, 2)`, in the robot's frame, for poses `(n, 3)` (x, y in cells, yaw)."""
     rows, cols = field.shape
     n, m = poses.shape[0], points.shape[0]
     sums = np.empty(n)
     beyond = table[255]
     for i in prange(n):
         c, s = np.float32(np.cos(poses[i, 2])), np.float32(np.sin(poses[i, 2]))
-        # One cell is added before truncation, which then is the floor for all that lies inside.
+        # One cell is added before truncation, which then equals the floor for all points inside.
         x, y = np.float32(poses[i, 0] + 1.0), np.float32(poses[i, 1] + 1.0)
         total = np.float32(0.0)
         for k in range(m):
@@ -46,75 +69,67 @@ def sum_over_points(
 
 @compiled_parallel
 def sum_over_offsets(
-    worth: NDArray[np.uint8], starts: NDArray[np.int32], offsets: NDArray[np.int32]
+    scores: NDArray[np.uint8], starts: NDArray[np.int32], offsets: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Scores `(h, n)` of n places under h headings: sums of the flat field `worth` at starts[i] + offsets[h, k].
+    """Sums `(h, n)` for n positions under h headings: those of the flat field `scores` at starts[i] + offsets[h, k] over k.
 
-    `worth` is padded so that every index lies inside; `offsets` `(h, m)` are the scan's points, turned and flattened.
+    `scores` is padded so that every index lies inside; `offsets` `(h, m)` are the scan's points, rotated and flattened.
     """
     headings, m = offsets.shape
     n = starts.shape[0]
-    scores = np.zeros((headings, n), np.int32)
+    sums = np.zeros((headings, n), np.int32)
     for h in prange(headings):
         for i in range(n):
             start = starts[i]
             total = np.int32(0)
             for k in range(m):
-                total += worth[start + offsets[h, k]]
-            scores[h, i] = total
-    return scores
+                total += scores[start + offsets[h, k]]
+            sums[h, i] = total
+    return sums
 
 
 @compiled
-def _is_blocked(
-    squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, tolerance: float, aside: float
-) -> bool:
-    """Whether a wall lies on the way from (x, y) by (dx, dy), moved aside at its end, up to the tolerance before the end."""
+def _is_blocked(walls: VisibilityMap, x: float, y: float, dx: float, dy: float, aside: float) -> bool:
+    """Whether a wall blocks the line from (x, y) by (dx, dy) with its endpoint moved aside, up to the tolerance before it."""
     length = np.sqrt(dx * dx + dy * dy)
-    if length <= tolerance:
+    if length <= walls.tolerance:
         return False
     dx, dy = dx - aside * dy / length, dy + aside * dx / length
     moved = np.sqrt(dx * dx + dy * dy)
-    way = length - tolerance
-    return bool(cast(squares, x, y, dx / moved, dy / moved, way) < way)
+    free = length - walls.tolerance
+    return bool(cast(walls.squares, x, y, dx / moved, dy / moved, free) < free)
 
 
 @compiled_parallel
-def sum_over_segments(
-    field: NDArray[np.uint8],
-    squares: NDArray[np.uint8],
-    table: NDArray[np.float32],
-    starts: NDArray[np.float64],
-    ends: NDArray[np.float64],
-    tolerance: float,
-    slack: float,
-    poses: NDArray[np.float64],
+def sum_over_beams(
+    walls: VisibilityMap, table: NDArray[np.float32], beams: BeamCells, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """As `sum_over_points` for the `ends` `(m, 2)` of beams; one with a blocked way from its start `(m, 2)` takes the last entry.
+    """As `sum_over_points` for the endpoints of beams; a blocked beam takes the last entry of the table.
 
-    Blocked is a way with a wall farther than `tolerance` (cells) before its end, that stays blocked when the end is moved aside
-    by `slack` (cells) either way: a beam along a wall may graze it. `squares` are those of ray casting.
+    A beam is blocked if a wall lies farther than the tolerance before its endpoint, and also when the endpoint is moved aside by
+    the slack to either side: a beam along a wall may graze it.
     """
+    field, origins, endpoints = walls.field, beams.origins, beams.endpoints
     rows, cols = field.shape
-    n, m = poses.shape[0], ends.shape[0]
+    n, m = poses.shape[0], endpoints.shape[0]
     sums = np.empty(n)
     for i in prange(n):
         c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
         total = 0.0
         for k in range(m):
-            x = poses[i, 0] + c * ends[k, 0] - s * ends[k, 1]
-            y = poses[i, 1] + s * ends[k, 0] + c * ends[k, 1]
+            x = poses[i, 0] + c * endpoints[k, 0] - s * endpoints[k, 1]
+            y = poses[i, 1] + s * endpoints[k, 0] + c * endpoints[k, 1]
             col, row = int(np.floor(x)), int(np.floor(y))
             value = table[255]
             if 0 <= col < cols and 0 <= row < rows:
                 value = table[field[row, col]]
             if value != table[255]:
-                x0 = poses[i, 0] + c * starts[k, 0] - s * starts[k, 1]
-                y0 = poses[i, 1] + s * starts[k, 0] + c * starts[k, 1]
+                x0 = poses[i, 0] + c * origins[k, 0] - s * origins[k, 1]
+                y0 = poses[i, 1] + s * origins[k, 0] + c * origins[k, 1]
                 if (
-                    _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, 0.0)
-                    and _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, slack)
-                    and _is_blocked(squares, x0, y0, x - x0, y - y0, tolerance, -slack)
+                    _is_blocked(walls, x0, y0, x - x0, y - y0, 0.0)
+                    and _is_blocked(walls, x0, y0, x - x0, y - y0, walls.slack)
+                    and _is_blocked(walls, x0, y0, x - x0, y - y0, -walls.slack)
                 ):
                     value = table[255]
             total += value

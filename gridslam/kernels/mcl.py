@@ -1,4 +1,4 @@
-"""Steps of the particle filter that are loops by nature: resampling, and counting bins."""
+"""Steps of the particle filter that numpy cannot vectorise: systematic resampling and the count of occupied bins."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gridslam.kernels.compiled import compiled
 
 @compiled
 def systematic(weights: NDArray[np.float64], count: int, start: float) -> NDArray[np.int64]:
-    """Ancestors `(count,)` by systematic resampling: one comb of `count` teeth, shifted by `start` in [0, 1), over the weights.
+    """Indices `(count,)` of the particles that systematic resampling draws; `start` in [0, 1) is its random number.
 
     Weights `(n,)` need not be normalised; their sum must be positive (Thrun et al. 2005, table 4.4).
     """
@@ -21,22 +21,20 @@ def systematic(weights: NDArray[np.float64], count: int, start: float) -> NDArra
     step = total / count
     ancestors = np.empty(count, np.int64)
     i = 0
-    reached = weights[0]
+    cumulative = weights[0]
     for k in range(count):
-        tooth = (k + start) * step
-        while reached <= tooth and i < n - 1:
+        position = (k + start) * step
+        while cumulative <= position and i < n - 1:
             i += 1
-            reached += weights[i]
+            cumulative += weights[i]
         ancestors[k] = i
     return ancestors
 
 
 @compiled
-def occupied_bins(
-    poses: NDArray[np.float64], chosen: NDArray[np.int64], cell_m: float, cell_rad: float
-) -> int:
-    """Number of different bins (x, y, yaw) among the chosen `(k,)` of the poses `(n, 3)`, by open addressing."""
-    size = 1
+def occupied_bins(poses: NDArray[np.float64], chosen: NDArray[np.int64], bin_m: float, bin_rad: float) -> int:
+    """Number of different bins (x, y, yaw) that the poses `(n, 3)` at the indices `chosen` `(k,)` occupy."""
+    size = 1  # of a hash table with open addressing
     while size < 2 * chosen.shape[0] + 2:
         size *= 2
     slots = np.full((size, 3), -(1 << 60), np.int64)
@@ -44,9 +42,9 @@ def occupied_bins(
     last_x = last_y = last_yaw = np.int64(-(1 << 60))
     for k in range(chosen.shape[0]):
         i = chosen[k]
-        x = np.int64(np.floor(poses[i, 0] / cell_m))
-        y = np.int64(np.floor(poses[i, 1] / cell_m))
-        yaw = np.int64(np.floor(poses[i, 2] / cell_rad))
+        x = np.int64(np.floor(poses[i, 0] / bin_m))
+        y = np.int64(np.floor(poses[i, 1] / bin_m))
+        yaw = np.int64(np.floor(poses[i, 2] / bin_rad))
         if x == last_x and y == last_y and yaw == last_yaw:
             continue
         last_x, last_y, last_yaw = x, y, yaw

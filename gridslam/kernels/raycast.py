@@ -1,8 +1,9 @@
-"""Exact ray casting in a grid, walking over free squares instead of cells.
+"""Exact ray casting in a grid that advances by free squares instead of cells.
 
 `squares[q]` holds for every cell the side of the largest free square that has the cell in its corner and extends towards quadrant
-q (0: occupied). A ray towards q goes straight to where it leaves that square. With squares of one cell this is the usual step
-from cell to cell (Amanatides and Woo 1987): the cell that is hit, and the range, are those of the full traversal.
+q (0: occupied). A ray towards q advances to the point where it leaves that square. With squares of one cell this is the usual
+step from cell to cell (Amanatides and Woo 1987; `grid_traversal`): the cell that is hit, and the range, are those of the full
+traversal.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ _LARGEST = 255
 
 @compiled
 def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Sides (cells, capped at 255) of the free squares `(4, rows, cols)`, all within the grid.
+    """Sides (cells, at most 255) of the free squares `(4, rows, cols)` of a grid; no square extends beyond the grid.
 
-    The quadrant's index is 2 * (towards lower rows) + (towards lower columns).
+    The index of a quadrant is 2 * (towards lower rows) + (towards lower columns).
     """
     rows, cols = occupied.shape
     squares = np.zeros((4, rows, cols), np.uint8)
@@ -47,16 +48,16 @@ def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 @compiled
-def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, reach: float) -> float:
-    """Range in cells from (x, y) along the unit vector (dx, dy) to the first occupied cell; `reach` when there is none nearer.
+def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, max_range: float) -> float:
+    """Range (cells) from (x, y) along the unit vector (dx, dy) to the first occupied cell; `max_range` if none is nearer.
 
-    Coordinates are in cells from the grid's lower-left corner. A ray that starts in an occupied cell has range 0; beyond the
-    grid nothing is hit, and a ray from outside the grid hits nothing.
+    Coordinates are in cells from the grid's lower-left corner. A ray that starts in an occupied cell has range 0. A ray that
+    leaves the grid, or starts outside of it, hits nothing.
     """
     _, rows, cols = squares.shape
     col, row = int(np.floor(x)), int(np.floor(y))
     if not (0 <= col < cols and 0 <= row < rows):
-        return reach
+        return max_range
     left, down = dx < 0.0, dy < 0.0
     quadrant = squares[2 * int(down) + int(left)]
     inverse_dx = 1.0 / dx if abs(dx) > _PARALLEL else (-_NEVER if left else _NEVER)
@@ -65,7 +66,7 @@ def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, r
     while True:
         side = int(quadrant[row, col])
         if side == 0:
-            return min(t, reach)
+            return min(t, max_range)
         edge_x = col + 1 - side if left else col + side
         edge_y = row + 1 - side if down else row + side
         tx = (edge_x - x) * inverse_dx
@@ -82,15 +83,15 @@ def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, r
             if side > 1:
                 at = int(x + t * dx)
                 col = min(max(at, edge_x), col) if left else max(min(at, edge_x - 1), col)
-        if t >= reach or not (0 <= col < cols and 0 <= row < rows):
-            return reach
+        if t >= max_range or not (0 <= col < cols and 0 <= row < rows):
+            return max_range
 
 
 @compiled_parallel
 def cast_rays(
-    squares: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], reach: float
+    squares: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], max_range: float
 ) -> NDArray[np.float32]:
-    """Ranges in cells `(n, b)` from poses `(n, 3)` (x, y in cells, yaw) along bearings `(b,)` relative to the yaw."""
+    """Ranges (cells) `(n, b)` from poses `(n, 3)` (x, y in cells, yaw) along bearings `(b,)` relative to the yaw."""
     n, b = poses.shape[0], bearings.shape[0]
     ranges = np.empty((n, b), np.float32)
     cos_b, sin_b = np.cos(bearings), np.sin(bearings)
@@ -99,5 +100,5 @@ def cast_rays(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            ranges[i, k] = cast(squares, poses[i, 0], poses[i, 1], dx, dy, reach)
+            ranges[i, k] = cast(squares, poses[i, 0], poses[i, 1], dx, dy, max_range)
     return ranges

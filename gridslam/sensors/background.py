@@ -1,4 +1,4 @@
-"""What stands still before a fixed camera, and what does not: by colour, and by depth."""
+"""Background models of a fixed RGB-D camera: one of colours and one of depths."""
 
 from __future__ import annotations
 
@@ -9,29 +9,38 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 Depth = NDArray[np.float32]
 
-_LIFT_SHARE = 0.1  # how quickly the depth background follows what is farther away than it
-_SINK_SHARE = 0.002  # and what is nearer: furniture that stays
+_RATE_FARTHER = 0.1  # learning rate of the depth background where a reading lies behind it
+_RATE_NEARER = (
+    0.002  # and where it lies before it: slow, so that people do not become background but new furniture does
+)
+_MARGINS_BEHIND = 3.0  # a reading this many margins behind the background contradicts it
+_MARGINS_BEFORE = 2.0  # and this many before it, unless the colour shows a foreground object
 
 
 class ColourBackground:
-    """Gaussian mixture per pixel (Zivkovic 2004, OpenCV's MOG2), cleaned by morphology (ispace-mcl, eqs. 5 - 7)."""
+    """Gaussian mixture per pixel (Zivkovic 2004, OpenCV's MOG2), cleaned by morphology (ispace-mcl, eqs. 5 - 7).
+
+    `history` is the number of frames that the model remembers, `threshold` the squared Mahalanobis distance from which a colour
+    is foreground. Opening removes smaller specks than `opening_px`, closing fills smaller holes than `closing_px`.
+    """
 
     def __init__(
-        self, history: int, threshold: float, opening_px: int, closing_px: int, warm_up: int = 5
+        self, history: int, threshold: float, *, opening_px: int, closing_px: int, warm_up: int = 5
     ) -> None:
         self._history, self._threshold, self._warm_up = history, threshold, warm_up
         self._opening, self._closing = _disc(opening_px), _disc(closing_px)
         self.restart()
 
     def restart(self) -> None:
-        """Forget everything, as after a light was switched on."""
+        """Discard the model, as after a light was switched on."""
         self._model = cv2.createBackgroundSubtractorMOG2(self._history, self._threshold, detectShadows=False)
         self.frames = 0
 
     def foreground(self, pixels: NDArray[np.uint8]) -> Mask:
-        """Pixels `(rows, cols)` that are not background, of an image `(rows, cols)` or `(rows, cols, 3)`; learns from it.
+        """Mask `(rows, cols)` of the foreground in an image `(rows, cols)` or `(rows, cols, 3)`; the model learns from the image.
 
-        The first frames count alike; then the model forgets slowly, lest who stands for a while become background.
+        The first `warm_up` frames have equal weights. After them the model adapts slowly, so that a person who stands for a
+        while does not become background.
         """
         self.frames += 1
         rate = 1.0 / self.frames if self.frames <= self._warm_up else 1.0 / self._history
@@ -41,45 +50,51 @@ class ColourBackground:
 
 
 class DepthBackground:
-    """The largest depth that each pixel keeps coming back to: walls and floor behind what passes before them."""
+    """The depth of walls and floor at each pixel: the largest depth that the pixel returns to.
 
-    def __init__(self, margin_m: float, margin_share: float) -> None:
-        self._margin_m, self._margin_share = margin_m, margin_share
+    A reading differs from the background when it is off by more than `margin_m` plus `margin_ratio` of the depth.
+    """
+
+    def __init__(self, margin_m: float, margin_ratio: float) -> None:
+        self._margin_m, self._margin_ratio = margin_m, margin_ratio
         self.depth_m: Depth | None = None
 
     def learn(self, depth_m: Depth) -> None:
-        """Take in a depth image `(rows, cols)`, NaN where there is none."""
+        """Update the background by a depth image `(rows, cols)`, NaN where there is no reading."""
         if self.depth_m is None:
             self.depth_m = depth_m.astype(np.float32)
             return
         known = self.depth_m
         off = depth_m - known
-        rate = np.where(off > 0.0, np.float32(_LIFT_SHARE), np.float32(_SINK_SHARE))
-        far = off > self._margin(known)  # what was seen first stood before it
-        moved = np.where(far, depth_m, known + rate * off)
+        rate = np.where(off > 0.0, np.float32(_RATE_FARTHER), np.float32(_RATE_NEARER))
+        is_behind = off > self._margin(
+            known
+        )  # the background was an object; what lies behind it replaces it at once
+        moved = np.where(is_behind, depth_m, known + rate * off)
         self.depth_m = np.where(np.isnan(known), depth_m, np.where(np.isnan(off), known, moved))
 
     def nearer(self, depth_m: Depth) -> Mask:
-        """Pixels with something before the background; none where the background is not known."""
+        """Mask of the pixels with a reading before the background; False where the background is unknown."""
         if self.depth_m is None:
             return np.zeros(depth_m.shape, np.bool_)
         with np.errstate(invalid="ignore"):
             return np.asarray(depth_m < self.depth_m - self._margin(depth_m))
 
-    def off_share(self, depth_m: Depth, foreground: Mask) -> float:
-        """Share of the pixels that are not what was learned: one looks through the background, or something stands before
-        it that has the colour of background. Little, unless the camera was moved.
+    def mismatch_ratio(self, depth_m: Depth, foreground: Mask) -> float:
+        """Ratio of the readings that contradict the background; large only when the camera was moved.
+
+        A reading contradicts when it lies behind the background, or before it although its colour is that of the background.
         """
         if self.depth_m is None:
             return 0.0
         off = depth_m - self.depth_m
         with np.errstate(invalid="ignore"):
-            through = off > 3.0 * self._margin(self.depth_m)
-            before = (off < -2.0 * self._margin(self.depth_m)) & ~foreground
-        return float((through | before).sum() / max(np.isfinite(off).sum(), 1))
+            behind = off > _MARGINS_BEHIND * self._margin(self.depth_m)
+            before = (off < -_MARGINS_BEFORE * self._margin(self.depth_m)) & ~foreground
+        return float((behind | before).sum() / max(np.isfinite(off).sum(), 1))
 
     def _margin(self, depth_m: Depth) -> Depth:
-        return np.asarray(self._margin_m + self._margin_share * depth_m, np.float32)
+        return np.asarray(self._margin_m + self._margin_ratio * depth_m, np.float32)
 
 
 def _disc(size_px: int) -> NDArray[np.uint8]:

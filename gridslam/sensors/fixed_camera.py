@@ -1,11 +1,12 @@
-"""A fixed RGB-D camera: where on the floor something moves, and where on the floor it would be seen.
+"""A fixed RGB-D camera: the floor positions of moving objects, and the floor cells in which they are visible.
 
-The dynamic points of ispace-mcl's environment weight (eqs. 5 - 7).
+These are the dynamic points of ispace-mcl's environment weight (eqs. 5 - 7).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pinhole:
-    """Focal lengths and centre in pixels, and T_map_optical as rotation `(3, 3)` and position `(3,)`.
+    """Pinhole camera: focal lengths and principal point in pixels, and T_map_optical as rotation `(3, 3)` and position `(3,)`.
 
-    The optical frame has x to the right, y down and z along the view. Lens distortion is not undone: images are rectified.
+    The optical frame has x to the right, y down and z forward. Images must be rectified: lens distortion is not corrected.
     """
 
     focal_px: tuple[float, float]
@@ -31,7 +32,7 @@ class Pinhole:
 
     @staticmethod
     def of(info: CameraInfo, extrinsics: Transform) -> Pinhole:
-        """From the calibration message and the static transform of the optical frame."""
+        """The camera of a calibration message and the static transform of its optical frame."""
         K = info.K
         return Pinhole(
             (float(K[0, 0]), float(K[1, 1])),
@@ -41,144 +42,168 @@ class Pinhole:
         )
 
     def to_map(self, rows: NDArray[np.int64], cols: NDArray[np.int64], depth_m: Floats) -> Floats:
-        """Points `(n, 3)` of pixels with depths along the optical axis `(n,)`."""
+        """Map points `(n, 3)` of pixels (row, col) with depths along the optical axis `(n,)`."""
         x = (cols - self.centre_px[0]) / self.focal_px[0] * depth_m
         y = (rows - self.centre_px[1]) / self.focal_px[1] * depth_m
         return np.asarray(np.stack([x, y, depth_m], axis=1) @ self.rotation.T + self.position)
 
     def to_pixels(self, points: Floats) -> tuple[Floats, Floats]:
-        """Pixels `(n, 2)` (row, col) of points `(n, 3)` of the map, and their depths `(n,)`; not positive: behind the camera."""
-        seen = (points - self.position) @ self.rotation
+        """Pixels `(n, 2)` (row, col) of map points `(n, 3)`, and their depths `(n,)`, which are <= 0 behind the camera."""
+        local = (points - self.position) @ self.rotation
         with np.errstate(divide="ignore", invalid="ignore"):
-            cols = seen[:, 0] / seen[:, 2] * self.focal_px[0] + self.centre_px[0]
-            rows = seen[:, 1] / seen[:, 2] * self.focal_px[1] + self.centre_px[1]
-        return np.stack([rows, cols], axis=1), seen[:, 2]
+            cols = local[:, 0] / local[:, 2] * self.focal_px[0] + self.centre_px[0]
+            rows = local[:, 1] / local[:, 2] * self.focal_px[1] + self.centre_px[1]
+        return np.stack([rows, cols], axis=1), local[:, 2]
 
 
 @dataclass(frozen=True, slots=True)
-class CameraSettings:
-    """How a camera's pictures are read; see the method's config for the meaning of each."""
+class DetectionParameters:
+    """How moving objects are detected in the images of one camera."""
 
-    history: int
-    threshold: float
-    opening_px: int
-    closing_px: int
-    warm_up: int
-    low_m: float
-    high_m: float
-    stride_px: int
-    most_foreground: float
-    depth_check: bool
-    margin_m: float
-    margin_share: float
-    moved_share: float
-    moved_frames: int
-    cell_m: float
-    least_area_m2: float
+    history: int  # frames that the colour background remembers
+    warm_up: int  # first frames, which only teach the background
+    uses_depth: bool  # foreground must also lie before the depth background, which removes lights and shadows
+    threshold: float = (
+        16.0  # squared Mahalanobis distance from which a colour is foreground (MOG2's usual value)
+    )
+    opening_px: int = 3  # smaller specks of foreground are removed
+    closing_px: int = 5  # smaller holes are filled
+    min_height_m: float = 0.1  # foreground below is floor
+    max_height_m: float = 2.2  # foreground above is a lamp or a sign; people are lower
+    stride_px: int = 2  # every stride-th pixel is projected, in rows and columns, for speed
+    max_foreground_ratio: float = 0.4  # more foreground than this means that a light was switched
+    margin_m: float = 0.08  # depth noise near the camera
+    margin_ratio: float = 0.03  # and its growth with the depth, as of structured-light cameras
+    moved_ratio: float = 0.12  # a camera with more depths than this off its background may have been moved
+    moved_frames: int = 5  # and was moved if that lasts for this many frames
+    cell_m: float = 0.1  # size of a floor cell
+    min_area_m2: float = 0.01  # less surface above a floor cell is noise
+
+
+COLOUR_AND_DEPTH = DetectionParameters(history=200, warm_up=5, uses_depth=True)
+# The paper's background subtraction. A robot that stands while the background is learned becomes part of it, and without a check
+# by depth it is not detected when it leaves: hence the long warm-up, and the long memory for robots that stand later.
+COLOUR_ONLY = DetectionParameters(history=500, warm_up=15, uses_depth=False)
+
+_COVERAGE_MAX_HEIGHT_M = 0.6  # the height of a robot: coverage is that of a point half as high
+_OCCLUSION_M = 0.5  # a reading this far before a floor cell hides it
+
+
+class FrameSkip(str, Enum):
+    """Reasons why a frame of a fixed camera yields no detections; the values are the counters' names."""
+
+    WARM_UP = "warm_up"
+    LIGHT_CHANGED = "light_changed"
+    CAMERA_MOVED = "camera_moved"
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
-    """What one frame shows: floor positions `(n, 2)` of all that moves, each of `areas_m2` `(n,)` of its surface.
+class FloorDetections:
+    """The moving points of one frame: floor positions `(n, 2)`, each with the surface `(n,)` that its pixel covers.
 
-    `seen` `(m,)` tells of each cell of the camera's `coverage` whether something there would have been seen in this frame.
+    `is_visible` `(m,)` is True for the cells of the camera's `coverage` that nothing hides in this frame.
     """
 
     points: Floats
     areas_m2: Floats
-    seen: NDArray[np.bool_]
+    is_visible: NDArray[np.bool_]
 
 
 @dataclass
 class FixedCamera:
-    """One camera with what it has learned of its background."""
+    """One camera with its background models and the floor cells that it covers."""
 
     pinhole: Pinhole
-    settings: CameraSettings
-    cells: Floats  # (k, 2) centres of the floor cells that may be seen: the map's free ones
+    parameters: DetectionParameters
+    cells: Floats  # (k, 2) centres of the map's free floor cells
     colour: ColourBackground = field(init=False)
     depth: DepthBackground = field(init=False)
     is_moved: bool = False
-    coverage: Floats = field(init=False)  # (m, 2) cells that are seen when nothing is in the way
-    _suspicious: int = 0  # frames with other depths that are still to come before it counts as moved
-    _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) where the coverage appears
+    coverage: Floats = field(init=False)  # (m, 2) cells that the camera sees when nobody is in the room
+    _frames_to_judge: int = 0  # mismatching frames still needed before the camera counts as moved
+    _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) image positions of the coverage
     _depths: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        s = self.settings
-        self.colour = ColourBackground(s.history, s.threshold, s.opening_px, s.closing_px, s.warm_up)
-        self.depth = DepthBackground(s.margin_m, s.margin_share)
+        p = self.parameters
+        self.colour = ColourBackground(
+            p.history, p.threshold, opening_px=p.opening_px, closing_px=p.closing_px, warm_up=p.warm_up
+        )
+        self.depth = DepthBackground(p.margin_m, p.margin_ratio)
         self.coverage = np.zeros((0, 2))
 
-    def look(self, pixels: NDArray[np.uint8], depth_m: Depth) -> Sighting | str:
-        """What a frame shows, or why it shows nothing: warm_up, light_changed, camera_moved."""
-        s = self.settings
+    def detect(self, pixels: NDArray[np.uint8], depth_m: Depth) -> FloorDetections | FrameSkip:
+        """The moving points of a frame, or the reason why the frame has none."""
+        p = self.parameters
         if self.is_moved:
-            return "camera_moved"
+            return FrameSkip.CAMERA_MOVED
         foreground = self.colour.foreground(pixels)
-        is_learning = self.colour.frames <= s.warm_up
-        if not is_learning and foreground.mean() > s.most_foreground:
+        is_learning = self.colour.frames <= p.warm_up
+        if not is_learning and foreground.mean() > p.max_foreground_ratio:
             self.colour.restart()
-            self._suspicious = s.moved_frames
-            return "light_changed"
+            self._frames_to_judge = p.moved_frames
+            return FrameSkip.LIGHT_CHANGED
         nearer = self.depth.nearer(depth_m)
-        if self._suspicious and not is_learning:
-            self._compare(depth_m, foreground)
-        if not self._suspicious:
+        if self._frames_to_judge and not is_learning:
+            self._judge_depths(depth_m, foreground)
+        if not self._frames_to_judge:
             self.depth.learn(depth_m)
-        if is_learning:  # its colours cannot tell people from walls yet
-            return "warm_up"
-        if self._suspicious or self.is_moved:
-            return "camera_moved"
+        if is_learning:  # the colour model cannot separate people from walls yet
+            return FrameSkip.WARM_UP
+        if self._frames_to_judge or self.is_moved:
+            return FrameSkip.CAMERA_MOVED
         if not len(self.coverage):
             self._find_coverage()
-        if s.depth_check:
+        if p.uses_depth:
             foreground &= nearer
-        return Sighting(*self._on_floor(foreground, depth_m), self._seen(depth_m))
+        return FloorDetections(*self._project(foreground, depth_m), self._is_visible(depth_m))
 
-    def _compare(self, depth_m: Depth, foreground: NDArray[np.bool_]) -> None:
-        """After all colours have changed: was it the light, or are the depths others than those learned as well?
+    def _judge_depths(self, depth_m: Depth, foreground: NDArray[np.bool_]) -> None:
+        """Decide, after all colours have changed, between a switched light and a moved camera.
 
-        If they are, frame after frame, the camera was moved; it stays out of use, for its calibration is wrong.
+        If the depths differ from the background frame after frame, the camera was moved. It is not used again, because its
+        calibration is wrong now.
         """
-        is_off = self.depth.off_share(depth_m, foreground) > self.settings.moved_share
-        self._suspicious = self._suspicious - 1 if is_off else 0
-        self.is_moved = is_off and not self._suspicious
+        differs = self.depth.mismatch_ratio(depth_m, foreground) > self.parameters.moved_ratio
+        self._frames_to_judge = self._frames_to_judge - 1 if differs else 0
+        self.is_moved = differs and not self._frames_to_judge
 
-    def _on_floor(self, foreground: NDArray[np.bool_], depth_m: Depth) -> tuple[Floats, Floats]:
-        """Floor positions of foreground pixels within the height band, and the surface that each stands for."""
-        s = self.settings
-        step = s.stride_px
+    def _project(self, foreground: NDArray[np.bool_], depth_m: Depth) -> tuple[Floats, Floats]:
+        """Floor positions `(n, 2)` of the foreground pixels within the height band, and the surface `(n,)` of each, m^2."""
+        p = self.parameters
+        step = p.stride_px
         rows, cols = np.nonzero(foreground[::step, ::step])
         rows, cols = rows * step, cols * step
         depths = depth_m[rows, cols].astype(np.float64)
         known = np.isfinite(depths)
         points = self.pinhole.to_map(rows[known], cols[known], depths[known])
-        inside = (points[:, 2] > s.low_m) & (points[:, 2] < s.high_m)
+        inside = (points[:, 2] > p.min_height_m) & (points[:, 2] < p.max_height_m)
         focal = self.pinhole.focal_px[0] * self.pinhole.focal_px[1]
         areas = depths[known][inside] ** 2 * (step * step / focal)
         return points[inside, :2], areas
 
     def _find_coverage(self) -> None:
-        """The floor cells at which something as high as the middle of the band would stand before the background."""
+        """Find the floor cells above which a point at half a robot's height lies in view and before the background."""
         background = self.depth.depth_m
         assert background is not None
-        height = 0.5 * (self.settings.low_m + min(self.settings.high_m, 0.6))
+        height = 0.5 * (
+            self.parameters.min_height_m + min(self.parameters.max_height_m, _COVERAGE_MAX_HEIGHT_M)
+        )
         points = np.column_stack([self.cells, np.full(len(self.cells), height)])
         pixels, depths = self.pinhole.to_pixels(points)
         with np.errstate(invalid="ignore"):
             inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(background.shape, 1)).all(axis=1)
         inside &= depths > 0.0
-        near = np.zeros((len(pixels), 2), np.int64)
-        near[inside] = np.rint(pixels[inside]).astype(np.int64)
-        behind = background[near[:, 0], near[:, 1]]
+        nearest = np.zeros((len(pixels), 2), np.int64)
+        nearest[inside] = np.rint(pixels[inside]).astype(np.int64)
+        behind = background[nearest[:, 0], nearest[:, 1]]
         farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
         with np.errstate(invalid="ignore"):
             visible = inside & (depths < np.where(np.isnan(behind), farthest, behind))
-        self.coverage, self._pixels, self._depths = self.cells[visible], near[visible], depths[visible]
+        self.coverage, self._pixels, self._depths = self.cells[visible], nearest[visible], depths[visible]
 
-    def _seen(self, depth_m: Depth) -> NDArray[np.bool_]:
-        """Cells of the coverage before which nothing stands in this frame."""
+    def _is_visible(self, depth_m: Depth) -> NDArray[np.bool_]:
+        """Mask `(m,)` of the covered cells that nothing hides in this frame."""
         before = depth_m[self._pixels[:, 0], self._pixels[:, 1]]
         with np.errstate(invalid="ignore"):
-            return ~(before < self._depths - 0.5)
+            return ~(before < self._depths - _OCCLUSION_M)

@@ -1,4 +1,4 @@
-"""Poses in the frame of a grid: its own axes, lengths in cells."""
+"""Conversion of map poses to the frame of a grid: along the grid's axes, lengths in cells."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def poses_in_cells(geometry: GridGeometry, poses: Floats) -> Floats:
-    """Map poses `(n, 3)` as (x, y in cells from the grid's lower-left corner, yaw against the grid's axes)."""
+    """Map poses `(n, 3)` as x, y (cells from the grid's lower-left corner) and yaw (rad from the grid's x axis)."""
     local: Floats = poses - np.array([*geometry.origin_xy_m, geometry.yaw_rad])
     if geometry.yaw_rad:
         cos, sin = np.cos(geometry.yaw_rad), np.sin(geometry.yaw_rad)

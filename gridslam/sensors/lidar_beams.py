@@ -1,4 +1,4 @@
-"""From a scan as recorded to beams ready for a measurement model."""
+"""Conversion of a recorded scan to beams that the measurement models take."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class LidarExtrinsics:
-    """How a lidar sits on the robot: `pose` is T_base_laser `(3,)`; a `flipped` one hangs upside down."""
+    """The lidar's pose on the robot: `pose` is T_base_laser `(3,)`; `flipped` is True for a lidar mounted upside down."""
 
     pose: Floats
     flipped: bool = False
@@ -25,8 +25,9 @@ class LidarExtrinsics:
 class Beams:
     """The usable beams of one scan.
 
-    `ranges` (m) and `bearings` (rad, about the vertical, in the frame of the extrinsics) `(n,)`; `returned` `(n,)` is False where
-    nothing came back within the sensor's reach. `points` `(m, 2)` are the ends of the returned beams in the robot's frame.
+    `ranges` (m) and `bearings` (rad, about the vertical, in the frame of the extrinsics) are `(n,)`; `returned` `(n,)` is False
+    for beams without return within `max_range_m`. `points` `(m, 2)` are the endpoints of the returned beams in the robot's frame.
+    `extrinsics` is T_base_laser `(3,)`.
     """
 
     ranges: Floats
@@ -34,50 +35,63 @@ class Beams:
     returned: NDArray[np.bool_]
     points: Floats
     extrinsics: Floats
-    reach_m: float
-    unreadable: int  # NaN, negative, or below the least range
+    max_range_m: float
+    unreadable: int  # number of readings that are NaN, negative, or below the minimum range
 
-    def thinned(self, most: int) -> Beams:
-        """At most so many beams, spread evenly over the scan; the points are those of the beams that are left."""
+    def subsampled(self, max_beams: int) -> Beams:
+        """At most `max_beams` of the beams, evenly from the scan, with the endpoints of those."""
         n = len(self.ranges)
-        if n <= most:
+        if n <= max_beams:
             return self
-        chosen = (np.arange(most) * n) // most
+        chosen = (np.arange(max_beams) * n) // max_beams
         returned = self.returned[chosen]
         order = np.cumsum(self.returned) - 1
-        points = self.points[order[chosen[returned]]]
-        bearings = self.bearings[chosen]
         return Beams(
-            self.ranges[chosen], bearings, returned, points, self.extrinsics, self.reach_m, self.unreadable
+            ranges=self.ranges[chosen],
+            bearings=self.bearings[chosen],
+            returned=returned,
+            points=self.points[order[chosen[returned]]],
+            extrinsics=self.extrinsics,
+            max_range_m=self.max_range_m,
+            unreadable=self.unreadable,
         )
 
 
 def extrinsics_of(transform: Transform) -> LidarExtrinsics:
-    """The planar extrinsics of a lidar from its static transform: x, y, yaw, and whether its z axis points down."""
+    """The planar extrinsics of a lidar: x, y and yaw of its static transform, and whether its z axis points down."""
     w, x, y, z = transform.quat_wxyz
     flipped = 1.0 - 2.0 * (x * x + y * y) < 0.0
-    # The heading of the sensor's own x axis; Euler yaw would be half a turn off for some upside-down quaternions.
+    # The heading of the sensor's own x axis; Euler yaw would be off by pi for some upside-down quaternions.
     yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
     return LidarExtrinsics(np.array([transform.translation_m[0], transform.translation_m[1], yaw]), flipped)
 
 
 def beams_of(scan: LaserScan, extrinsics: LidarExtrinsics, min_range_m: float, max_range_m: float) -> Beams:
-    """The beams of a scan, with readings below the least range and NaN left out.
+    """The beams of a scan without NaN readings and without readings below the minimum range.
 
-    Readings at or beyond the reach (the smaller of `max_range_m` and the sensor's own), and infinities, are beams without return.
+    The maximum range is the smaller of `max_range_m` and the sensor's own. Readings at or beyond it, and infinite ones, are beams
+    without return.
     """
     ranges: Floats = scan.ranges_m.astype(np.float64)
     angles: Floats = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(ranges), dtype=np.float64)
     if extrinsics.flipped:
         angles = -angles
-    least = max(min_range_m, scan.range_min_m)
-    reach = min(max_range_m, scan.range_max_m) if scan.range_max_m > 0.0 else max_range_m
+    shortest = max(min_range_m, scan.range_min_m)
+    longest = min(max_range_m, scan.range_max_m) if scan.range_max_m > 0.0 else max_range_m
     with np.errstate(invalid="ignore"):
-        usable = ranges >= least
-        returned = usable & (ranges < reach)
+        usable = ranges >= shortest
+        returned = usable & (ranges < longest)
     bearings = angles[usable]
-    lengths: Floats = np.minimum(ranges[usable], reach)
-    back = returned[usable]
-    ends = np.stack([np.cos(bearings[back]), np.sin(bearings[back])], axis=1) * lengths[back, None]
-    points = se2.transform_points(extrinsics.pose, ends)
-    return Beams(lengths, bearings, back, points, extrinsics.pose, reach, int(len(ranges) - usable.sum()))
+    lengths: Floats = np.minimum(ranges[usable], longest)
+    has_return = returned[usable]
+    directions = np.stack([np.cos(bearings[has_return]), np.sin(bearings[has_return])], axis=1)
+    endpoints = directions * lengths[has_return, None]
+    return Beams(
+        ranges=lengths,
+        bearings=bearings,
+        returned=has_return,
+        points=se2.transform_points(extrinsics.pose, endpoints),
+        extrinsics=extrinsics.pose,
+        max_range_m=longest,
+        unreadable=int(len(ranges) - usable.sum()),
+    )

@@ -1,4 +1,4 @@
-"""What a lidar should measure from a pose in a map, by exact ray casting."""
+"""The ranges that a lidar would measure from a pose in a map, by exact ray casting."""
 
 from __future__ import annotations
 
@@ -17,23 +17,25 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RangeCaster:
-    """Occupied cells ready for ray casting: the free `squares` uint8 `(4, rows, cols)` of the kernel."""
+    """A map prepared for ray casting: `squares` uint8 `(4, rows, cols)` are the free squares of the kernel."""
 
     squares: NDArray[np.uint8]
     geometry: GridGeometry
 
     def ranges(
-        self, poses: Floats, bearings: Floats, extrinsics: Floats, reach_m: float
+        self, poses: Floats, bearings: Floats, extrinsics: Floats, max_range_m: float
     ) -> NDArray[np.float32]:
-        """Ranges (m) `(n, b)` along bearings `(b,)` of a sensor mounted at T_base_sensor `(3,)` on robots at poses `(n, 3)`.
+        """Ranges (m) `(n, b)` along bearings `(b,)` of a sensor with T_base_sensor `(3,)` on robots at map poses `(n, 3)`.
 
-        Where nothing is hit within the reach, the reach.
+        A ray that hits nothing within the maximum range has the maximum range.
         """
         sensors = poses_in_cells(self.geometry, se2.compose(poses, extrinsics))
-        step = self.geometry.resolution_m
-        return np.asarray(cast_rays(self.squares, sensors, bearings, reach_m / step)) * np.float32(step)
+        cell_m = self.geometry.resolution_m
+        return np.asarray(cast_rays(self.squares, sensors, bearings, max_range_m / cell_m)) * np.float32(
+            cell_m
+        )
 
 
 def range_caster(occupied: NDArray[np.bool_], geometry: GridGeometry) -> RangeCaster:
-    """A caster for occupied cells `(rows, cols)`."""
+    """The caster of a grid of occupied cells `(rows, cols)`."""
     return RangeCaster(np.asarray(free_squares(np.ascontiguousarray(occupied))), geometry)

@@ -1,8 +1,8 @@
 """Global localization among people in a corridor that looks the same everywhere, with and without fixed cameras.
 
-Each drive is another world (start, way, people, noise); seeds are those of the filter. With GRIDSLAM_ISPACE_SEEDS=5 in the
+Each drive is another world (start, route, people, noise); seeds are those of the filter. With GRIDSLAM_ISPACE_SEEDS=5 in the
 environment all 100 trials of 20 worlds are run, as the table of docs/ispace-mcl.md has them; else each world is run once. The
-kind `covered` has cameras that see all of the corridor, as in the paper; in the others there are stretches that no camera sees.
+kind `covered` has cameras that cover the whole corridor, as in the paper; in the others parts of it are in no camera's view.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from tests.benchmarks.harness import Row, say
-from tests.benchmarks.ispace_figure import draw_spread
+from tests.benchmarks.ispace_figure import draw_std
 from tests.benchmarks.ispace_trials import Trial, interval, trial
 from tests.conftest import REPOSITORY
 
 SEEDS = int(os.environ.get("GRIDSLAM_ISPACE_SEEDS", "1"))
-FIGURE = REPOSITORY / "out" / "benchmarks" / "ispace-spread.png"
+FIGURE = REPOSITORY / "out" / "benchmarks" / "ispace-std.png"
 # Kind of world, number of worlds, configs.
 TABLE: Sequence[tuple[str, int, Sequence[str]]] = (
     ("covered", 20, ("onboard", "paper", "fused")),
@@ -31,7 +31,7 @@ TABLE: Sequence[tuple[str, int, Sequence[str]]] = (
 
 
 def rows() -> Iterator[Row]:
-    """Shares of successes with their intervals, median times to convergence, and the picture of the spread."""
+    """Success rates with their intervals, median times to convergence, and the picture of the standard deviations."""
     curves: dict[str, Sequence[Trial]] = {}
     for kind, worlds, configs in TABLE:
         for config in configs:
@@ -39,8 +39,8 @@ def rows() -> Iterator[Row]:
             if kind == "covered":
                 curves[config] = trials
             yield from summary(f"ispace.{kind}.{config}", trials)
-    draw_spread(curves, FIGURE)
-    say(f"spread of the particles over time: {FIGURE}")
+    draw_std(curves, FIGURE)
+    say(f"standard deviation of the particles over time: {FIGURE}")
 
 
 def summary(name: str, trials: Sequence[Trial]) -> Iterator[Row]:
@@ -48,8 +48,8 @@ def summary(name: str, trials: Sequence[Trial]) -> Iterator[Row]:
     found = sum(t.found for t in trials)
     low, high = interval(found, len(trials))
     failed = [index for index, t in enumerate(trials) if not t.found]
-    share = f"{found} of {len(trials)} ({100 * low:.0f} to {100 * high:.0f} %)"
-    say(f"{name}: {share}; failed trials: {failed or 'none'}")
+    rate = f"{found} of {len(trials)} ({100 * low:.0f} to {100 * high:.0f} %)"
+    say(f"{name}: {rate}; failed trials: {failed or 'none'}")
     yield Row(f"{name}.found", 100.0 * found / len(trials), "%")
     yield Row(
         f"{name}.converged", float(np.median([t.converged_s for t in trials if t.found] or [np.nan])), "s"

@@ -1,7 +1,7 @@
 """Global localization with the lidar alone in simulated drives through places whose maps others made: depot, warehouse, ...
 
-50 starts each, anywhere in the free space of the map with any heading; the way leads on in straight lines to random places in
-sight. The localizer is given the map as it was made, with the unknown around it, and has no start pose.
+50 starts each, anywhere in the free space of the map with any heading; the route has straight legs to random visible positions.
+The localizer has the map as it was made, with the unknown around it, and no start pose.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STARTS = 50
 CLEAR_M = 0.35  # between the robot's centre and anything
 SIDE_M = 0.25
 FOLDER = REPOSITORY / "out" / "benchmarks" / "ispace-maps"
-# Reach of the lidar and length of the drive: turtlebot3_world is an arena of 5 m, and its robot's lidar reaches 3.5 m.
+# Maximum range of the lidar and length of the drive: turtlebot3_world is an arena of 5 m, and its robot's lidar has 3.5 m.
 PLACES: Mapping[str, tuple[float, float]] = {
     "depot": (12.0, 25.0),
     "warehouse": (12.0, 25.0),
@@ -57,7 +57,7 @@ def rows() -> Iterator[Row]:
 
 
 def trial(folder: Path, name: str, number: int) -> Trial:
-    """Drive number so-and-so through a place, and its localization with the seed of the same number."""
+    """One drive through a place, localized with the drive's number as seed."""
     map_path = folder / "maps" / f"{name}.yaml"
     log = log_of(map_path, number)
     run = run_localize(
@@ -77,34 +77,32 @@ def log_of(map_path: Path, number: int) -> Path:
     return log
 
 
-def world_of(
-    map_path: Path, grid: OccupancyGrid, reach_m: float, length_m: float, number: int
-) -> WorldConfig:
-    """The place with a start and a way drawn from the number."""
+def world_of(map_path: Path, grid: OccupancyGrid, max_range_m: float, length_m: float, number: int) -> WorldConfig:
+    """The place with a start and a route that the number determines."""
     rng = np.random.default_rng([number, len(map_path.stem)])
-    way = way_through(grid, length_m, rng)
+    route = route_through(grid, length_m, rng)
     return WorldConfig.model_validate(
         {
             "version": 1,
             "seed": number,
             "plan": {"file": map_path.name},
             "robot": {
-                "start": [*way[0].tolist(), float(rng.uniform(-180.0, 180.0))],
-                "route": way[1:].tolist(),
+                "start": [*route[0].tolist(), float(rng.uniform(-180.0, 180.0))],
+                "route": route[1:].tolist(),
                 "radius_m": 0.2,
                 "arrival_m": 0.15,
                 "wheels": {"error_deviation": 0.005, "slip_deviation": 0.03, "turn_slip": 0.02},
             },
             "sensors": {
-                "lidar": {"rate_hz": 5, "beams": 240, "range_max_m": reach_m, "extrinsics": {"x": 0.05}},
+                "lidar": {"rate_hz": 5, "beams": 240, "range_max_m": max_range_m, "extrinsics": {"x": 0.05}},
                 "odometry": {"rate_hz": 20},
             },
         }
     )
 
 
-def way_through(grid: OccupancyGrid, length_m: float, rng: np.random.Generator) -> Floats:
-    """Way points `(n, 2)` of a random walk over the largest connected free space, each in sight of the one before."""
+def route_through(grid: OccupancyGrid, length_m: float, rng: np.random.Generator) -> Floats:
+    """Waypoints `(n, 2)` of a random walk in the largest connected free space, each visible from the one before."""
     resolution = grid.geometry.resolution_m
     free = (
         np.nan_to_num(grid.probability, nan=1.0) < 0.15
@@ -113,18 +111,18 @@ def way_through(grid: OccupancyGrid, length_m: float, rng: np.random.Generator) 
     labels, _ = scipy.ndimage.label(clearance > CLEAR_M)
     largest = int(np.argmax(np.bincount(labels.ravel())[1:])) + 1
     cells = np.argwhere(labels == largest)
-    way, driven = [cells[rng.integers(len(cells))]], 0.0
+    route, driven = [cells[rng.integers(len(cells))]], 0.0
     while driven < length_m:
         goal = cells[rng.integers(len(cells))]
-        leg = float(np.hypot(*(goal - way[-1]))) * resolution
-        if leg > 1.0 and is_clear(clearance, way[-1], goal):
-            way.append(goal)
+        leg = float(np.hypot(*(goal - route[-1]))) * resolution
+        if leg > 1.0 and is_clear(clearance, route[-1], goal):
+            route.append(goal)
             driven += leg
-    return grid.geometry.centres(np.array(way))
+    return grid.geometry.centres(np.array(route))
 
 
 def is_clear(clearance: Floats, start: NDArray[np.int64], goal: NDArray[np.int64]) -> bool:
-    """Whether the straight line between two cells keeps its distance."""
-    shares = np.linspace(0.0, 1.0, int(np.abs(goal - start).max()) + 1)
-    rows, cols = np.rint(start + shares[:, None] * (goal - start)).astype(np.int64).T
+    """Whether the straight line between two cells keeps the side clearance."""
+    fractions = np.linspace(0.0, 1.0, int(np.abs(goal - start).max()) + 1)
+    rows, cols = np.rint(start + fractions[:, None] * (goal - start)).astype(np.int64).T
     return bool((clearance[rows, cols] > SIDE_M).all())

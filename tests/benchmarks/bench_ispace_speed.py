@@ -1,4 +1,4 @@
-"""What a round of ispace-mcl and a camera frame cost, in milliseconds of CPU on one core (bounds hold on a busy machine, too).
+"""Cost of a filter round of ispace-mcl and of a camera frame, in milliseconds of CPU on one core.
 
 10,000 particles all over the sample corridor, 60 beams, one frame of three cameras with people and the robot in view; frames of
 640 x 480 pixels with a person of 120 x 300 and a robot of 80 x 60 pixels.
@@ -17,12 +17,16 @@ from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Particles
 from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.maps.map_server import load_map
-from gridslam.methods.ispace_mcl.camera_config import CamerasConfig, DensityConfig, SightingConfig
-from gridslam.methods.ispace_mcl.config import BeamConfig, LikelihoodFieldConfig, RangeDifferenceConfig
-from gridslam.methods.ispace_mcl.environment import DensityWeight, Frame, SightingWeight, moving_cells
+from gridslam.methods.ispace_mcl.config import LidarWeightName
+from gridslam.methods.ispace_mcl.environment import (
+    CameraObservation,
+    DensityWeight,
+    DetectionWeight,
+    moving_cells,
+)
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
-from gridslam.sensors.fixed_camera import CameraSettings, FixedCamera, Pinhole, Sighting
+from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections, Pinhole
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
 from tests.benchmarks.harness import Row
@@ -32,7 +36,7 @@ ALONE = True
 
 PARTICLES, BEAMS = 10_000, 60
 ROWS, COLS = 480, 640
-CONFIG = CamerasConfig()
+WEIGHTS: tuple[LidarWeightName, ...] = ("likelihood-field", "beam", "range-difference")
 
 
 def rows() -> Iterator[Row]:
@@ -54,17 +58,17 @@ def round_rows() -> Iterator[Row]:
     occupied = occupied_cells(grid, 0.65)
     field = distance_field(occupied, grid.geometry, 2.0)
     beams, nothing = scan(rng), np.zeros((0, 2))
-    for config in (LikelihoodFieldConfig(), BeamConfig(), RangeDifferenceConfig()):
-        weigh = log_weight_of(config, field, occupied)
+    for name in WEIGHTS:
+        weigh = log_weight_of(name, field, occupied)
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
-        yield Row(f"ispace.weigh.{config.kind}", cost, "ms")
-    frames, particles = [frame(k, rng) for k in range(3)], Particles.even(poses)
-    sightings = SightingWeight(CONFIG, SightingConfig())
-    cost = cpu_ms(lambda: particles.reweighted(sightings.log_likelihood(frames, poses)))
-    yield Row("ispace.environment.sightings", cost, "ms")
-    density = DensityWeight(DensityConfig(bandwidth_m=0.5))
-    yield Row("ispace.environment.density", cpu_ms(lambda: density.reweighted(frames, particles)), "ms")
-    size = AdaptiveSize(PARTICLES, PARTICLES, 0.02, 2.33, 0.25, 0.175)
+        yield Row(f"ispace.weigh.{name}", cost, "ms")
+    observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)
+    detection = DetectionWeight(COLOUR_AND_DEPTH.cell_m)
+    cost = cpu_ms(lambda: particles.reweighted(detection.log_likelihood(observations, poses)))
+    yield Row("ispace.environment.detection", cost, "ms")
+    density = DensityWeight(as_printed=False)
+    yield Row("ispace.environment.density", cpu_ms(lambda: density.reweighted(observations, particles)), "ms")
+    size = AdaptiveSize(min=PARTICLES, max=PARTICLES, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.175)
     uneven = Particles(poses, rng.dirichlet(np.ones(PARTICLES)))
     yield Row("ispace.resample", cpu_ms(lambda: resample(uneven, size, rng)), "ms")
 
@@ -72,44 +76,51 @@ def round_rows() -> Iterator[Row]:
 def scan(rng: np.random.Generator) -> Beams:
     """Beams all around, of one to five metres."""
     bearings, ranges = np.linspace(-2.0, 2.0, BEAMS), rng.uniform(1.0, 5.0, BEAMS)
-    ends = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
-    return Beams(ranges, bearings, np.ones(BEAMS, bool), ends, np.zeros(3), 5.6, 0)
+    points = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+    return Beams(
+        ranges=ranges,
+        bearings=bearings,
+        returned=np.ones(BEAMS, bool),
+        points=points,
+        extrinsics=np.zeros(3),
+        max_range_m=5.6,
+        unreadable=0,
+    )
 
 
-def frame(number: int, rng: np.random.Generator) -> Frame:
+def observation(number: int, rng: np.random.Generator) -> CameraObservation:
     """A camera's view of 8 m of the corridor with two people in it, from 0.2 s ago."""
     coverage = np.argwhere(np.ones((80, 26))) * 0.1 + [10.0 * number + 0.05, 0.05]
-    places = coverage[rng.integers(len(coverage), size=2)]
-    points = np.concatenate([place + rng.normal(0.0, 0.15, (2000, 2)) for place in places])
-    sighting = Sighting(points, np.full(len(points), 2e-4), np.ones(len(coverage), bool))
-    moving = moving_cells(sighting, CONFIG.cell_m, CONFIG.least_area_m2)
-    return Frame(moving, coverage, np.array([-0.1, 0.0, 0.0]))
+    people = coverage[rng.integers(len(coverage), size=2)]
+    points = np.concatenate([person + rng.normal(0.0, 0.15, (2000, 2)) for person in people])
+    detections = FloorDetections(points, np.full(len(points), 2e-4), np.ones(len(coverage), bool))
+    moving = moving_cells(detections, COLOUR_AND_DEPTH.cell_m, COLOUR_AND_DEPTH.min_area_m2)
+    return CameraObservation(moving, coverage, np.array([-0.1, 0.0, 0.0]))
 
 
 def frame_ms() -> float:
     """A frame of 640 x 480: subtraction on colour and depth, projection, coverage."""
-    names = CameraSettings.__dataclass_fields__.keys()
     rotation = np.column_stack([[0.0, -1.0, 0.0], [-0.47, 0.0, -0.88], [0.88, 0.0, -0.47]])
     pinhole = Pinhole((480.0, 480.0), (319.5, 239.5), rotation, np.array([0.0, 1.3, 2.4]))
     cells = np.argwhere(np.ones((300, 26))) * 0.1 + 0.05
-    camera = FixedCamera(pinhole, CameraSettings(**CONFIG.model_dump(include=set(names))), cells)
+    camera = FixedCamera(pinhole, COLOUR_AND_DEPTH, cells)
     rng = np.random.default_rng(1)
     still = [rng.normal(120.0, 1.0, (ROWS, COLS, 3)).astype(np.uint8) for _ in range(8)]
     depth = rng.normal(5.0, 0.02, (ROWS, COLS)).astype(np.float32)
     for picture in still:
-        camera.look(picture, depth)
+        camera.detect(picture, depth)
     shown = [picture.copy() for picture in still]
     for k, picture in enumerate(shown):
         picture[100:400, 100 + 20 * k : 220 + 20 * k] = (180, 60, 60)
         picture[300:360, 420 + 10 * k : 500 + 10 * k] = (60, 60, 70)
     near = depth.copy()
     near[100:400, 100:360] = near[300:360, 420:570] = 3.5
-    turn = iter(range(10**9))
-    return cpu_ms(lambda: camera.look(shown[next(turn) % len(shown)], near))
+    count = iter(range(10**9))
+    return cpu_ms(lambda: camera.detect(shown[next(count) % len(shown)], near))
 
 
 def cpu_ms(run: Callable[[], object], repeats: int = 15) -> float:
-    """Milliseconds of CPU of one run: the least of some, the first not counted."""
+    """Milliseconds of CPU of one run: the smallest of several after a first one."""
     run()
     costs = []
     for _ in range(repeats):

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from gridslam.filters.kernel_density import kernel_density
 from gridslam.kernels import drawn_field, likelihood_field, mcl, object_weights, raycast
-from gridslam.kernels.beam import sum_over_beams
+from gridslam.kernels.beam import MeasuredBeams, RangeTable, sum_over_ranges
+from gridslam.kernels.likelihood_field import BeamCells, VisibilityMap
 from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel
 from tests.benchmarks.harness import Row
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
@@ -24,7 +25,7 @@ from tests.reference.ray_traversal import cast_cell_by_cell, largest_free_square
 
 ALONE = True
 
-BEAMS, PARTICLES, REACH = 60, 200, 300.0  # reach in cells
+BEAMS, PARTICLES, MAX_RANGE = 60, 200, 300.0  # range in cells
 
 
 def rows() -> Iterator[Row]:
@@ -36,9 +37,9 @@ def rows() -> Iterator[Row]:
             ("free_squares", 2000.0, squares_of(occupied)),
             ("cast_rays", 100.0, casting(occupied, rng)),
             ("sum_over_points", 60.0, weights_by_points(occupied, rng)),
-            ("sum_over_segments", 60.0, weights_by_segments(occupied, rng)),
-            ("sum_over_beams", 100.0, weights_by_beams(occupied, rng)),
-            ("sum_over_offsets", 1.0, scores_of_places(rng)),
+            ("sum_over_beams", 60.0, weights_with_visibility(occupied, rng)),
+            ("sum_over_ranges", 100.0, weights_by_ranges(occupied, rng)),
+            ("sum_over_offsets", 1.0, scores_of_positions(rng)),
             ("sum_over_stretched_points", 80.0, weights_in_a_drawing(rng)),
             ("systematic", 2500.0, resampling(rng)),
             ("occupied_bins", 40.0, counting(rng)),
@@ -68,8 +69,8 @@ def poses_in(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Floats:
     return np.column_stack([places, rng.uniform(-np.pi, np.pi, PARTICLES)])
 
 
-def end_points(rng: np.random.Generator) -> Floats:
-    """Where the beams of a scan end, in cells around the robot."""
+def endpoints(rng: np.random.Generator) -> Floats:
+    """Endpoints of a scan's beams in the robot's frame, in cells."""
     bearings, ranges = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False), rng.uniform(5.0, 60.0, BEAMS)
     return np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
 
@@ -88,18 +89,18 @@ def casting(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
 
     def slow() -> object:
         return [
-            cast_cell_by_cell(occupied, x, y, yaw + bearing, REACH)
+            cast_cell_by_cell(occupied, x, y, yaw + bearing, MAX_RANGE)
             for x, y, yaw in poses.tolist()
             for bearing in bearings.tolist()
         ]
 
-    return lambda: raycast.cast_rays(squares, poses, bearings, REACH), slow
+    return lambda: raycast.cast_rays(squares, poses, bearings, MAX_RANGE), slow
 
 
 def weights_by_points(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
     """A scan of 60 end points seen by 200 particles."""
     field, table = rng.integers(0, 256, occupied.shape).astype(np.uint8), rng.random(256).astype(np.float32)
-    points, poses = end_points(rng), poses_in(occupied, rng)
+    points, poses = endpoints(rng), poses_in(occupied, rng)
     in_single = points.astype(np.float32)
     return (
         lambda: likelihood_field.sum_over_points(field, table, in_single, poses),
@@ -107,37 +108,38 @@ def weights_by_points(occupied: NDArray[np.bool_], rng: np.random.Generator) -> 
     )
 
 
-def weights_by_segments(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
-    """The same, with a look whether a wall stands in the beams' way."""
+def weights_with_visibility(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
+    """The same, with a check whether walls block the beams."""
     squares, field = raycast.free_squares(occupied), rng.integers(0, 255, occupied.shape).astype(np.uint8)
     table = rng.random(256).astype(np.float32)
-    ends, poses = end_points(rng), poses_in(occupied, rng)
-    starts = np.zeros_like(ends)
+    points, poses = endpoints(rng), poses_in(occupied, rng)
+    beams, walls = BeamCells(np.zeros_like(points), points), VisibilityMap(field, squares, 1.5, 0.0)
     return (
-        lambda: likelihood_field.sum_over_segments(field, squares, table, starts, ends, 1.5, 0.0, poses),
-        lambda: [reference.sum_over_segments(field, occupied, table, starts, ends, 1.5, p) for p in poses],
+        lambda: likelihood_field.sum_over_beams(walls, table, beams, poses),
+        lambda: [reference.sum_over_beams(field, occupied, table, beams, 1.5, pose) for pose in poses],
     )
 
 
-def weights_by_beams(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
+def weights_by_ranges(occupied: NDArray[np.bool_], rng: np.random.Generator) -> Pair:
     """The beam model of 20 beams for 200 particles."""
     squares, table = raycast.free_squares(occupied), rng.random((300, 300)).astype(np.float32)
     bearings, measured = np.linspace(-2.0, 2.0, 20), rng.integers(0, 300, 20)
-    scan, poses = (table, 1.0, bearings, measured, np.array([0.7, -0.4, 0.3])), poses_in(occupied, rng)
+    scan = (RangeTable(table, 1.0), MeasuredBeams(bearings, measured, np.array([0.7, -0.4, 0.3]), MAX_RANGE))
+    poses = poses_in(occupied, rng)
     return (
-        lambda: sum_over_beams(squares, *scan, poses, REACH),
-        lambda: [reference.sum_over_beams(occupied, *scan, pose, REACH) for pose in poses],
+        lambda: sum_over_ranges(squares, *scan, poses),
+        lambda: [reference.sum_over_ranges(occupied, *scan, pose) for pose in poses],
     )
 
 
-def scores_of_places(rng: np.random.Generator) -> Pair:
-    """A scan of 60 points at 4000 places under 16 headings, against numpy."""
-    worth = rng.integers(0, 256, 60_000).astype(np.uint8)
+def scores_of_positions(rng: np.random.Generator) -> Pair:
+    """A scan of 60 points at 4000 positions under 16 headings, against numpy."""
+    scores = rng.integers(0, 256, 60_000).astype(np.uint8)
     starts = rng.integers(0, 30_000, 4000).astype(np.int32)
     offsets = rng.integers(0, 30_000, (16, BEAMS)).astype(np.int32)
     return (
-        lambda: likelihood_field.sum_over_offsets(worth, starts, offsets),
-        lambda: worth[starts[None, :, None] + offsets[:, None, :]].sum(axis=2, dtype=np.int32),
+        lambda: likelihood_field.sum_over_offsets(scores, starts, offsets),
+        lambda: scores[starts[None, :, None] + offsets[:, None, :]].sum(axis=2, dtype=np.int32),
     )
 
 

@@ -36,13 +36,15 @@ Floats = NDArray[np.float64]
 
 PARTICLES = 10_000
 BEAMS = 60
-REACH_M = 30.0
-SIZE = AdaptiveSize(PARTICLES, PARTICLES, 0.02, 2.33, 0.25, 0.175)
-MIXTURE = BeamMixture(0.2, 0.8, 0.1, 0.05, 0.05, 0.2, 0.05)
+MAX_RANGE_M = 30.0
+SIZE = AdaptiveSize(min=PARTICLES, max=PARTICLES, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.175)
+MIXTURE = BeamMixture(
+    sigma_m=0.2, hit=0.8, short=0.1, max=0.05, random=0.05, short_decay_per_m=0.2, bin_m=0.05
+)
 
 
 def rows() -> Iterator[Row]:
-    """Weighting, resampling and ray casting on each map; particles all over it, and in one place."""
+    """Weighting, resampling and ray casting on each map, with particles over the whole map and in one place."""
     for name, grid in maps():
         yield from rows_of(name, grid)
     yield from resampling_rows()
@@ -69,17 +71,17 @@ def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
     table = log_likelihood_table(field, 0.15, 0.1)
     everywhere = draw_free_poses(free_cells(grid, 0.3), grid, PARTICLES, rng)
     together = everywhere[0] + rng.normal(0.0, (0.3, 0.3, 0.1), (PARTICLES, 3))
-    beams = seen_from(caster, everywhere[0])
+    beams = scan_from(caster, everywhere[0])
     model = BeamModel(caster, MIXTURE)
-    for spread, poses in (("everywhere", everywhere), ("together", together)):
-        weigh = best_ms(lambda p=poses: field.sums(table, beams.points, p))
+    for distribution, poses in (("everywhere", everywhere), ("together", together)):
+        weigh = best_ms(lambda p=poses: field.table_sums(table, beams.points, p))
         reference = best_ms(lambda p=poses: numpy_sums(field, table, beams.points, p), 3)
-        label = f"localize.{name}.{spread}"
+        label = f"localize.{name}.{distribution}"
         yield Row(f"{label}.field", weigh, "ms")
         yield Row(f"{label}.field.over_numpy", reference / weigh, "x", 5.0, at_least=True)
         yield Row(f"{label}.beam", best_ms(lambda p=poses: model.log_likelihood(beams, p), 7), "ms")
     bearings = np.linspace(-np.pi, np.pi, 100, endpoint=False)
-    cast = best_ms(lambda: caster.ranges(everywhere, bearings, np.zeros(3), REACH_M), 5)
+    cast = best_ms(lambda: caster.ranges(everywhere, bearings, np.zeros(3), MAX_RANGE_M), 5)
     per_s = 1e3 * PARTICLES * len(bearings) / cast
     yield Row(f"localize.{name}.rays", per_s / 1e6, "million/s")
     yield Row(
@@ -103,7 +105,7 @@ def resampling_rows() -> Iterator[Row]:
 
 
 def best_ms(call: Callable[[], object], times: int = 15) -> float:
-    """The shortest of several calls after a first one, ms: what the machine can do when nobody disturbs."""
+    """The shortest time of several calls after a first one, ms; other load on the machine affects it least."""
     call()
     taken = []
     for _ in range(times):
@@ -113,16 +115,24 @@ def best_ms(call: Callable[[], object], times: int = 15) -> float:
     return 1e3 * min(taken)
 
 
-def seen_from(caster: RangeCaster, pose: Floats) -> Beams:
+def scan_from(caster: RangeCaster, pose: Floats) -> Beams:
     """A scan of 60 beams all around from a pose."""
     bearings = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
-    ranges = caster.ranges(pose[None], bearings, np.zeros(3), REACH_M)[0].astype(np.float64)
-    ends = np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * np.minimum(ranges, 8.0)[:, None]
-    return Beams(ranges, bearings, ranges < REACH_M, ends, np.zeros(3), REACH_M, 0)
+    ranges = caster.ranges(pose[None], bearings, np.zeros(3), MAX_RANGE_M)[0].astype(np.float64)
+    points = np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * np.minimum(ranges, 8.0)[:, None]
+    return Beams(
+        ranges=ranges,
+        bearings=bearings,
+        returned=ranges < MAX_RANGE_M,
+        points=points,
+        extrinsics=np.zeros(3),
+        max_range_m=MAX_RANGE_M,
+        unreadable=0,
+    )
 
 
 def numpy_sums(field: DistanceField, table: NDArray[np.float32], points: Floats, poses: Floats) -> Floats:
-    """The likelihood field model as numpy does it best: all particles at once."""
+    """The likelihood field model in numpy, for all particles at once."""
     cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
     origin, step = field.geometry.origin_xy_m, field.geometry.resolution_m
     x = (poses[:, 0, None] - origin[0] + cos * points[:, 0] - sin * points[:, 1]) / step
@@ -136,17 +146,17 @@ def numpy_sums(field: DistanceField, table: NDArray[np.float32], points: Floats,
 
 def numpy_resample(particles: Particles, rng: np.random.Generator) -> Floats:
     """Systematic resampling and counting of bins with numpy."""
-    teeth = (np.arange(PARTICLES) + rng.random()) / PARTICLES
-    chosen = np.minimum(np.searchsorted(np.cumsum(particles.weights), teeth), PARTICLES - 1)
-    drawn = particles.poses[chosen]
-    np.unique(np.floor(drawn / (SIZE.bin_m, SIZE.bin_m, SIZE.bin_rad)).astype(np.int64), axis=0)
-    return drawn
+    positions = (np.arange(PARTICLES) + rng.random()) / PARTICLES
+    chosen = np.minimum(np.searchsorted(np.cumsum(particles.weights), positions), PARTICLES - 1)
+    sampled = particles.poses[chosen]
+    np.unique(np.floor(sampled / (SIZE.bin_m, SIZE.bin_m, SIZE.bin_rad)).astype(np.int64), axis=0)
+    return sampled
 
 
 def python_rays_per_s(occupied: NDArray[np.bool_], grid: OccupancyGrid, poses: Floats) -> float:
-    """Rays a second of the traversal written for the eye."""
+    """Rays a second of the reference implementation."""
     step, origin = grid.geometry.resolution_m, grid.geometry.origin_xy_m
     started = time.perf_counter()
     for x, y, yaw in poses[:200]:
-        cast_cell_by_cell(occupied, (x - origin[0]) / step, (y - origin[1]) / step, yaw, REACH_M / step)
+        cast_cell_by_cell(occupied, (x - origin[0]) / step, (y - origin[1]) / step, yaw, MAX_RANGE_M / step)
     return 200 / (time.perf_counter() - started)

@@ -1,8 +1,8 @@
 """Global localization, and recovery from a wrong start pose, on real logs.
 
 From 20 places along a log the robot drives 15 m. It has succeeded when it was within 0.5 m and 10 degrees of the reference over
-all of the last 3 m. Kidnapped: the filter is told a start pose more than 5 m off, with deviations of 0.1 m and 0.05 rad. In the
-crowd half of all beams end at people.
+all of the last 3 m. Kidnapped: the start pose is more than 5 m off, with standard deviations of 0.1 m and 0.05 rad. In the crowd
+half of all beams end at people.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from tests.benchmarks.real_places import Place, data_dir, place
 STARTS = 20
 TRAVEL_M = 15.0
 HELD_M = 3.0
-CROWD_SHARE = 0.5
-LEAST_FOUND = {"global": 20, "kidnapped": 18, "global-crowd": 18, "kidnapped-crowd": 18}
+CROWD_RATIO = 0.5
+MIN_FOUND = {"global": 20, "kidnapped": 18, "global-crowd": 18, "kidnapped-crowd": 18}
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """Whether the robot was found, and after how much travel for good."""
+class DriveResult:
+    """Whether the robot was found, and the travel (m) after which it remained found."""
 
     found: bool
     converged_m: float
@@ -43,37 +43,37 @@ def rows() -> Iterator[Row]:
         return
     for name in ("aces", "mit-csail"):
         here = place(folder, name)
-        for task in LEAST_FOUND:
-            outcomes = [trial(here, task, start, seed=start) for start in range(STARTS)]
-            failed = [start for start, outcome in enumerate(outcomes) if not outcome.found]
+        for task in MIN_FOUND:
+            results = [trial(here, task, start, seed=start) for start in range(STARTS)]
+            failed = [start for start, result in enumerate(results) if not result.found]
             say(f"{name} {task}: failed from {failed or 'nowhere'}")
             label = f"localize.{name}.{task}"
-            yield Row(
-                f"{label}.found", STARTS - len(failed), f"of {STARTS}", LEAST_FOUND[task], at_least=True
-            )
-            yield Row(f"{label}.converged", float(np.median([o.converged_m for o in outcomes])), "m")
+            yield Row(f"{label}.found", STARTS - len(failed), f"of {STARTS}", MIN_FOUND[task], at_least=True)
+            yield Row(f"{label}.converged", float(np.median([r.converged_m for r in results])), "m")
 
 
-def trial(here: Place, task: str, start: int, seed: int) -> Outcome:
+def trial(here: Place, task: str, start: int, seed: int) -> DriveResult:
     """One drive from one of the starts."""
     travel = np.r_[0.0, np.cumsum(np.hypot(*np.diff(here.poses[:, :2], axis=0).T))]
     first = int(np.searchsorted(travel, start * (travel[-1] - TRAVEL_M - 1.0) / (STARTS - 1)))
     last = int(np.searchsorted(travel, travel[first] + TRAVEL_M))
     rng = np.random.default_rng(seed)
-    begin, end = int(here.stamps_ns[first]), int(here.stamps_ns[last])
-    events = [e for e in here.events if isinstance(e, Transform) or begin <= e.stamp_ns <= end]
-    told = wrong_start(here, here.poses[first], rng) if task.startswith("kidnapped") else None
+    start_ns, end_ns = int(here.stamps_ns[first]), int(here.stamps_ns[last])
+    events = [e for e in here.events if isinstance(e, Transform) or start_ns <= e.stamp_ns <= end_ns]
+    claimed = wrong_start(here, here.poses[first], rng) if task.startswith("kidnapped") else None
     if task.endswith("crowd"):
         events = crowded(events, rng)
-    method = IspaceMcl(IspaceMclConfig(start=told, start_deviation=(0.1, 0.1, 0.05)), seed, here.grid)
+    method = IspaceMcl(IspaceMclConfig(start=claimed, start_std=(0.1, 0.1, 0.05)), seed, here.grid)
     for event in events:
         method.process(event)
     found, _ = method.result().trajectory.at(here.stamps_ns[first : last + 1])
     off = found - here.poses[first : last + 1]
     good = (np.hypot(off[:, 0], off[:, 1]) < 0.5) & (np.abs(se2.wrap_angle(off[:, 2])) < np.radians(10.0))
-    way = travel[first : last + 1] - travel[first]
+    driven = travel[first : last + 1] - travel[first]
     bad = np.flatnonzero(~good)
-    return Outcome(bool(good[way > way[-1] - HELD_M].all()), float(way[bad[-1]]) if len(bad) else 0.0)
+    return DriveResult(
+        bool(good[driven > driven[-1] - HELD_M].all()), float(driven[bad[-1]]) if len(bad) else 0.0
+    )
 
 
 def wrong_start(
@@ -88,7 +88,7 @@ def wrong_start(
 
 
 def crowded(events: list[Event], rng: np.random.Generator) -> list[Event]:
-    """Eight people who wander about the robot and together hide half of what it would see."""
+    """The events with eight people who walk around the robot and together hide half of its view."""
     people = 8
     bearings, distances = rng.random(people), rng.uniform(0.6, 4.0, people)
     drift = rng.normal(0.0, 0.01, people)
@@ -99,7 +99,7 @@ def crowded(events: list[Event], rng: np.random.Generator) -> list[Event]:
             bearings = (bearings + drift + rng.normal(0.0, 0.01, people)) % 1.0
             distances = np.clip(distances + rng.normal(0.0, 0.1, people), 0.5, 4.0)
             ranges = event.ranges_m.copy()
-            width = CROWD_SHARE / people
+            width = CROWD_RATIO / people
             for bearing, distance in zip(bearings, distances, strict=True):
                 hidden = np.arange(int((bearing - width / 2) * n), int((bearing + width / 2) * n)) % n
                 ranges[hidden] = np.minimum(ranges[hidden], distance + rng.normal(0.0, 0.05, len(hidden)))

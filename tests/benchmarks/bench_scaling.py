@@ -108,7 +108,7 @@ def enlarged(grid: OccupancyGrid, times: int, kind: str) -> OccupancyGrid:
 
 def number_of_particles(n: int) -> str:
     """The override that fixes it."""
-    return f"method.particles={{least: {n}, most: {n}}}"
+    return f"method.particles={{min: {n}, max: {n}}}"
 
 
 def measured(verb: str, log: Path, config: str, override: str, known_map: Path | None = None) -> Report:

@@ -1,6 +1,6 @@
 """Global localization in Wean Hall: 20 seeds on each log, and a picture of the first.
 
-There is no reference; a seed has converged when its path ends on that of the majority and its scans lie on the walls.
+There is no reference; a seed has converged when its path ends on that of the majority and its scans agree with the walls.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PICTURES = Path("out") / "benchmarks"
 
 
 def rows() -> Iterator[Row]:
-    """Converged seeds of 20, the worst mean distance of end points to walls after a third of the log, and how soon it was."""
+    """Converged seeds of 20, the worst mean distance of endpoints to walls after a third of the log, and the time to it."""
     folder = data_dir()
     if folder is None:
         return
@@ -45,19 +45,21 @@ def rows() -> Iterator[Row]:
         stamps = results[0].trajectory.stamps_ns
         waits = [seconds_until_held(a, stamps) for a in away]
         say(f"{name}: seeds on the common path after s: {np.round(waits, 1).tolist()}")
-        say(f"{name}: share of poses on the common path: {np.round((away < 0.5).mean(axis=1), 3).tolist()}")
+        say(
+            f"{name}: fraction of poses on the common path: {np.round((away < 0.5).mean(axis=1), 3).tolist()}"
+        )
         yield Row(f"localize.{name}.found", found, f"of {len(SEEDS)}", len(SEEDS), at_least=True)
         yield Row(f"localize.{name}.wall_distance", max(distances), "m", 0.15)
         yield Row(
             f"localize.{name}.first_localized", float(np.median([localized_after(r) for r in results])), "s"
         )
-        leaping = sum(jumps(result) > 0 for result in results)
-        yield Row(f"localize.{name}.leaping", leaping, f"of {len(SEEDS)}", 1.0)
+        jumping = sum(jumps(result) > 0 for result in results)
+        yield Row(f"localize.{name}.leaping", jumping, f"of {len(SEEDS)}", 1.0)
         say(f"picture: {draw(grid, events, results[0], PICTURES / f'wean_{name}.png')}")
 
 
 def localized(events: list[Event], grid: OccupancyGrid, seed: int) -> RunResult:
-    """One run from nowhere in particular."""
+    """One run without a start pose."""
     method = IspaceMcl(IspaceMclConfig(), seed, grid)
     for event in events:
         method.process(event)
@@ -65,19 +67,19 @@ def localized(events: list[Event], grid: OccupancyGrid, seed: int) -> RunResult:
 
 
 def medoid(paths: NDArray[np.float64]) -> int:
-    """The path that the others share most poses with."""
+    """Index of the path that has most poses in common with the others."""
     near = [(np.hypot(*(paths - path).transpose(2, 0, 1)[:2]) < 0.5).mean() for path in paths]
     return int(np.argmax(near))
 
 
 def late_wall_distance(result: RunResult) -> float:
-    """Mean distance (m) from end points to walls after the first third of the log."""
+    """Mean distance (m) of endpoints to walls after the first third of the log."""
     values = result.series["wall_distance"].values
     return float(np.nanmean(values[len(values) // 3 :]))
 
 
 def localized_after(result: RunResult) -> float:
-    """Time (s) until the filter was sure for the first time."""
+    """Time (s) until the first localized pose."""
     facts = result.measures["localization"]
     assert isinstance(facts, dict)
     seconds = facts["localized_after_s"]
@@ -85,7 +87,7 @@ def localized_after(result: RunResult) -> float:
 
 
 def jumps(result: RunResult) -> int:
-    """How often the path leaps by more than a metre from one scan to the next after its first ten seconds."""
+    """Number of steps of more than a metre between consecutive scans after the first ten seconds."""
     path = result.trajectory
     late = path.stamps_ns[1:] - path.stamps_ns[0] > 10 * 10**9
     steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
@@ -93,13 +95,13 @@ def jumps(result: RunResult) -> int:
 
 
 def seconds_until_held(away: NDArray[np.float64], stamps: NDArray[np.int64]) -> float:
-    """When the path came to the common one for good."""
+    """Time (s) after which the path remains on the common one."""
     off = np.flatnonzero(away > 0.5)
     return float((stamps[off[-1]] - stamps[0]) * 1e-9) if len(off) else 0.0
 
 
 def draw(grid: OccupancyGrid, events: list[Event], result: RunResult, path: Path) -> Path:
-    """Map, path coloured by confidence, and the end points of every sixth scan."""
+    """Map, path coloured by confidence, and the endpoints of every sixth scan."""
     poses = dict(zip(result.trajectory.stamps_ns.tolist(), result.trajectory.poses, strict=True))
     (extrinsics,) = [extrinsics_of(event) for event in events if isinstance(event, Transform)]
     scans = [event for event in events if isinstance(event, LaserScan)][::6]

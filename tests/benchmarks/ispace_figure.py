@@ -1,4 +1,4 @@
-"""Figure 10 of the paper for our own trials: how the particles draw together, with and without the cameras."""
+"""Figure 10 of the paper for our own trials: standard deviation of the particles over time, with and without cameras."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ SHOWN_S = 50.0
 Floats = NDArray[np.float64]
 
 
-def draw_spread(trials: Mapping[str, Sequence[Trial]], path: Path) -> None:
+def draw_std(trials: Mapping[str, Sequence[Trial]], path: Path) -> None:
     """The curves of trials by config."""
-    curves = {
-        LABELS.get(name, name): [(t.time_s, t.spread_m) for t in found] for name, found in trials.items()
-    }
+    curves = {LABELS.get(name, name): [(t.time_s, t.std_m) for t in found] for name, found in trials.items()}
     draw_curves(curves, path, SHOWN_S)
 
 
@@ -34,11 +32,13 @@ def draw_curves(curves: Mapping[str, Sequence[tuple[Floats, Floats]]], path: Pat
     axes = figure.subplots()
     times = np.arange(0.0, shown_s, 0.5)
     for label, found in curves.items():
-        spreads = np.array([np.interp(times, *curve) for curve in found])
-        low, middle, high = np.quantile(spreads, (0.25, 0.5, 0.75), axis=0)
+        stds = np.array([np.interp(times, *curve) for curve in found])
+        low, middle, high = np.quantile(stds, (0.25, 0.5, 0.75), axis=0)
         (line,) = axes.plot(times, middle, label=label)
         axes.fill_between(times, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
-    axes.set(xlabel="time since the start (s)", ylabel="spread of the particles (m)", xlim=(0, shown_s))
+    axes.set(
+        xlabel="time since the start (s)", ylabel="standard deviation of the particles (m)", xlim=(0, shown_s)
+    )
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)

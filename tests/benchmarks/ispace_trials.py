@@ -28,14 +28,14 @@ Z = 1.96  # normal quantile of 95 % intervals
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One run. `spread_m` over `time_s` is the curve of figure 10; `worst_m` the largest error after the first good pose."""
+    """One run. `std_m` over `time_s` is the curve of figure 10; `worst_m` the largest error after the first good pose."""
 
     found: bool
     converged_s: float
     final_m: float
     worst_m: float
     time_s: NDArray[np.float64]
-    spread_m: NDArray[np.float64]
+    std_m: NDArray[np.float64]
     timings_s: Mapping[str, float]
     updates: int
 
@@ -55,7 +55,7 @@ def trial(kind: str, number: int, config: str, seed: int, overrides: Iterable[st
 
 
 def judged(run: Run, log: Path) -> Trial:
-    """The trial that a run was."""
+    """The trial of a finished run."""
     assert run.truth is not None, f"{log} has no truth"
     found = run.result.trajectory
     pairs = associate(found, run.truth, sync="interpolate")
@@ -63,14 +63,14 @@ def judged(run: Run, log: Path) -> Trial:
     start = int(found.stamps_ns[0])
     judgement = judge_localization(pairs.stamps_ns, errors, start)
     good = np.flatnonzero((errors.translation_m < 0.5) & (errors.rotation_deg < 10.0))
-    spread = run.result.series["particle_spread_all"]
+    std = run.result.series["particle_std_all"]
     return Trial(
         judgement.success,
         judgement.time_to_convergence_s,
         float(errors.translation_m[-1]),
         float(errors.translation_m[good[0] :].max()) if len(good) else float("nan"),
-        (spread.stamps_ns - start) * 1e-9,
-        spread.values,
+        (std.stamps_ns - start) * 1e-9,
+        std.values,
         run.result.timings_s,
         run.result.counters.get("updates", 0),
     )
@@ -78,7 +78,7 @@ def judged(run: Run, log: Path) -> Trial:
 
 def interval(successes: int, trials: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a success rate."""
-    share, n = successes / trials, trials
-    middle = (share + Z * Z / (2 * n)) / (1 + Z * Z / n)
-    half = Z / (1 + Z * Z / n) * sqrt(share * (1 - share) / n + Z * Z / (4 * n * n))
+    rate, n = successes / trials, trials
+    middle = (rate + Z * Z / (2 * n)) / (1 + Z * Z / n)
+    half = Z / (1 + Z * Z / n) * sqrt(rate * (1 - rate) / n + Z * Z / (4 * n * n))
     return middle - half, middle + half

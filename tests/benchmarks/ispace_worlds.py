@@ -1,4 +1,4 @@
-"""Simulated corridors for the localization with fixed cameras: each number is another drive among other people.
+"""Simulated corridors for the localization with fixed cameras: each number is a drive of its own among people of its own.
 
 `python -m tests.benchmarks.ispace_worlds KIND FIRST LAST` renders logs ahead of a benchmark; they are kept in out/benchmarks.
 """
@@ -22,12 +22,12 @@ LANES_M = (0.65, 1.95)
 ROBOT_MPS = 0.5
 CAMERAS_HZ = 2.0
 
-Things = dict[str, Any]
-Adding = Callable[[np.random.Generator, Things], None]
+Document = dict[str, Any]
+Adding = Callable[[np.random.Generator, Document], None]
 
 
 def world_of(kind: str, number: int) -> WorldConfig:
-    """The corridor of a kind, with start, way and people drawn from the number."""
+    """The corridor of a kind, with a start, a route and people that the number determines."""
     rng = np.random.default_rng([number, list(KINDS).index(kind)])
     base, _ = load_world("ispace-corridor-blind" if kind == "blind" else "ispace-corridor")
     document = base.model_dump(mode="json", exclude_defaults=True)
@@ -39,24 +39,24 @@ def world_of(kind: str, number: int) -> WorldConfig:
     return WorldConfig.model_validate(document)
 
 
-def add_drive(rng: np.random.Generator, document: Things, kind: str) -> None:
-    """Start, heading, and two legs of at least 8 m; blind: from where no camera sees to where one does, and back."""
-    way = rng.uniform(3.0, LENGTH_M - 3.0, 3)
-    while min(abs(way[1] - way[0]), abs(way[2] - way[1])) < 8.0:
-        way = rng.uniform(3.0, LENGTH_M - 3.0, 3)
+def add_drive(rng: np.random.Generator, document: Document, kind: str) -> None:
+    """Add a start, a heading, and two legs of at least 8 m; blind: from outside all views into one and back."""
+    legs = rng.uniform(3.0, LENGTH_M - 3.0, 3)
+    while min(abs(legs[1] - legs[0]), abs(legs[2] - legs[1])) < 8.0:
+        legs = rng.uniform(3.0, LENGTH_M - 3.0, 3)
     if kind == "blind":
         far = rng.choice([rng.uniform(4.0, 6.0), rng.uniform(24.0, 26.0)])
-        way = np.array([rng.uniform(13.0, 17.0), far, rng.uniform(13.0, 17.0)])
+        legs = np.array([rng.uniform(13.0, 17.0), far, rng.uniform(13.0, 17.0)])
     yaw = float(rng.choice([0.0, np.pi]) + rng.normal(0.0, 0.2))
     document["robot"] |= {
-        "start": [float(way[0]), MIDDLE_M + float(rng.normal(0.0, 0.1)), yaw],
-        "route": [[float(x), MIDDLE_M] for x in way[1:]],
+        "start": [float(legs[0]), MIDDLE_M + float(rng.normal(0.0, 0.1)), yaw],
+        "route": [[float(x), MIDDLE_M] for x in legs[1:]],
         "speed_mps": ROBOT_MPS,
     }
 
 
-def walker(rng: np.random.Generator) -> Things:
-    """Somebody who walks up and down a stretch of the corridor."""
+def walker(rng: np.random.Generator) -> Document:
+    """A person who walks up and down a part of the corridor."""
     ends = rng.uniform(1.0, LENGTH_M - 1.0, 2)
     while abs(ends[1] - ends[0]) < 4.0:
         ends = rng.uniform(1.0, LENGTH_M - 1.0, 2)
@@ -66,8 +66,8 @@ def walker(rng: np.random.Generator) -> Things:
 
 def person(
     path: list[list[float]], speed_mps: float, rng: np.random.Generator, starts_at_s: float = 0.0
-) -> Things:
-    """Somebody in clothes of some colour."""
+) -> Document:
+    """A person in clothes of a random colour."""
     return {
         "path": path,
         "speed_mps": speed_mps,
@@ -77,33 +77,33 @@ def person(
     }
 
 
-def add_standing(rng: np.random.Generator, document: Things) -> None:
-    """Three people who hardly move."""
+def add_standing(rng: np.random.Generator, document: Document) -> None:
+    """Add three people who hardly move."""
     for x in rng.uniform(2.0, LENGTH_M - 2.0, 3).tolist():
         lane = float(rng.choice(LANES_M))
         document["people"].append(person([[x, lane], [x + 0.1, lane]], 0.01, rng))
 
 
-def add_companions(rng: np.random.Generator, document: Things) -> None:
-    """One person on each side of the robot, with its speed, on its first leg and back."""
+def add_companions(rng: np.random.Generator, document: Document) -> None:
+    """Add a person on each side of the robot, with its speed, on its first leg and back."""
     start, first = document["robot"]["start"][0], document["robot"]["route"][0][0]
     for lane in LANES_M:
         document["people"].append(person([[start, lane], [first, lane]], ROBOT_MPS, rng))
 
 
-def add_mirrored(rng: np.random.Generator, document: Things) -> None:
-    """Somebody who stands, for half a minute, where the robot would be if the corridor were turned around."""
+def add_mirrored(rng: np.random.Generator, document: Document) -> None:
+    """Add a person who stands for half a minute where the robot would be if the corridor were rotated by pi."""
     x = LENGTH_M - document["robot"]["start"][0]
     away = x + (6.0 if x < LENGTH_M / 2 else -6.0)
     document["people"].append(person([[x, 1.0], [away, LANES_M[0]]], 0.9, rng, starts_at_s=30.0))
 
 
-def add_nobody(rng: np.random.Generator, document: Things) -> None:
-    """The people that everybody meets are enough."""
+def add_nobody(rng: np.random.Generator, document: Document) -> None:
+    """Add nobody else."""
 
 
-def cover(rng: np.random.Generator, document: Things) -> None:
-    """Eight cameras, of fewer pixels, that see all of the corridor from both sides, so that nobody hides the robot."""
+def cover(rng: np.random.Generator, document: Document) -> None:
+    """Replace the cameras by eight smaller ones that cover the corridor from both sides, so that nobody hides the robot."""
     camera = document["fixed_cameras"][0] | {"width_px": 160, "height_px": 120, "focal_px": 120.0}
     views = [(0.1, 0), (7.5, 0), (7.5, 180), (15.0, 0), (15.0, 180), (22.5, 0), (22.5, 180), (29.9, 180)]
     document["fixed_cameras"] = [

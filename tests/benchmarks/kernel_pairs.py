@@ -1,8 +1,8 @@
-"""Kernels beside their slow reference implementations: what the benchmarks bench_kernels*.py have in common.
+"""Timing of kernels against their reference implementations, for the benchmarks bench_kernels*.py.
 
-Twins stand in tests/reference, where tests hold them and the kernels together; here both are timed on the same input, warm, in
-one process. Bounds are about a third of the least that was measured on two busy cores: a kernel that is no longer compiled
-breaks them, a busy machine does not.
+The reference implementations are in tests/reference, and tests compare their results; here both are timed on the same input,
+warm, in one process. Bounds are about a third of the smallest factor measured on two busy cores: a kernel that is no longer
+compiled breaks them, a busy machine does not.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ TIMES = 30
 
 
 def rows_of_pairs(pairs: Iterable[tuple[str, float, Pair]]) -> Iterator[Row]:
-    """Of each name, least factor, and pair: milliseconds of a call for information, the factor with its bound."""
-    for name, at_least, (kernel, reference) in pairs:
+    """Rows of each (name, smallest factor, pair): milliseconds of a call for information, and the factor with its bound."""
+    for name, min_factor, (kernel, reference) in pairs:
         before, slow, after = best_ms(kernel, TIMES), best_ms(reference, 2), best_ms(kernel, TIMES)
-        ours = min(before, after)  # one of them alone may fall into a moment in which others had the cores
+        ours = min(before, after)  # other load may affect one of the two
         yield Row(f"kernels.{name}", ours, "ms")
-        yield Row(f"kernels.{name}.over_reference", slow / ours, "x", at_least, at_least=True)
+        yield Row(f"kernels.{name}.over_reference", slow / ours, "x", min_factor, at_least=True)

@@ -13,7 +13,7 @@ from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 
-def test_kld_sampling_asks_for_what_the_chi_square_quantile_says():
+def test_kld_sampling_needs_as_many_particles_as_the_chi_square_quantile_gives():
     # chi-square quantile 0.99 with 99 degrees of freedom is 134.642; n = quantile / (2 error) (Fox 2003, eq. 4).
     assert particles_needed(100, 0.05, 2.3263) == pytest.approx(134.642 / 0.1, rel=0.001)
     assert particles_needed(1, 0.05, 2.33) == 1
@@ -25,10 +25,10 @@ def test_the_effective_size_is_one_for_one_particle_and_all_for_even_weights():
     assert Particles(poses, np.eye(8)[2]).effective_size == pytest.approx(1.0)
 
 
-def test_weights_survive_likelihoods_that_no_number_could_hold():
+def test_weights_survive_likelihoods_below_the_smallest_float():
     particles = Particles(np.zeros((3, 3)), np.array([0.0, 0.5, 0.5]))
-    weighed = particles.reweighted(np.array([0.0, -5000.0, -5000.0 + math.log(3.0)]))
-    np.testing.assert_allclose(weighed.weights, [0.0, 0.25, 0.75])
+    reweighted = particles.reweighted(np.array([0.0, -5000.0, -5000.0 + math.log(3.0)]))
+    np.testing.assert_allclose(reweighted.weights, [0.0, 0.25, 0.75])
 
 
 def test_the_mean_heading_is_circular():
@@ -37,30 +37,30 @@ def test_the_mean_heading_is_circular():
     np.testing.assert_allclose(np.diag(belief.covariance), [0.25, 0.0, 0.01], atol=1e-12)
 
 
-def test_the_main_cluster_is_the_heavier_one_not_the_middle_of_both():
+def test_the_main_cluster_is_the_heavier_one_and_not_the_mean_of_both():
     rng = np.random.default_rng(0)
     few = rng.normal((0.0, 0.0, 0.0), 0.05, (300, 3))
     many = rng.normal((10.0, 4.0, 3.1), 0.05, (700, 3))
     belief = main_cluster(Particles.even(np.concatenate([few, many])), 1.0, 0.5)
     np.testing.assert_allclose(belief.mean, [10.0, 4.0, 3.1], atol=0.02)
     assert belief.mass == pytest.approx(0.7)
-    assert belief.spread_m == pytest.approx(0.05 * math.sqrt(2.0), rel=0.1)
+    assert belief.std_m == pytest.approx(0.05 * math.sqrt(2.0), rel=0.1)
 
 
-def test_a_cluster_on_the_edge_of_bins_is_taken_whole():
+def test_a_cluster_across_a_bin_edge_is_not_split():
     rng = np.random.default_rng(1)
     poses = rng.normal((0.0, 0.0, 0.0), 0.1, (1000, 3))
     assert main_cluster(Particles.even(poses), 1.0, 0.5).mass > 0.999
 
 
-def test_clusters_far_apart_are_found_without_a_table_of_all_bins():
+def test_clusters_at_large_distances_do_not_need_a_table_of_all_bins():
     poses = np.array([[0.0, 0.0, 0.0], [1e6, 1e6, 0.0], [1e6, 1e6, 0.0]])
     assert main_cluster(Particles.even(poses), 1.0, 0.5).mean[0] == pytest.approx(1e6)
 
 
 def test_few_bins_need_few_particles_and_many_bins_many():
     rng = np.random.default_rng(2)
-    size = AdaptiveSize(500, 5000, 0.02, 2.33, 0.25, 0.2)
+    size = AdaptiveSize(min=500, max=5000, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.2)
     narrow = Particles.even(rng.normal(0.0, 0.02, (5000, 3)))
     wide = Particles.even(rng.uniform(-20, 20, (5000, 3)))
     assert len(resample(narrow, size, rng)) == 500
@@ -71,12 +71,13 @@ def test_resampling_keeps_the_mean():
     rng = np.random.default_rng(3)
     poses = rng.normal(0.0, 1.0, (4000, 3))
     particles = Particles.even(poses).reweighted(-0.5 * (poses[:, 0] - 1.0) ** 2)
-    drawn = resample(particles, AdaptiveSize(4000, 4000, 0.02, 2.33, 0.25, 0.2), rng)
+    size = AdaptiveSize(min=4000, max=4000, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.2)
+    drawn = resample(particles, size, rng)
     assert moments(drawn).mean[0] == pytest.approx(moments(particles).mean[0], abs=0.01)
     np.testing.assert_allclose(drawn.weights, 1.0 / 4000)
 
 
-def test_free_poses_lie_in_free_cells_of_a_turned_map():
+def test_free_poses_lie_in_free_cells_of_a_rotated_map():
     rng = np.random.default_rng(4)
     probability = np.where(rng.random((30, 20)) < 0.5, 0.05, np.nan).astype(np.float32)
     grid = OccupancyGrid(probability, GridGeometry(0.2, (3.0, -1.0), 0.7))

@@ -8,18 +8,18 @@ from tests.reference.kernel_density import density_at
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_bins_and_a_filter_give_what_the_sum_over_all_points_gives(seed: int) -> None:
+def test_the_binned_density_equals_the_sum_over_all_points(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(0.0, [2.0, 0.7], (200, 2)) + rng.uniform(-50, 50, 2)
     weights = rng.random(200)
     h = float(rng.uniform(0.1, 0.8))
     density = kernel_density(points, weights, h)
-    places = points[:40] + rng.normal(0.0, 2.0 * h, (40, 2))
-    direct = np.array([density_at(p, points, weights, h) for p in places])
-    assert np.abs(density.at(places) - direct).max() < 0.02 * direct.max()
+    queries = points[:40] + rng.normal(0.0, 2.0 * h, (40, 2))
+    direct = np.array([density_at(p, points, weights, h) for p in queries])
+    assert np.abs(density.at(queries) - direct).max() < 0.02 * direct.max()
 
 
-def test_the_whole_plane_holds_a_mass_of_one() -> None:
+def test_the_density_integrates_to_one() -> None:
     density = kernel_density(np.array([[1.0, 2.0], [4.0, -3.0]]), np.array([1.0, 3.0]), 0.3)
     assert density.values.sum() * density.bin_m**2 == pytest.approx(1.0, abs=1e-3)
 
@@ -27,12 +27,12 @@ def test_the_whole_plane_holds_a_mass_of_one() -> None:
 def test_one_point_is_its_kernel() -> None:
     density = kernel_density(np.array([[5.0, 5.0]]), np.ones(1), 0.5)
     peak = 1.0 / (2.0 * np.pi * 0.5**2)
-    places = np.array([[5.0, 5.0], [5.5, 5.0], [5.0, 4.0], [9.0, 9.0]])
+    queries = np.array([[5.0, 5.0], [5.5, 5.0], [5.0, 4.0], [9.0, 9.0]])
     expected = peak * np.array([1.0, np.exp(-0.5), np.exp(-2.0), 0.0])
-    np.testing.assert_allclose(density.at(places), expected, atol=0.02 * peak)
+    np.testing.assert_allclose(density.at(queries), expected, atol=0.02 * peak)
 
 
-def test_points_far_apart_do_not_need_a_bin_for_every_metre_between() -> None:
+def test_the_number_of_bins_is_bounded_for_distant_points() -> None:
     density = kernel_density(np.array([[0.0, 0.0], [1e5, 1e5]]), np.ones(2), 0.3)
     assert density.values.size < 8_000_000
 

@@ -1,4 +1,4 @@
-"""The beam kernel is ray casting followed by a look-up."""
+"""The kernel of the beam model against ray casting with a table look-up."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gridslam.kernels.beam import sum_over_beams
+from gridslam.kernels.beam import MeasuredBeams, RangeTable, sum_over_ranges
 from gridslam.kernels.raycast import free_squares
 from tests.reference import mcl as reference
 
@@ -21,7 +21,8 @@ def test_each_beam_is_looked_up_under_its_expected_range(seed):
     poses = np.column_stack([rng.uniform(3, 27, (5, 2)), rng.uniform(-4, 4, 5)])
     sensor = np.array([0.7, -0.4, 0.3])
     bearings, measured = rng.uniform(-2, 2, 6), rng.integers(0, 40, 6)
-    sums = sum_over_beams(free_squares(occupied), table, 0.5, bearings, measured, sensor, poses, 19.0)
+    beams = MeasuredBeams(bearings, measured, sensor, 19.0)
+    sums = sum_over_ranges(free_squares(occupied), RangeTable(table, 0.5), beams, poses)
     for pose, got in zip(poses, sums, strict=True):
-        total = reference.sum_over_beams(occupied, table, 0.5, bearings, measured, sensor, pose, 19.0)
+        total = reference.sum_over_ranges(occupied, RangeTable(table, 0.5), beams, pose)
         assert abs(got - total) < 1e-3

@@ -1,4 +1,4 @@
-"""Resampling and counting of bins against their plain reference implementations."""
+"""Systematic resampling and the count of bins against the reference implementations."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.reference import mcl as reference
 
 @settings(max_examples=80, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 60))
-def test_systematic_resampling_is_the_comb_over_the_weights(seed, n, count):
+def test_systematic_resampling_equals_the_reference_implementation(seed, n, count):
     rng = np.random.default_rng(seed)
     weights = rng.random(n) ** 4 * (rng.random(n) < 0.7)
     weights[rng.integers(n)] += 0.1
@@ -23,7 +23,7 @@ def test_systematic_resampling_is_the_comb_over_the_weights(seed, n, count):
 
 @settings(max_examples=80, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 30))
-def test_every_particle_is_drawn_as_often_as_its_weight_asks_for_to_the_next_whole_number(seed, n):
+def test_the_number_of_copies_of_a_particle_differs_from_its_weight_by_less_than_one(seed, n):
     rng = np.random.default_rng(seed)
     weights = rng.random(n)
     counts = np.bincount(systematic(weights, 100, float(rng.random())), minlength=n)

@@ -1,4 +1,4 @@
-"""Ray casting against the traversal cell by cell."""
+"""Ray casting by free squares against the traversal cell by cell."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from tests.reference.ray_traversal import cast_cell_by_cell, largest_free_square
     st.sampled_from([0.0, 0.01, 0.1, 0.4]),
     st.floats(1.0, 80.0),
 )
-def test_ranges_are_those_of_the_traversal_cell_by_cell(seed, rows, cols, density, reach):
+def test_ranges_are_those_of_the_traversal_cell_by_cell(seed, rows, cols, density, max_range):
     rng = np.random.default_rng(seed)
     occupied = rng.random((rows, cols)) < density
     poses = np.column_stack(
         [rng.uniform(-1, cols + 1, 8), rng.uniform(-1, rows + 1, 8), rng.uniform(-4, 4, 8)]
     )
     bearings = rng.uniform(-math.pi, math.pi, 5)
-    ranges = cast_rays(free_squares(occupied), poses, bearings, reach)
+    ranges = cast_rays(free_squares(occupied), poses, bearings, max_range)
     for pose, row in zip(poses, ranges, strict=True):
         for bearing, measured in zip(bearings, row, strict=True):
-            expected, _ = cast_cell_by_cell(occupied, pose[0], pose[1], pose[2] + bearing, reach)
+            expected, _ = cast_cell_by_cell(occupied, pose[0], pose[1], pose[2] + bearing, max_range)
             assert abs(measured - expected) < 1e-4 * max(1.0, expected)
 
 
@@ -42,7 +42,7 @@ def test_rays_along_the_axes_hit_the_face_of_the_cell():
     np.testing.assert_allclose(ranges[0], [12.5, 9.5, 7.5, 8.5], atol=1e-5)
 
 
-def test_a_ray_from_within_a_wall_has_no_length_and_one_that_leaves_the_grid_has_the_reach():
+def test_a_ray_that_starts_in_a_wall_has_range_0_and_one_that_leaves_the_grid_the_maximum_range():
     occupied = np.zeros((5, 5), bool)
     occupied[2, 2] = True
     squares = free_squares(occupied)

@@ -31,10 +31,10 @@ CURVES = {
 SHOWN_S = 50.0
 TEXT = """A robot with odometry and a lidar of 5.6 m is somewhere in a corridor of 30 m that repeats itself every 5
 m, among two to four people who walk; eight fixed RGB-D cameras see every place from both sides, two frames a
-second. Success: within 0.5 m and 10 degrees, held to the end. Five worlds (0 to 4: start, way, people, noise),
+second. Success: within 0.5 m and 10 degrees, held to the end. Five worlds (0 to 4: start, route, people, noise),
 each with filter seeds {seeds}; the sweep is written to `out/papers/ispace-mcl/sweep.yaml`."""
 FALLS_SHORT = """The rate without cameras depends on how alike the bays of the corridor are and how far the lidar
-sees; ours ({share:.0f} %) is another corridor than the paper's. The paper's equations need every place in view: in
+sees; ours ({rate:.0f} %) is another corridor than the paper's. The paper's equations need every place in view: in
 corridors with gaps between the cameras' views the product of densities loses the robot, the best settings do not
 ([ispace-mcl](ispace-mcl.md))."""
 
@@ -42,14 +42,14 @@ Floats = NDArray[np.float64]
 
 
 def section(work: Work) -> Section:
-    """Successes and spread."""
+    """Success rates and standard deviations."""
     found = sweep_of(work)
     text = TEXT.format(seeds=seeds_text(found.seeds))
     return Section(
         "ispace-mcl",
         "ispace-mcl: localization with environment cameras",
         text,
-        [successes(found), spreads(found)],
+        [successes(found), deviations(found)],
     )
 
 
@@ -70,7 +70,7 @@ def sweep_of(work: Work) -> Found:
 
 
 def successes(found: Found) -> Experiment:
-    """Rates of success with Wilson's intervals, and the times."""
+    """Success rates with Wilson's intervals, and times to convergence."""
     seeds = f"{seeds_text(found.seeds)}, 5 worlds"
     rows = []
     for title, published, override in (
@@ -82,31 +82,33 @@ def successes(found: Found) -> Experiment:
     for title, override in (("time to convergence without cameras", ALONE), ("with cameras", FUSED)):
         rows.append((title, None, *both(lambda c, override=override: seconds(found, c, override)), seeds))
     alone = pooled(found, "localization.success", "paper", ALONE).mean()
-    short = FALLS_SHORT.format(share=100 * alone)
+    short = FALLS_SHORT.format(rate=100 * alone)
     what = "How often the robot is found from anywhere; times are medians of the successes, Wilson's 95 % interval in brackets."
     return Experiment("Success of global localization", what, rows, short=short)
 
 
-def spreads(found: Found) -> Experiment:
+def deviations(found: Found) -> Experiment:
     """Figure 10."""
     curves = {name: curves_of(found, *place) for name, place in CURVES.items()}
     rows = []
     for second in (5.0, 20.0):
         for title, override in (("without cameras", ALONE), ("with cameras", FUSED)):
-            cells = [f"{spread_at(found, second, c, override):.2f} m" for c in ("paper", "best")]
+            cells = [f"{std_at(found, second, c, override):.2f} m" for c in ("paper", "best")]
             published = "falls faster" if override == FUSED else None
             rows.append((f"after {second:.0f} s, {title}", published, *cells, seeds_text(found.seeds)))
     file = found.folder / "spread.png"
     draw_curves(curves, file, SHOWN_S)
     picture = Picture(
-        "ispace-spread", rgb_of(file), "Spread of all particles: median and middle half of the trials"
+        "ispace-spread",
+        rgb_of(file),
+        "Standard deviation of all particles: median and middle half of the trials",
     )
     what = "The standard deviation of the particles' positions over time (figure 10); medians over all runs."
-    return Experiment("How the particles draw together", what, rows, [picture])
+    return Experiment("Convergence of the particles", what, rows, [picture])
 
 
-def spread_at(found: Found, second: float, config: str, override: str) -> float:
-    """Median over the runs of the spread so long after the start, m."""
+def std_at(found: Found, second: float, config: str, override: str) -> float:
+    """Median over the runs of the standard deviation (m) at a time after the start."""
     return float(np.median([np.interp(second, *curve) for curve in curves_of(found, config, override)]))
 
 
@@ -124,24 +126,24 @@ def rate(successes: Floats) -> str:
 
 
 def seconds(found: Found, config: str, override: str) -> str:
-    """Median time to convergence of those that were found."""
+    """Median time to convergence of the successful runs, as text."""
     success = pooled(found, "localization.success", config, override) > 0
     times = pooled(found, "localization.time_to_convergence", config, override)[success]
     return f"{np.median(times):.1f} s" if len(times) else "-"
 
 
 def curves_of(found: Found, config: str, override: str) -> Sequence[tuple[Floats, Floats]]:
-    """Time (s) and spread (m) of every run."""
+    """Time (s) and standard deviation (m) of every run."""
     rows = [row for row in found.result.rows if (row.config, row.override) == (config, override)]
     return [curve(found.directory(row.log, config, override, row.seed) / "localization.csv") for row in rows]
 
 
 def curve(path: Path) -> tuple[Floats, Floats]:
-    """The spread over the time since the first scan."""
+    """Standard deviation (m) over the time (s) since the first scan."""
     with path.open() as stream:
         table: list[Mapping[str, str]] = list(csv.DictReader(stream))
     stamps = np.array([float(row["stamp"]) for row in table])
-    return stamps - stamps[0], np.array([float(row["spread_all"]) for row in table])
+    return stamps - stamps[0], np.array([float(row["std_all"]) for row in table])
 
 
 def rgb_of(path: Path) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Particle filter steps written for the eye."""
+"""Reference implementations of the particle filter's kernels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.beam import MeasuredBeams, RangeTable
+from gridslam.kernels.likelihood_field import BeamCells
 from tests.reference.ray_traversal import cast_cell_by_cell
 
 
@@ -17,7 +19,7 @@ def sum_over_points(
     points: NDArray[np.float64],
     pose: Sequence[float],
 ) -> float:
-    """Sum of the table's values under the points seen from one pose; beyond the field its last entry."""
+    """Sum of the table's values under the points for one pose; points outside the field take its last entry."""
     rows, cols = field.shape
     x, y, yaw = pose
     total = 0.0
@@ -30,57 +32,56 @@ def sum_over_points(
 
 
 def systematic(weights: Sequence[float], count: int, start: float) -> list[int]:
-    """For each tooth of the comb, the particle whose share of the weights it points into."""
+    """Indices of the particles whose intervals of the cumulative weights contain the evenly spaced positions."""
     ends = np.cumsum(weights)
-    teeth = [(k + start) * ends[-1] / count for k in range(count)]
-    return [next((i for i, end in enumerate(ends) if end > tooth), len(weights) - 1) for tooth in teeth]
+    positions = [(k + start) * ends[-1] / count for k in range(count)]
+    return [
+        next((i for i, end in enumerate(ends) if end > position), len(weights) - 1) for position in positions
+    ]
 
 
-def occupied_bins(poses: NDArray[np.float64], chosen: Sequence[int], cell_m: float, cell_rad: float) -> int:
+def occupied_bins(poses: NDArray[np.float64], chosen: Sequence[int], bin_m: float, bin_rad: float) -> int:
     """Number of different bins."""
-    sizes = (cell_m, cell_m, cell_rad)
+    sizes = (bin_m, bin_m, bin_rad)
     return len({tuple(math.floor(v / s) for v, s in zip(poses[i], sizes, strict=True)) for i in chosen})
 
 
-def sum_over_beams(
-    occupied: NDArray[np.bool_],
-    table: NDArray[np.float32],
-    cells_per_bin: float,
-    bearings: Sequence[float],
-    measured_bins: Sequence[int],
-    sensor: Sequence[float],
-    pose: Sequence[float],
-    reach: float,
+def sum_over_ranges(
+    occupied: NDArray[np.bool_], table: RangeTable, beams: MeasuredBeams, pose: Sequence[float]
 ) -> float:
-    """Sum of table[measured bin, expected bin] over the beams, the expected ranges cast cell by cell."""
+    """Sum over the beams of the log-probability of measured bin and expected bin; expected ranges are cast cell by cell."""
+    log_probability, cells_per_bin = table
+    bearings, measured_bins, sensor, max_range = beams
     x, y, yaw = pose
     sx = x + math.cos(yaw) * sensor[0] - math.sin(yaw) * sensor[1]
     sy = y + math.sin(yaw) * sensor[0] + math.cos(yaw) * sensor[1]
     total = 0.0
     for bearing, row in zip(bearings, measured_bins, strict=True):
-        expected, _ = cast_cell_by_cell(occupied, sx, sy, yaw + sensor[2] + bearing, reach)
-        total += float(table[row, min(int(expected / cells_per_bin + 0.5), table.shape[1] - 1)])
+        expected, _ = cast_cell_by_cell(occupied, sx, sy, yaw + sensor[2] + bearing, max_range)
+        total += float(
+            log_probability[row, min(int(expected / cells_per_bin + 0.5), log_probability.shape[1] - 1)]
+        )
     return total
 
 
-def sum_over_segments(
+def sum_over_beams(
     field: NDArray[np.uint8],
     occupied: NDArray[np.bool_],
     table: NDArray[np.float32],
-    starts: NDArray[np.float64],
-    ends: NDArray[np.float64],
+    beams: BeamCells,
     tolerance: float,
     pose: Sequence[float],
 ) -> float:
-    """As `sum_over_points` for the ends of beams; one with a wall on its way takes the table's last entry."""
+    """As `sum_over_points` for the endpoints of beams; a blocked beam takes the table's last entry. The slack is 0."""
     x, y, yaw = pose
-    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    rotation = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
     total = 0.0
-    for start, end in zip(starts @ turn.T + (x, y), ends @ turn.T + (x, y), strict=True):
-        way = math.hypot(*(end - start)) - tolerance
+    origins, endpoints = (points @ rotation.T + (x, y) for points in beams)
+    for start, end in zip(origins, endpoints, strict=True):
+        length = math.hypot(*(end - start)) - tolerance
         angle = math.atan2(end[1] - start[1], end[0] - start[0])
         row, col = math.floor(end[1]), math.floor(end[0])
         inside = 0 <= row < field.shape[0] and 0 <= col < field.shape[1]
-        free = way <= 0.0 or cast_cell_by_cell(occupied, start[0], start[1], angle, way)[0] >= way
+        free = length <= 0.0 or cast_cell_by_cell(occupied, start[0], start[1], angle, length)[0] >= length
         total += float(table[field[row, col] if inside and free else 255])
     return total

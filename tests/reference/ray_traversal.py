@@ -1,4 +1,4 @@
-"""Ray casting written for the eye: from cell to cell, one grid line at a time."""
+"""Reference implementation of ray casting: from cell to cell, one grid line at a time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 
 def cast_cell_by_cell(
-    occupied: NDArray[np.bool_], x: float, y: float, angle_rad: float, reach: float
+    occupied: NDArray[np.bool_], x: float, y: float, angle_rad: float, max_range: float
 ) -> tuple[float, tuple[int, int] | None]:
-    """Range in cells and the cell (row, col) that is hit; the reach and None when nothing is."""
+    """Range (cells) and the cell (row, col) that is hit; the maximum range and None if there is none."""
     rows, cols = occupied.shape
     dx, dy = math.cos(angle_rad), math.sin(angle_rad)
     row, col = math.floor(y), math.floor(x)
     travelled = 0.0
-    while 0 <= row < rows and 0 <= col < cols and travelled < reach:
+    while 0 <= row < rows and 0 <= col < cols and travelled < max_range:
         if occupied[row, col]:
             return travelled, (row, col)
         to_column = ((col + 1 if dx > 0 else col) - x) / dx if dx != 0.0 else math.inf
@@ -26,11 +26,11 @@ def cast_cell_by_cell(
             col += 1 if dx > 0 else -1
         else:
             row += 1 if dy > 0 else -1
-    return reach, None
+    return max_range, None
 
 
 def largest_free_square(occupied: NDArray[np.bool_], row: int, col: int, quadrant: int) -> int:
-    """Side of the largest free square in the grid in whose corner the cell lies, by trying one after the other."""
+    """Side of the largest free square of the grid that has the cell in its corner, by trying one size after the other."""
     rows, cols = occupied.shape
     side = 0
     while True:

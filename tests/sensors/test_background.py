@@ -8,19 +8,19 @@ ROWS, COLS = 60, 80
 
 
 def scene(rng: np.random.Generator, level: float = 0.0) -> np.ndarray:
-    """A textured, noisy picture of something that does not move; `level` is what a lamp adds."""
+    """A noisy picture of a textured static scene; `level` is the brightness that a lamp adds."""
     texture = np.random.default_rng(7).uniform(60.0, 160.0, (ROWS, COLS, 3))
     return np.clip(texture + level + rng.normal(0.0, 1.5, texture.shape), 0, 255).astype(np.uint8)
 
 
 def learned(rng: np.random.Generator) -> ColourBackground:
-    background = ColourBackground(history=100, threshold=16.0, opening_px=3, closing_px=5)
+    background = ColourBackground(100, 16.0, opening_px=3, closing_px=5)
     for _ in range(10):
         background.foreground(scene(rng))
     return background
 
 
-def test_what_moves_is_foreground_and_what_stands_is_not() -> None:
+def test_moving_objects_are_foreground_and_the_scene_is_not() -> None:
     rng = np.random.default_rng(0)
     background = learned(rng)
     picture = scene(rng)
@@ -45,7 +45,7 @@ def test_specks_are_removed_and_holes_are_filled() -> None:
     assert not mask[50, 70]
 
 
-def test_a_lamp_makes_everything_foreground_until_the_background_is_learned_anew() -> None:
+def test_a_lamp_makes_all_pixels_foreground_until_the_model_is_restarted() -> None:
     rng = np.random.default_rng(2)
     background = learned(rng)
     assert background.foreground(scene(rng, 60.0)).mean() > 0.5
@@ -59,9 +59,9 @@ def wall(rng: np.random.Generator, depth_m: float = 4.0) -> np.ndarray:
     return (depth_m + rng.normal(0.0, 0.02, (ROWS, COLS))).astype(np.float32)
 
 
-def test_what_stands_before_the_background_is_nearer() -> None:
+def test_objects_before_the_background_are_nearer() -> None:
     rng = np.random.default_rng(3)
-    background = DepthBackground(margin_m=0.08, margin_share=0.03)
+    background = DepthBackground(margin_m=0.08, margin_ratio=0.03)
     assert not background.nearer(wall(rng)).any()  # nothing is known yet
     for _ in range(20):
         background.learn(wall(rng))
@@ -73,7 +73,9 @@ def test_what_stands_before_the_background_is_nearer() -> None:
     assert near.sum() == 200
 
 
-def test_who_stood_there_first_is_forgotten_when_he_leaves_and_nobody_is_learned_in_a_minute() -> None:
+def test_an_object_of_the_first_frame_is_forgotten_when_it_leaves_and_a_person_is_not_learned_within_a_minute() -> (
+    None
+):
     rng = np.random.default_rng(4)
     background = DepthBackground(0.08, 0.03)
     occupied = wall(rng)
@@ -86,7 +88,7 @@ def test_who_stood_there_first_is_forgotten_when_he_leaves_and_nobody_is_learned
     assert background.nearer(occupied)[10:30, 10:20].all()
 
 
-def test_people_are_no_change_of_place_but_walls_elsewhere_are() -> None:
+def test_people_are_no_mismatch_and_walls_elsewhere_are() -> None:
     rng = np.random.default_rng(5)
     background = DepthBackground(0.08, 0.03)
     nothing = np.zeros((ROWS, COLS), bool)
@@ -94,6 +96,6 @@ def test_people_are_no_change_of_place_but_walls_elsewhere_are() -> None:
         background.learn(wall(rng))
     crowded, people = wall(rng), nothing.copy()
     crowded[:, 20:60], people[:, 20:60] = 2.0, True
-    assert background.off_share(crowded, people) < 0.01
-    assert background.off_share(wall(rng, 6.0), nothing) > 0.99
-    assert background.off_share(wall(rng, 3.0), nothing) > 0.99
+    assert background.mismatch_ratio(crowded, people) < 0.01
+    assert background.mismatch_ratio(wall(rng, 6.0), nothing) > 0.99
+    assert background.mismatch_ratio(wall(rng, 3.0), nothing) > 0.99

@@ -10,7 +10,7 @@ from gridslam.sensors.beam_model import BeamMixture, BeamModel, beam_table, rang
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.range_caster import range_caster
 
-MIXTURE = BeamMixture(0.2, 0.7, 0.1, 0.1, 0.1, 0.3, 0.05)
+MIXTURE = BeamMixture(sigma_m=0.2, hit=0.7, short=0.1, max=0.1, random=0.1, short_decay_per_m=0.3, bin_m=0.05)
 GEOMETRY = GridGeometry(0.05, (0.0, 0.0))
 
 
@@ -21,11 +21,19 @@ def _room():
     return occupied
 
 
-def _beams(ranges, bearings, reach=5.0):
+def _beams(ranges, bearings, max_range_m=5.0):
     ranges, bearings = np.array(ranges), np.array(bearings)
-    returned = ranges < reach
-    ends = (np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * ranges[:, None])[returned]
-    return Beams(ranges, bearings, returned, ends, np.zeros(3), reach, 0)
+    returned = ranges < max_range_m
+    points = (np.stack([np.cos(bearings), np.sin(bearings)], axis=1) * ranges[:, None])[returned]
+    return Beams(
+        ranges=ranges,
+        bearings=bearings,
+        returned=returned,
+        points=points,
+        extrinsics=np.zeros(3),
+        max_range_m=max_range_m,
+        unreadable=0,
+    )
 
 
 def test_every_column_of_the_table_is_a_distribution():
@@ -35,7 +43,7 @@ def test_every_column_of_the_table_is_a_distribution():
 
 def test_the_table_has_the_four_parts_of_the_mixture():
     table = np.exp(beam_table(MIXTURE, 5.0).astype(np.float64))
-    expected, last = 60, 100  # a wall at 3 m, a reach of 5 m
+    expected, last = 60, 100  # a wall at 3 m, a maximum range of 5 m
     density = 1.0 / (0.2 * math.sqrt(2.0 * math.pi)) * 0.05
     assert table[expected, expected] == pytest.approx(0.7 * density + 0.1 * 0.05 / 5.0, rel=0.02)
     shorts = 0.1 * 0.3 * math.exp(-0.3 * 1.0) * 0.05 / (1.0 - math.exp(-0.3 * 3.0))
@@ -67,13 +75,13 @@ def test_the_range_difference_is_the_mean_square_over_the_beams():
     assert score[0] == pytest.approx(-0.5 / 0.25 * (0.5**2 + 3.05**2) / 4, rel=1e-4)
 
 
-def test_expected_ranges_are_clipped_at_the_reach():
+def test_expected_ranges_are_at_most_the_maximum_range():
     caster = range_caster(_room(), GEOMETRY)
     ranges = caster.ranges(np.array([[1.0, 2.0, 0.0]]), np.array([0.0, math.pi]), np.zeros(3), 3.0)
     np.testing.assert_allclose(ranges[0], [3.0, 0.95], atol=1e-5)
 
 
-def test_the_mounting_moves_the_rays():
+def test_rays_start_at_the_sensor():
     caster = range_caster(_room(), GEOMETRY)
     extrinsics = np.array([0.5, 0.0, math.pi / 2])
     ranges = caster.ranges(np.array([[3.0, 2.0, math.pi / 2]]), np.zeros(1), extrinsics, 10.0)

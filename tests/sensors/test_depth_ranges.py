@@ -1,4 +1,4 @@
-"""Depth images become the ranges that a lidar at the camera's place would have measured."""
+"""Scans made from depth images against the ranges that a lidar at the camera's position would measure."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsi
 from gridslam.sensors.fixed_camera import Pinhole
 
 ROWS, COLS, FOCAL = 60, 80, 70.0
-BAND = DepthBand(low_m=0.1, high_m=1.0, reach_m=6.0)
+BAND = DepthBand(min_height_m=0.1, max_height_m=1.0, max_range_m=6.0)
 
 
 def camera(pitch_deg: float, yaw_deg: float, position: tuple[float, float, float]) -> Pinhole:
-    """A camera of the robot: turned by its yaw, then tilted down by its pitch."""
+    """A camera of the robot with a yaw, tilted down by its pitch."""
     c, s = math.cos(math.radians(pitch_deg)), math.sin(math.radians(pitch_deg))
     cy, sy = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
-    turn = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
-    forward, right = turn @ [c, 0.0, -s], turn @ [0.0, -1.0, 0.0]
+    heading = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    forward, right = heading @ [c, 0.0, -s], heading @ [0.0, -1.0, 0.0]
     rotation = np.column_stack([right, np.cross(forward, right), forward])
     return Pinhole((FOCAL, FOCAL), (0.5 * (COLS - 1), 0.5 * (ROWS - 1)), rotation, np.array(position))
 
 
 def image_of(pinhole: Pinhole, wall_x: float, post: bool = False) -> DepthImage:
-    """A wall across the way at `wall_x`, the floor, and a post 20 cm wide and 2 m high a metre and a half ahead."""
+    """A wall across the view at `wall_x`, the floor, and a post 20 cm wide and 2 m high a metre and a half ahead."""
     v, u = np.mgrid[:ROWS, :COLS]
     rays = np.stack([(u - pinhole.centre_px[0]) / FOCAL, (v - pinhole.centre_px[1]) / FOCAL, np.ones_like(u)])
     x, y, z = pinhole.rotation @ rays.reshape(3, -1)
@@ -58,7 +58,7 @@ def test_a_wall_is_where_a_lidar_would_see_it(pitch: float, yaw: float, y: float
     assert across.min() > 3.0 - slack - 1e-3
 
 
-def test_the_nearest_thing_in_a_column_counts_and_the_floor_does_not() -> None:
+def test_the_nearest_point_of_a_column_counts_and_the_floor_does_not() -> None:
     pinhole = camera(10.0, 0.0, (0.0, 0.0, 0.5))
     scan = depth_scan(image_of(pinhole, wall_x=3.0, post=True), pinhole, BAND)
     angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
@@ -67,7 +67,7 @@ def test_the_nearest_thing_in_a_column_counts_and_the_floor_does_not() -> None:
     assert np.nanmin(scan.ranges_m) == pytest.approx(1.5, abs=0.01)
 
 
-def test_beyond_the_reach_nothing_returns_and_without_depth_nothing_is_known() -> None:
+def test_ranges_beyond_the_maximum_are_infinite_and_those_without_depth_nan() -> None:
     pinhole = camera(0.0, 0.0, (0.0, 0.0, 0.5))
     far = depth_scan(image_of(pinhole, wall_x=7.0), pinhole, BAND)
     assert np.isposinf(far.ranges_m).all()

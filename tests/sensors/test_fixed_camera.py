@@ -1,8 +1,9 @@
-"""A fixed camera in a simulated room: floor positions of what moves, coverage, and what makes a frame useless."""
+"""A fixed camera in a simulated room: floor positions of moving objects, coverage, and frames that cannot be used."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,13 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
-from gridslam.sensors.fixed_camera import CameraSettings, FixedCamera, Pinhole, Sighting
+from gridslam.sensors.fixed_camera import (
+    COLOUR_AND_DEPTH,
+    FixedCamera,
+    FloorDetections,
+    FrameSkip,
+    Pinhole,
+)
 from gridslam.simulation.simulator import Simulator
 from tests.simulation.places import room
 
@@ -20,11 +27,7 @@ CAMERA: dict[str, Any] = {
     "name": "eye", "kind": "rgbd", "rate_hz": 2.0, "width_px": 160, "height_px": 120, "focal_px": 110.0, "depth_max_m": 10,
     "extrinsics": {"x": 0.2, "y": 2.5, "z": 2.4, "pitch_deg": 28}, "noise_levels": 1.0, "depth_noise_per_m2": 0.0015,
 }  # fmt: skip
-SETTINGS = CameraSettings(
-    history=200, threshold=16.0, opening_px=3, closing_px=5, warm_up=5, low_m=0.1, high_m=2.2, stride_px=1,
-    most_foreground=0.4, depth_check=True, margin_m=0.08, margin_share=0.03, moved_share=0.12, moved_frames=3,
-    cell_m=0.1, least_area_m2=0.01,
-)  # fmt: skip
+PARAMETERS = replace(COLOUR_AND_DEPTH, stride_px=1, moved_frames=3)
 FLOOR = np.argwhere(np.ones((80, 50))) * 0.1 + 0.05
 
 Frames = list[tuple[np.ndarray, np.ndarray]]
@@ -33,7 +36,7 @@ Frames = list[tuple[np.ndarray, np.ndarray]]
 def filmed(
     seconds: float, turned: Mapping[str, float] | None = None, **changes: Any
 ) -> tuple[FixedCamera, Frames]:
-    """The camera, untaught, and its frames in a room of 8 x 5 m in which only the given people move."""
+    """The camera, without a background, and its frames in a room of 8 x 5 m in which only the given people move."""
     moved = {**CAMERA, "extrinsics": {**CAMERA["extrinsics"], **(turned or {})}}
     world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e9}, **changes)
     simulator = Simulator(world, Path())
@@ -42,25 +45,25 @@ def filmed(
     info = next(e for e in events if isinstance(e, CameraInfo))
     images = [e.pixels for e in events if isinstance(e, Image)]
     depths = [e.depth_m for e in events if isinstance(e, DepthImage)]
-    return FixedCamera(Pinhole.of(info, mount), SETTINGS, FLOOR), list(zip(images, depths, strict=True))
+    return FixedCamera(Pinhole.of(info, mount), PARAMETERS, FLOOR), list(zip(images, depths, strict=True))
 
 
 def walker(*path: tuple[float, float]) -> dict[str, Any]:
     return {"path": list(path), "speed_mps": 1.0, "starts_at_s": 5.0, "colour": [170, 60, 60]}
 
 
-def test_nothing_is_said_while_the_background_is_learned() -> None:
+def test_frames_of_the_warm_up_are_skipped() -> None:
     camera, frames = filmed(4.0)
-    said = [camera.look(*frame) for frame in frames]
-    assert said[:5] == ["warm_up"] * 5
-    assert all(isinstance(s, Sighting) and len(s.points) == 0 for s in said[5:])
+    found = [camera.detect(*frame) for frame in frames]
+    assert found[:5] == [FrameSkip.WARM_UP] * 5
+    assert all(isinstance(s, FloorDetections) and len(s.points) == 0 for s in found[5:])
 
 
-def test_a_person_is_seen_where_he_walks() -> None:
+def test_a_walking_person_is_detected() -> None:
     camera, frames = filmed(8.0, people=[walker((3.0, 1.0), (3.0, 4.5))])
-    last = [camera.look(*frame) for frame in frames][-3:]
-    assert all(isinstance(s, Sighting) for s in last)
-    middles = np.array([np.median(s.points, axis=0) for s in last if isinstance(s, Sighting)])
+    last = [camera.detect(*frame) for frame in frames][-3:]
+    assert all(isinstance(s, FloorDetections) for s in last)
+    middles = np.array([np.median(s.points, axis=0) for s in last if isinstance(s, FloorDetections)])
     assert np.abs(middles[:, 0] - 3.0).max() < 0.3
     assert np.diff(middles[:, 1]) == pytest.approx([0.5, 0.5], abs=0.25)  # half a second apart
 
@@ -68,50 +71,50 @@ def test_a_person_is_seen_where_he_walks() -> None:
 def test_the_coverage_is_the_floor_in_view() -> None:
     camera, frames = filmed(4.0)
     for frame in frames:
-        camera.look(*frame)
+        camera.detect(*frame)
     pixels, depths = camera.pinhole.to_pixels(np.column_stack([FLOOR, np.full(len(FLOOR), 0.35)]))
     in_view = (pixels > -0.5).all(axis=1) & (pixels < [119.5, 159.5]).all(axis=1) & (depths > 0)
-    seen = {tuple(c) for c in np.round(camera.coverage, 3).tolist()}
+    covered = {tuple(c) for c in np.round(camera.coverage, 3).tolist()}
     expected = {tuple(c) for c in np.round(FLOOR[in_view], 3).tolist()}
-    assert len(seen ^ expected) < 0.03 * len(expected)
+    assert len(covered ^ expected) < 0.03 * len(expected)
 
 
-def test_behind_a_wall_nothing_is_covered() -> None:
+def test_the_floor_behind_a_wall_is_not_covered() -> None:
     camera, frames = filmed(4.0, walls=[{"rectangle": [0, 0, 8, 5]}, {"points": [[4, 0], [4, 5]]}])
     for frame in frames:
-        camera.look(*frame)
+        camera.detect(*frame)
     assert len(camera.coverage) > 100
     assert camera.coverage[:, 0].max() < 4.2
 
 
-def test_a_light_switched_on_costs_some_frames_and_is_learned() -> None:
+def test_after_a_light_is_switched_on_the_background_is_learned_again() -> None:
     camera, frames = filmed(12.0)
-    said = []
+    found = []
     for k, (pixels, depth) in enumerate(frames):
         lit = np.clip(pixels.astype(np.int16) + (60 if k >= 10 else 0), 0, 255).astype(np.uint8)
-        said.append(camera.look(lit, depth))
-    assert said[10] == "light_changed"
-    assert said[11:16] == ["warm_up"] * 5
-    assert all(isinstance(s, Sighting) and len(s.points) == 0 for s in said[16:])
+        found.append(camera.detect(lit, depth))
+    assert found[10] == FrameSkip.LIGHT_CHANGED
+    assert found[11:16] == [FrameSkip.WARM_UP] * 5
+    assert all(isinstance(s, FloorDetections) and len(s.points) == 0 for s in found[16:])
 
 
-def test_who_stood_before_the_camera_when_it_began_to_look_does_not_make_it_moved() -> None:
+def test_a_person_in_the_first_frames_does_not_make_the_camera_moved() -> None:
     camera, frames = filmed(12.0, people=[walker((1.6, 2.4), (7.0, 2.4))])
-    said = [camera.look(*frame) for frame in frames]
-    assert all(isinstance(s, Sighting) for s in said[5:])
+    found = [camera.detect(*frame) for frame in frames]
+    assert all(isinstance(s, FloorDetections) for s in found[5:])
     assert not camera.is_moved
 
 
 @pytest.mark.parametrize("change", [{"yaw_deg": 10}, {"pitch_deg": 33}, {"pitch_deg": 20}, {"y": 3.3}])
-def test_a_camera_that_was_moved_is_not_listened_to_any_more(change: dict[str, float]) -> None:
+def test_a_camera_that_was_moved_is_not_used_any_more(change: dict[str, float]) -> None:
     camera, frames = filmed(5.0)
     _, others = filmed(10.0, turned=change)
     for frame in frames:
-        camera.look(*frame)
+        camera.detect(*frame)
     assert not camera.is_moved
-    said = [camera.look(*frame) for frame in others]
-    assert all(isinstance(s, str) for s in said)
-    assert said[0] == "light_changed"
-    assert said[-1] == "camera_moved"
+    found = [camera.detect(*frame) for frame in others]
+    assert all(isinstance(s, FrameSkip) for s in found)
+    assert found[0] == FrameSkip.LIGHT_CHANGED
+    assert found[-1] == FrameSkip.CAMERA_MOVED
     assert camera.is_moved
-    assert camera.look(*frames[0]) == "camera_moved"
+    assert camera.detect(*frames[0]) == FrameSkip.CAMERA_MOVED

@@ -18,12 +18,12 @@ def test_nan_negative_and_short_readings_are_left_out_and_counted():
     np.testing.assert_allclose(beams.ranges, [1.0, 2.0])
 
 
-def test_infinities_and_readings_at_the_reach_are_beams_without_return():
+def test_infinities_and_readings_at_the_maximum_range_are_beams_without_return():
     beams = beams_of(_scan([1.0, np.inf, 10.0, 12.0]), LidarExtrinsics(np.zeros(3)), 0.0, 50.0)
     assert beams.returned.tolist() == [True, False, False, False]
     np.testing.assert_allclose(beams.ranges, [1.0, 10.0, 10.0, 10.0])
     assert len(beams.points) == 1
-    assert beams_of(_scan([1.0, 6.0]), LidarExtrinsics(np.zeros(3)), 0.0, 5.0).reach_m == 5.0
+    assert beams_of(_scan([1.0, 6.0]), LidarExtrinsics(np.zeros(3)), 0.0, 5.0).max_range_m == 5.0
 
 
 def test_points_are_in_the_robots_frame():
@@ -31,7 +31,7 @@ def test_points_are_in_the_robots_frame():
     np.testing.assert_allclose(beams.points, [[0.5, 1.25], [-1.5, 0.25]], atol=1e-9)
 
 
-def test_a_lidar_that_hangs_upside_down_turns_the_other_way():
+def test_a_lidar_upside_down_scans_in_the_other_direction():
     # Half a turn about the forward axis: the beam to the sensor's left points to the robot's right.
     extrinsics = extrinsics_of(
         Transform(0, "base_link", "laser", (0.3, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), True)
@@ -49,11 +49,11 @@ def test_upside_down_about_the_sideways_axis_faces_backwards():
     np.testing.assert_allclose(beams.points, [[-1.0, 0.0], [0.0, 2.0]], atol=1e-6)
 
 
-def test_thinned_beams_keep_their_points():
+def test_subsampled_beams_keep_their_points():
     ranges = np.where(np.arange(100) % 3 == 0, np.inf, 1.0 + 0.01 * np.arange(100))
     beams = beams_of(_scan(ranges, increment=0.01), LidarExtrinsics(np.zeros(3)), 0.0, 50.0)
-    few = beams.thinned(17)
+    few = beams.subsampled(17)
     assert len(few.ranges) == 17
     assert few.returned.sum() == len(few.points)
     np.testing.assert_allclose(np.hypot(*few.points.T), few.ranges[few.returned], rtol=1e-6)
-    assert beams.thinned(200) is beams
+    assert beams.subsampled(200) is beams

@@ -10,7 +10,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.sensors.grid_frame import poses_in_cells
 from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table, occupied_cells
 
-TURNED = GridGeometry(0.1, (-2.0, 3.0), 0.4)
+ROTATED = GridGeometry(0.1, (-2.0, 3.0), 0.4)
 
 
 def test_unknown_cells_are_not_walls():
@@ -31,19 +31,19 @@ def test_distances_are_those_between_cell_centres_to_half_a_step():
 
 def test_a_map_without_walls_is_far_everywhere():
     field = distance_field(np.zeros((3, 3), bool), GridGeometry(0.1, (0.0, 0.0)), 1.5)
-    assert field.under(np.zeros((1, 2)), np.array([0.1, 0.1, 0.0])) == pytest.approx(1.5)
+    assert field.distances_at(np.zeros((1, 2)), np.array([0.1, 0.1, 0.0])) == pytest.approx(1.5)
 
 
-def test_poses_and_points_meet_in_a_turned_map():
+def test_sums_on_a_rotated_map_are_those_of_the_points_in_its_cells():
     rng = np.random.default_rng(5)
     occupied = rng.random((50, 60)) < 0.02
-    field = distance_field(occupied, TURNED, 2.0)
+    field = distance_field(occupied, ROTATED, 2.0)
     points = rng.uniform(-1.5, 1.5, (30, 2))
-    poses = np.column_stack([TURNED.centres(rng.integers(10, 40, (20, 2))), rng.uniform(-3, 3, 20)])
+    poses = np.column_stack([ROTATED.centres(rng.integers(10, 40, (20, 2))), rng.uniform(-3, 3, 20)])
     table = field.distances_m.astype(np.float32)
-    sums = field.sums(table, points, poses)
+    sums = field.table_sums(table, points, poses)
     for pose, got in zip(poses, sums, strict=True):
-        cells = TURNED.cells(se2.transform_points(pose, points))
+        cells = ROTATED.cells(se2.transform_points(pose, points))
         # The nearest grid line is far enough from every point for single precision to be enough.
         expected = sum(_value(field, cell) for cell in cells)
         assert got == pytest.approx(expected, abs=0.12)
@@ -57,9 +57,9 @@ def _value(field, cell):
 
 def test_the_grids_own_corner_is_the_origin_in_cells():
     corner = np.array([[-2.0, 3.0, 0.4]])
-    np.testing.assert_allclose(poses_in_cells(TURNED, corner), [[0.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(poses_in_cells(ROTATED, corner), [[0.0, 0.0, 0.0]], atol=1e-12)
     ahead = se2.compose(corner, np.array([1.0, 0.5, 0.1]))
-    np.testing.assert_allclose(poses_in_cells(TURNED, ahead), [[10.0, 5.0, 0.1]], atol=1e-9)
+    np.testing.assert_allclose(poses_in_cells(ROTATED, ahead), [[10.0, 5.0, 0.1]], atol=1e-9)
 
 
 def test_the_table_is_the_mixture_of_a_gaussian_and_chance():

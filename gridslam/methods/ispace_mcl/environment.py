@@ -1,4 +1,4 @@
-"""What the fixed cameras say about poses: the environment weight (ispace-mcl, eqs. 5 - 7)."""
+"""Weights of poses by the observations of fixed cameras: the environment weight (ispace-mcl, eqs. 5 - 7)."""
 
 from __future__ import annotations
 
@@ -13,173 +13,188 @@ from gridslam.filters.kernel_density import kernel_density
 from gridslam.filters.particles import Particles
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.distances import distances_to
-from gridslam.methods.ispace_mcl.camera_config import CamerasConfig, DensityConfig, SightingConfig
-from gridslam.sensors.fixed_camera import Sighting
+from gridslam.sensors.fixed_camera import FloorDetections
 
 Floats = NDArray[np.float64]
 
-_FAR = 4.0  # bandwidths: farther away nothing is near
-_SMALLEST = 1e-300
-_MOST_PLACES, _HEADINGS = 60, 60
-_SAME_M = 0.05  # frames between which the robot moves less are of one moment
-_SCATTER = np.array([0.15, 0.15, 0.05])  # of proposals: m, m, rad
+_CUTOFF = 4.0  # bandwidths: beyond them the kernel is taken as 0
+_MIN_WEIGHT = 1e-300
+_MAX_CELLS, _HEADINGS = 60, 60  # of the moving cells, and headings at each, between which proposals choose
+_SAME_MOMENT_M = 0.05  # frames between which the robot moves less are taken as simultaneous
+_PROPOSAL_STD = np.array([0.15, 0.15, 0.05])  # m, m, rad
+DENSITY_BANDWIDTH_M = 0.5  # kernel of the paper's densities; smaller ones lose the robot in a missed frame
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """What a camera says at a moment: centres of floor cells above which something moves `(k, 2)`, and of those in view `(m, 2)`.
+class DetectionLikelihood:
+    """Parameters of the likelihood of detections.
 
-    `back` is T_now_then `(3,)`: the robot at the frame's stamp seen from where it is now.
+    A pose is scored relative to a robot out of view: 1 - detection + detection N(d) / clutter_per_m2 where it would be visible,
+    d being its distance to the nearest moving object; 1 where it would not be visible. So a pose that no camera sees is neither
+    favoured nor rejected.
+    """
+
+    bandwidth_m: float = 0.3  # standard deviation of a detection's position
+    radius_m: float = 0.15  # an object nearer than this to a pose may be the robot's own surface
+    detection: float = 0.85  # probability that a robot in view is detected
+    clutter_per_m2: float = 0.1  # people expected per square metre
+    frame_weight: float = 0.5  # power of a frame's likelihood: simultaneous frames have common errors
+
+
+@dataclass(frozen=True, slots=True)
+class CameraObservation:
+    """One camera frame for a scan: centres of the moving floor cells `(k, 2)` and of all visible floor cells `(m, 2)`.
+
+    `T_now_then` `(3,)` is the robot's pose at the frame's stamp relative to its pose at the scan.
     """
 
     moving: Floats
     in_view: Floats
-    back: Floats
+    T_now_then: Floats
 
 
-def moving_cells(sighting: Sighting, cell_m: float, least_area_m2: float) -> Floats:
-    """Centres `(k, 2)` of the floor cells above which enough surface moves, in the order of x, then y."""
-    if not len(sighting.points):
+def moving_cells(detections: FloorDetections, cell_m: float, min_area_m2: float) -> Floats:
+    """Centres `(k, 2)` of the floor cells with at least `min_area_m2` of moving surface, sorted by x, then y."""
+    if not len(detections.points):
         return np.zeros((0, 2))
-    cells = np.floor(sighting.points / cell_m).astype(np.int64)
+    cells = np.floor(detections.points / cell_m).astype(np.int64)
     first = cells.min(axis=0)
     width, height = (cells.max(axis=0) - first + 1).tolist()
     member = (cells[:, 0] - first[0]) * height + cells[:, 1] - first[1]
-    area = np.bincount(member, sighting.areas_m2, width * height).reshape(width, height)
-    return np.asarray((np.argwhere(area >= max(least_area_m2, _SMALLEST)) + first + 0.5) * cell_m)
+    area = np.bincount(member, detections.areas_m2, width * height).reshape(width, height)
+    return np.asarray((np.argwhere(area >= max(min_area_m2, _MIN_WEIGHT)) + first + 0.5) * cell_m)
 
 
-def all_moving(frames: Sequence[Frame]) -> Floats:
-    """Centres `(k, 2)` of the floor cells above which any of the cameras sees something move."""
-    return np.concatenate([*(f.moving for f in frames), np.zeros((0, 2))])
+def all_moving(observations: Sequence[CameraObservation]) -> Floats:
+    """Centres `(k, 2)` of the moving floor cells of all observations."""
+    return np.concatenate([*(o.moving for o in observations), np.zeros((0, 2))])
 
 
-def places_then(backs: Sequence[Floats], poses: Floats) -> Iterator[Floats]:
-    """Where robots that are at poses `(n, 3)` now were at each of some moments, `(n, 2)`; `backs` are T_now_then."""
+def past_positions(transforms: Sequence[Floats], poses: Floats) -> Iterator[Floats]:
+    """Positions `(n, 2)` in the past of robots with poses `(n, 3)` now, for each of the transforms T_now_then `(3,)`."""
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    for back in backs:
-        dx, dy = float(back[0]), float(back[1])
+    for T_now_then in transforms:
+        dx, dy = float(T_now_then[0]), float(T_now_then[1])
         yield np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
 
 
-class SightingWeight:
-    """Log-likelihoods of poses relative to a robot that no camera sees (see SightingConfig)."""
+class DetectionWeight:
+    """Log-likelihoods of poses relative to a robot that no camera sees; `cell_m` is the size of the floor cells."""
 
-    def __init__(self, config: CamerasConfig, weight: SightingConfig) -> None:
-        self._config = config
-        self._weight = weight
+    def __init__(self, cell_m: float, likelihood: DetectionLikelihood = DetectionLikelihood()) -> None:
+        self._cell_m = cell_m
+        self._likelihood = likelihood
 
-    def log_likelihood(self, frames: Sequence[Frame], poses: Floats) -> Floats:
-        """Of poses `(n, 3)`: `(n,)`."""
-        total, w = np.zeros(len(poses)), self._weight
-        density = 1.0 / (w.clutter_per_m2 * 2.0 * np.pi * w.bandwidth_m**2)
-        backs = [frame.back for frame in frames]
-        for frame, places in zip(frames, places_then(backs, poses), strict=True):
-            in_view = in_cells(frame.in_view, places, self._config.cell_m)
-            near = self._nearness(frame.moving, places)
-            ratio = np.where(in_view, 1.0 - w.detection, 1.0 - w.detection * near)
-            total += np.log(ratio + w.detection * density * near)
-        return w.frame_weight * total
+    def log_likelihood(self, observations: Sequence[CameraObservation], poses: Floats) -> Floats:
+        """Log-likelihoods `(n,)` of poses `(n, 3)`, summed over the observations."""
+        total, p = np.zeros(len(poses)), self._likelihood
+        density = 1.0 / (p.clutter_per_m2 * 2.0 * np.pi * p.bandwidth_m**2)
+        transforms = [observation.T_now_then for observation in observations]
+        for observation, positions in zip(observations, past_positions(transforms, poses), strict=True):
+            in_view = is_in_cells(observation.in_view, positions, self._cell_m)
+            near = self._proximity(observation.moving, positions)
+            ratio = np.where(in_view, 1.0 - p.detection, 1.0 - p.detection * near)
+            total += np.log(ratio + p.detection * density * near)
+        return p.frame_weight * total
 
-    def _nearness(self, moving: Floats, places: Floats) -> Floats:
-        """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest thing that moves, less the robot's own radius."""
-        w = self._weight
-        distance = distance_to(moving, places, self._config.cell_m, w.radius_m + _FAR * w.bandwidth_m)
-        return np.asarray(np.exp(-0.5 * (np.maximum(distance - w.radius_m, 0.0) / w.bandwidth_m) ** 2))
+    def _proximity(self, moving: Floats, positions: Floats) -> Floats:
+        """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest moving cell, less the robot's own radius."""
+        p = self._likelihood
+        max_distance_m = p.radius_m + _CUTOFF * p.bandwidth_m
+        distance = distance_to_cells(moving, positions, self._cell_m, max_distance_m)
+        return np.asarray(np.exp(-0.5 * (np.maximum(distance - p.radius_m, 0.0) / p.bandwidth_m) ** 2))
 
 
-def proposals(
-    places: Floats,
+def sample_proposals(
+    cells: Floats,
     log_weight: Callable[[Floats], Floats],
     count: int,
     rng: np.random.Generator,
 ) -> Floats | None:
-    """Poses `(count, 3)` about the places `(k, 2)` of what moves, with headings that the onboard sensor agrees with.
+    """Poses `(count, 3)` about the moving cells `(k, 2)`, with headings that agree with the onboard sensor; None without cells.
 
-    None where nothing moves.
-
-    `log_weight` is the onboard log-weight of poses `(n, 3)`.
+    `log_weight` returns the onboard log-weights `(n,)` of poses `(n, 3)`.
     """
-    if not len(places):
+    if not len(cells):
         return None
-    places = places[
-        (np.arange(min(len(places), _MOST_PLACES)) * len(places)) // min(len(places), _MOST_PLACES)
-    ]
+    kept = min(len(cells), _MAX_CELLS)
+    cells = cells[(np.arange(kept) * len(cells)) // kept]
     headings = np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False)
-    poses = np.column_stack([np.repeat(places, _HEADINGS, axis=0), np.tile(headings, len(places))])
+    poses = np.column_stack([np.repeat(cells, _HEADINGS, axis=0), np.tile(headings, len(cells))])
     score = log_weight(poses)
-    share = np.exp(score - score.max())
-    members = systematic_resampling(share / share.sum(), count, rng)
-    drawn: Floats = poses[members] + rng.standard_normal((count, 3)) * _SCATTER
-    drawn[:, 2] = se2.wrap_angle(drawn[:, 2])
-    return drawn
+    weights = np.exp(score - score.max())
+    chosen = systematic_resampling(weights / weights.sum(), count, rng)
+    sampled: Floats = poses[chosen] + rng.standard_normal((count, 3)) * _PROPOSAL_STD
+    sampled[:, 2] = se2.wrap_angle(sampled[:, 2])
+    return sampled
 
 
 class DensityWeight:
-    """The paper's own: w = eta P_onboard(x) P_iSpace(x), the second a kernel density over the floor cells that move (eqs. 5 - 7).
+    """The paper's weight w = eta P_onboard(x) P_iSpace(x); P_iSpace is a kernel density over the moving floor cells (eqs. 5 - 7).
 
-    `onboard: kernel` takes P_onboard(x) from a kernel density of the onboard-weighted particles, as the equation reads. But the
-    particles stand for that density already, and weights by it square it: the largest cluster soon is the only one.
-    `onboard: particles` multiplies the onboard weights by P_iSpace, so that the particles stand for the product.
+    By default the onboard weights are multiplied by P_iSpace, so that the particles represent the product of both densities. With
+    `as_printed`, P_onboard is a kernel density of the onboard-weighted particles, as the equation reads. The particles represent
+    that density already; weights by it square it, and the largest cluster soon is the only one.
     """
 
-    def __init__(self, weight: DensityConfig) -> None:
-        self._weight = weight
+    def __init__(self, as_printed: bool, bandwidth_m: float = DENSITY_BANDWIDTH_M) -> None:
+        self._as_printed = as_printed
+        self._bandwidth_m = bandwidth_m
 
-    def reweighted(self, frames: Sequence[Frame], particles: Particles) -> Particles:
-        """Particles with the weights of both densities; unchanged where no foreground is seen, or none near a particle."""
-        bandwidth = self._weight.bandwidth_m
-        moments = [(back, cells) for back, cells in by_moment(frames) if len(cells)]
+    def reweighted(self, observations: Sequence[CameraObservation], particles: Particles) -> Particles:
+        """Particles weighted by both densities; unchanged if no cell moves, or none near a particle."""
+        bandwidth = self._bandwidth_m
+        moments = [moment for moment in by_moment(observations) if len(moment[1])]
         if not moments:
             return particles
         onboard = particles.weights
-        if self._weight.onboard == "kernel":
-            here = particles.poses[:, :2]
-            onboard = kernel_density(here, particles.weights, bandwidth).at(here)
+        if self._as_printed:
+            positions = particles.poses[:, :2]
+            onboard = kernel_density(positions, particles.weights, bandwidth).at(positions)
         environment = np.zeros(len(particles))
-        backs = [back for back, _ in moments]
-        for (_, cells), places in zip(moments, places_then(backs, particles.poses), strict=True):
-            environment += len(cells) * kernel_density(cells, np.ones(len(cells)), bandwidth).at(places)
+        transforms = [T_now_then for T_now_then, _ in moments]
+        for (_, cells), then in zip(moments, past_positions(transforms, particles.poses), strict=True):
+            environment += len(cells) * kernel_density(cells, np.ones(len(cells)), bandwidth).at(then)
         weights = onboard * environment
         total = weights.sum()
-        if not total > _SMALLEST:
+        if not total > _MIN_WEIGHT:
             return particles
         return Particles(particles.poses, weights / total)
 
 
-def by_moment(frames: Sequence[Frame]) -> list[tuple[Floats, Floats]]:
-    """T_now_then of each moment, and what moves in all of its frames together, `(k, 2)`."""
-    groups: dict[tuple[int, int], list[Frame]] = {}
-    for frame in frames:
-        x, y = np.rint(frame.back[:2] / _SAME_M).astype(int).tolist()
-        groups.setdefault((x, y), []).append(frame)
+def by_moment(observations: Sequence[CameraObservation]) -> list[tuple[Floats, Floats]]:
+    """Simultaneous observations joined: T_now_then `(3,)` and the moving cells `(k, 2)` of each moment."""
+    groups: dict[tuple[int, int], list[CameraObservation]] = {}
+    for observation in observations:
+        x, y = np.rint(observation.T_now_then[:2] / _SAME_MOMENT_M).astype(int).tolist()
+        groups.setdefault((x, y), []).append(observation)
     return [
-        (group[0].back, np.unique(np.concatenate([f.moving for f in group]), axis=0))
+        (group[0].T_now_then, np.unique(np.concatenate([o.moving for o in group]), axis=0))
         for group in groups.values()
     ]
 
 
-def in_cells(cells: Floats, places: Floats, cell_m: float) -> NDArray[np.bool_]:
-    """Whether places `(n, 2)` lie in one of the cells with these centres `(k, 2)`."""
+def is_in_cells(cells: Floats, positions: Floats, cell_m: float) -> NDArray[np.bool_]:
+    """Mask `(n,)` of the positions `(n, 2)` that lie in one of the cells with the centres `(k, 2)`."""
     if not len(cells):
-        return np.zeros(len(places), np.bool_)
+        return np.zeros(len(positions), np.bool_)
     grid, origin = _raster(cells, cell_m, 0)
-    index, inside = _indices(places, origin, cell_m, grid.shape)
+    index, inside = _indices(positions, origin, cell_m, grid.shape)
     return np.asarray(inside & (grid[index[:, 1], index[:, 0]] == 0))
 
 
-def distance_to(cells: Floats, places: Floats, cell_m: float, reach_m: float) -> Floats:
-    """Distance `(n,)` of places to the nearest of the cells `(k, 2)`, at most `reach_m`; exact to half a cell."""
+def distance_to_cells(cells: Floats, positions: Floats, cell_m: float, max_distance_m: float) -> Floats:
+    """Distances `(n,)` of positions `(n, 2)` to the nearest of the cells `(k, 2)`, at most the maximum; exact to half a cell."""
     if not len(cells):
-        return np.full(len(places), reach_m)
-    grid, origin = _raster(cells, cell_m, int(np.ceil(reach_m / cell_m)))
+        return np.full(len(positions), max_distance_m)
+    grid, origin = _raster(cells, cell_m, int(np.ceil(max_distance_m / cell_m)))
     distances = distances_to(grid == 0) * cell_m
-    index, inside = _indices(places, origin, cell_m, grid.shape)
-    return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], reach_m), reach_m)
+    index, inside = _indices(positions, origin, cell_m, grid.shape)
+    return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], max_distance_m), max_distance_m)
 
 
 def _raster(cells: Floats, cell_m: float, margin: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """A grid that is 0 in the cells and 1 elsewhere, and the index (x, y) of its first cell."""
+    """A grid that is 0 at the cells and 1 elsewhere, with a margin of cells, and the index (x, y) of its first cell."""
     index = np.floor(cells / cell_m).astype(np.int64)
     origin = index.min(axis=0) - margin
     cols, rows = (index.max(axis=0) + margin + 1 - origin).tolist()
@@ -189,9 +204,9 @@ def _raster(cells: Floats, cell_m: float, margin: int) -> tuple[NDArray[np.uint8
 
 
 def _indices(
-    places: Floats, origin: NDArray[np.int64], cell_m: float, shape: tuple[int, ...]
+    positions: Floats, origin: NDArray[np.int64], cell_m: float, shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Columns and rows `(n, 2)` of places in a raster, 0 where they lie outside, and whether they lie inside."""
-    index = np.floor(places / cell_m).astype(np.int64) - origin
+    """Column and row `(n, 2)` of positions in a raster, 0 for those outside of it, and a mask `(n,)` of those inside."""
+    index = np.floor(positions / cell_m).astype(np.int64) - origin
     inside = (index >= 0).all(axis=1) & (index[:, 0] < shape[1]) & (index[:, 1] < shape[0])
     return np.where(inside[:, None], index, 0), inside

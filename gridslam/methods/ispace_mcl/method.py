@@ -14,83 +14,102 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.filters.free_space import free_cells
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, Picture, RunResult
-from gridslam.methods.ispace_mcl.camera_config import DensityConfig
-from gridslam.methods.ispace_mcl.cameras import Cameras
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.localizer import Localizer, Update
-from gridslam.methods.ispace_mcl.onboard_depth import OnboardDepth
+from gridslam.methods.ispace_mcl.fixed_cameras import (
+    DENSITY_MAX_AGE_S,
+    MAX_AGE_S,
+    FixedCameras,
+    detection_parameters,
+)
+from gridslam.methods.ispace_mcl.localizer import FilterUpdate, Localizer
+from gridslam.methods.ispace_mcl.onboard_depth import MAX_DEPTH_M, OnboardDepth
 from gridslam.methods.ispace_mcl.pictures import coverage_picture
-from gridslam.methods.ispace_mcl.record import Record
+from gridslam.methods.ispace_mcl.record import LocalizationHistory
 from gridslam.motion.odometry_limits import OdometryLimits
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
+from gridslam.sensors.depth_ranges import DepthBand
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 Floats = NDArray[np.float64]
 
+MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
+JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
+STATIONARY_UPDATES = (
+    3  # updates without motion: the first scans help the search, more of the same view add no evidence
+)
+
 
 class IspaceMcl:
-    """Finds the robot on `occupancy`, a pose for every scan that odometry reaches."""
+    """Localizes a robot on the map `occupancy`, with a pose for every scan that the odometry covers."""
 
     def __init__(self, config: IspaceMclConfig, seed: int, occupancy: OccupancyGrid) -> None:
         self._config = config
-        self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
-        motion = config.motion
-        self._scans = ScanPoses(
-            OdometryLimits(motion.max_speed_mps, motion.max_turn_radps, motion.jump_m, motion.jump_rad)
-        )
+        advanced = config.advanced
+        detection = detection_parameters(advanced.camera_background)
+        self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"), detection.cell_m)
+        self._scans = ScanPoses(OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_M, JUMP_RAD))
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
-        self._depth = OnboardDepth(config.scan.depth, config.cameras.frame)
-        free = free_cells(occupancy, config.free_below)
-        self._cameras = Cameras(config.cameras, floor_cells(free, occupancy, config.cameras.cell_m))
+        self._depth = OnboardDepth(
+            DepthBand(advanced.depth_min_height_m, advanced.depth_max_height_m, MAX_DEPTH_M),
+            advanced.camera_root_frame,
+        )
+        self._uses_density = advanced.camera_weight != "detection"
+        free = free_cells(occupancy, advanced.free_threshold)
+        self._cameras = FixedCameras(
+            advanced.camera_root_frame,
+            floor_cells(free, occupancy, detection.cell_m),
+            detection,
+            DENSITY_MAX_AGE_S if self._uses_density else MAX_AGE_S,
+        )
         self._occupancy = occupancy
-        self._record = Record()
+        self._history = LocalizationHistory()
         self._counters: Counter[str] = Counter()
         self._updated_at: Floats | None = None  # T_odom_base of the last update
-        self._update: Update | None = None
-        self._standing = 0
+        self._update: FilterUpdate | None = None
+        self._stationary = 0
         self._beam_count: int | None = None
         self._stamp_ns = 0
         self._pose: Floats | None = None
 
     @property
     def estimate(self) -> Estimate | None:
-        """The mean of the main cluster, and all particles."""
+        """The latest pose and all particles; None before the first scan."""
         if self._pose is None:
             return None
         return Estimate(self._stamp_ns, self._pose, self._localizer.particles.poses)
 
     def process(self, event: Event) -> None:
-        """Scans, odometry, static transforms, and images, depths and calibrations of fixed cameras are used."""
+        """Process a scan, odometry, a static transform, or an image, depth image or calibration of a camera."""
         if isinstance(event, LaserScan):
-            for depth in self._depth.lidar_came():
-                self._take_picture(depth)
-            self._take_scan(event)
+            for depth in self._depth.lidar_found():
+                self._process_image(depth)
+            self._process_scan(event)
         elif isinstance(event, Odometry):
             for placed in self._scans.add_odometry(event):
-                self._take(placed)
+                self._localize(placed)
         elif isinstance(event, Transform):
             if event.is_static:
                 self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
                 self._cameras.add_extrinsics(event)
                 self._depth.add_extrinsics(event)
-        elif isinstance(event, DepthImage) and self._depth.takes(event.frame_id):
+        elif isinstance(event, DepthImage) and self._depth.accepts(event.frame_id):
             for scan in self._depth.add(event):
-                self._take_scan(scan)
+                self._process_scan(scan)
         else:
-            self._take_picture(event)
+            self._process_image(event)
 
-    def _take_scan(self, scan: LaserScan) -> None:
+    def _process_scan(self, scan: LaserScan) -> None:
         for placed in self._scans.add_scan(scan):
-            self._take(placed)
+            self._localize(placed)
 
-    def _take_picture(self, event: Event) -> None:
+    def _process_image(self, event: Event) -> None:
         if isinstance(event, CameraInfo):
             self._depth.add_info(event)
         if self._config.cameras.enabled:
             with self._localizer.stopwatch.stage("cameras"):
-                self._show_cameras(event)
+                self._add_to_cameras(event)
 
-    def _show_cameras(self, event: Event) -> None:
+    def _add_to_cameras(self, event: Event) -> None:
         if isinstance(event, Image):
             self._cameras.add_image(event)
         elif isinstance(event, DepthImage):
@@ -99,38 +118,38 @@ class IspaceMcl:
             self._cameras.add_info(event)
 
     def result(self) -> RunResult:
-        """The trajectory, the table `localization` and the series of the report."""
+        """Finish the run and return the trajectory, the table `localization` and the series of the report."""
         for scan in self._depth.flush():
-            self._take_scan(scan)
+            self._process_scan(scan)
         self._depth.check()
         for placed in self._scans.flush():
-            self._take(placed)
+            self._localize(placed)
         self._cameras.finish()
         counters = self._counters + self._localizer.counters + self._scans.counters
         counters += self._cameras.counters + self._depth.counters
-        path = self._record.trajectory()
+        path = self._history.trajectory()
         return RunResult(
             path,
             pictures=self._pictures(path),
-            tables={"localization": self._record.table()},
-            series=self._record.series(),
+            tables={"localization": self._history.table()},
+            series=self._history.series(),
             counters=dict(counters),
             timings_s=dict(self._localizer.stopwatch.seconds),
-            measures={**self._record.measures(), **self._camera_measures()},
+            measures={**self._history.measures(), **self._camera_measures()},
         )
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:
         coverage = self._cameras.coverage()
         if not len(coverage):
             return {}
-        moving, cell_m = self._cameras.moving(), self._config.cameras.cell_m
+        moving, cell_m = self._cameras.moving(), self._cameras.cell_m
         return {"cameras": coverage_picture(self._occupancy, coverage, moving, cell_m, path)}
 
     def _camera_measures(self) -> dict[str, object]:
         measures = self._cameras.measures()
         return {"cameras": measures} if measures else {}
 
-    def _take(self, placed: PlacedScan) -> None:
+    def _localize(self, placed: PlacedScan) -> None:
         beams = len(placed.scan.ranges_m)
         if self._beam_count not in (None, beams):
             self._counters["scan.beam_count_changes"] += 1
@@ -143,40 +162,44 @@ class IspaceMcl:
         since = se2.between(self._updated_at, placed.odometry)
         self._pose = se2.compose(self._update.belief.mean, since)
         self._stamp_ns = placed.scan.stamp_ns
-        self._record.add(self._stamp_ns, self._pose, self._update)
+        self._history.add(self._stamp_ns, self._pose, self._update)
         self._counters["used.scan"] += 1
 
     def _is_update_due(self, placed: PlacedScan) -> bool:
         if self._updated_at is None or placed.odometry_jumped:
             return True
         step = se2.between(self._updated_at, placed.odometry)
-        config = self._config.update
-        moved = float(np.hypot(step[0], step[1])) >= config.min_travel_m
-        if moved or abs(float(step[2])) >= config.min_turn_rad:
-            self._standing = 0
+        advanced = self._config.advanced
+        moved = float(np.hypot(step[0], step[1])) >= advanced.update_distance_m
+        if moved or abs(float(step[2])) >= advanced.update_angle_rad:
+            self._stationary = 0
             return True
-        self._standing += 1
-        return self._standing <= config.standing
+        self._stationary += 1
+        return self._stationary <= STATIONARY_UPDATES
 
     def _weigh(self, placed: PlacedScan) -> None:
-        config = self._config.scan
         frame = placed.scan.frame_id
         extrinsics = self._depth.sensor_extrinsics.get(frame) or self._sensor_extrinsics.get(
             frame, LidarExtrinsics(np.zeros(3))
         )
-        beams = beams_of(placed.scan, extrinsics, config.min_range_m, config.max_range_m)
+        beams = beams_of(
+            placed.scan, extrinsics, self._config.advanced.min_range_m, self._config.scan.max_range_m
+        )
         self._counters["beams.unreadable"] += beams.unreadable
         last = placed.odometry if self._updated_at is None else self._updated_at
         step = se2.between(last, placed.odometry)
-        density = isinstance(self._config.cameras.weight, DensityConfig)  # of all that is seen at a moment
-        frames_at = self._cameras.all_frames_at if density else self._cameras.frames_at
-        frames = frames_at(placed.scan.stamp_ns)
-        self._update = self._localizer.update(step, placed.odometry, beams, placed.odometry_jumped, frames)
+        # The paper's density is that of all moving points at a moment, so it needs the latest frame of every camera.
+        cameras = self._cameras
+        observations_at = cameras.all_observations_at if self._uses_density else cameras.observations_at
+        observations = observations_at(placed.scan.stamp_ns)
+        self._update = self._localizer.update(
+            step, placed.odometry, beams, placed.odometry_jumped, observations
+        )
         self._updated_at = placed.odometry
         self._counters["updates"] += 1
 
 
 def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> Floats:
-    """Centres `(k, 2)` of the cells of a raster of `cell_m` in which the map has free space."""
+    """Centres `(k, 2)` of the floor cells of size `cell_m` that contain free map cells."""
     centres = occupancy.geometry.centres(np.argwhere(free))
     return np.asarray((np.unique(np.floor(centres / cell_m), axis=0) + 0.5) * cell_m)

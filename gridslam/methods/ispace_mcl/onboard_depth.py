@@ -1,4 +1,4 @@
-"""Where the ranges of a robot without a lidar come from: its own depth camera."""
+"""Scans for a robot without a lidar, made from the images of its depth camera."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ import numpy as np
 
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import CameraInfo, DepthImage, LaserScan, Transform
-from gridslam.methods.ispace_mcl.config import DepthRangesConfig
 from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsics, ranges_frame
 from gridslam.sensors.fixed_camera import Pinhole
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
+MAX_DEPTH_M = 5.0  # depths beyond this are too coarse
+LIDAR_WAIT_S = 2.0  # a log without a scan for this long has no lidar
+
 
 class OnboardDepth:
-    """Makes scans of the depth images of a camera on the robot, once it is clear that there is no lidar.
+    """Converts the depth images of a camera on the robot to scans, if the log has no lidar.
 
-    Whether there is one shows in the log's first seconds: until then depth images wait, and the first scan sends them away.
+    Depth images of the first `LIDAR_WAIT_S` wait until it is clear whether there is a lidar; the first scan discards them.
     """
 
-    def __init__(self, config: DepthRangesConfig, fixed_frame: str) -> None:
-        self._config = config
+    def __init__(self, band: DepthBand, fixed_frame: str) -> None:
         self._fixed_frame = fixed_frame
-        self._band = DepthBand(config.low_m, config.high_m, config.reach_m)
+        self._band = band
         self._transforms: dict[str, Transform] = {}
         self._infos: dict[str, CameraInfo] = {}
         self._waiting: deque[DepthImage] = deque()
@@ -34,48 +35,48 @@ class OnboardDepth:
         self.counters: Counter[str] = Counter()
 
     def add_extrinsics(self, transform: Transform) -> None:
-        """Take in where a sensor is mounted."""
+        """Store the static transform of a sensor."""
         self._transforms[transform.child_frame_id] = transform
 
     def add_info(self, info: CameraInfo) -> None:
-        """Take in a calibration."""
+        """Store a calibration; one that is not finite, or has no focal length, is ignored."""
         if np.isfinite(info.K).all() and info.K[0, 0] > 0.0 and info.K[1, 1] > 0.0:
             self._infos.setdefault(info.frame_id, info)
 
-    def takes(self, frame: str) -> bool:
-        """Whether depth images of this frame are its business: cameras on the robot, in a log without a lidar."""
+    def accepts(self, frame: str) -> bool:
+        """Whether depth images of this frame become scans: a camera on the robot, in a log without a lidar."""
         mounted = self._transforms.get(frame)
         return not self._has_lidar and mounted is not None and mounted.frame_id != self._fixed_frame
 
-    def lidar_came(self) -> list[DepthImage]:
-        """A scan was read: the lidar is the source of ranges; the depth images that have waited, for whoever wants them."""
+    def lidar_found(self) -> list[DepthImage]:
+        """Use the lidar from now on; returns the depth images that have waited, which may be those of fixed cameras."""
         self._has_lidar = True
         returned = list(self._waiting)
         self._waiting.clear()
         return returned
 
     def add(self, depth: DepthImage) -> list[LaserScan]:
-        """Take in a depth image of the robot's camera; the scans that are ready."""
+        """Add a depth image of the robot's camera and return the scans that are ready."""
         self._first_ns = depth.stamp_ns if self._first_ns is None else self._first_ns
         self._waiting.append(depth)
-        if depth.stamp_ns - self._first_ns < self._config.wait_s * 1e9:
+        if depth.stamp_ns - self._first_ns < LIDAR_WAIT_S * 1e9:
             return []
         return self.flush()
 
     def flush(self) -> list[LaserScan]:
-        """The scans of all depth images that wait, with a count of those that cannot be used."""
+        """Return the scans of all waiting depth images; those that cannot be used are counted."""
         scans = [self._scan(depth) for depth in self._waiting]
         self._waiting.clear()
         return [scan for scan in scans if scan is not None]
 
     def check(self) -> None:
-        """MethodError when all depth images were in vain and there was no lidar either."""
+        """Raises MethodError: the log has no lidar, and no depth image could be used."""
         if self._has_lidar or self.counters["used.depth"] or not self.counters:
             return
         reasons = ", ".join(f"{n} x {name.rpartition('.')[2]}" for name, n in sorted(self.counters.items()))
         raise MethodError(
             f"the log has neither a scan nor a usable depth image of a camera on the robot ({reasons}): there are no ranges to "
-            "localize by; give the camera a calibration and a extrinsics on the robot's frame (log.extrinsics)"
+            "localize by; give the camera a calibration and extrinsics on the robot's frame (log.extrinsics)"
         )
 
     def _scan(self, depth: DepthImage) -> LaserScan | None:

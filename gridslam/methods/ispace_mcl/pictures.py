@@ -1,4 +1,4 @@
-"""The map with what the fixed cameras cover and saw moving, and the path that was found."""
+"""Picture of the map with the coverage and the detections of the fixed cameras, and the estimated path."""
 
 from __future__ import annotations
 
@@ -24,36 +24,37 @@ _PATH, _START = (20, 140, 60), (20, 90, 200)
 def coverage_picture(
     occupancy: OccupancyGrid, coverage: Floats, moving: Floats, cell_m: float, path: Trajectory
 ) -> Picture:
-    """Covered floor `(k, 2)` blue, where something moved `(m, 2)` orange, the stronger the more often, the path green."""
+    """The covered floor cells `(k, 2)` in blue, the detections `(m, 2)` in orange by their number, the path in green."""
     probability = occupancy.probability
     sheet = np.full((*probability.shape, 3), _UNKNOWN, np.uint8)
     sheet[probability < 0.5] = _FREE
     colours = sheet.astype(np.float64)
-    _tint(colours, _share(occupancy, coverage, cell_m) > 0, 0.45, _COVERED)
-    seen = _share(occupancy, moving, cell_m)
-    _tint(colours, seen > 0, (0.35 + 0.65 * np.sqrt(seen / max(seen.max(), 1.0)))[seen > 0, None], _MOVING)
+    _tint(colours, _counts(occupancy, coverage, cell_m) > 0, 0.45, _COVERED)
+    detections = _counts(occupancy, moving, cell_m)
+    opacity = 0.35 + 0.65 * np.sqrt(detections / max(detections.max(), 1.0))
+    _tint(colours, detections > 0, opacity[detections > 0, None], _MOVING)
     sheet = colours.astype(np.uint8)
     sheet[probability >= 0.5] = _WALL
     scale = int(np.clip(_WIDEST_PX // max(sheet.shape[:2]), 1, _LARGEST_SCALE))
     sheet = np.ascontiguousarray(np.repeat(np.repeat(sheet, scale, 0), scale, 1))
     _draw_path(sheet, occupancy, path, scale)
     note = (
-        "Blue: floor that some fixed camera sees. Orange: where the cameras saw something move, the robot and people alike. "
-        "Green: the path found, from the blue dot."
+        "Blue: floor in view of a fixed camera. Orange: positions of moving objects, the robot and people alike. "
+        "Green: the estimated path; it starts at the blue dot."
     )
-    return Picture(np.ascontiguousarray(sheet[::-1]), "What the fixed cameras saw", note)
+    return Picture(np.ascontiguousarray(sheet[::-1]), "Fixed cameras: coverage and detections", note)
 
 
-def _tint(colours: Floats, where: NDArray[np.bool_], share: float | Floats, colour: Floats) -> None:
-    colours[where] = (1.0 - share) * colours[where] + share * colour
+def _tint(colours: Floats, where: NDArray[np.bool_], opacity: float | Floats, colour: Floats) -> None:
+    colours[where] = (1.0 - opacity) * colours[where] + opacity * colour
 
 
-def _share(occupancy: OccupancyGrid, cells: Floats, cell_m: float) -> Floats:
-    """How often each cell of the map `(rows, cols)` lies in one of the floor cells with these centres `(k, 2)`."""
+def _counts(occupancy: OccupancyGrid, cells: Floats, cell_m: float) -> Floats:
+    """Number of floor cells with centres `(k, 2)` that cover each map cell `(rows, cols)`; repeated centres count repeatedly."""
     counts = np.zeros(occupancy.probability.shape)
-    reach = int(cell_m / occupancy.geometry.resolution_m / 2.0)
-    for d_row in range(-reach, reach + 1):
-        for d_col in range(-reach, reach + 1):
+    half_width = int(cell_m / occupancy.geometry.resolution_m / 2.0)
+    for d_row in range(-half_width, half_width + 1):
+        for d_col in range(-half_width, half_width + 1):
             offset = np.array([d_row, d_col])
             index = occupancy.geometry.cells(cells) + offset if len(cells) else np.zeros((0, 2), np.int64)
             rows, cols = index[(index >= 0).all(axis=1) & (index < counts.shape).all(axis=1)].T

@@ -1,7 +1,8 @@
-"""The tracked pose against everywhere else: hypotheses from a search of the map compete with the particles.
+"""Comparison of the tracked pose with hypotheses from a search of the whole map.
 
-Augmented MCL draws random poses when the fit gets worse; in a building almost none of them is near the robot. Here the poses
-come from the scans, and tracked and new ones are weighed by the same evidence, so that a filter that is right stays where it is.
+Augmented MCL draws random poses when the agreement with the map falls; in a building almost none of them is near the robot. Here
+the poses come from the scans. The tracked pose and the hypotheses are scored by the same evidence, so that a filter that is right
+keeps its particles.
 """
 
 from __future__ import annotations
@@ -15,158 +16,193 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.filters.resampling import systematic_resampling
-from gridslam.methods.ispace_mcl.config import SearchConfig
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
-from gridslam.sensors.pose_search import Hypotheses, PoseSearch, best_apart, climb
-from gridslam.sensors.sight import Segments, Sight
+from gridslam.sensors.pose_search import (
+    PoseHypotheses,
+    PoseSearch,
+    PoseSearchSettings,
+    best_per_bin,
+    climb,
+)
+from gridslam.sensors.visibility import BeamSegments, VisibilityField
 
 Floats = NDArray[np.float64]
+LogLikelihood = Callable[[Floats], Floats]
 
-_LEAST_SHARE = 1e-4  # hypotheses less likely than this get no particles
-_SCATTER = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
-_APART = (0.5, 0.26)  # m, rad: one hypothesis per place
-_LEAST_POINTS = 10
-_TRACING_STEPS = ((0.1, 0.02), (0.05, 0.01))  # m, rad: how far a pose is drawn to the map at each scan
+BIN_M, BIN_RAD = 0.5, 0.26  # one hypothesis for each bin of position and heading
+SEARCH = PoseSearchSettings(
+    spacing_m=0.3,
+    headings=120,
+    sigma_m=0.3,  # wide, so that the true pose scores between two positions of the search
+    points=64,
+    max_poses=3_000_000,  # 2,000 m2 of free space at this spacing; on larger maps the spacing grows
+    refined=3000,
+    hypotheses=1000,  # of these, the most that are scored with visibility
+    bin_m=BIN_M,
+    bin_rad=BIN_RAD,
+)
+FINALISTS = 60  # of these, the most that are compared with the tracked pose
+
+MATCH_STD_M = 0.2  # of the window's points about walls: matched scans add their own error
+RANDOM_WEIGHT = 0.1  # weight of beams that the map does not explain
+BEAM_WEIGHT = 0.1  # power of a beam's likelihood: neighbouring beams have common errors
+MAX_BEAMS = 300  # of the window, equally many of each scan
+MIN_BEAMS = 10  # with fewer, nothing is searched for
+PAST_BEAMS = 30  # of each scan over which a hypothesis is traced back
+MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a place may have changed
+KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere
+SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
+CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it
+TRACKED_FRACTION = 0.3  # fraction of the particles that continue as they are when hypotheses get particles
+
+_MIN_RELATIVE_WEIGHT = 1e-4  # hypotheses with less than this of the best one's likelihood get no particles
+_PARTICLE_STD = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
+_SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
+_CLIMB_ROUNDS, _CLIMB_SHRINK = 4, 0.7
+_CLIMB_STEP = (0.1, 0.02)  # m, rad
+_TRACING_STEPS = ((0.1, 0.02), (0.05, 0.01))  # m, rad: steps by which a past pose is drawn to the map
 
 
 @dataclass(frozen=True, slots=True)
-class Tracked:
-    """The particles as they are, their main cluster, and what it has earned before the window, in log-odds."""
+class TrackedPose:
+    """The particles, their main cluster, and the log-odds in its favour from before the window."""
 
     particles: Particles
     belief: Belief
-    trust: float
+    prior_log_odds: float
 
 
 @dataclass(frozen=True, slots=True)
-class Contest:
-    """What a search came to: other particles, None where the tracked ones stay; and whether nothing comes near to them."""
+class Comparison:
+    """Result of a comparison: new particles, None if the tracked ones are kept; and whether no hypothesis comes near them."""
 
     particles: Particles | None
     is_confirmed: bool
 
 
-class Contender:
-    """Searches the map for a window of scans, and weighs what it finds by lines of sight."""
+class Relocalizer:
+    """Searches the map for the scans of a window, and compares the hypotheses with the tracked pose."""
 
-    def __init__(self, search: PoseSearch, sight: Sight, config: SearchConfig) -> None:
+    def __init__(self, search: PoseSearch, visibility: VisibilityField) -> None:
         self._search = search
-        self._sight = sight
-        self._config = config
-        self._table = log_likelihood_table(sight.field, config.match_sigma_m, config.random_share)
+        self._visibility = visibility
+        self._table = log_likelihood_table(visibility.field, MATCH_STD_M, RANDOM_WEIGHT)
 
-    def found(self, segments: Segments) -> Hypotheses:
-        """Hypotheses about the robot's pose, best first; their scores are log-likelihoods of the window."""
-        coarse = self._search.best(segments.ends, self._table)
-        scores = self._score(segments)(coarse.poses)
-        first = np.argsort(-scores, kind="stable")[: self._config.finalists]
-        return self.climbed(coarse.poses[first], segments)
+    def search(self, beams: BeamSegments) -> PoseHypotheses:
+        """Hypotheses about the robot's pose, best first; their scores are log-likelihoods of the beams."""
+        coarse = self._search.search(beams.endpoints, self._table)
+        scores = self._score(beams)(coarse.poses)
+        first = np.argsort(-scores, kind="stable")[:FINALISTS]
+        return self.refine(coarse.poses[first], beams)
 
-    def climbed(self, poses: Floats, segments: Segments) -> Hypotheses:
-        """The best poses near the given ones, one for each place."""
-        score = self._score(segments)
+    def refine(self, poses: Floats, beams: BeamSegments) -> PoseHypotheses:
+        """The local maxima of the likelihood near the poses `(n, 3)`, one for each bin."""
+        score = self._score(beams)
         scores = score(poses)
-        in_xy, in_yaw = 0.1, 0.02
-        for _ in range(4):
-            poses, scores = climb(score, poses, scores, in_xy, in_yaw)
-            in_xy, in_yaw = 0.7 * in_xy, 0.7 * in_yaw
-        return Hypotheses(*best_apart(poses, scores, *_APART, len(poses)))
+        step_m, step_rad = _CLIMB_STEP
+        for _ in range(_CLIMB_ROUNDS):
+            poses, scores = climb(score, poses, scores, step_m, step_rad)
+            step_m, step_rad = _CLIMB_SHRINK * step_m, _CLIMB_SHRINK * step_rad
+        return PoseHypotheses(*best_per_bin(poses, scores, BIN_M, BIN_RAD, len(poses)))
 
-    def _score(self, segments: Segments) -> Callable[[Floats], Floats]:
-        return lambda poses: self._config.beam_weight * self._sight.sums(self._table, segments, poses)
+    def _score(self, beams: BeamSegments) -> LogLikelihood:
+        return lambda poses: BEAM_WEIGHT * self._visibility.table_sums(self._table, beams, poses)
 
-    def traced(self, poses: Floats, past: Sequence[PastScan]) -> Floats:
-        """Log-likelihoods `(k, n)` of k scans, latest first, for robots that are at poses `(n, 3)` now.
+    def trace_back(self, poses: Floats, past: Sequence[PastScan]) -> Floats:
+        """Log-likelihoods `(k, n)` of k past scans, latest first, for robots that are at poses `(n, 3)` now.
 
-        Each pose is followed back along the way, drawn to the map at every scan: what a hypothesis says about now must have
-        been possible all the time. What one scan can say for one pose and against another
-        is bounded: a place may have changed.
+        Each pose is traced back along the odometry and drawn to the map at every scan: a hypothesis about the present must have
+        been possible all along. The log-odds of a single scan between two poses are bounded, because a place may have changed.
         """
         scores = np.zeros((len(past), len(poses)))
         for row, scan in enumerate(past):
-            if len(scan.segments):
-                score = self._score(scan.segments)
+            if len(scan.beams):
+                score = self._score(scan.beams)
                 scores[row] = score(poses)
-                for in_xy, in_yaw in _TRACING_STEPS:
-                    poses, scores[row] = climb(score, poses, scores[row], in_xy, in_yaw)
+                for step_m, step_rad in _TRACING_STEPS:
+                    poses, scores[row] = climb(score, poses, scores[row], step_m, step_rad)
             poses = se2.compose(poses, se2.inverse(scan.step))
         best = scores.max(axis=1, keepdims=True)
-        return np.asarray(np.maximum(scores, best - self._config.most_evidence))
+        return np.asarray(np.maximum(scores, best - MAX_SCAN_LOG_ODDS))
 
-    def contest(
+    def compare(
         self,
         window: ScanWindow,
-        tracked: Tracked | None,
-        most: int,
+        tracked: TrackedPose | None,
+        count: int,
         rng: np.random.Generator,
-        others_say: Callable[[Floats], Floats],
-    ) -> Contest | None:
-        """The tracked particles against what the search finds; None when there is too little to search for.
+        camera_log_likelihood: LogLikelihood,
+    ) -> Comparison | None:
+        """Compare the tracked particles with the hypotheses of a search; None if the window has too few beams.
 
-        `others_say` gives the log-likelihoods `(n,)` of poses `(n, 3)` by what is known besides the scans.
+        `count` is the number of new particles. `camera_log_likelihood` returns log-likelihoods `(n,)` of poses `(n, 3)` by the
+        fixed cameras.
         """
-        config = self._config
-        segments = window.recent(config.window_points)
-        if len(segments) < _LEAST_POINTS:
+        beams = window.recent(MAX_BEAMS)
+        if len(beams) < MIN_BEAMS:
             return None
-        found = self.found(segments)
+        found = self.search(beams)
         if tracked is None:
-            said = Hypotheses(found.poses, found.scores + others_say(found.poses))
-            return Contest(_drawn(said, most, rng), False)
-        own = self.climbed(tracked.belief.mean[None], segments)
-        rivals = _others(found, own.poses[0])
-        past = window.past(config.past_beams)
-        traced = self.traced(np.concatenate([own.poses[:1], rivals.poses]), past)
-        own_score = float(traced[:, 0].sum() + others_say(own.poses[:1])[0]) + tracked.trust
-        scores = with_break(traced[:, 1:], traced[:, 0], config.carried_odds)
-        rivals = Hypotheses(rivals.poses, scores + others_say(rivals.poses))
-        lead = own_score - rivals.scores.max(initial=-np.inf)
-        if lead > -config.rival_lead:
-            return Contest(None, lead > config.sure_lead)
-        return Contest(self._mixed(tracked.particles, own_score, rivals, most, rng), False)
-
-    def _mixed(
-        self, particles: Particles, score: float, rivals: Hypotheses, most: int, rng: np.random.Generator
-    ) -> Particles:
-        """The tracked particles and particles about the rivals, weighted by what speaks for each."""
-        share = float(1.0 / np.exp(np.r_[score, rivals.scores] - score).sum())
-        kept = max(int(self._config.tracked_share * most), 1)
-        chosen = systematic_resampling(particles.weights, kept, rng)
-        new = _drawn(rivals, most - kept, rng)
-        poses = np.concatenate([particles.poses[chosen], new.poses])
-        weights = np.r_[np.full(kept, share / kept), new.weights * (1.0 - share)]
-        return Particles(poses, weights / weights.sum())
+            scored = PoseHypotheses(found.poses, found.scores + camera_log_likelihood(found.poses))
+            return Comparison(_sample(scored, count, rng), False)
+        own = self.refine(tracked.belief.mean[None], beams)
+        others = _elsewhere(found, own.poses[0])
+        past = window.past(PAST_BEAMS)
+        scores = self.trace_back(np.concatenate([own.poses[:1], others.poses]), past)
+        own_score = float(scores[:, 0].sum() + camera_log_likelihood(own.poses[:1])[0])
+        own_score += tracked.prior_log_odds
+        other_scores = with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS)
+        others = PoseHypotheses(others.poses, other_scores + camera_log_likelihood(others.poses))
+        lead = own_score - others.scores.max(initial=-np.inf)
+        if lead > -SWITCH_LOG_ODDS:
+            return Comparison(None, lead > CONFIRM_LOG_ODDS)
+        return Comparison(_mixture(tracked.particles, own_score, others, count, rng), False)
 
 
-def with_break(rivals: Floats, own: Floats, odds: float) -> Floats:
-    """Scores `(n,)` of rivals over k scans `(k, n)`, latest first, that may claim to have been carried there.
+def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
+    """Scores `(n,)` of hypotheses over k scans `(k, n)`, latest first, that allow for the robot having been carried there.
 
-    A rival explains all scans itself; or, at the price of `odds`, only the latest ones, and leaves the older ones to the tracked
-    pose's scores `(k,)`.
+    A hypothesis explains all scans itself. Or it explains only the latest ones, at the price of `log_odds`, and leaves the older
+    ones to the tracked pose with the scores `own` `(k,)`.
     """
-    latest = np.cumsum(rivals, axis=0)
+    latest = np.cumsum(others, axis=0)
     older = own.sum() - np.cumsum(own)
-    carried = (latest + older[:, None])[:-1].max(axis=0, initial=-np.inf) - odds
+    carried = (latest + older[:, None])[:-1].max(axis=0, initial=-np.inf) - log_odds
     return np.asarray(np.maximum(latest[-1], carried))
 
 
-def _others(found: Hypotheses, pose: Floats) -> Hypotheses:
-    """The hypotheses that are not about the same place."""
+def _elsewhere(found: PoseHypotheses, pose: Floats) -> PoseHypotheses:
+    """The hypotheses that are about another place than the pose `(3,)`."""
     off = found.poses - pose
-    same = (np.hypot(off[:, 0], off[:, 1]) < 0.75) & (np.abs(se2.wrap_angle(off[:, 2])) < 0.4)
-    return Hypotheses(found.poses[~same], found.scores[~same])
+    same = (np.hypot(off[:, 0], off[:, 1]) < _SAME_M) & (np.abs(se2.wrap_angle(off[:, 2])) < _SAME_RAD)
+    return PoseHypotheses(found.poses[~same], found.scores[~same])
 
 
-def _drawn(found: Hypotheses, count: int, rng: np.random.Generator) -> Particles:
-    """Particles about the hypotheses: as many for each as the root of its share asks for, weighted so that the shares hold."""
-    shares = np.exp(found.scores - found.scores.max())
-    kept = shares >= _LEAST_SHARE
-    poses, shares = found.poses[kept], shares[kept] / shares[kept].sum()
-    root = np.sqrt(shares)
-    members = systematic_resampling(root, count, rng)
-    drawn = np.bincount(members, minlength=len(poses))
-    scattered = poses[members] + rng.standard_normal((count, 3)) * _SCATTER
+def _sample(found: PoseHypotheses, count: int, rng: np.random.Generator) -> Particles:
+    """Particles about the hypotheses, their weights proportional to the likelihoods.
+
+    The number of particles of a hypothesis is proportional to the root of its likelihood, so that unlikely ones have enough.
+    """
+    likelihoods = np.exp(found.scores - found.scores.max())
+    kept = likelihoods >= _MIN_RELATIVE_WEIGHT
+    poses, weights = found.poses[kept], likelihoods[kept] / likelihoods[kept].sum()
+    chosen = systematic_resampling(np.sqrt(weights), count, rng)
+    particles_each = np.bincount(chosen, minlength=len(poses))
+    scattered = poses[chosen] + rng.standard_normal((count, 3)) * _PARTICLE_STD
     scattered[:, 2] = se2.wrap_angle(scattered[:, 2])
-    weights = shares[members] / drawn[members]
-    return Particles(scattered, weights / weights.sum())
+    split = weights[chosen] / particles_each[chosen]
+    return Particles(scattered, split / split.sum())
+
+
+def _mixture(
+    particles: Particles, score: float, others: PoseHypotheses, count: int, rng: np.random.Generator
+) -> Particles:
+    """Some of the tracked particles with new ones about the hypotheses, weighted by the scores of both."""
+    tracked_weight = float(1.0 / np.exp(np.r_[score, others.scores] - score).sum())
+    kept = max(int(TRACKED_FRACTION * count), 1)
+    chosen = systematic_resampling(particles.weights, kept, rng)
+    new = _sample(others, count - kept, rng)
+    poses = np.concatenate([particles.poses[chosen], new.poses])
+    weights = np.r_[np.full(kept, tracked_weight / kept), new.weights * (1.0 - tracked_weight)]
+    return Particles(poses, weights / weights.sum())

@@ -1,4 +1,4 @@
-"""The onboard weight of particles, by the model that the config chooses."""
+"""The onboard weight of particles by the lidar model that the config names."""
 
 from __future__ import annotations
 
@@ -7,43 +7,64 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.ispace_mcl.config import BeamConfig, LikelihoodFieldConfig, RangeDifferenceConfig
+from gridslam.methods.ispace_mcl.config import LidarWeightName
 from gridslam.sensors.beam_model import BeamMixture, BeamModel, range_difference_log_likelihood
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import DistanceField, log_likelihood_table
 from gridslam.sensors.range_caster import range_caster
 
 Floats = NDArray[np.float64]
-LogWeight = Callable[[Beams, Floats, Floats], Floats]  # of poses (n, 3), where (k, 2) moves something: (n,)
+LogWeight = Callable[
+    [Beams, Floats, Floats], Floats
+]  # of a scan, poses (n, 3) and moving objects (k, 2): log-weights (n,)
+
+ENDPOINT_STD_M = (
+    0.15  # of a beam's endpoint about a wall: lidar noise, map cells and pose error within a cell
+)
+RANDOM_WEIGHT = 0.1  # weight of beams that anything may cause, people above all
+FIELD_BEAM_WEIGHT = 0.15  # power of a beam's likelihood: neighbouring beams have common errors
+MOVING_RADIUS_M = 0.3  # a beam that ends nearer to a detection of the fixed cameras is half explained
+
+MIXTURE = BeamMixture(
+    sigma_m=0.3,  # wider than the sensor's noise, so that a particle half a cell off is not rejected
+    hit=0.65,
+    short=0.1,
+    max=0.05,
+    random=0.2,
+    short_decay_per_m=0.2,
+    bin_m=0.05,
+)
+MIXTURE_BEAM_WEIGHT = (
+    0.05  # power of a beam's likelihood; lower than for the field, as ranges err more in common
+)
+
+RANGE_DIFFERENCE_STD_M = 0.5  # sigma of the paper's eq. 4, which the paper does not state
 
 
-def log_weight_of(
-    config: LikelihoodFieldConfig | BeamConfig | RangeDifferenceConfig,
-    field: DistanceField,
-    occupied: NDArray[np.bool_],
-) -> LogWeight:
-    """The function that gives log-weights to poses on this map.
+def log_weight_of(name: LidarWeightName, field: DistanceField, occupied: NDArray[np.bool_]) -> LogWeight:
+    """The function that returns the log-weights of poses on a map of occupied cells `(rows, cols)`.
 
-    On the likelihood field, a beam that ends where the fixed cameras see something move counts half as much as one that nothing
-    explains. A hypothesis' own body needs no exception: no beam ends in it. The other two models take such beams as they are.
+    On the likelihood field, a beam that ends where the fixed cameras detect a moving object counts as half explained. The
+    robot's own body needs no exception, because no beam ends in it. The other two models ignore the cameras.
     """
-    if isinstance(config, LikelihoodFieldConfig):
-        return _on_field(config, field)
+    if name == "likelihood-field":
+        return likelihood_field_weight(field)
     caster = range_caster(occupied, field.geometry)
-    if isinstance(config, BeamConfig):
-        values = config.model_dump(exclude={"kind", "beam_weight"})
-        model, share = BeamModel(caster, BeamMixture(**values)), config.beam_weight
-        return lambda beams, poses, moving: share * model.log_likelihood(beams, poses)
-    sigma_m = config.sigma_m
-    return lambda beams, poses, moving: range_difference_log_likelihood(caster, beams, poses, sigma_m)
+    if name == "beam":
+        model = BeamModel(caster, MIXTURE)
+        return lambda beams, poses, moving: MIXTURE_BEAM_WEIGHT * model.log_likelihood(beams, poses)
+    return lambda beams, poses, moving: range_difference_log_likelihood(
+        caster, beams, poses, RANGE_DIFFERENCE_STD_M
+    )
 
 
-def _on_field(config: LikelihoodFieldConfig, field: DistanceField) -> LogWeight:
-    table = log_likelihood_table(field, config.sigma_m, config.random_share)
-    half = int(np.argmax(table <= 0.5 * table.min()))
+def likelihood_field_weight(field: DistanceField, beam_weight: float = FIELD_BEAM_WEIGHT) -> LogWeight:
+    """The log-weight of the likelihood field; `beam_weight` is the power of a beam's likelihood."""
+    table = log_likelihood_table(field, ENDPOINT_STD_M, RANDOM_WEIGHT)
+    half_explained = int(np.argmax(table <= 0.5 * table.min()))
 
     def log_weight(beams: Beams, poses: Floats, moving: Floats) -> Floats:
-        known = field.near(moving, config.moving_radius_m, half) if len(moving) else field
-        return config.beam_weight * known.sums(table, beams.points, poses)
+        known = field.with_objects(moving, MOVING_RADIUS_M, half_explained) if len(moving) else field
+        return beam_weight * known.table_sums(table, beams.points, poses)
 
     return log_weight

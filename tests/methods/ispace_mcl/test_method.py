@@ -10,13 +10,7 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.methods.ispace_mcl.config import (
-    BeamConfig,
-    IspaceMclConfig,
-    LikelihoodFieldConfig,
-    RangeDifferenceConfig,
-    SearchConfig,
-)
+from gridslam.methods.ispace_mcl.config import GlobalSearchConfig, IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
 from gridslam.runs.run_config import load_run_config
 from tests.methods.ispace_mcl.building import ROUND_TRIP, building, record
@@ -58,8 +52,8 @@ def test_a_robot_without_a_start_pose_is_found(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_wrong_start_pose_is_noticed_and_put_right(seed):
-    config = IspaceMclConfig(start=(5.0, 8.5, 1.0), start_deviation=(0.1, 0.1, 0.05))
+def test_a_wrong_start_pose_is_noticed_and_corrected(seed):
+    config = IspaceMclConfig(start=(5.0, 8.5, 1.0), start_std=(0.1, 0.1, 0.05))
     result = run(config, seed=seed)
     away, _ = errors(result)
     assert result.counters["injections"] >= 1
@@ -68,12 +62,12 @@ def test_a_wrong_start_pose_is_noticed_and_put_right(seed):
 
 
 def test_the_papers_estimate_is_the_mean_of_all_particles_and_changes_nothing_else():
-    settings = {"start": START, "start_deviation": (1.0, 1.0, 0.5), "search": SearchConfig(enabled=False)}
+    settings = {"start": START, "start_std": (1.0, 1.0, 0.5), "search": GlobalSearchConfig(enabled=False)}
     cluster, mean = (run(IspaceMclConfig(estimate=e, **settings), log=LOG[:120]) for e in ("cluster", "mean"))
-    spread, spread_of_all = (mean.series[f"particle_spread{name}"].values for name in ("", "_all"))
-    assert np.array_equal(spread, spread_of_all)
-    assert np.array_equal(spread_of_all, cluster.series["particle_spread_all"].values)
-    assert cluster.series["particle_spread"].values[0] < 0.9 * spread[0]
+    std, std_of_all = (mean.series[f"particle_std{name}"].values for name in ("", "_all"))
+    assert np.array_equal(std, std_of_all)
+    assert np.array_equal(std_of_all, cluster.series["particle_std_all"].values)
+    assert cluster.series["particle_std"].values[0] < 0.9 * std[0]
     assert np.array_equal(mean.series["confidence"].values, cluster.series["confidence"].values)
     assert not np.array_equal(mean.trajectory.poses[0], cluster.trajectory.poses[0])
     assert errors(mean, ROUND_TRIP[: len(mean.trajectory)])[0][-1] < 0.25
@@ -129,12 +123,12 @@ def test_every_scan_has_a_pose_at_its_stamp_and_a_row_in_the_table():
     assert len(table.rows) == len(stamps)
     assert tuple(table.columns) == (
         "stamp", "x", "y", "yaw", "var_x", "var_y", "var_yaw",
-        "confidence", "fit", "spread", "spread_all", "n_particles", "status",
+        "confidence", "inlier_ratio", "std", "std_all", "n_particles", "status",
     )  # fmt: skip
     assert table.rows[3][0] == "1000000000.300000000"
     assert {row[-1] for row in table.rows} <= {"localized", "uncertain", "lost"}
     assert all(1000 <= row[-2] <= 10_000 for row in table.rows)
-    assert set(result.series) >= {"confidence", "fit", "particle_spread"}
+    assert set(result.series) >= {"confidence", "inlier_ratio", "particle_std"}
     assert result.counters["used.scan"] == len(stamps)
 
 
@@ -151,16 +145,14 @@ def test_same_seed_same_numbers_on_any_number_of_threads():
     assert not np.array_equal(first, other)
 
 
-@pytest.mark.parametrize(
-    "weight", [LikelihoodFieldConfig(), BeamConfig(), RangeDifferenceConfig(sigma_m=0.3)]
-)
+@pytest.mark.parametrize("weight", ["likelihood-field", "beam", "range-difference"])
 def test_every_model_of_the_lidar_tracks(weight):
-    config = IspaceMclConfig(start=START, weight=weight, search=SearchConfig(enabled=False))
+    config = IspaceMclConfig(start=START, weight=weight, search=GlobalSearchConfig(enabled=False))
     away, _ = errors(run(config, LOG[:201]), ROUND_TRIP[:100])
     assert away.max() < 0.3
 
 
-def test_a_map_that_is_turned_gives_the_same_path_turned():
+def test_a_rotated_map_gives_the_same_path_rotated():
     yaw = 0.6
     corner = se2.compose([1.0, 2.0, yaw], [*MAP.geometry.origin_xy_m, 0.0])
     grid = OccupancyGrid(MAP.probability, GridGeometry(0.1, (float(corner[0]), float(corner[1])), yaw))

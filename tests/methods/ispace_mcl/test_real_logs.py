@@ -22,7 +22,7 @@ def test_the_robot_is_found_in_wean_hall_and_its_scans_lie_on_the_walls(data_dir
     distances = result.series["wall_distance"].values
     late = len(distances) // 3
     assert np.nanmean(distances[late:]) <= 0.15
-    assert result.series["fit"].values[late:].mean() >= 0.8
+    assert result.series["inlier_ratio"].values[late:].mean() >= 0.8
     # Where the run of every seed ends: at the door of the furnished room, facing into it.
     np.testing.assert_allclose(result.trajectory.poses[-1], [39.9, 41.45, 1.3], atol=0.3)
     assert len(result.trajectory) == 713

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
-from gridslam.methods.ispace_mcl.config import SearchConfig
-from gridslam.methods.ispace_mcl.relocalization import with_break
+from gridslam.methods.ispace_mcl.relocalization import with_kidnapping
 from gridslam.methods.ispace_mcl.window import ScanWindow, matched_step
 from tests.methods.ispace_mcl.building import BEAMS, LIDAR, building, drive, scan_at
 
@@ -21,14 +20,14 @@ def _points(pose):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(0, 5))
-def test_a_rival_explains_all_scans_or_the_latest_ones_at_a_price(seed, scans, rivals):
+def test_a_hypothesis_explains_all_scans_or_the_latest_ones_at_a_price(seed, scans, hypotheses):
     rng = np.random.default_rng(seed)
-    theirs, own = rng.normal(-1.0, 1.0, (scans, rivals)), rng.normal(-1.0, 1.0, scans)
-    got = with_break(theirs, own, 1.5)
-    for rival in range(rivals):
-        choices = [theirs[:, rival].sum()]
-        choices += [theirs[:b, rival].sum() + own[b:].sum() - 1.5 for b in range(1, scans)]
-        assert got[rival] == pytest.approx(max(choices))
+    others, own = rng.normal(-1.0, 1.0, (scans, hypotheses)), rng.normal(-1.0, 1.0, scans)
+    got = with_kidnapping(others, own, 1.5)
+    for k in range(hypotheses):
+        choices = [others[:, k].sum()]
+        choices += [others[:b, k].sum() + own[b:].sum() - 1.5 for b in range(1, scans)]
+        assert got[k] == pytest.approx(max(choices))
 
 
 def test_a_scan_matched_to_the_one_before_corrects_the_odometry():
@@ -40,31 +39,31 @@ def test_a_scan_matched_to_the_one_before_corrects_the_odometry():
     assert abs(found[2] - truth[2]) < 0.03
 
 
-def test_a_step_that_nothing_supports_stays_as_it_was():
+def test_a_step_without_matching_points_is_unchanged():
     step = np.array([0.3, 0.0, 0.1])
     np.testing.assert_array_equal(matched_step(_points((-1.0, 3.8, 0.1)), np.zeros((5, 2)), step), step)
 
 
-def test_the_window_lays_its_scans_over_each_other():
+def test_the_scans_of_the_window_are_aligned():
     path = drive([(-2.0, 3.8), (-0.5, 3.8), (-0.5, 5.8)])
     drifting = np.zeros(3)
-    window = ScanWindow(SearchConfig())
+    window = ScanWindow()
     for k, pose in enumerate(path):
         if k:
             step = se2.between(path[k - 1], pose)
             drifting = se2.compose(drifting, step * (1.1, 1.0, 1.1))
         window.add(drifting, LIDAR[:2], _points(pose))
-    segments = window.recent(300)
-    assert len(segments) <= 300
+    beams = window.recent(300)
+    assert len(beams) <= 300
     occupied = building().geometry.centres(np.argwhere(building().probability > 0.5))
-    ends = se2.transform_points(path[-1], segments.ends)
+    ends = se2.transform_points(path[-1], beams.endpoints)
     distances = np.sqrt(((ends[:, None] - occupied[None]) ** 2).sum(axis=2)).min(axis=1)
     assert np.median(distances) < 0.08
     assert np.mean(distances < 0.2) > 0.85
 
 
-def test_scans_close_to_each_other_take_one_place():
-    window = ScanWindow(SearchConfig(window_step_m=0.4))
+def test_scans_close_to_each_other_are_replaced():
+    window = ScanWindow(min_step_m=0.4)
     for k in range(41):
         window.add(np.array([0.05 * k, 0.0, 0.0]), np.zeros(2), np.ones((3, 2)))
     assert 5 <= len(window) <= 7

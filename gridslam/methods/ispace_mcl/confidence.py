@@ -1,0 +1,106 @@
+"""The confidence that the filter's estimate is right: agreement of the scan with the map, and concentration of the particles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.filters.particles import Belief
+from gridslam.sensors.lidar_beams import Beams
+from gridslam.sensors.visibility import VisibilityField
+
+Floats = NDArray[np.float64]
+
+WALL_TOLERANCE_M = 0.25  # a beam that ends nearer to a wall agrees with the map
+BLOCKED_TOLERANCE_M = 0.4  # unless a wall lies farther than this before its endpoint
+GRAZING_SLACK_M = 0.3  # a beam whose endpoint becomes visible when moved aside by this much grazes a wall
+BEHIND_WALL_WEIGHT = 0.5  # of a beam that ends at a wall behind another one: furniture was moved
+OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
+HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
+SMOOTHING = 0.7  # weight of the past in the running mean of the inlier ratio: a mean over about three updates
+LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized
+LOST_CONFIDENCE = 0.3  # below it the status is lost
+
+
+@dataclass(frozen=True, slots=True)
+class InlierLimits:
+    """Inlier ratios at which the confidence starts to rise from 0, and at which it is full."""
+
+    min: float
+    good: float
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """Quality of an estimate.
+
+    `inlier_ratio` is the running mean of the ratio of beams that agree with the map, `distance_m` the mean distance of the
+    endpoints to walls. `confidence` in 0..1 is the product of the inlier ratio between its limits, the weight of the main
+    cluster, and a factor that falls with the cluster's standard deviation. `status` is localized, uncertain or lost.
+    """
+
+    inlier_ratio: float
+    distance_m: float
+    confidence: float
+    status: str
+
+
+class ConfidenceMonitor:
+    """Assesses the estimate at every scan, with a running mean of the inlier ratio."""
+
+    def __init__(self, limits: InlierLimits, visibility: VisibilityField) -> None:
+        self._limits = limits
+        self._visibility = visibility
+        self._inlier_ratio: float | None = None
+
+    def restart(self) -> None:
+        """Reset the running mean, after the particles were moved elsewhere."""
+        self._inlier_ratio = None
+
+    def assess(self, belief: Belief, beams: Beams) -> Assessment:
+        """The assessment of the main cluster by all beams of a scan."""
+        distance = float("nan")
+        if len(beams.points):
+            distances = self._visibility.field.distances_at(beams.points, belief.mean)
+            distance = float(distances.mean())
+            present = self._inlier_ratio_of(beams, belief.mean, distances)
+            past = present if self._inlier_ratio is None else self._inlier_ratio
+            self._inlier_ratio = SMOOTHING * past + (1.0 - SMOOTHING) * present
+        inlier_ratio = 0.0 if self._inlier_ratio is None else self._inlier_ratio
+        confidence = confidence_of(inlier_ratio, belief, self._limits)
+        return Assessment(inlier_ratio, distance, confidence, _status(confidence))
+
+    def _inlier_ratio_of(self, beams: Beams, pose: Floats, distances: Floats) -> float:
+        """Ratio of the returned beams that agree with the map from a pose; ambiguous beams count in part.
+
+        A beam that ends at a wall behind another one may show moved furniture; one that ends in free space may show a person.
+        `distances` `(m,)` are those of the endpoints to walls, m.
+        """
+        visibility = self._visibility
+        bearings, ranges = beams.bearings[beams.returned], beams.ranges[beams.returned]
+        aside = np.arctan2(visibility.slack_m, ranges)
+        around = np.concatenate([bearings, bearings + aside, bearings - aside])
+        expected = visibility.caster.ranges(pose[None], around, beams.extrinsics, beams.max_range_m)[0]
+        expected = expected.reshape(3, -1)
+        at_wall = distances < WALL_TOLERANCE_M
+        blocked = (expected < ranges - visibility.tolerance_m).all(axis=0)
+        in_open_space = ~at_wall & (ranges < expected[0] - visibility.tolerance_m)
+        weights = np.where(
+            at_wall, np.where(blocked, BEHIND_WALL_WEIGHT, 1.0), OPEN_SPACE_WEIGHT * in_open_space
+        )
+        return float(weights.mean())
+
+
+def confidence_of(inlier_ratio: float, belief: Belief, limits: InlierLimits) -> float:
+    """Confidence from 0 to 1 by inlier ratio, weight of the main cluster and its standard deviation."""
+    by_inliers = np.clip((inlier_ratio - limits.min) / max(limits.good - limits.min, 1e-9), 0.0, 1.0)
+    by_std = 1.0 / (1.0 + (belief.std_m / HALF_CONFIDENCE_STD_M) ** 2)
+    return float(by_inliers * min(belief.mass, 1.0) * by_std)
+
+
+def _status(confidence: float) -> str:
+    if confidence >= LOCALIZED_CONFIDENCE:
+        return "localized"
+    return "lost" if confidence < LOST_CONFIDENCE else "uncertain"

@@ -1,0 +1,267 @@
+"""The fixed cameras of a room: their messages joined to frames, and the frames assigned to scans."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
+from gridslam.core.trajectory import pose_at
+from gridslam.methods.ispace_mcl.environment import CameraObservation, moving_cells
+from gridslam.sensors.fixed_camera import (
+    COLOUR_AND_DEPTH,
+    COLOUR_ONLY,
+    DetectionParameters,
+    FixedCamera,
+    FloorDetections,
+    FrameSkip,
+    Pinhole,
+)
+
+Floats = NDArray[np.float64]
+
+PAIR_TOLERANCE_S = 0.02  # colour and depth of one frame; most drivers stamp both alike
+SILENT_S = 5.0  # a camera without frames for longer is reported as silent
+# A detection says little about a scan that comes later than this: the odometry in between is known, but people move on.
+MAX_AGE_S = 0.6
+DENSITY_MAX_AGE_S = 1.2  # the density product needs the latest frame of every camera, also of slow ones
+_KEPT_POSES = 200
+
+
+class CameraSkip(str, Enum):
+    """Reasons why an image of a camera cannot be used; the values are the counters' names."""
+
+    NO_DEPTH = "no_depth"
+    OUT_OF_STEP = "out_of_step"
+    AFTER_LAST_SCAN = "after_last_scan"
+    BETWEEN_UPDATES = "between_updates"
+    SIZE_DIFFERS_FROM_DEPTH = "size_differs_from_depth"
+    SIZE_CHANGED = "size_changed"
+    NO_CALIBRATION = "no_calibration"
+    NOT_FIXED = "not_fixed"
+
+
+class FixedCameras:
+    """Collects camera messages and returns, for a scan, the latest frame of each camera that is not too old.
+
+    A camera is identified by the frame of its messages. Every message that is not used is counted: `counters` holds used.image,
+    used.depth and skipped.image.<reason>; `reasons` has the same by camera. `floor` `(k, 2)` are the centres of the floor cells
+    on which the robot may be.
+    """
+
+    def __init__(
+        self,
+        root_frame: str,
+        floor: Floats,
+        parameters: DetectionParameters = COLOUR_AND_DEPTH,
+        max_age_s: float = MAX_AGE_S,
+    ) -> None:
+        self._root_frame = root_frame
+        self._floor = floor
+        self._parameters = parameters
+        self._max_age_s = max_age_s
+        self._infos: dict[str, CameraInfo] = {}
+        self._sensor_extrinsics: dict[str, Transform] = {}
+        self._images: dict[str, Image] = {}
+        self._depths: dict[str, DepthImage] = {}
+        self._waiting: dict[str, tuple[int, FloorDetections]] = {}
+        self._latest: dict[str, tuple[int, FloorDetections]] = {}  # the last one of each camera that was used
+        self._last_ns: dict[str, int] = {}
+        self._path: deque[tuple[int, Floats]] = deque(maxlen=_KEPT_POSES)
+        self._moving: list[Floats] = []  # moving cells of each frame that was used
+        self.fixed: dict[str, FixedCamera] = {}
+        self.counters: Counter[str] = Counter()
+        self.reasons: dict[str, Counter[str]] = {}
+
+    @property
+    def cell_m(self) -> float:
+        """Size of a floor cell, m."""
+        return self._parameters.cell_m
+
+    def add_info(self, info: CameraInfo) -> None:
+        """Store a calibration; one that is not finite, or has no focal length, is skipped and counted."""
+        if not np.isfinite(info.K).all() or not (info.K[0, 0] > 0.0 and info.K[1, 1] > 0.0):
+            self.counters["skipped.camera_info.no_focal_length"] += 1
+            return
+        self.counters["used.camera_info"] += 1
+        self._infos.setdefault(info.frame_id, info)
+
+    def add_extrinsics(self, extrinsics: Transform) -> None:
+        """Store the static transform of a camera in the room; transforms of sensors on the robot are ignored."""
+        if extrinsics.frame_id == self._root_frame:
+            self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
+
+    def add_image(self, image: Image) -> None:
+        """Store a colour image, and process it if its depth image is there."""
+        name = image.frame_id
+        if self._images.pop(name, None) is not None:
+            self._skip(name, CameraSkip.NO_DEPTH)
+        self._images[name] = image
+        self._join(name)
+
+    def add_depth(self, depth: DepthImage) -> None:
+        """Store a depth image, and process it if its colour image is there."""
+        name = depth.frame_id
+        if self._depths.pop(name, None) is not None:
+            self.counters["skipped.depth.no_image"] += 1
+        self._depths[name] = depth
+        self._join(name)
+
+    def add_pose(self, stamp_ns: int, odometry: Floats, odometry_jumped: bool) -> None:
+        """Store T_odom_base `(3,)` at a scan; a jump of the odometry invalidates all earlier poses."""
+        if odometry_jumped:
+            self._path.clear()
+        self._path.append((stamp_ns, odometry))
+
+    def observations_at(self, stamp_ns: int) -> list[CameraObservation]:
+        """The latest unused frame of each camera at the stamp of a scan whose pose was added."""
+        observations = []
+        for name in sorted(self._waiting):
+            frame_ns, detections = self._waiting[name]
+            if frame_ns > stamp_ns:
+                continue  # the frame is newer than the scan
+            del self._waiting[name]
+            observation = self._observation(name, frame_ns, detections, stamp_ns)
+            if observation is None:
+                self._skip(name, CameraSkip.OUT_OF_STEP, with_depth=True)
+                continue
+            self._count_use(name)
+            self._latest[name] = frame_ns, detections
+            self._moving.append(observation.moving)
+            observations.append(observation)
+        return observations
+
+    def all_observations_at(self, stamp_ns: int) -> list[CameraObservation]:
+        """The latest frame of every camera, used before or not; empty unless one of them is new."""
+        if not self.observations_at(stamp_ns):
+            return []
+        latest = (self._observation(name, *self._latest[name], stamp_ns) for name in sorted(self._latest))
+        return [observation for observation in latest if observation is not None]
+
+    def _observation(
+        self, name: str, frame_ns: int, detections: FloorDetections, stamp_ns: int
+    ) -> CameraObservation | None:
+        """A camera's detections with the odometry since the frame; None if the frame is too old or its odometry unknown."""
+        odometry = self._pose_at(frame_ns)
+        if odometry is None or stamp_ns - frame_ns > self._max_age_s * 1e9:
+            return None
+        moving = moving_cells(detections, self._parameters.cell_m, self._parameters.min_area_m2)
+        in_view = self.fixed[name].coverage[detections.is_visible]
+        return CameraObservation(moving, in_view, se2.between(self._path[-1][1], odometry))
+
+    def coverage(self) -> Floats:
+        """Centres `(k, 2)` of the floor cells that at least one camera covers."""
+        covered = [camera.coverage for camera in self.fixed.values()]
+        return np.unique(np.concatenate(covered), axis=0) if covered else np.zeros((0, 2))
+
+    def moving(self) -> Floats:
+        """Centres `(m, 2)` of the floor cells with moving objects, repeated for every frame that showed one there."""
+        return np.concatenate([*self._moving, np.zeros((0, 2))])
+
+    def finish(self) -> None:
+        """Count the messages that no scan used before the log ended, and the cameras that were silent at its end."""
+        end_ns = self._path[-1][0] if self._path else 0
+        for name, last_ns in self._last_ns.items():
+            if end_ns - last_ns > SILENT_S * 1e9:
+                self.reasons[name]["silences"] += 1
+        for name in list(self._images):
+            self._skip(name, CameraSkip.NO_DEPTH)
+        self.counters["skipped.depth.no_image"] += len(self._depths)
+        for name in list(self._waiting):
+            self._skip(name, CameraSkip.AFTER_LAST_SCAN, with_depth=True)
+        self._images.clear()
+        self._depths.clear()
+        self._waiting.clear()
+
+    def measures(self) -> Mapping[str, object]:
+        """For each camera: its frames by use or skip reason, whether it was moved, and the floor area that it covers."""
+        return {
+            name: {
+                "frames": dict(sorted(reasons.items())),
+                "moved": name in self.fixed and self.fixed[name].is_moved,
+                "coverage_m2": len(self.fixed[name].coverage) * self._parameters.cell_m**2
+                if name in self.fixed
+                else 0.0,
+            }
+            for name, reasons in sorted(self.reasons.items())
+        }
+
+    def _join(self, name: str) -> None:
+        """Process the colour and the depth image of a camera as one frame if their stamps agree."""
+        image, depth = self._images.get(name), self._depths.get(name)
+        if image is None or depth is None:
+            return
+        difference_s = (image.stamp_ns - depth.stamp_ns) * 1e-9
+        if abs(difference_s) > PAIR_TOLERANCE_S:
+            if difference_s < 0.0:  # the older of the two will find no partner any more
+                del self._images[name]
+                self._skip(name, CameraSkip.NO_DEPTH)
+            else:
+                del self._depths[name]
+                self.counters["skipped.depth.no_image"] += 1
+            return
+        del self._images[name], self._depths[name]
+        self._process(name, image, depth)
+
+    def _process(self, name: str, image: Image, depth: DepthImage) -> None:
+        camera = self._camera(name, image, depth)
+        if isinstance(camera, CameraSkip):
+            self._skip(name, camera, with_depth=True)
+            return
+        last = self._last_ns.get(name, image.stamp_ns)
+        if image.stamp_ns - last > SILENT_S * 1e9:
+            self.reasons[name]["silences"] += 1
+        self._last_ns[name] = image.stamp_ns
+        detections = camera.detect(image.pixels, depth.depth_m)
+        if isinstance(detections, FrameSkip):
+            self._skip(name, detections, with_depth=True)
+            return
+        if name in self._waiting:
+            self._skip(name, CameraSkip.BETWEEN_UPDATES, with_depth=True)
+        self._waiting[name] = (image.stamp_ns, detections)
+
+    def _camera(self, name: str, image: Image, depth: DepthImage) -> FixedCamera | CameraSkip:
+        """The camera of a frame, or the reason why it cannot be used."""
+        self.reasons.setdefault(name, Counter())
+        if image.pixels.shape[:2] != depth.depth_m.shape:
+            return CameraSkip.SIZE_DIFFERS_FROM_DEPTH
+        if name not in self.fixed:
+            if name not in self._infos:
+                return CameraSkip.NO_CALIBRATION
+            if name not in self._sensor_extrinsics:
+                return CameraSkip.NOT_FIXED
+            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name])
+            self.fixed[name] = FixedCamera(pinhole, self._parameters, self._floor)
+        known = self.fixed[name].depth.depth_m
+        if known is not None and known.shape != depth.depth_m.shape:
+            return CameraSkip.SIZE_CHANGED
+        return self.fixed[name]
+
+    def _pose_at(self, stamp_ns: int) -> Floats | None:
+        """T_odom_base at a stamp between scans; None before the first scan."""
+        if not self._path or stamp_ns < self._path[0][0]:
+            return None
+        if stamp_ns >= self._path[-1][0]:
+            return self._path[-1][1]
+        return pose_at(stamp_ns, [stamp for stamp, _ in self._path], [pose for _, pose in self._path])
+
+    def _skip(self, name: str, reason: CameraSkip | FrameSkip, with_depth: bool = False) -> None:
+        self.counters[f"skipped.image.{reason.value}"] += 1
+        if with_depth:
+            self.counters[f"skipped.depth.{reason.value}"] += 1
+        self.reasons.setdefault(name, Counter())[reason.value] += 1
+
+    def _count_use(self, name: str) -> None:
+        self.counters["used.image"] += 1
+        self.counters["used.depth"] += 1
+        self.reasons[name]["used"] += 1
+
+
+def detection_parameters(background: str) -> DetectionParameters:
+    """The parameters of a background model, by the name that the config uses."""
+    return COLOUR_ONLY if background == "colour" else COLOUR_AND_DEPTH
