@@ -1,4 +1,4 @@
-"""Whether, and when, a localization found the robot."""
+"""Success of a localization, and its time to convergence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gridslam.evaluation.pose_errors import PoseErrors
 
 @dataclass(frozen=True, slots=True)
 class Localization:
-    """`time_to_convergence_s` runs from the first pose to the first of the good ones; NaN without success."""
+    """Success, and the time from the first pose to the first pose of the successful rest; NaN without success."""
 
     success: bool
     time_to_convergence_s: float
@@ -25,10 +25,9 @@ def judge_localization(
     max_translation_m: float = 0.5,
     max_rotation_deg: float = 10.0,
 ) -> Localization:
-    """Success: from some pose on, and to the end, both errors are below their bounds.
+    """Judge a localization: it succeeds if both errors are below their bounds from some pose until the end.
 
-    `stamps_ns` `(n,)` in time order with the errors at them; `start_ns` is the stamp of the trajectory's first
-    pose.
+    `stamps_ns` `(n,)` are the ascending stamps of the errors, `start_ns` the stamp of the trajectory's first pose.
     """
     good = (errors.translation_m < max_translation_m) & (errors.rotation_deg < max_rotation_deg)
     if not len(good) or not good[-1]:

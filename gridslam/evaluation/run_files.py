@@ -14,7 +14,7 @@ from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import damage_as_value_error
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.files import read_trajectory
-from gridslam.maps.map_yaml import LARGEST_M
+from gridslam.maps.map_yaml import MAX_ORIGIN
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
@@ -120,7 +120,7 @@ def read_probability(path: Path) -> OccupancyGrid | None:
     if not (_are_numbers(values, 2) and _are_numbers(origin, 1) and _are_numbers(resolution, 0)):
         raise InputError(f"{path}: probability: expected rows and columns with a resolution; run again")
     cell_m, corner = float(resolution), origin.astype(np.float64).tolist()
-    is_sound = len(corner) == 3 and all(abs(v) <= LARGEST_M for v in corner) and 1e-4 <= cell_m <= 1e3
+    is_sound = len(corner) == 3 and all(abs(v) <= MAX_ORIGIN for v in corner) and 1e-4 <= cell_m <= 1e3
     if not is_sound or (values < 0.0).any() or (values > 1.0).any():
         raise InputError(f"{path}: probability: values, origin or resolution out of range; run again")
     x, y, yaw = corner

@@ -1,4 +1,4 @@
-"""Distances of the cells of a grid to the nearest of some of them."""
+"""Distance transform of a grid."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 
 def distances_to(cells: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Distance `(rows, cols)`, in cells, from each cell's centre to that of the nearest marked one; infinite without any.
+    """Distances `(rows, cols)` in cells from each cell's centre to that of the nearest marked cell; infinite if none is marked.
 
-    Source: Felzenszwalb and Huttenlocher 2012, as OpenCV's precise distance transform does it by itself. Intel's library, which
-    OpenCV would use for small grids or on one thread, gives other last digits by where in memory the grid lies.
+    Source: Felzenszwalb and Huttenlocher 2012, by OpenCV's own precise distance transform. Intel's library, which OpenCV would
+    use for small grids or on one thread, is switched off: its last digits depend on the grid's address in memory.
     """
     if not cells.any():
         return np.full(cells.shape, np.inf, np.float32)
-    before = cv2.ipp.useIPP()  # of this thread
+    before = cv2.ipp.useIPP()  # a setting of the thread
     cv2.ipp.setUseIPP(False)
     try:
         distance = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

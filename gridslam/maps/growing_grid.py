@@ -1,4 +1,4 @@
-"""A grid that grows with what is written into it, up to a limit."""
+"""A dense grid that grows to cover the points written into it, up to a memory limit."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _MARGIN_CELLS = 64
 
 
 class GrowingGrid:
-    """Values float64 (rows, cols, ...), zero where nothing was written; cell (0, 0) of the lattice begins at x = y = 0.
+    """Values float64 (rows, cols, ...), initially zero. The corner of lattice cell (0, 0) is at x = y = 0.
 
-    Raises MethodError when it would need more than `memory_limit_mb`, or a point is not finite: a wild pose must not eat
-    the machine.
+    Raises MethodError: the grid would need more than `memory_limit_mb`, or a point is not finite. So a wrong pose cannot exhaust
+    the memory of the machine.
     """
 
     def __init__(self, resolution_m: float, memory_limit_mb: float, channels: tuple[int, ...] = ()) -> None:
@@ -28,12 +28,12 @@ class GrowingGrid:
 
     @property
     def geometry(self) -> GridGeometry:
-        """Where the values lie."""
+        """The geometry of `values`."""
         row, col = self.corner.tolist()
         return GridGeometry(self.resolution_m, (col * self.resolution_m, row * self.resolution_m))
 
     def cells(self, points: Floats) -> NDArray[np.int64]:
-        """Places (row, col) `(n, 2)` in `values` of points `(n, 2)`; they may lie outside."""
+        """Indices (row, col) `(n, 2)` in `values` of points `(n, 2)`; they may lie outside."""
         return self.lattice(points) - self.corner
 
     def lattice(self, points: Floats) -> NDArray[np.int64]:
@@ -41,10 +41,10 @@ class GrowingGrid:
         return np.asarray(np.floor(points[:, ::-1] / self.resolution_m), dtype=np.int64)
 
     def cover(self, points: Floats, margin_cells: int = 0) -> None:
-        """Let the grid hold all points `(n, 2)` and a margin about them."""
+        """Grow the grid to cover all points `(n, 2)` and a margin around them."""
         if not len(points):
             return
-        corners = np.array([points.min(axis=0), points.max(axis=0)])  # NaN where one of the points is
+        corners = np.array([points.min(axis=0), points.max(axis=0)])  # NaN if a point is NaN
         if not np.isfinite(corners).all():
             raise MethodError("a pose or a reading is not finite: the map cannot take it in")
         self._check((corners[1] - corners[0]) / self.resolution_m)
@@ -63,9 +63,9 @@ class GrowingGrid:
         self.values, self.corner = grown, low
 
     def _check(self, size: Floats) -> None:
-        wanted_mb = 8e-6 * float(np.prod(size + 1.0)) * float(np.prod(self.values.shape[2:]))
-        if not wanted_mb <= self._limit_mb:
+        needed_mb = 8e-6 * float(np.prod(size + 1.0)) * float(np.prod(self.values.shape[2:]))
+        if not needed_mb <= self._limit_mb:
             raise MethodError(
-                f"the map would need {wanted_mb:.0f} MB, more than method.memory_limit_mb = {self._limit_mb:g}: "
-                "either the trajectory has gone astray, or raise the limit or coarsen method.resolution_m"
+                f"the map would need {needed_mb:.0f} MB, more than method.memory_limit_mb = {self._limit_mb:g}: "
+                "either the trajectory is wrong, or raise the limit or coarsen method.resolution_m"
             )

@@ -1,4 +1,4 @@
-"""The pixels of a map image as brightness levels: PGM (P2, P5), PNG and BMP."""
+"""Brightness levels of a map image in PGM (P2, P5), PNG or BMP format."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from PIL import Image
 
 from gridslam.core.errors import MapError
 
-MAX_PIXELS = 100_000_000
-"""Largest image that is read: 500 m x 500 m at 5 cm. A float32 map of that size takes 400 MB."""
+MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
 
 _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
 
@@ -33,17 +32,20 @@ class ImageLevels:
 
 
 def read_levels(path: Path) -> ImageLevels:
-    """Read an image; MapError when it is missing, damaged, of another format, empty or too large."""
+    """The levels of an image.
+
+    Raises MapError: the image is missing, damaged, of another format, empty or too large.
+    """
     try:
         if not path.is_file():
             raise MapError(f"{path}: no such image file; correct `image:` in the map's YAML")
         with warnings.catch_warnings():
-            # Pillow's own warning comes at 89 million pixels, before ours can be given.
+            # Pillow warns at 89 million pixels; the check below has a limit of its own.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
                 _check_size(path, image.size)
                 return _levels(path, image)
-    except Image.DecompressionBombError:  # Pillow's own limit is higher: it has not told the size
+    except Image.DecompressionBombError:  # beyond Pillow's own limit the size is not known
         raise MapError(
             f"{path}: too many pixels, at most {MAX_PIXELS} are read: crop the map or use coarser cells"
         ) from None
@@ -65,7 +67,7 @@ def _check_size(path: Path, size: tuple[int, int]) -> None:
 
 
 def _levels(path: Path, image: Image.Image) -> ImageLevels:
-    if image.mode.startswith("I"):  # 16-bit grey; its type differs between Pillow's releases
+    if image.mode.startswith("I"):  # 16-bit grey; its pixel type differs between Pillow's releases
         grey = np.asarray(image)
         return ImageLevels(np.clip(grey, 0, 65535).astype(np.uint16), 65535, None)
     if image.mode not in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa"):

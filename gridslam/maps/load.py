@@ -1,4 +1,4 @@
-"""Read a map of any kind; the kind is recognised by content."""
+"""Reader of maps of any format; the format is recognised by the content."""
 
 from __future__ import annotations
 
@@ -7,19 +7,22 @@ from pathlib import Path
 from gridslam.core.errors import MapError
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.maps.wean import load_wean_map, looks_like_wean_map, unpacked_head
+from gridslam.maps.wean import decompressed_head, load_wean_map, looks_like_wean_map
 
 _IMAGE_MAGIC = (b"P2", b"P5", b"\x89PNG", b"BM")
-_YAML_ENDINGS = frozenset({".yaml", ".yml"})
+_YAML_SUFFIXES = frozenset({".yaml", ".yml"})
 
 
 def load_any_map(path: str | Path) -> OccupancyGrid:
-    """The map of a map_server YAML or of Wean Hall's wean.dat(.gz). Raises MapError."""
+    """The map of a map_server YAML or of Wean Hall's wean.dat(.gz).
+
+    Raises MapError: the file is missing, damaged or of another format.
+    """
     path = Path(path)
     if path.is_dir():
         raise MapError(f"{path}: a folder; give the YAML file of the map in it")
-    if path.suffix.lower() not in _YAML_ENDINGS:
-        head = unpacked_head(path)
+    if path.suffix.lower() not in _YAML_SUFFIXES:
+        head = decompressed_head(path)
         if looks_like_wean_map(head):
             return load_wean_map(path)
         if head.startswith(_IMAGE_MAGIC):

@@ -1,9 +1,9 @@
-"""Maps as nav2's map_server keeps them: a YAML file and a grey image.
+"""Maps in the format of nav2's map_server: a YAML file and a grey image.
 
-The formulas are those of nav2_map_server's `map_io.cpp` (the releases with `>=` thresholds, in which a pixel
-that is not opaque is unknown), with these differences: the origin is written with full precision (nav2: three
-decimals); the brightness of a coloured pixel is the mean of its channels, as in the older releases; scale mode
-is written with the thresholds 1 and 0 unless told otherwise: only with those the graded values survive.
+The formulas are those of nav2_map_server's `map_io.cpp` (the releases with `>=` thresholds, in which a pixel that is not opaque
+is unknown), with these differences. The origin is written with full precision (nav2: three decimals). The brightness of a
+coloured pixel is the mean of its channels, as in the older releases. Scale mode is written with the thresholds 1 and 0 by
+default, because other thresholds do not preserve the graded values.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ ImageFormat = Literal["pgm", "png", "bmp"]
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Occupancies (0 to 1) from which a cell counts as occupied, and up to which as free."""
+    """Smallest occupancy (0 to 1) of an occupied cell, and largest of a free one.
+
+    Raises ConfigError: not 0 <= free < occupied <= 1.
+    """
 
     occupied: float
     free: float
@@ -51,13 +54,13 @@ class Thresholds:
 
 
 def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> OccupancyGrid:
-    """The map that a map_server YAML describes; probability = nav2's cell value / 100, NaN where unknown.
+    """The map of a map_server YAML; probability = nav2's cell value / 100, NaN for unknown cells.
 
-    The image's path is relative to the YAML; like nav2, absolute paths and `..` are followed, for the user
-    wrote them. With `inside_folder` (maps that came along with a log) an image elsewhere is refused.
+    The image's path is relative to the YAML. As in nav2, absolute paths and `..` are followed, unless `inside_folder` is set
+    (maps that come with a log).
 
-    Raises MapError: a file is missing or damaged, a key is missing, a value makes no sense, the image is too
-    large.
+    Raises MapError: a file is missing or damaged, a key is missing, a value is invalid, the image is too large or outside the
+    folder.
     """
     path = Path(yaml_path)
     meta = read_map_yaml(path)
@@ -65,14 +68,14 @@ def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> Occupancy
     if inside_folder and not image_path.resolve().is_relative_to(path.parent.resolve()):
         raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
     image = read_levels(image_path)
-    _warn_of_free_unknown(path, meta, image)
+    _warn_if_unknown_is_free(path, meta, image)
     cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
     probability = np.where(cells == UNKNOWN, np.float32(np.nan), cells.astype(np.float32) / np.float32(100))
     return OccupancyGrid(probability, GridGeometry(meta.resolution_m, meta.origin_xy_m, meta.origin_yaw_rad))
 
 
-def _warn_of_free_unknown(path: Path, meta: MapYaml, image: ImageLevels) -> None:
-    """Old map savers wrote free_thresh 0.25, with which their own pixel for "unknown" reads as free."""
+def _warn_if_unknown_is_free(path: Path, meta: MapYaml, image: ImageLevels) -> None:
+    """Warn if the pixel that map savers write for unknown cells reads as free, as with the free_thresh 0.25 of old savers."""
     grey = PIXEL_UNKNOWN / 255
     if meta.mode == "raw" or meta.negate or meta.free_thresh < 1.0 - grey:
         return
@@ -90,7 +93,7 @@ def _warn_of_free_unknown(path: Path, meta: MapYaml, image: ImageLevels) -> None
 def cells_of_image(
     image: ImageLevels, mode: Mode, occupied_thresh: float, free_thresh: float, negate: bool
 ) -> NDArray[np.int8]:
-    """nav2's cell values (0 to 100, -1 unknown) `(rows, cols)`, lower-left cell first, of an image."""
+    """nav2's cell values (0 to 100, -1 unknown) `(rows, cols)` of an image, the lower-left cell first."""
     brightness = np.arange(image.maximum + 1) / image.maximum
     table = _raw_cells(brightness)
     if mode != "raw":
@@ -128,13 +131,13 @@ def save_map(
     free_thresh: float | None = None,
     image_format: ImageFormat | None = None,
 ) -> Path:
-    """Write `base_path`.yaml and its image (.pgm, or .png in scale mode); returns the YAML's path.
+    """Write `base_path`.yaml and its image (.pgm, or .png in scale mode), and return the YAML's path.
 
-    In trinary mode the thresholds (default 0.65 and 0.196) sort the cells, and the YAML holds 0.65 and 0.196,
-    which fit the three pixel values; in scale mode (default 1 and 0) the YAML holds them. Each file is
-    written whole or not at all.
+    In trinary mode the thresholds (default 0.65 and 0.196) classify the cells; the YAML has 0.65 and 0.196, which belong to the
+    three pixel values. In scale mode (default 1 and 0) the YAML has the given thresholds. Each file is written whole or not at
+    all.
 
-    Raises ConfigError: thresholds out of order, or unknown cells in a scale image that has no alpha channel.
+    Raises ConfigError: thresholds out of order, an empty map, or unknown cells in a scale image without an alpha channel.
     """
     defaults = SCALE_THRESHOLDS if mode == "scale" else TRINARY_THRESHOLDS
     limits = Thresholds(
@@ -152,7 +155,10 @@ def save_map(
 
 
 def cells_of_grid(grid: OccupancyGrid) -> NDArray[np.int8]:
-    """Probabilities as nav2's cell values: whole percent, -1 where unknown. ValueError outside [0, 1]."""
+    """nav2's cell values `(rows, cols)` of a grid: whole percent, -1 for unknown cells.
+
+    Raises ValueError: a probability lies outside [0, 1].
+    """
     known = ~np.isnan(grid.probability)
     percent = np.where(known, grid.probability, 0.0) * 100.0
     if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
@@ -197,5 +203,5 @@ def _yaml_text(image_name: str, mode: Mode, geometry: GridGeometry, limits: Thre
 
 
 def _decimal(value: float) -> str:
-    """The shortest decimal that reads back as the same float64; YAML 1.1 takes the form 1e-05 for text."""
+    """The shortest decimal that reads back as the same float64, without an exponent: YAML 1.1 reads 1e-05 as text."""
     return str(np.format_float_positional(value, unique=True, trim="0"))

@@ -1,4 +1,4 @@
-"""The YAML file of a map_server map, checked key by key."""
+"""Reader of the YAML file of a map_server map; every key is checked."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gridslam.core.errors import ConfigError, MapError
 Mode = Literal["trinary", "scale", "raw"]
 
 MODES: dict[str, Mode] = {"trinary": "trinary", "scale": "scale", "raw": "raw"}
-LARGEST_M = 1e9  # of the origin: beyond it no centimetre is left in the arithmetic
+MAX_ORIGIN = 1e9  # m or rad; beyond it float64 has no centimetres
 
 
 @dataclass(frozen=True, slots=True)
 class MapYaml:
-    """What the YAML says; `origin` is the pose of the lower-left corner of the lower-left cell."""
+    """The values of the YAML file; the origin is the pose of the lower-left corner of the lower-left cell."""
 
     image: str
     mode: Mode
@@ -32,7 +32,10 @@ class MapYaml:
 
 
 def read_map_yaml(path: Path) -> MapYaml:
-    """Read and check; MapError names the file and the key."""
+    """Read and check a map's YAML file.
+
+    Raises MapError: a key is missing or a value invalid; the message names the file and the key.
+    """
     document = _read_mapping(path)
     image = _get(path, document, "image")
     if not isinstance(image, str) or not image or "\0" in image:
@@ -49,9 +52,9 @@ def read_map_yaml(path: Path) -> MapYaml:
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin: expected [x, y, yaw], got {short(origin)}")
     x, y, yaw = (_number(path, f"origin[{i}]", value) for i, value in enumerate(origin))
-    if max(abs(x), abs(y), abs(yaw)) > LARGEST_M:
+    if max(abs(x), abs(y), abs(yaw)) > MAX_ORIGIN:
         raise MapError(
-            f"{path}: origin: expected metres and radians up to {LARGEST_M:g}, got {short(origin)}"
+            f"{path}: origin: expected metres and radians up to {MAX_ORIGIN:g}, got {short(origin)}"
         )
     occupied = _number(path, "occupied_thresh", _get(path, document, "occupied_thresh"))
     free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
@@ -76,7 +79,7 @@ def _get(path: Path, document: dict[str, Any], key: str) -> Any:
 
 
 def _number(path: Path, key: str, value: Any) -> float:
-    """A finite number; text such as 1e-3, which YAML 1.1 does not take for a number, counts as well."""
+    """A finite number; text such as 1e-3, which YAML 1.1 does not read as a number, is accepted."""
     if not isinstance(value, bool) and isinstance(value, (int, float, str)):
         try:
             number = float(value)

@@ -1,4 +1,4 @@
-"""The finished map: probabilities on a regular grid."""
+"""Occupancy probabilities on a regular grid, and the geometry of grids."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class GridGeometry:
-    """Where a grid lies: `origin_xy_m` is the lower-left corner of cell (0, 0), `yaw_rad` turns the grid about it."""
+    """Cell size and pose of a grid: `origin_xy_m` is the lower-left corner of cell (0, 0), `yaw_rad` the rotation about it."""
 
     resolution_m: float
     origin_xy_m: tuple[float, float]
     yaw_rad: float = 0.0
 
     def cells(self, points_xy: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Cells `(n, 2)` as (row, col) of points `(n, 2)` in the map frame; they may lie outside the grid."""
+        """Cells (row, col) `(n, 2)` of points (x, y) `(n, 2)` in the map frame; cells may lie outside the grid."""
         local = points_xy - np.asarray(self.origin_xy_m)
         if self.yaw_rad:
             cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
@@ -25,7 +25,7 @@ class GridGeometry:
         return np.asarray(np.floor(local[..., ::-1] / self.resolution_m), dtype=np.int64)
 
     def centres(self, cells: NDArray[np.int64] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Centres `(n, 2)` as (x, y) in the map frame of cells `(n, 2)` given as (row, col); half a cell less is a corner."""
+        """Centres (x, y) `(n, 2)` in the map frame of cells (row, col) `(n, 2)`, which may be fractional: -0.5 gives a corner."""
         local = (np.asarray(cells, dtype=np.float64)[..., ::-1] + 0.5) * self.resolution_m
         if self.yaw_rad:
             cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
@@ -35,7 +35,7 @@ class GridGeometry:
 
 @dataclass(frozen=True, slots=True)
 class GridLayer:
-    """Any values `(rows, cols)` on a grid."""
+    """Values `(rows, cols)` of any kind on a grid."""
 
     values: NDArray[np.generic]
     geometry: GridGeometry
@@ -43,7 +43,7 @@ class GridLayer:
 
 @dataclass(frozen=True, slots=True)
 class OccupancyGrid:
-    """Probability of occupancy, float32 `(rows, cols)`; NaN where nothing is known."""
+    """Occupancy probabilities, float32 `(rows, cols)`; NaN in unknown cells."""
 
     probability: NDArray[np.float32]
     geometry: GridGeometry

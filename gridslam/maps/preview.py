@@ -1,4 +1,4 @@
-"""A picture of a map to look at: walls, free space, the path, and how long a metre is."""
+"""Picture of a map with walls, free space, the path and a scale bar."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 Colour: TypeAlias = tuple[int, int, int]
-Outline: TypeAlias = tuple[NDArray[np.float64], Colour, str]  # corners (k, 2) in the map frame, colour, name
+Footprint: TypeAlias = tuple[
+    NDArray[np.float64], Colour, str
+]  # corners (k, 2) in the map frame, colour, name
 Shape: TypeAlias = Callable[[ImageDraw.ImageDraw, int], None]
 
 FREE: Colour = (255, 255, 255)
@@ -30,16 +32,16 @@ PAPER: Colour = (255, 255, 255)
 
 ENLARGE_TO_PX = 1200
 SHRINK_TO_PX = 2000
-LARGEST_CELL_PX = 24
-SMALLEST_SIDE_PX = 240
+MAX_CELL_PX = 24
+MIN_SIDE_PX = 240
 MARGIN_PX = 12
 LABEL_PX = 13
-SMOOTHING = 3  # lines and dots are drawn this much larger and scaled down
+SMOOTHING = 3  # lines and dots are drawn at this multiple of the size and scaled down
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
-    """The window of cells [row0, row1) x [col0, col1) and its pixels a cell."""
+class _PictureWindow:
+    """The cells [row0, row1) x [col0, col1) of a picture, and its pixels a cell."""
 
     geometry: GridGeometry
     row0: int
@@ -64,14 +66,13 @@ def render_map(
     points: NDArray[np.float64] | None = None,
     particles: NDArray[np.float64] | None = None,
     title: str | None = None,
-    outlines: Sequence[Outline] = (),
+    footprints: Sequence[Footprint] = (),
 ) -> Image.Image:
-    """An RGB picture of the known part of the map, in the grid's axes (x to the right, y up).
+    """An RGB picture of the known part of the map in the grid's axes (x to the right, y up).
 
-    Drawn over it: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame
-    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `outlines` with their names beside them. The longer
-    side has about 600 to 2000 pixels.
-    The same input gives the same picture.
+    Drawn on top: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame
+    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. The longer
+    side has about 600 to 2000 pixels. The same input gives the same picture.
     """
     path = _finite_xy(trajectory.poses if trajectory is not None else None)
     dots, cloud = _finite_xy(points), _finite_xy(particles)
@@ -80,8 +81,8 @@ def render_map(
     line_px = max(2.5, min(4.0, max(picture.size) / 400))
     if len(cloud):
         _paint(picture, PARTICLES, _dots(view.pixels(cloud), 0.6 * line_px), opacity=0.6)
-    for corners, colour, name in outlines:
-        _draw_outline(picture, view.pixels(corners), colour, name, line_px)
+    for corners, colour, name in footprints:
+        _draw_footprint(picture, view.pixels(corners), colour, name, line_px)
     if len(path):
         _draw_path(picture, view.pixels(path), line_px)
     if len(dots):
@@ -103,30 +104,29 @@ def _grid_coordinates(geometry: GridGeometry, points_xy: NDArray[np.float64]) ->
     return np.asarray(local / geometry.resolution_m)
 
 
-def _choose_view(grid: OccupancyGrid, path: NDArray[np.float64]) -> _View:
-    """The known cells and the path's nearer part, with a margin; small maps enlarged, large ones shrunk."""
+def _choose_view(grid: OccupancyGrid, path: NDArray[np.float64]) -> _PictureWindow:
+    """The window with the known cells and the path near them, and a margin; small maps are enlarged, large ones shrunk."""
     known = ~np.isnan(grid.probability)
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     box = np.array([rows[0], rows[-1] + 1, cols[0], cols[-1] + 1]) if len(rows) else np.array([0, 1, 0, 1])
     if len(path):
         cells = _grid_coordinates(grid.geometry, path)
-        reach = 2 * max(
-            box[1] - box[0], box[3] - box[2], 50
-        )  # a path gone astray must not shrink the map to a dot
-        inside = cells[(np.abs(cells - [box[2:].mean(), box[:2].mean()]) < reach).all(axis=1)]
+        # Parts of the path far from the map are left out: they would shrink the map to a dot.
+        max_distance = 2 * max(box[1] - box[0], box[3] - box[2], 50)
+        inside = cells[(np.abs(cells - [box[2:].mean(), box[:2].mean()]) < max_distance).all(axis=1)]
         if len(inside):
             lo, hi = np.floor(inside.min(axis=0)).astype(int), np.ceil(inside.max(axis=0)).astype(int)
             box = np.array([min(box[0], lo[1]), max(box[1], hi[1]), min(box[2], lo[0]), max(box[3], hi[0])])
     side = int(max(box[1] - box[0], box[3] - box[2]))
     shrink = -(-side // SHRINK_TO_PX)
-    zoom = 1.0 / shrink if shrink > 1 else float(min(max(ENLARGE_TO_PX // side, 1), LARGEST_CELL_PX))
+    zoom = 1.0 / shrink if shrink > 1 else float(min(max(ENLARGE_TO_PX // side, 1), MAX_CELL_PX))
     margin = int(np.ceil(MARGIN_PX / zoom))
     height, width = box[1] - box[0] + 2 * margin, box[3] - box[2] + 2 * margin
-    smallest = int(np.ceil(SMALLEST_SIDE_PX / zoom))
+    smallest = int(np.ceil(MIN_SIDE_PX / zoom))
     extra_rows, extra_cols = max(smallest - height, 0), max(smallest - width, 0)
     row0, col0 = int(box[0] - margin - extra_rows // 2), int(box[2] - margin - extra_cols // 2)
     n_rows, n_cols = (-(-int(n) // shrink) * shrink for n in (height + extra_rows, width + extra_cols))
-    return _View(
+    return _PictureWindow(
         grid.geometry,
         row0,
         row0 + n_rows,
@@ -138,8 +138,8 @@ def _choose_view(grid: OccupancyGrid, path: NDArray[np.float64]) -> _View:
     )
 
 
-def _draw_cells(grid: OccupancyGrid, view: _View) -> Image.Image:
-    """Cells as colours; in a shrunk map the most occupied cell of a block stands for it (walls stay)."""
+def _draw_cells(grid: OccupancyGrid, view: _PictureWindow) -> Image.Image:
+    """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
     window = np.full((view.row1 - view.row0, view.col1 - view.col0), -1.0, np.float32)  # -1: unknown
     rows, cols = grid.probability.shape
     r0, r1 = max(view.row0, 0), min(view.row1, rows)
@@ -152,8 +152,8 @@ def _draw_cells(grid: OccupancyGrid, view: _View) -> Image.Image:
         k = round(1.0 / view.zoom)
         window = window.reshape(window.shape[0] // k, k, window.shape[1] // k, k).max(axis=(1, 3))
     steps = np.rint(np.clip(window[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
-    share = np.arange(256)[:, None] / 255.0
-    table = np.rint(np.asarray(FREE) * (1.0 - share) + np.asarray(WALL) * share).astype(np.uint8)
+    occupancy = np.arange(256)[:, None] / 255.0
+    table = np.rint(np.asarray(FREE) * (1.0 - occupancy) + np.asarray(WALL) * occupancy).astype(np.uint8)
     colours = table[steps]
     colours[window[::-1] < 0.0] = UNKNOWN
     picture = Image.fromarray(colours)
@@ -167,7 +167,7 @@ def _draw_path(picture: Image.Image, pixels: NDArray[np.float64], line_px: float
         _paint(picture, colour, _dots(end, 2.4 * line_px))
 
 
-def _draw_outline(
+def _draw_footprint(
     picture: Image.Image, pixels: NDArray[np.float64], colour: Colour, name: str, line_px: float
 ) -> None:
     closed = np.concatenate([pixels, pixels[:1]])
@@ -204,7 +204,7 @@ def _dots(pixels: NDArray[np.float64], radius_px: float) -> Shape:
 
 
 def _paint(picture: Image.Image, colour: Colour, shape: Shape, opacity: float = 1.0) -> None:
-    """Paint what `shape` draws (in white, at SMOOTHING times the size) in one colour with smooth edges."""
+    """Paint a shape in one colour with smooth edges; `shape` draws it in white at SMOOTHING times the size."""
     mask = Image.new("L", (picture.width * SMOOTHING, picture.height * SMOOTHING), 0)
     shape(ImageDraw.Draw(mask), SMOOTHING)
     small = mask.reduce(SMOOTHING)
@@ -213,8 +213,8 @@ def _paint(picture: Image.Image, colour: Colour, shape: Shape, opacity: float = 
     picture.paste(colour, (0, 0), small)
 
 
-def _frame(picture: Image.Image, view: _View, title: str | None) -> Image.Image:
-    """The picture between a heading and a strip with the scale bar and the map's size."""
+def _frame(picture: Image.Image, view: _PictureWindow, title: str | None) -> Image.Image:
+    """The picture with a heading above, and below it the scale bar and the cell size."""
     size = 16
     font = ImageFont.load_default(size)
     head = 2 * size if title else 0
@@ -235,6 +235,6 @@ def _frame(picture: Image.Image, view: _View, title: str | None) -> Image.Image:
 
 
 def _round_length(length_m: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not longer."""
+    """The largest length of 1, 2 or 5 times a power of ten that is not longer."""
     power = 10.0 ** np.floor(np.log10(length_m))
     return float(power * max(step for step in (1, 2, 5) if step * power <= length_m * (1 + 1e-9)))

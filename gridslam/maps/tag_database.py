@@ -1,4 +1,4 @@
-"""The tag database: what the user knows of the tagged objects of a place, read from YAML.
+"""Reader of the tag database: the tagged objects of a place, as a YAML file.
 
 ```yaml
 version: 1
@@ -10,8 +10,8 @@ objects:
   - id: door-1
     class: door
     outline: [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
-    hinge: [0, 0]                       # makes it a door: a leaf that turns about this point
-    closed_pose: [3.0, 1.5, 0]          # x, y, yaw in degrees in the map frame, where the hinge's place is known
+    hinge: [0, 0]                       # makes it a door: a leaf that rotates about this point
+    closed_pose: [3.0, 1.5, 0]          # x, y, yaw in degrees in the map frame, if the hinge's position is known
     tags: [{id: tag-door-1, position: [0.3, -0.02], facing_deg: -90}]
 ```
 """
@@ -29,12 +29,12 @@ from gridslam.config.errors import config_error
 from gridslam.config.yaml_file import read_yaml
 
 Point = tuple[float, float]
-LEAST_AREA_M2 = 1e-4
-LARGEST_M = 20.0
+MIN_AREA_M2 = 1e-4
+MAX_SIZE_M = 20.0
 
 
 class ObjectTag(StrictModel):
-    """A tag on an object: where it is (m) and where its normal points (degrees), in the object's own frame."""
+    """A tag on an object: its position (m) and the direction of its normal (degrees) in the object's own frame."""
 
     id: str = Field(min_length=1)
     position: Point = (0.0, 0.0)
@@ -42,7 +42,7 @@ class ObjectTag(StrictModel):
 
 
 class TaggedObject(StrictModel):
-    """An object: its class, its outline in the plane of the lidar, its tags, and a door's hinge."""
+    """An object: its class, its footprint in the plane of the lidar, its tags, and the hinge of a door."""
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
@@ -55,16 +55,16 @@ class TaggedObject(StrictModel):
 
     @property
     def is_door(self) -> bool:
-        """Whether it is a leaf on a hinge."""
+        """Whether the object is a door, which rotates about its hinge."""
         return self.hinge is not None
 
     @model_validator(mode="after")
-    def _possible(self) -> TaggedObject:
-        if abs(_signed_area(self.outline)) < LEAST_AREA_M2:
+    def _check_geometry(self) -> TaggedObject:
+        if abs(_signed_area(self.outline)) < MIN_AREA_M2:
             raise ValueError(f"object {self.id!r}: the outline has no area")
-        if max(abs(value) for point in self.outline for value in point) > LARGEST_M:
+        if max(abs(value) for point in self.outline for value in point) > MAX_SIZE_M:
             raise ValueError(
-                f"object {self.id!r}: the outline is given in metres; this one exceeds {LARGEST_M:g} m"
+                f"object {self.id!r}: the outline is given in metres; this one exceeds {MAX_SIZE_M:g} m"
             )
         if self.closed_pose is not None and self.hinge is None:
             raise ValueError(f"object {self.id!r}: closed_pose is for doors, and there is no hinge")
@@ -72,30 +72,33 @@ class TaggedObject(StrictModel):
 
 
 class TagDatabase(StrictModel):
-    """All tagged objects of a place."""
+    """The tagged objects of a place."""
 
     version: Annotated[int, Field(ge=1, le=1)] = 1
     objects: tuple[TaggedObject, ...] = ()
 
     @model_validator(mode="after")
-    def _unambiguous(self) -> TagDatabase:
-        _refuse_twice("object id", [thing.id for thing in self.objects])
-        _refuse_twice("tag id", [tag.id for thing in self.objects for tag in thing.tags])
+    def _check_ids(self) -> TagDatabase:
+        _refuse_duplicates("object id", [tagged.id for tagged in self.objects])
+        _refuse_duplicates("tag id", [tag.id for tagged in self.objects for tag in tagged.tags])
         return self
 
 
 def load_tag_database(path: Path) -> TagDatabase:
-    """The database of a YAML file; ConfigError names the file and the line or key path of what is wrong."""
+    """The database of a YAML file.
+
+    Raises ConfigError: the file is missing or invalid; the message names the line or the key.
+    """
     try:
         return TagDatabase.model_validate(read_yaml(path))
     except ValidationError as error:
         raise config_error(error, TagDatabase, str(path)) from None
 
 
-def _refuse_twice(what: str, names: list[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"the {what} {twice[0]!r} is given twice")
+def _refuse_duplicates(kind: str, names: list[str]) -> None:
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        raise ValueError(f"the {kind} {repeated[0]!r} is given twice")
 
 
 def _signed_area(outline: tuple[Point, ...]) -> float:

@@ -1,8 +1,8 @@
-"""The map of Wean Hall that came with CMU's course on robot localization: a text file of 800 x 800 numbers.
+"""Reader of the map of Wean Hall from CMU's course on robot localization: a text file of 800 x 800 numbers.
 
-Cells of 10 cm; -1 unknown, else the probability that the cell is free (1 free, 0 occupied). The file's first index
-is x and its second y, so line k of the file is column k of the grid: read the other way round the map is mirrored,
-and no pose in it explains the scans of the logs.
+Cells are 10 cm wide. A number is -1 for an unknown cell, else the probability that the cell is free (1 free, 0 occupied). The
+file's first index is x and its second y: line k of the file is column k of the grid. Read the other way round the map is
+mirrored, and no pose on it explains the scans of the logs.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from gridslam.core.errors import MapError
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 CELL_M = 0.1
-FEWEST_CELLS, MOST_CELLS = 2, 4000
+MIN_CELLS, MAX_CELLS = 2, 4000
 MAX_TEXT_BYTES = 256 << 20
 _GZIP_MAGIC = b"\x1f\x8b"
 
 
 def looks_like_wean_map(head: bytes) -> bool:
-    """Whether a file's first bytes (of the unpacked text) are numbers from -1 to 1 only, several a line."""
+    """Whether the first bytes of a file, decompressed, are lines of several numbers that are -1 or between 0 and 1."""
     words = head.split(b"\n", 1)[0].split()
     if len(head) >= 2 and not head[-1:].isspace():
         words = words[:-1] if b"\n" not in head else words
@@ -31,24 +31,24 @@ def looks_like_wean_map(head: bytes) -> bool:
         values = [float(word) for word in words]
     except ValueError:
         return False
-    return len(values) >= FEWEST_CELLS and all(v == -1.0 or 0.0 <= v <= 1.0 for v in values)
+    return len(values) >= MIN_CELLS and all(v == -1.0 or 0.0 <= v <= 1.0 for v in values)
 
 
 def load_wean_map(path: str | Path) -> OccupancyGrid:
-    """The map of wean.dat or wean.dat.gz (any size); its corner is the origin, x and y as in the course's frame.
+    """The map of wean.dat or wean.dat.gz (of any size); its corner is the origin, x and y are those of the course's frame.
 
-    Raises MapError: the file is missing, cut or not such a map; the message names the line.
+    Raises MapError: the file is missing, truncated or of another format; the message names the line.
     """
     path = Path(path)
     rows: list[list[float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
         if line.strip():
             rows.append(_row(path, number, line, len(rows[0]) if rows else None))
-        if len(rows) > MOST_CELLS:
+        if len(rows) > MAX_CELLS:
             raise MapError(
-                f"{path}:{number}: more than {MOST_CELLS} lines; expected a map of Wean Hall's kind"
+                f"{path}:{number}: more than {MAX_CELLS} lines; expected a map of Wean Hall's kind"
             )
-    if len(rows) < FEWEST_CELLS:
+    if len(rows) < MIN_CELLS:
         raise MapError(f"{path}: no map in it; expected lines of -1 (unknown) and 0 (occupied) to 1 (free)")
     free_by_xy = np.array(rows)
     probability = np.where(free_by_xy < 0.0, np.nan, 1.0 - free_by_xy).T
@@ -57,8 +57,8 @@ def load_wean_map(path: str | Path) -> OccupancyGrid:
     )
 
 
-def unpacked_head(path: Path, size: int = 4096) -> bytes:
-    """The first bytes of a file, unpacked if it is gzipped; empty where it cannot be read."""
+def decompressed_head(path: Path, size: int = 4096) -> bytes:
+    """The first bytes of a file, decompressed if it is gzipped; empty if it cannot be read."""
     try:
         with path.open("rb") as stream:
             packed = stream.read(2) == _GZIP_MAGIC
@@ -93,8 +93,8 @@ def _row(path: Path, number: int, line: str, width: int | None) -> list[float]:
         values = [float(word) for word in line.split()]
     except ValueError as error:
         raise MapError(f"{path}:{number}: {error}; expected numbers from -1 to 1") from None
-    if len(values) > MOST_CELLS or (width is not None and len(values) != width):
-        expected = f"{width} as in the first line" if width is not None else f"at most {MOST_CELLS}"
+    if len(values) > MAX_CELLS or (width is not None and len(values) != width):
+        expected = f"{width} as in the first line" if width is not None else f"at most {MAX_CELLS}"
         raise MapError(f"{path}:{number}: {len(values)} numbers; expected {expected} (is the file cut?)")
     if not all(v == -1.0 or 0.0 <= v <= 1.0 for v in values):
         raise MapError(f"{path}:{number}: a number is neither -1 nor between 0 and 1")

@@ -20,7 +20,7 @@ def brute_force(probability: np.ndarray, occupied_from: float) -> np.ndarray:
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 40), st.integers(1, 40), st.floats(0.2, 0.9))
-def test_it_is_the_distance_to_the_nearest_of_all_walls(
+def test_distances_equal_the_smallest_over_all_walls(
     seed: int, rows: int, cols: int, occupied_from: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -41,7 +41,7 @@ def test_a_long_map_has_exact_distances_too() -> None:
     assert field.values[2, 2999] == pytest.approx(0.05 * np.hypot(2, 2999), rel=1e-6)
 
 
-def test_distances_are_cut_off_and_infinite_without_walls() -> None:
+def test_distances_are_bounded_and_infinite_without_walls() -> None:
     empty = OccupancyGrid(np.zeros((2, 3), np.float32), GEOMETRY)
     assert np.isinf(distance_to_occupied(empty).values).all()
     assert distance_to_occupied(empty, max_distance_m=0.5).values.tolist() == [[0.5] * 3] * 2

@@ -49,7 +49,7 @@ def grey_ramp() -> Image.Image:
 
 
 def cell_by_map_server(level: int, mode: str, negate: bool, occupied: float, free: float) -> int:
-    """nav2's rule for one grey pixel, as its documentation tells it."""
+    """nav2's rule for one grey pixel, from its documentation."""
     if mode == "raw":
         return level if level <= 100 else UNKNOWN
     occupancy = level / 255 if negate else 1 - level / 255
@@ -66,7 +66,7 @@ def cell_by_map_server(level: int, mode: str, negate: bool, occupied: float, fre
 @pytest.mark.parametrize("negate", [0, 1])
 @pytest.mark.parametrize("kind", ["pgm", "png", "bmp"])
 @pytest.mark.parametrize("thresholds", [(0.65, 0.196), (0.9, 0.25), (1.0, 0.0)])
-def test_every_grey_level_is_read_as_map_server_reads_it(
+def test_every_grey_level_has_the_value_of_map_server(
     tmp_path: Path, mode: str, negate: int, kind: str, thresholds: tuple[float, float]
 ) -> None:
     grid = load_map(write_map(tmp_path, grey_ramp(), mode, negate, kind, thresholds))
@@ -74,7 +74,7 @@ def test_every_grey_level_is_read_as_map_server_reads_it(
     assert cells_of_grid(grid)[0].tolist() == expected
 
 
-def test_the_three_pixels_of_map_savers_are_occupied_free_and_unknown(tmp_path: Path) -> None:
+def test_pixels_0_254_and_205_are_occupied_free_and_unknown(tmp_path: Path) -> None:
     pixels = Image.fromarray(np.array([[0, 254, 205]], np.uint8))
     assert cells_of_grid(load_map(write_map(tmp_path, pixels))).tolist() == [[100, 0, UNKNOWN]]
 
@@ -105,7 +105,7 @@ def test_16_bit_grey_is_read_at_its_full_depth(tmp_path: Path) -> None:
         assert cells_of_grid(load_map(path)).tolist() == [[100, 0, 100, UNKNOWN]]
 
 
-def test_a_palette_and_colours_count_by_their_brightness(tmp_path: Path) -> None:
+def test_colours_and_palettes_are_read_by_their_brightness(tmp_path: Path) -> None:
     palette = Image.fromarray(np.array([[0, 1, 2]], np.uint8), mode="L").convert("P")
     palette.putpalette([0, 0, 0, 255, 255, 255, 205, 205, 205] + [0] * 759)
     assert cells_of_grid(load_map(write_map(tmp_path, palette))).tolist() == [[100, 0, UNKNOWN]]
@@ -149,7 +149,7 @@ def test_a_graded_map_saved_in_scale_mode_reads_back_the_same(
 
 @settings(max_examples=60, deadline=None)
 @given(grids, st.sampled_from(["pgm", "png", "bmp"]))
-def test_a_map_saved_in_trinary_mode_reads_back_sorted_by_the_thresholds(
+def test_a_map_saved_in_trinary_mode_reads_back_classified_by_the_thresholds(
     tmp_path_factory: pytest.TempPathFactory, grid: OccupancyGrid, kind: str
 ) -> None:
     read = load_map(save_map(grid, tmp_path_factory.mktemp("m") / "map", image_format=kind))
@@ -161,7 +161,7 @@ def test_a_map_saved_in_trinary_mode_reads_back_sorted_by_the_thresholds(
     assert np.array_equal(again.probability, read.probability, equal_nan=True)
 
 
-def test_saving_leaves_two_files_and_the_pixels_of_map_savers(tmp_path: Path) -> None:
+def test_saving_writes_two_files_with_the_pixels_of_map_savers(tmp_path: Path) -> None:
     grid = OccupancyGrid(np.array([[1.0, 0.0, np.nan]], np.float32), GridGeometry(0.05, (0.1, 1e-7)))
     yaml_path = save_map(grid, tmp_path / "floor.2")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["floor.2.pgm", "floor.2.yaml"]
@@ -183,7 +183,7 @@ def test_thresholds_out_of_order_are_refused(tmp_path: Path, occupied: float, fr
 
 
 @pytest.mark.parametrize("image", ["../map.png", "{absolute}"])
-def test_the_image_may_lie_elsewhere_unless_it_must_be_inside(tmp_path: Path, image: str) -> None:
+def test_an_image_outside_the_folder_is_refused_with_inside_folder(tmp_path: Path, image: str) -> None:
     (tmp_path / "sub").mkdir()
     text = write_map(tmp_path, grey_ramp()).read_text()
     path = tmp_path / "sub" / "map.yaml"
@@ -228,7 +228,7 @@ def test_a_wrong_yaml_is_a_map_error_that_names_the_key(
     assert says in str(error.value)
 
 
-def test_aliases_that_stand_for_gigabytes_are_a_short_message(tmp_path: Path) -> None:
+def test_yaml_aliases_that_expand_to_gigabytes_give_a_short_message(tmp_path: Path) -> None:
     path = write_map(tmp_path, grey_ramp())
     laughs = "a0: &a0 [0, 0, 0, 0]\n"
     for i in range(1, 30):
@@ -263,7 +263,7 @@ def test_flipped_bytes_give_a_map_or_a_map_error(tmp_path: Path) -> None:
                 assert f"map.{kind}" in str(error)
 
 
-def test_an_image_that_unpacks_to_gigabytes_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+def test_an_image_that_decompresses_to_gigabytes_is_refused_before_decompression(tmp_path: Path) -> None:
     def chunk(name: bytes, body: bytes) -> bytes:
         return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
@@ -280,7 +280,7 @@ def test_the_limit_counts_pixels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         load_map(write_map(tmp_path, grey_ramp()))
 
 
-def test_a_threshold_that_turns_unknown_into_free_is_told(
+def test_a_threshold_that_turns_unknown_into_free_is_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     pixels = Image.fromarray(np.array([[205, 205, 254]], np.uint8))
@@ -293,7 +293,7 @@ def test_a_threshold_that_turns_unknown_into_free_is_told(
 @pytest.mark.parametrize(
     "name", ["maps/depot", "maps/tb3_sandbox", "maps/turtlebot3_world", "maps/warehouse"]
 )
-def test_public_maps_read_as_a_pixel_by_pixel_reader_reads_them(data_dir: Path, name: str) -> None:
+def test_public_maps_equal_a_pixel_by_pixel_reader(data_dir: Path, name: str) -> None:
     path = data_dir / f"{name}.yaml"
     keys = dict(line.split(":", 1) for line in path.read_text().splitlines() if ":" in line)
     occupied, free = float(keys["occupied_thresh"]), float(keys["free_thresh"])

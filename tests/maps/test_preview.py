@@ -28,7 +28,7 @@ def centre_of(pixels: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
     return np.array([cols.mean(), rows.mean()])
 
 
-def test_up_in_the_map_is_up_in_the_picture_and_the_path_lies_on_its_cells() -> None:
+def test_y_points_up_in_the_picture_and_the_path_lies_on_its_cells() -> None:
     pixels = np.asarray(render_map(room(), path((-0.5, -1.0), (2.5, 1.0))))
     start, end = centre_of(pixels, START), centre_of(pixels, END)
     assert start[0] < end[0]
@@ -49,13 +49,13 @@ def test_the_same_input_gives_the_same_picture() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5000), (4500, 3), (0, 0)])
-def test_any_shape_gives_a_picture_of_bearable_size(shape: tuple[int, int]) -> None:
+def test_maps_of_any_shape_give_a_picture_of_limited_size(shape: tuple[int, int]) -> None:
     grid = OccupancyGrid(np.ones(shape, np.float32), GridGeometry(0.05, (0.0, 0.0)))
     picture = render_map(grid, path((0.0, 0.0)))
     assert 200 <= max(picture.size) <= 2200
 
 
-def test_thin_walls_survive_when_a_large_map_is_shrunk() -> None:
+def test_thin_walls_remain_when_a_large_map_is_shrunk() -> None:
     cells = np.zeros((5000, 5000), np.float32)
     cells[:, 2501] = 1.0
     pixels = np.asarray(render_map(OccupancyGrid(cells, GridGeometry(0.05, (0.0, 0.0)))))
@@ -63,7 +63,7 @@ def test_thin_walls_survive_when_a_large_map_is_shrunk() -> None:
     assert (middle == WALL).all(axis=-1).any()
 
 
-def test_a_path_gone_astray_or_not_finite_does_not_spoil_the_picture() -> None:
+def test_a_path_far_outside_or_not_finite_does_not_change_the_window() -> None:
     astray = path((0.0, 0.0), (1.0, 0.0), (1e9, 1e9), (np.nan, 0.0))
     assert max(render_map(room(), astray).size) <= 2200
 
@@ -73,10 +73,10 @@ def test_an_unknown_map_gives_a_picture_too() -> None:
     assert render_map(grid, particles=np.zeros((3, 3)), points=np.ones((2, 2))).size[0] >= 200
 
 
-def test_outlines_are_drawn_in_their_colour_where_they_are() -> None:
+def test_footprints_are_drawn_in_their_colour_at_their_positions() -> None:
     square = np.array([[0.0, 0.0], [0.6, 0.0], [0.6, 0.6], [0.0, 0.6]])
     colour = (30, 110, 200)
-    pixels = np.asarray(render_map(room(), outlines=[(square, colour, "")])).astype(int)
+    pixels = np.asarray(render_map(room(), footprints=[(square, colour, "")])).astype(int)
     changed = np.abs(pixels - np.asarray(render_map(room())).astype(int)).sum(axis=-1) > 0
     rows, cols = np.nonzero(changed)
     plain = np.asarray(render_map(room(), points=np.array([[0.3, 0.3]]))).astype(int)

@@ -49,7 +49,7 @@ def test_boxes_and_doors_with_several_tags_are_read(tmp_path: Path) -> None:
         (BIN.replace("0.2, 0]", ".nan, 0]"), "finite"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, complaint: str) -> None:
+def test_an_invalid_entry_is_named(tmp_path: Path, text: str, complaint: str) -> None:
     with pytest.raises(ConfigError, match=complaint):
         load_tag_database(written(tmp_path, text))
 

@@ -16,7 +16,7 @@ TEXT = "-1 1 0\n0.25 -1 -1\n"
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_lines_are_columns_and_numbers_the_chance_of_being_free(tmp_path: Path, packed: bool) -> None:
+def test_lines_are_columns_and_numbers_are_probabilities_of_free(tmp_path: Path, packed: bool) -> None:
     path = tmp_path / "m"
     path.write_bytes(gzip.compress(TEXT.encode()) if packed else TEXT.encode())
     grid = load_wean_map(path)

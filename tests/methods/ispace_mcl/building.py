@@ -1,4 +1,4 @@
-"""A small building that looks different from everywhere, and what a robot in it would record."""
+"""A small building without alike places, and the log of a robot in it."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def building() -> OccupancyGrid:
     return OccupancyGrid(np.where(occupied, 0.95, 0.05).astype(np.float32), GridGeometry(STEP_M, (-3.0, 2.0)))
 
 
-def drive(way_points: Sequence[tuple[float, float]], step_m: float = 0.1) -> np.ndarray:
-    """Poses `(n, 3)` along straight lines through the way points, turning on the spot in steps of 0.15 rad."""
+def drive(waypoints: Sequence[tuple[float, float]], step_m: float = 0.1) -> np.ndarray:
+    """Poses `(n, 3)` along straight lines through the waypoints, with rotations on the spot in steps of 0.15 rad."""
     poses: list[np.ndarray] = []
     heading = None
-    for start, goal in pairwise(way_points):
+    for start, goal in pairwise(waypoints):
         off = np.subtract(goal, start)
         towards = math.atan2(off[1], off[0])
         if heading is not None:
-            turn = float(se2.wrap_angle(towards - heading))
-            steps = max(int(abs(turn) / 0.15), 1)
-            poses += [np.array([*start, heading + turn * k / steps]) for k in range(1, steps)]
+            rotation = float(se2.wrap_angle(towards - heading))
+            steps = max(int(abs(rotation) / 0.15), 1)
+            poses += [np.array([*start, heading + rotation * k / steps]) for k in range(1, steps)]
         length = float(np.hypot(*off))
         steps = int(length / step_m)
         poses += [np.array([*(np.asarray(start) + off * k / steps), towards]) for k in range(steps)]
@@ -56,7 +56,7 @@ def record(grid: OccupancyGrid, path: np.ndarray, seed: int, drift: float = 0.02
     events: list[Event] = [
         Transform(0, "base_link", "laser", (LIDAR[0], LIDAR[1], 0.3), (1.0, 0.0, 0.0, 0.0), True)
     ]
-    odometry = np.array([4.0, -2.0, 1.0])  # its frame has nothing to do with the map's
+    odometry = np.array([4.0, -2.0, 1.0])  # its frame is independent of the map's
     for k, pose in enumerate(path):
         if k:
             step = se2.between(path[k - 1], pose)
@@ -85,7 +85,7 @@ def scan_at(grid: OccupancyGrid, occupied: np.ndarray, pose: np.ndarray) -> np.n
     return np.array([STEP_M * cast_cell_by_cell(occupied, *cells, a, 120.0)[0] for a in angles])
 
 
-WAY_POINTS = [
+WAYPOINTS = [
     (-2.0, 3.8),
     (-0.5, 3.8),
     (-0.5, 6.5),
@@ -96,4 +96,4 @@ WAY_POINTS = [
     (5.8, 6.4),
     (4.5, 8.0),
 ]
-ROUND_TRIP = drive(WAY_POINTS)
+ROUND_TRIP = drive(WAYPOINTS)
