@@ -9,7 +9,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled_parallel
-from gridslam.kernels.raycast import cast
+from gridslam.kernels.raycast import Ray, cast
 
 
 class RangeTable(NamedTuple):
@@ -57,7 +57,7 @@ def sum_over_ranges(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            expected = cast(squares, x, y, dx, dy, beams.max_range)
+            expected = cast(squares, Ray(x, y, dx, dy), beams.max_range)
             column = min(int(expected / table.cells_per_bin + 0.5), last)
             total += log_probability[beams.bins[k], column]
         sums[i] = total

@@ -41,7 +41,16 @@ def start_traversal(x0: float, y0: float, x1: float, y1: float) -> Traversal:
     per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
     next_col = ((col + 1 - x0) if dx > 0 else (x0 - col)) * per_col if dx != 0.0 else np.inf
     next_row = ((row + 1 - y0) if dy > 0 else (y0 - row)) * per_row if dy != 0.0 else np.inf
-    return Traversal(row, col, step_row, step_col, next_row, next_col, per_row, per_col)
+    return Traversal(
+        row=row,
+        col=col,
+        step_row=step_row,
+        step_col=step_col,
+        next_row=next_row,
+        next_col=next_col,
+        per_row=per_row,
+        per_col=per_col,
+    )
 
 
 @compiled
@@ -53,24 +62,20 @@ def steps_to(traversal: Traversal, end_row: int, end_col: int) -> int:
 @compiled
 def advance(t: Traversal) -> Traversal:
     """The traversal in the next cell of the line; through a corner it takes the row first."""
-    if t.next_col < t.next_row:
-        return Traversal(
-            t.row,
-            t.col + t.step_col,
-            t.step_row,
-            t.step_col,
-            t.next_row,
-            t.next_col + t.per_col,
-            t.per_row,
-            t.per_col,
-        )
+    row, col, next_row, next_col = t.row, t.col, t.next_row, t.next_col
+    if next_col < next_row:
+        col += t.step_col
+        next_col += t.per_col
+    else:
+        row += t.step_row
+        next_row += t.per_row
     return Traversal(
-        t.row + t.step_row,
-        t.col,
-        t.step_row,
-        t.step_col,
-        t.next_row + t.per_row,
-        t.next_col,
-        t.per_row,
-        t.per_col,
+        row=row,
+        col=col,
+        step_row=t.step_row,
+        step_col=t.step_col,
+        next_row=next_row,
+        next_col=next_col,
+        per_row=t.per_row,
+        per_col=t.per_col,
     )

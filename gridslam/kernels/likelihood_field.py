@@ -14,7 +14,7 @@ from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
-from gridslam.kernels.raycast import cast
+from gridslam.kernels.raycast import Ray, cast
 
 
 class VisibilityMap(NamedTuple):
@@ -89,15 +89,16 @@ def sum_over_offsets(
 
 
 @compiled
-def _is_blocked(walls: VisibilityMap, x: float, y: float, dx: float, dy: float, aside: float) -> bool:
-    """Whether a wall blocks the line from (x, y) by (dx, dy) with its endpoint moved aside, up to the tolerance before it."""
+def _is_blocked(walls: VisibilityMap, line: Ray, aside: float) -> bool:
+    """Whether a wall blocks a line from (x, y) by (dx, dy) with its endpoint moved aside, up to the tolerance before it."""
+    x, y, dx, dy = line
     length = np.sqrt(dx * dx + dy * dy)
     if length <= walls.tolerance:
         return False
     dx, dy = dx - aside * dy / length, dy + aside * dx / length
     moved = np.sqrt(dx * dx + dy * dy)
     free = length - walls.tolerance
-    return bool(cast(walls.squares, x, y, dx / moved, dy / moved, free) < free)
+    return bool(cast(walls.squares, Ray(x, y, dx / moved, dy / moved), free) < free)
 
 
 @compiled_parallel
@@ -126,10 +127,11 @@ def sum_over_beams(
             if value != table[255]:
                 x0 = poses[i, 0] + c * origins[k, 0] - s * origins[k, 1]
                 y0 = poses[i, 1] + s * origins[k, 0] + c * origins[k, 1]
+                line = Ray(x0, y0, x - x0, y - y0)
                 if (
-                    _is_blocked(walls, x0, y0, x - x0, y - y0, 0.0)
-                    and _is_blocked(walls, x0, y0, x - x0, y - y0, walls.slack)
-                    and _is_blocked(walls, x0, y0, x - x0, y - y0, -walls.slack)
+                    _is_blocked(walls, line, 0.0)
+                    and _is_blocked(walls, line, walls.slack)
+                    and _is_blocked(walls, line, -walls.slack)
                 ):
                     value = table[255]
             total += value

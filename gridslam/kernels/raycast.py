@@ -8,6 +8,8 @@ traversal.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
@@ -17,6 +19,15 @@ from gridslam.kernels.compiled import compiled, compiled_parallel
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 _NEVER = 1e300
 _LARGEST = 255
+
+
+class Ray(NamedTuple):
+    """A ray in a grid, in cells from its lower-left corner: origin (x, y) and unit direction (dx, dy)."""
+
+    x: float
+    y: float
+    dx: float
+    dy: float
 
 
 @compiled
@@ -48,12 +59,13 @@ def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 @compiled
-def cast(squares: NDArray[np.uint8], x: float, y: float, dx: float, dy: float, max_range: float) -> float:
-    """Range (cells) from (x, y) along the unit vector (dx, dy) to the first occupied cell; `max_range` if none is nearer.
+def cast(squares: NDArray[np.uint8], ray: Ray, max_range: float) -> float:
+    """Range (cells) along a ray to the first occupied cell; `max_range` if none is nearer.
 
-    Coordinates are in cells from the grid's lower-left corner. A ray that starts in an occupied cell has range 0. A ray that
+    A ray that starts in an occupied cell has range 0. A ray that
     leaves the grid, or starts outside of it, hits nothing.
     """
+    x, y, dx, dy = ray
     _, rows, cols = squares.shape
     col, row = int(np.floor(x)), int(np.floor(y))
     if not (0 <= col < cols and 0 <= row < rows):
@@ -100,5 +112,5 @@ def cast_rays(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            ranges[i, k] = cast(squares, poses[i, 0], poses[i, 1], dx, dy, max_range)
+            ranges[i, k] = cast(squares, Ray(poses[i, 0], poses[i, 1], dx, dy), max_range)
     return ranges

@@ -140,7 +140,16 @@ def _cast_static(
     per_col = size / abs(dx) if abs(dx) > _PARALLEL else _NEVER
     next_row = (y0 + (row + (dy > 0)) * size - oy) / dy if abs(dy) > _PARALLEL else _NEVER
     next_col = (x0 + (col + (dx > 0)) * size - ox) / dx if abs(dx) > _PARALLEL else _NEVER
-    line = Traversal(row, col, step_row, step_col, next_row, next_col, per_row, per_col)
+    line = Traversal(
+        row=row,
+        col=col,
+        step_row=step_row,
+        step_col=step_col,
+        next_row=next_row,
+        next_col=next_col,
+        per_row=per_row,
+        per_col=per_col,
+    )
     while 0 <= line.row < rows and 0 <= line.col < cols:
         cell = line.row * cols + line.col
         for k in range(starts[cell], starts[cell + 1]):

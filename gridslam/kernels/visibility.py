@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.raycast import cast
+from gridslam.kernels.raycast import Ray, cast
 
 ZERO = 1e-9  # shorter rays have no direction
 MAX_COUNT = 60000  # fits uint16
@@ -61,7 +61,7 @@ def visible_faces(
                 continue
             if (
                 distance < ZERO
-                or cast(squares, x, y, dx / distance, dy / distance, distance) >= distance - 0.5
+                or cast(squares, Ray(x, y, dx / distance, dy / distance), distance) >= distance - 0.5
             ):
                 seen[i, owners[k]] = True
     return seen

@@ -60,7 +60,16 @@ def read_map_yaml(path: Path) -> MapYaml:
     free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
     if not free < occupied:
         raise MapError(f"{path}: free_thresh {free:g} is not below occupied_thresh {occupied:g}")
-    return MapYaml(image, MODES[mode], resolution, (x, y), yaw, _negate(path, document), occupied, free)
+    return MapYaml(
+        image=image,
+        mode=MODES[mode],
+        resolution_m=resolution,
+        origin_xy_m=(x, y),
+        origin_yaw_rad=yaw,
+        negate=_negate(path, document),
+        occupied_thresh=occupied,
+        free_thresh=free,
+    )
 
 
 def _read_mapping(path: Path) -> dict[str, Any]:

@@ -127,14 +127,14 @@ def _choose_view(grid: OccupancyGrid, path: NDArray[np.float64]) -> _PictureWind
     row0, col0 = int(box[0] - margin - extra_rows // 2), int(box[2] - margin - extra_cols // 2)
     n_rows, n_cols = (-(-int(n) // shrink) * shrink for n in (height + extra_rows, width + extra_cols))
     return _PictureWindow(
-        grid.geometry,
-        row0,
-        row0 + n_rows,
-        col0,
-        col0 + n_cols,
-        zoom,
-        round(n_cols * zoom),
-        round(n_rows * zoom),
+        geometry=grid.geometry,
+        row0=row0,
+        row1=row0 + n_rows,
+        col0=col0,
+        col1=col0 + n_cols,
+        zoom=zoom,
+        width_px=round(n_cols * zoom),
+        height_px=round(n_rows * zoom),
     )
 
 

@@ -52,7 +52,9 @@ def round_rows() -> Iterator[Row]:
     grid = load_map(REPOSITORY / "sample_logs" / "ispace-mcl.truth" / "map.yaml")
     rng = np.random.default_rng(0)
     poses = draw_free_poses(free_cells(grid, 0.3), grid, PARTICLES, rng)
-    noise = OdometryNoise(0.1, 0.01, 0.03, 0.005, 0.05, 3.0)
+    noise = OdometryNoise(
+        alpha1=0.1, alpha2=0.01, alpha3=0.03, alpha4=0.005, wild_share=0.05, wild_factor=3.0
+    )
     step = np.array([0.2, 0.0, 0.02])
     yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
     occupied = occupied_cells(grid, 0.65)

@@ -11,7 +11,7 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawn_likelihood import MAX_DISTANCE_SIGMAS, OUTLIER_FRACTION
 from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table
-from gridslam.sensors.pose_search import PoseSearch, SearchSettings
+from gridslam.sensors.pose_search import PoseSearch, PoseSearchSettings
 from gridslam.sensors.range_caster import range_caster
 
 Floats = NDArray[np.float64]
@@ -64,19 +64,19 @@ def _hypotheses_at(scale: float, drawn: DrawnMap, points: Floats, sigma_m: float
     """The best states `(k, 5)` at one scale of the drawing."""
     sigma = sigma_m * scale
     field = distance_field(drawn.walls, drawn.geometry, MAX_DISTANCE_SIGMAS * sigma)
-    settings = SearchSettings(
+    settings = PoseSearchSettings(
         spacing_m=SPACING_M * scale,
         headings=HEADINGS,
         sigma_m=sigma,
         points=COARSE_POINTS,
-        most_poses=MAX_POSES,
+        max_poses=MAX_POSES,
         refined=REFINED_POSES,
         hypotheses=HYPOTHESES,
-        apart_m=SAME_POSE_M * scale,
-        apart_rad=SAME_POSE_RAD,
+        bin_m=SAME_POSE_M * scale,
+        bin_rad=SAME_POSE_RAD,
     )
     table = log_likelihood_table(field, sigma, OUTLIER_FRACTION)
-    found = PoseSearch(field, drawn.free, settings).best(points * scale, table)
+    found = PoseSearch(field, drawn.free, settings).search(points * scale, table)
     return np.column_stack([found.poses, np.full((len(found.poses), 2), np.log(scale))])
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.errors import ConfigError
 from gridslam.core.stopwatch import Stopwatch
-from gridslam.filters.free_space import draw_free_poses, free_cells
+from gridslam.filters.free_space import free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster, moments
 from gridslam.filters.resampling import AdaptiveSize, resample, systematic_resampling
 from gridslam.maps.occupancy import OccupancyGrid
@@ -31,6 +30,7 @@ from gridslam.methods.ispace_mcl.environment import (
     all_moving,
     sample_proposals,
 )
+from gridslam.methods.ispace_mcl.initial_particles import initial_particles
 from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, TrackedPose
 from gridslam.methods.ispace_mcl.search_schedule import SearchSchedule
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
@@ -81,8 +81,7 @@ class Localizer:
         advanced = config.advanced
         self._config = config
         self._rng = rng
-        self._occupancy = occupancy
-        self._free = free_cells(occupancy, advanced.free_threshold)
+        free = free_cells(occupancy, advanced.free_threshold)
         occupied = occupied_cells(occupancy, advanced.occupied_threshold)
         field = distance_field(occupied, occupancy.geometry, FIELD_MAX_DISTANCE_M)
         caster = range_caster(occupied, occupancy.geometry)
@@ -94,7 +93,7 @@ class Localizer:
         self._window = ScanWindow()
         self._relocalizer: Relocalizer | None = None
         if config.search.enabled:
-            self._relocalizer = Relocalizer(PoseSearch(field, self._free, SEARCH), visibility)
+            self._relocalizer = Relocalizer(PoseSearch(field, free, SEARCH), visibility)
         self._noise = OdometryNoise(
             **config.motion.model_dump(), wild_share=advanced.slip_fraction, wild_factor=SLIP_NOISE_FACTOR
         )
@@ -106,7 +105,7 @@ class Localizer:
             bin_m=KLD_BIN_M,
             bin_rad=KLD_BIN_RAD,
         )
-        self.particles = self._initial_particles()
+        self.particles = initial_particles(config, free, occupancy, rng)
         self._is_initialised = config.start is not None
         self._schedule = SearchSchedule(has_start=self._is_initialised)
         self._agreement = 0.0  # running mean of the cameras' log-likelihood of the belief
@@ -229,17 +228,6 @@ class Localizer:
     def _cluster(self) -> Belief:
         return main_cluster(self.particles, CLUSTER_M, CLUSTER_RAD)
 
-    def _initial_particles(self) -> Particles:
-        config = self._config
-        count = config.particles.max
-        if config.start is None:
-            return Particles.even(draw_free_poses(self._free, self._occupancy, count, self._rng))
-        _check_start(config.start, self._occupancy)
-        noise = self._rng.standard_normal((count, 3)) * config.start_std
-        poses = np.asarray(config.start) + noise
-        poses[:, 2] = se2.wrap_angle(poses[:, 2])
-        return Particles.even(poses)
-
     def _search_map(self, belief: Belief | None, observations: Sequence[CameraObservation]) -> bool:
         """Search the map; returns whether the particles have changed. `belief` is the tracked pose, None if there is none yet."""
         if self._relocalizer is None:
@@ -263,16 +251,3 @@ class Localizer:
         self._schedule.prior_log_odds = 0.0
         self.counters["injections"] += 1
         return True
-
-
-def _check_start(start: tuple[float, float, float], occupancy: OccupancyGrid) -> None:
-    """Raises ConfigError for a start off the map, where no scan could correct the filter."""
-    shape = occupancy.probability.shape
-    limit = occupancy.geometry.resolution_m * 2.0**31  # no grid has more cells: no cast may overflow
-    cell = occupancy.geometry.cells(np.clip(np.array([start[:2]]), -limit, limit))[0]
-    if not ((cell >= 0) & (cell < shape)).all():
-        corner, far = occupancy.geometry.centres(np.array([[0, 0], [shape[0] - 1, shape[1] - 1]]))
-        raise ConfigError(
-            f"method.start: ({start[0]:g}, {start[1]:g}) lies off the map, which extends from "
-            f"({corner[0]:.2f}, {corner[1]:.2f}) to ({far[0]:.2f}, {far[1]:.2f}) m"
-        )

@@ -67,5 +67,9 @@ def _draw_path(sheet: Pixels, occupancy: OccupancyGrid, path: Trajectory, scale:
         return
     cells = occupancy.geometry.cells(path.poses[:, :2])
     points = (cells[:, ::-1] * scale + scale // 2).astype(np.int32)
-    cv2.polylines(sheet, [points.reshape(-1, 1, 2)], False, _PATH, max(scale // 3, 1), cv2.LINE_AA)
-    cv2.circle(sheet, tuple(points[0].tolist()), scale + 1, _START, -1, cv2.LINE_AA)
+    cv2.polylines(
+        sheet, [points.reshape(-1, 1, 2)], False, _PATH, thickness=max(scale // 3, 1), lineType=cv2.LINE_AA
+    )
+    cv2.circle(
+        sheet, tuple(points[0].tolist()), scale + 1, _START, thickness=cv2.FILLED, lineType=cv2.LINE_AA
+    )
