@@ -77,7 +77,9 @@ def log_of(map_path: Path, number: int) -> Path:
     return log
 
 
-def world_of(map_path: Path, grid: OccupancyGrid, max_range_m: float, length_m: float, number: int) -> WorldConfig:
+def world_of(
+    map_path: Path, grid: OccupancyGrid, max_range_m: float, length_m: float, number: int
+) -> WorldConfig:
     """The place with a start and a route that the number determines."""
     rng = np.random.default_rng([number, len(map_path.stem)])
     route = route_through(grid, length_m, rng)

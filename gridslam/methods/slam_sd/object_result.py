@@ -54,7 +54,7 @@ def result_of(
     """The result of the objects that were found, for the final poses `(k, 3)` of the key scans."""
     drawn = list(_drawn_footprints(objects, path))
     composed = compose_map(static, [corners for corners, _, _ in drawn])
-    picture = np.asarray(render_map(static, trajectory, outlines=drawn))
+    picture = np.asarray(render_map(static, trajectory, footprints=drawn))
     return ObjectResult(
         maps={"static": static, "composed": composed},
         tables={
