@@ -17,13 +17,13 @@ MapArgument = Annotated[
 PictureOutput = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="PNG", help="Draw the measured curves and the fit.")
 ]
-FitSeed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the start cells and directions.")]
-Samples = Annotated[int, typer.Option("--samples", min=1, max=100_000_000, help="How many walks to take.")]
+FitSeed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random start cells and directions.")]
+Samples = Annotated[int, typer.Option("--samples", min=1, max=100_000_000, help="Number of random walks.")]
 OccupiedFrom = Annotated[
     float,
     typer.Option("--occupied-from", metavar="P", min=0.0, max=1.0, help="Cells above this are occupied."),
 ]
-Replace = Annotated[bool, typer.Option("--force", help="Replace the picture that is there.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace an existing picture.")]
 
 
 def run(
@@ -55,7 +55,7 @@ def run(
         "standard_error": fit.standard_error if math.isfinite(fit.standard_error) else None,
         "r0_at_5cm": fit.r0_at_5cm,
         "continuation": fit.continuation,
-        "occupied_share": fit.occupied_share,
+        "occupied_ratio": fit.occupied_ratio,
         "resolution_m": fit.resolution_m,
         "samples": fit.samples,
         "censored": fit.censored,

@@ -1,16 +1,16 @@
-"""How strongly neighbouring cells of a map hang together (stereo-bayes paper, section 2.3, eqs. 7 and 8).
+"""The correlation of neighbouring cells of a map (stereo-bayes paper, section 2.3, eqs. 7 and 8).
 
 Along a ray cells form a two-state Markov chain with occupancy p and, at a distance of d cells, the correlation r0^d. The
-same state then goes on by one step with the probability (eq. 7 for equal p)
+state then persists over one step with the probability (eq. 7 for equal p)
 
     occupied: p + r (1 - p)        free: (1 - p) + r p        r = r0^(length of the step in cells)
 
-A sample walks from a random cell in a random direction to the first change of occupancy; its steps before that are successes, the
-change is a failure, and a sample that an unknown cell or the edge of the map cuts off has successes only (censored). r0 maximises
-the likelihood of all steps.
+A sample walks from a random cell in a random direction to the first change of occupancy. Its steps before the change are
+successes and the change is a failure; a walk that ends at an unknown cell or at the edge of the map is censored and has successes
+only. r0 maximises the likelihood of all steps.
 
-The paper fits r0^n itself to the probability that the same state goes on over n cells. That takes the two states for one:
-it is reported as `continuation`. Only the correlation fits into eq. 7, where p stands beside it.
+The paper fits r0^n itself to the probability that the state persists over n cells, which merges the two states; this is reported
+as `continuation`. Only the correlation agrees with eq. 7, which has p beside it.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ Floats = NDArray[np.float64]
 SAMPLES = 100_000
 OCCUPIED_FROM = 0.5
 REFERENCE_CELL_M = 0.05
-LEAST_R0, MOST_R0 = 1e-6, 1.0 - 1e-9
+MIN_R0, MAX_R0 = 1e-6, 1.0 - 1e-9
+R0_TOLERANCE = 1e-7  # of log(1 - r0)
+DIFFERENCE_STEP = 1e-3  # of the numerical derivatives, relative to r0 (1 - r0)
 STRAIGHT = ((0, 1), (1, 0), (0, -1), (-1, 0))
 DIAGONAL = ((1, 1), (1, -1), (-1, -1), (-1, 1))
 
 
 @dataclass(frozen=True, slots=True)
 class RunCurve:
-    """The probability that a state goes on for longer than a distance: Kaplan and Meier 1958, and by the fit.
+    """The probability that a run of equal occupancy is longer than a distance: measured (Kaplan and Meier 1958) and fitted.
 
     Arrays `(n,)`: distances in cells, and the two probabilities there.
     """
@@ -52,16 +54,16 @@ class RunCurve:
 class CorrelationFit:
     """The correlation of neighbouring cells (eq. 8).
 
-    `r0` is per cell of this map, with its standard error; `r0_at_5cm` is what it would be for cells of 5 cm;
-    `continuation` is the probability per cell that the same state, whichever, goes on. `occupied_share` is p, `samples` counts
-    the walks and `censored` those of them cut off.
+    `r0` is per cell of this map, with its standard error; `r0_at_5cm` is the same for cells of 5 cm; `continuation` is the
+    probability per cell that either state persists. `occupied_ratio` is p; `samples` is the number of walks, `censored` that of
+    the censored ones.
     """
 
     r0: float
     standard_error: float
     r0_at_5cm: float
     continuation: float
-    occupied_share: float
+    occupied_ratio: float
     resolution_m: float
     samples: int
     censored: int
@@ -71,10 +73,10 @@ class CorrelationFit:
 
 @dataclass(frozen=True, slots=True)
 class _Runs:
-    """The walks: state they began in, steps before the change, whether it came, length of a step in cells; all `(n,)`."""
+    """The walks: initial state, number of steps before the change, whether it was met, step length in cells; all `(n,)`."""
 
     occupied: NDArray[np.bool_]
-    goes_on: NDArray[np.int64]
+    steps: NDArray[np.int64]
     changed: NDArray[np.bool_]
     step_cells: Floats
 
@@ -86,36 +88,36 @@ def fit_correlation(
     occupied_from: float = OCCUPIED_FROM,
     diagonals: bool = True,
 ) -> CorrelationFit:
-    """r0 (eq. 8) of a known map by maximum likelihood. Cells with P > `occupied_from` are occupied.
+    """r0 (eq. 8) of a known map by maximum likelihood, from `samples` walks. Cells with P > `occupied_from` are occupied.
 
     Raises MethodError: the map has no occupied or no free cells, or nothing but single known cells.
     """
     state = np.where(occupancy.probability > occupied_from, 1, 0).astype(np.int8)
     state[np.isnan(occupancy.probability)] = UNKNOWN
     known = np.argwhere(state != UNKNOWN)
-    share = float((state == 1).sum() / max(len(known), 1))
-    if not 0.0 < share < 1.0:
+    ratio = float((state == 1).sum() / max(len(known), 1))
+    if not 0.0 < ratio < 1.0:
         raise MethodError(
-            f"the map has no {'free' if share else 'occupied'} cells (P {'<=' if share else '>'} {occupied_from:g}): "
+            f"the map has no {'free' if ratio else 'occupied'} cells (P {'<=' if ratio else '>'} {occupied_from:g}): "
             "their correlation cannot be fitted"
         )
     runs = _sample(state, known, seed, samples, diagonals)
     if not runs.changed.any():
         raise MethodError("occupancy changes nowhere between known cells: their correlation cannot be fitted")
-    r0 = _most_likely(runs, share)
+    r0 = _most_likely(runs, ratio)
     resolution_m = occupancy.geometry.resolution_m
-    way = float((runs.step_cells * (runs.goes_on + runs.changed)).sum())
+    travelled = float((runs.step_cells * (runs.steps + runs.changed)).sum())
     return CorrelationFit(
         r0=r0,
-        standard_error=_standard_error(runs, share, r0),
+        standard_error=_standard_error(runs, ratio, r0),
         r0_at_5cm=r0 ** (REFERENCE_CELL_M / resolution_m),
-        continuation=float(max(1.0 - runs.changed.sum() / way, 0.0)),
-        occupied_share=share,
+        continuation=float(max(1.0 - runs.changed.sum() / travelled, 0.0)),
+        occupied_ratio=ratio,
         resolution_m=resolution_m,
         samples=samples,
         censored=int((~runs.changed).sum()),
-        occupied=_curve(runs, runs.occupied, share + r0 * (1.0 - share)),
-        free=_curve(runs, ~runs.occupied, 1.0 - share + r0 * share),
+        occupied=_curve(runs, runs.occupied, ratio + r0 * (1.0 - ratio)),
+        free=_curve(runs, ~runs.occupied, 1.0 - ratio + r0 * ratio),
     )
 
 
@@ -132,39 +134,39 @@ def _sample(
     )
 
 
-def _log_likelihood(r0: float, runs: _Runs, share: float) -> Floats:
-    """Of every walk `(n,)`: its steps within the state, and the change if it came."""
+def _log_likelihood(r0: float, runs: _Runs, ratio: float) -> Floats:
+    """Log-likelihood of every walk `(n,)`: of its steps within the state, and of the change if it was met."""
     r = r0**runs.step_cells
-    own = np.where(runs.occupied, share, 1.0 - share)
-    stays = own + r * (1.0 - own)
-    return np.asarray(runs.goes_on * np.log(stays) + runs.changed * np.log1p(-stays))
+    own = np.where(runs.occupied, ratio, 1.0 - ratio)
+    persists = own + r * (1.0 - own)
+    return np.asarray(runs.steps * np.log(persists) + runs.changed * np.log1p(-persists))
 
 
-def _most_likely(runs: _Runs, share: float) -> float:
-    """The r0 of the greatest likelihood, searched for in log(1 - r0) and so as exact near 1 as elsewhere."""
+def _most_likely(runs: _Runs, ratio: float) -> float:
+    """The r0 with the largest likelihood; the search is in log(1 - r0), so that it is equally accurate near 1."""
 
     def cost(x: float) -> float:
-        return -float(_log_likelihood(-float(np.expm1(x)), runs, share).sum())
+        return -float(_log_likelihood(-float(np.expm1(x)), runs, ratio).sum())
 
-    bounds = (float(np.log(1.0 - MOST_R0)), float(np.log(1.0 - LEAST_R0)))
-    found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-7})
+    bounds = (float(np.log(1.0 - MAX_R0)), float(np.log(1.0 - MIN_R0)))
+    found = optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": R0_TOLERANCE})
     return -float(np.expm1(found.x))
 
 
-def _standard_error(runs: _Runs, share: float, r0: float) -> float:
-    """The sandwich estimate (Huber 1967), which holds for steps of a walk that depend on each other."""
-    h = 1e-3 * (1.0 - r0) * r0
-    below, here, above = (_log_likelihood(r, runs, share) for r in (r0 - h, r0, r0 + h))
-    score, bend = (above - below) / (2.0 * h), float((above - 2.0 * here + below).sum()) / h**2
-    return float(np.sqrt((score**2).sum()) / abs(bend)) if bend else float("inf")
+def _standard_error(runs: _Runs, ratio: float, r0: float) -> float:
+    """The sandwich estimate (Huber 1967), which is valid for dependent steps of a walk."""
+    h = DIFFERENCE_STEP * (1.0 - r0) * r0
+    below, here, above = (_log_likelihood(r, runs, ratio) for r in (r0 - h, r0, r0 + h))
+    score, curvature = (above - below) / (2.0 * h), float((above - 2.0 * here + below).sum()) / h**2
+    return float(np.sqrt((score**2).sum()) / abs(curvature)) if curvature else float("inf")
 
 
-def _curve(runs: _Runs, chosen: NDArray[np.bool_], stays: float) -> RunCurve:
-    """How long the chosen walks go on; a walk cut off counts up to where it was cut."""
-    ends = (runs.step_cells * (runs.goes_on + runs.changed))[chosen]
+def _curve(runs: _Runs, chosen: NDArray[np.bool_], persists: float) -> RunCurve:
+    """Lengths of the chosen walks; a censored walk counts up to its end."""
+    lengths = (runs.step_cells * (runs.steps + runs.changed))[chosen]
     changed = runs.changed[chosen]
-    distance, which = np.unique(ends, return_inverse=True)
+    distance, which = np.unique(lengths, return_inverse=True)
     changes = np.bincount(which, weights=changed, minlength=len(distance))
-    at_risk = len(ends) - np.searchsorted(np.sort(ends), distance)
+    at_risk = len(lengths) - np.searchsorted(np.sort(lengths), distance)
     measured = np.cumprod(1.0 - changes / at_risk, dtype=np.float64)
-    return RunCurve(distance, measured, stays**distance)
+    return RunCurve(distance, measured, persists**distance)

@@ -39,30 +39,30 @@ def crossed_chains(occupied_run: float, free_run: float, size: int = 2500) -> Oc
 
 
 @pytest.mark.parametrize(("occupied_run", "free_run"), [(45.0, 45.0), (4.0, 60.0), (20.0, 8.0)])
-def test_r0_of_a_chain_is_what_its_mean_runs_say(occupied_run: float, free_run: float) -> None:
-    # A run of mean m goes on with 1 - 1/m. By eq. 7 (equal p) P(E'|E) + P(not E'|not E) = 1 + r.
+def test_r0_of_a_chain_follows_from_its_mean_runs(occupied_run: float, free_run: float) -> None:
+    # A run of mean m persists with 1 - 1/m. By eq. 7 (equal p) P(E'|E) + P(not E'|not E) = 1 + r.
     row = chain(np.random.default_rng(1), 2_000_000, occupied_run, free_run)
     fit = fit_correlation(grid_of(row[None]), seed=0, diagonals=False)
     assert fit.r0 == pytest.approx(1.0 - 1.0 / occupied_run - 1.0 / free_run, abs=0.005)
-    assert fit.occupied_share == pytest.approx(occupied_run / (occupied_run + free_run), abs=0.01)
+    assert fit.occupied_ratio == pytest.approx(occupied_run / (occupied_run + free_run), abs=0.01)
 
 
-def test_the_rate_at_which_any_state_goes_on_is_reported_beside_it() -> None:
-    # From a random cell the expected way to the change is p m1 + q m0, one change each.
+def test_continuation_is_the_probability_that_either_state_persists() -> None:
+    # From a random cell the expected distance to the change is p m1 + q m0, one change each.
     row = chain(np.random.default_rng(2), 2_000_000, 4.0, 60.0)
     fit = fit_correlation(grid_of(row[None]), seed=0, diagonals=False)
-    way = (4.0 * 4.0 + 60.0 * 60.0) / (4.0 + 60.0)
-    assert fit.continuation == pytest.approx(1.0 - 1.0 / way, abs=0.001)
+    distance = (4.0 * 4.0 + 60.0 * 60.0) / (4.0 + 60.0)
+    assert fit.continuation == pytest.approx(1.0 - 1.0 / distance, abs=0.001)
 
 
-def test_r0_of_crossed_chains_is_that_of_the_chain_met_along_an_axis() -> None:
-    # Along a row the other chain is constant; with equal runs of 16 p is 1/2 and r = 1 - 2/16 either way.
+def test_r0_of_crossed_chains_is_that_of_the_chain_along_an_axis() -> None:
+    # Along a row the other chain is constant; with equal runs of 16 p is 1/2 and r = 1 - 2/16 either distance.
     fit = fit_correlation(crossed_chains(16.0, 16.0), seed=0, diagonals=False)
     assert fit.r0 == pytest.approx(1.0 - 2.0 / 16.0, abs=0.005)
 
 
 def poisson_lines(count: int, size: int, seed: int) -> Bools:
-    """Cells coloured by the parity of random lines below them; directions and distances evenly spread."""
+    """Cells coloured by the parity of random lines below them; directions and distances are evenly distributed."""
     rng = np.random.default_rng(seed)
     radius = 0.75 * size
     angles = (np.arange(count) + rng.random(count)) * np.pi / count
@@ -83,7 +83,7 @@ def test_r0_of_random_lines_holds_along_axes_and_diagonals() -> None:
     assert fitted == pytest.approx(expected, abs=0.005)
 
 
-def test_cells_cut_off_by_the_unknown_do_not_count_as_changes() -> None:
+def test_unknown_cells_do_not_count_as_changes() -> None:
     row = chain(np.random.default_rng(1), 2_000_000, 45.0, 45.0).astype(np.float32)
     whole = fit_correlation(OccupancyGrid(row[None], GridGeometry(0.05, (0.0, 0.0))), diagonals=False)
     row[::40] = np.nan
@@ -92,7 +92,7 @@ def test_cells_cut_off_by_the_unknown_do_not_count_as_changes() -> None:
     assert cut.r0 == pytest.approx(whole.r0, abs=0.005)
 
 
-def test_the_measured_curve_is_the_share_of_runs_that_go_on() -> None:
+def test_the_measured_curve_is_the_fraction_of_longer_runs() -> None:
     row = chain(np.random.default_rng(5), 500_000, 10.0, 10.0)
     fit = fit_correlation(grid_of(row[None]), diagonals=False)
     for curve in (fit.occupied, fit.free):
@@ -101,11 +101,11 @@ def test_the_measured_curve_is_the_share_of_runs_that_go_on() -> None:
         np.testing.assert_allclose(curve.fitted[short], 0.9 ** curve.distance_cells[short], atol=0.02)
 
 
-def test_the_standard_error_is_the_spread_over_seeds() -> None:
+def test_the_standard_error_is_the_standard_deviation_over_seeds() -> None:
     grid = crossed_chains(16.0, 16.0)
     fits = [fit_correlation(grid, seed, samples=2000, diagonals=False) for seed in range(60)]
-    spread = np.std([fit.r0 for fit in fits])
-    assert fits[0].standard_error == pytest.approx(spread, rel=0.4)
+    std = np.std([fit.r0 for fit in fits])
+    assert fits[0].standard_error == pytest.approx(std, rel=0.4)
 
 
 def test_r0_at_5_cm_follows_from_the_size_of_the_cells() -> None:

@@ -32,7 +32,7 @@ def section(work: Work) -> Section:
 def room(work: Work) -> Experiment:
     """Mean, variance and maximum, as in the paper's table."""
     known = work.sweep("ir-scan")
-    aligned = work.sweep("ir-scan", {"evaluate": {"align": "se2"}, "require": ()}, "ir-scan-laid-over")
+    aligned = work.sweep("ir-scan", {"evaluate": {"align": "se2"}, "require": ()}, "ir-scan-aligned")
     seeds = seeds_text(known.seeds)
     rows: list[tuple[object, ...]] = []
     for suffix, found in (("", known), (", aligned", aligned)):
