@@ -35,6 +35,16 @@ class Edges:
     def __len__(self) -> int:
         return len(self.source)
 
+    def select(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Edges:
+        """Some of the edges."""
+        return Edges(
+            self.source[rows],
+            self.target[rows],
+            self.T_source_target[rows],
+            self.information[rows],
+            self.is_loop[rows],
+        )
+
     @staticmethod
     def none() -> Edges:
         """No edges."""

@@ -1,0 +1,220 @@
+"""The best rigid motion of a point set in a likelihood field within a window, and the best one away from it.
+
+The field's pyramid bounds the score of whole blocks of offsets from above, so that branch and bound finds both optima of the
+full search without looking at most of it (Olson 2009; Hess et al. 2016, sec. V-B).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.correlative_matching import field_pyramid
+
+LEVELS = 5
+STACK = 4 * LEVELS  # nodes waiting in the depth-first search
+
+
+class LikelihoodField(NamedTuple):
+    """`values` uint8 (rows, cols), 255 on a surface, with the lower-left corner (2,) and the cell size."""
+
+    values: NDArray[np.uint8]
+    corner: NDArray[np.float64]
+    cell_m: float
+
+
+class PoseWindow(NamedTuple):
+    """Poses about a centre (3,), with half widths (m, m, rad) (3,) along the axes of the field."""
+
+    centre: NDArray[np.float64]
+    half_width: NDArray[np.float64]
+
+
+class WindowSearch(NamedTuple):
+    """Step of the headings, the lowest mean likelihood (0..1) of a match, and how far from it a rival is another place."""
+
+    yaw_step_rad: float
+    min_score: float
+    rival_distance_m: float
+    rival_yaw_rad: float
+
+
+@compiled
+def likelihood_field(
+    points: NDArray[np.float64],
+    corner: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    cell_m: float,
+    sigma_m: float,
+) -> LikelihoodField:
+    """The field exp(-d^2 / (2 sigma^2)) about the cells with points `(n, 2)`, up to two sigma; `cells` are (cols, rows)."""
+    rows, cols = cells[1], cells[0]
+    radius = int(np.ceil(2.0 * sigma_m / cell_m))
+    size = 2 * radius + 1
+    stamp = np.zeros((size, size), np.uint8)
+    for r in range(size):
+        for c in range(size):
+            d2 = ((r - radius) ** 2 + (c - radius) ** 2) * cell_m * cell_m
+            stamp[r, c] = np.uint8(np.rint(255.0 * np.exp(-0.5 * d2 / (sigma_m * sigma_m))))
+    field = np.zeros((rows, cols), np.uint8)
+    done = np.zeros((rows, cols), np.bool_)
+    for i in range(points.shape[0]):
+        row = int(np.floor((points[i, 1] - corner[1]) / cell_m))
+        col = int(np.floor((points[i, 0] - corner[0]) / cell_m))
+        if row < radius or col < radius or row >= rows - radius or col >= cols - radius or done[row, col]:
+            continue
+        done[row, col] = True
+        for r in range(size):
+            for c in range(size):
+                value = stamp[r, c]
+                if value > field[row - radius + r, col - radius + c]:
+                    field[row - radius + r, col - radius + c] = value
+    return LikelihoodField(field, corner, cell_m)
+
+
+@compiled
+def _sum_under(
+    level: NDArray[np.uint8], rows: NDArray[np.int32], cols: NDArray[np.int32], dr: int, dc: int
+) -> int:
+    h, w = level.shape
+    total = 0
+    for i in range(rows.shape[0]):
+        r, c = rows[i] + dr, cols[i] + dc
+        if 0 <= r < h and 0 <= c < w:
+            total += level[r, c]
+    return total
+
+
+class Peaks(NamedTuple):
+    """The best pose `(3,)`, its mean likelihood (0..1, -1: nothing found), and that of its strongest rival (-1: none)."""
+
+    pose: NDArray[np.float64]
+    score: float
+    rival_score: float
+
+
+class _Peak(NamedTuple):
+    """A place of the search volume: yaw index, row and column offset, and the sum of the field there (-1: none)."""
+
+    k: int
+    dr: int
+    dc: int
+    total: int
+
+
+@compiled
+def _highest(
+    pyramid: NDArray[np.uint8],
+    rows: NDArray[np.int32],
+    cols: NDArray[np.int32],
+    nodes: NDArray[np.int64],
+    order: NDArray[np.int64],
+    window_r: int,
+    window_c: int,
+    min_total: int,
+    first: _Peak,
+    apart: int,
+    apart_k: int,
+) -> _Peak:
+    """The highest place above `min_total`; with a first peak (total >= 0) only places away from it count.
+
+    Branch and bound from the `nodes` (k, dr, dc, bound), in the order of falling bounds.
+    """
+    top = pyramid.shape[0] - 1
+    best = _Peak(-1, 0, 0, min_total)
+    stack = np.empty((STACK, 4), np.int64)
+    for index in order:
+        if nodes[index, 3] <= best.total:
+            break
+        k = nodes[index, 0]
+        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = (
+            top,
+            nodes[index, 1],
+            nodes[index, 2],
+            nodes[index, 3],
+        )
+        depth = 1
+        while depth:
+            depth -= 1
+            level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+            if bound <= best.total:
+                continue
+            if level == 0:
+                best = _Peak(k, dr, dc, bound)
+                continue
+            half = 1 << (level - 1)
+            base = depth
+            for quarter in range(4):
+                r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
+                if r > window_r or c > window_c:
+                    continue
+                if first.total >= 0 and abs(k - first.k) <= apart_k:
+                    nearest_side = r >= first.dr - apart and r + half - 1 <= first.dr + apart
+                    if nearest_side and c >= first.dc - apart and c + half - 1 <= first.dc + apart:
+                        continue
+                score = _sum_under(pyramid[level - 1], rows[k], cols[k], r, c)
+                if score <= best.total:
+                    continue
+                j = depth
+                while j > base and stack[j - 1, 3] > score:
+                    stack[j] = stack[j - 1]
+                    j -= 1
+                stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
+                depth += 1
+    return best
+
+
+@compiled
+def search_window(
+    field: LikelihoodField, points: NDArray[np.float64], window: PoseWindow, search: WindowSearch
+) -> Peaks:
+    """The pose within the window under which the points `(n, 2)` have the highest mean likelihood, and its strongest rival.
+
+    Searched are all whole-cell offsets and all multiples of the yaw step. Rivals are looked for down to half the best score.
+    The field has a margin of 2^(LEVELS - 1) cells without surfaces at its lower and left border.
+    """
+    pyramid, cell_m, corner = field_pyramid(field.values, LEVELS), field.cell_m, field.corner
+    start, half_width, yaw_step_rad = window.centre, window.half_width, search.yaw_step_rad
+    n = points.shape[0]
+    top = pyramid.shape[0] - 1
+    block = 1 << top
+    window_c, window_r = int(np.ceil(half_width[0] / cell_m)), int(np.ceil(half_width[1] / cell_m))
+    yaw_steps = int(np.ceil(half_width[2] / yaw_step_rad))
+    n_yaw = 2 * yaw_steps + 1
+    per_r, per_c = (2 * window_r) // block + 1, (2 * window_c) // block + 1
+    rows, cols = np.empty((n_yaw, n), np.int32), np.empty((n_yaw, n), np.int32)
+    nodes = np.empty((n_yaw * per_r * per_c, 4), np.int64)
+    m = 0
+    for k in range(n_yaw):
+        yaw = start[2] + (k - yaw_steps) * yaw_step_rad
+        c, s = np.cos(yaw), np.sin(yaw)
+        for i in range(n):
+            x = start[0] + c * points[i, 0] - s * points[i, 1] - corner[0]
+            y = start[1] + s * points[i, 0] + c * points[i, 1] - corner[1]
+            rows[k, i], cols[k, i] = int(np.floor(y / cell_m)), int(np.floor(x / cell_m))
+        for a in range(per_r):
+            for b in range(per_c):
+                dr, dc = a * block - window_r, b * block - window_c
+                nodes[m, 0], nodes[m, 1], nodes[m, 2] = k, dr, dc
+                nodes[m, 3] = _sum_under(pyramid[top], rows[k], cols[k], dr, dc)
+                m += 1
+    order = np.argsort(-nodes[:, 3], kind="mergesort")
+    full = 255.0 * n
+    none = _Peak(-1, 0, 0, -1)
+    best = _highest(
+        pyramid, rows, cols, nodes, order, window_r, window_c, int(search.min_score * full), none, 0, 0
+    )
+    if best.k < 0:
+        return Peaks(start.copy(), -1.0, -1.0)
+    apart, apart_k = int(search.rival_distance_m / cell_m), int(search.rival_yaw_rad / yaw_step_rad)
+    rival = _highest(
+        pyramid, rows, cols, nodes, order, window_r, window_c, best.total // 2, best, apart, apart_k
+    )
+    pose = start.copy()
+    pose[0] += best.dc * cell_m
+    pose[1] += best.dr * cell_m
+    pose[2] += (best.k - yaw_steps) * yaw_step_rad
+    return Peaks(pose, best.total / full, rival.total / full if rival.k >= 0 else -1.0)

@@ -1,0 +1,1 @@
+"""Loop closure over a whole trajectory: search by uncertainty, consistency, and a sparse pose graph."""

@@ -1,0 +1,95 @@
+"""Registration of segments in submaps of other visits, a few for each: the poses to the centimetre.
+
+A place that was visited many times costs no more than one that was visited three times: a segment is registered against the
+first visit and the last one before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+from gridslam.graph.pose_graph import Edges
+from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.kernels.segment_registration import SegmentPairs, SubmapMembers, register_segments
+from gridslam.kernels.surfel_registration import Registration
+from gridslam.lidar_slam.loop_closure.segments import Segments
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+VIEW_M = 8.0  # between the references of two segments that see enough of the same
+MIN_TRAVEL_M = 5.0  # between them: closer ones share a local map of the front end
+HALF_SUBMAP_SEGMENTS = 4  # on each side of a submap's centre
+MAX_VISITS = 2
+MAX_GAP_SEGMENTS = 2  # within one visit
+MAX_POINTS = 200  # of a segment
+SURFEL_CELL_M = 0.2
+MIN_INLIER_RATIO = 0.6
+INFORMATION_WEIGHT = 0.03  # of a match: the errors of neighbouring points are not independent
+REGISTRATION = Registration(
+    sigma_m=0.05,
+    max_correspondence_m=0.3,  # the error of the poses after the loops are closed
+    final_correspondence_m=0.1,
+    max_iterations=12,
+    min_correspondences=0.0,
+)
+
+
+def choose_pairs(poses: Floats, travel_m: Floats) -> tuple[Ints, Ints]:
+    """Targets `(p,)` and queries `(p,)`, sorted by target: which segments are registered about which.
+
+    Of each visit the segment nearest to the query is its target.
+    """
+    near = cKDTree(poses[:, :2]).query_pairs(VIEW_M, output_type="ndarray")
+    near = near[np.abs(travel_m[near[:, 1]] - travel_m[near[:, 0]]) >= MIN_TRAVEL_M]
+    target, query = near.min(axis=1, initial=len(poses)), near.max(axis=1, initial=0)
+    order = np.lexsort((target, query))
+    targets: list[int] = []
+    queries: list[int] = []
+    for q, earlier in _runs_of(query[order], target[order]):
+        visits = np.split(earlier, np.flatnonzero(np.diff(earlier) > MAX_GAP_SEGMENTS) + 1)
+        chosen = visits if len(visits) <= MAX_VISITS else [visits[0], *visits[1 - MAX_VISITS :]]
+        targets += [int(v[np.argmin(np.hypot(*(poses[v, :2] - poses[q, :2]).T))]) for v in chosen]
+        queries += [q] * len(chosen)
+    t, q_all = np.array(targets, np.int64), np.array(queries, np.int64)
+    order = np.lexsort((q_all, t))
+    return t[order], q_all[order]
+
+
+def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds) -> Edges:
+    """Edges `target` to `query` from the registration of segments, given their poses `(s, 3)`."""
+    target, query = choose_pairs(poses, segments.travel_m)
+    if not len(target):
+        return Edges.none()
+    centres, counts = np.unique(target, return_counts=True)
+    first = np.maximum(centres - HALF_SUBMAP_SEGMENTS, 0)
+    last = np.minimum(centres + HALF_SUBMAP_SEGMENTS, len(poses) - 1)
+    members = [se2.between(poses[c], poses[a : b + 1]) for c, a, b in zip(centres, first, last, strict=True)]
+    submaps = SubmapMembers(
+        first, last, _offsets(last - first + 1), np.concatenate(members), _offsets(counts)
+    )
+    pairs = SegmentPairs(query, se2.between(poses[target], poses[query]))
+    found, information, inlier_ratio = register_segments(
+        clouds, submaps, pairs, MAX_POINTS, SURFEL_CELL_M, REGISTRATION
+    )
+    good = inlier_ratio >= MIN_INLIER_RATIO
+    weighted = INFORMATION_WEIGHT * information[good]
+    return Edges(target[good], query[good], found[good], weighted, np.ones(int(good.sum()), np.bool_))
+
+
+def _runs_of(keys: Ints, values: Ints) -> Iterator[tuple[int, Ints]]:
+    """Each key with its values; the keys are sorted."""
+    if not len(keys):
+        return
+    starts = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
+    for start, end in zip(starts, [*starts[1:], len(keys)], strict=True):
+        yield int(keys[start]), values[start:end]
+
+
+def _offsets(counts: Ints) -> Ints:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

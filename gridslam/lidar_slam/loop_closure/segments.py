@@ -1,0 +1,106 @@
+"""Segments: short stretches of consecutive key scans, the nodes of the pose graph, with what they have seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.graph.pose_graph import Edges
+from gridslam.kernels import segment_clouds
+from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.lidar_slam.loop_closure.drift import DriftModel
+from gridslam.lidar_slam.scans import PreparedScan, scan_set
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CLOUD_CELL_M = 0.1  # one surface point of a segment is kept in each cell
+BEAM_STEP = 4  # every fourth beam is enough to draw the free space of many scans
+MAX_RANGE_M = 20.0  # what lies farther away is sampled thinly, and a heading error moves it far
+METRES_PER_RADIAN = 0.5  # of rotation, in the length of a segment: a turn on the spot sees new things as well
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Segment i holds the key scans first[i]..first[i + 1] - 1; key scan reference[i] carries its frame.
+
+    `travel_m` `(s,)` is the distance travelled from the first key scan to the reference.
+    """
+
+    first: Ints
+    reference: Ints
+    travel_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.reference)
+
+
+def cut_segments(track: Floats, length_m: float) -> Segments:
+    """Cut the key scans' poses `(n, 3)`, n > 0, into segments of `length_m` of travel, each with at least one key scan."""
+    steps = se2.between(track[:-1], track[1:])
+    distance = np.hypot(steps[:, 0], steps[:, 1])
+    travel = np.concatenate([[0.0], np.cumsum(distance)])
+    progress = np.concatenate([[0.0], np.cumsum(distance + METRES_PER_RADIAN * np.abs(steps[:, 2]))])
+    first = np.flatnonzero(np.diff(np.floor(progress / length_m), prepend=-1.0) > 0)
+    bounds = np.append(first, len(track)).astype(np.int64)
+    reference = (bounds[:-1] + bounds[1:] - 1) // 2
+    return Segments(bounds, reference, travel[reference])
+
+
+def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segments) -> SegmentClouds:
+    """Surfaces and beams of every segment, seen from the key scans' poses `(n, 3)`."""
+    clouds, beams = [], []
+    for index, reference in enumerate(segments.reference):
+        members = slice(segments.first[index], segments.first[index + 1])
+        local = se2.between(poses[reference], poses[members])
+        own = scans[members]
+        viewpoints = np.array([scan.viewpoint for scan in own])
+        surfaces = scan_set([scan.surfaces for scan in own])
+        clouds.append(segment_clouds.segment_cloud(surfaces, local, viewpoints, CLOUD_CELL_M, MAX_RANGE_M))
+        returns = np.concatenate([scan.returns for scan in own])
+        first = _offsets([scan.returns for scan in own])
+        beams.append(segment_clouds.segment_beams(returns, first, local, viewpoints, BEAM_STEP, MAX_RANGE_M))
+    points = [cloud.points for cloud in clouds]
+    return SegmentClouds(
+        np.concatenate(points),
+        np.concatenate([cloud.normals for cloud in clouds]),
+        _offsets(points),
+        np.concatenate(beams),
+        _offsets(beams),
+    )
+
+
+def track_edges(track: Floats, segments: Segments, drift: DriftModel) -> Edges:
+    """The front end's motions from segment to segment, given its poses `(n, 3)` of the key scans."""
+    variances = drift.cumulative_variances(track)[segments.reference]
+    at = track[segments.reference]
+    n = len(segments)
+    information = (1.0 / np.diff(variances, axis=0))[:, :, None] * np.eye(3)
+    motions = se2.between(at[:-1], at[1:])
+    return Edges(np.arange(n - 1), np.arange(1, n), motions, information, np.zeros(n - 1, np.bool_))
+
+
+def deform_track(track: Floats, segments: Segments, poses: Floats) -> Floats:
+    """The key scans' poses `(n, 3)` when the segments' references are moved to `poses` `(s, 3)`.
+
+    Between two references a key scan is blended from where each of them would take it along the track.
+    """
+    at = segments.reference
+    if len(at) == 1:
+        return np.asarray(se2.compose(poses[0], se2.between(track[at[0]], track)))
+    index = np.arange(len(track))
+    left = np.clip(np.searchsorted(at, index, side="right") - 1, 0, len(at) - 2)
+    fraction = np.clip((index - at[left]) / (at[left + 1] - at[left]), 0.0, 1.0)
+    from_left = se2.compose(poses[left], se2.between(track[at[left]], track))
+    from_right = se2.compose(poses[left + 1], se2.between(track[at[left + 1]], track))
+    return se2.interpolate(from_left, from_right, fraction)
+
+
+def _offsets(parts: Sequence[Floats]) -> Ints:
+    first = np.zeros(len(parts) + 1, np.int64)
+    np.cumsum([len(part) for part in parts], out=first[1:])
+    return first
