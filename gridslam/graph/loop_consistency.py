@@ -33,7 +33,7 @@ def pairwise_disagreement(poses: Floats, graph: DirectedEdges, loops: Edges) -> 
     error = placed[None] - predicted
     error[..., 2] = se2.wrap_angle(error[..., 2])
     paths = relative_covariances(poses, graph, a, a) + relative_covariances(poses, graph, b, b)
-    own = rotated(np.linalg.inv(loops.information), poses[a, 2])
+    own = rotated(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
     lever = predicted - placed[:, None]
     moved = np.broadcast_to(np.eye(3), (*lever.shape[:2], 3, 3)).copy()
     moved[..., 0, 2], moved[..., 1, 2] = -lever[..., 1], lever[..., 0]

@@ -16,7 +16,7 @@ LEVER_M = 10.0  # at which a heading error counts in the cost of a path
 
 def directed_edges(n_nodes: int, edges: Edges) -> kernel.DirectedEdges:
     """The graph of `n_nodes` nodes made ready for the search for least uncertain paths. All information must be regular."""
-    forward = np.linalg.inv(edges.information)
+    forward = np.asarray(np.linalg.inv(edges.information), np.float64)
     backward = reversed_covariances(edges.T_source_target, forward)
     source = np.concatenate([edges.source, edges.target])
     target = np.concatenate([edges.target, edges.source])

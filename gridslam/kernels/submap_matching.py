@@ -98,7 +98,10 @@ def _field_for(
         high = min(target[:, axis].max(), window.centre[axis] + reached) + margin
         corner[axis] = low
         cells[axis] = int(max(high - low, 2.0 * margin) / drawing.field_cell_m) + 1
-    return likelihood_field(target, corner, cells, drawing.field_cell_m, drawing.field_sigma_m)
+    field: LikelihoodField = likelihood_field(
+        target, corner, cells, drawing.field_cell_m, drawing.field_sigma_m
+    )
+    return field
 
 
 @compiled

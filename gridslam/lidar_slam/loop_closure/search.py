@@ -133,7 +133,8 @@ def match_candidates(
     covariance = rotated(covariance, T_target_frame[:, 2])
     covariance += np.diag([MATCH_STD_M**2, MATCH_STD_M**2, MATCH_STD_RAD**2])
     motions = se2.compose(T_target_frame, found.poses)
-    edges = Edges(target, query, motions, np.linalg.inv(covariance), np.ones(len(target), np.bool_))
+    information = np.asarray(np.linalg.inv(covariance), np.float64)
+    edges = Edges(target, query, motions, information, np.ones(len(target), np.bool_))
     std_m = np.array([c.std_m for c in candidates])
     return LoopMatches(edges, std_m, found.scores, found.rival_scores, found.explained, found.contradicted)
 
