@@ -8,7 +8,7 @@ in every format, and yaw angles are kept to 2^-40 rad, so that a log and its con
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -63,6 +63,7 @@ class LaserScan:
     """One sweep of a planar lidar: beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame.
 
     `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
+    `angle_max_rad` is what the message says of its last beam; NaN where it says nothing.
     """
 
     stamp_ns: int
@@ -73,6 +74,7 @@ class LaserScan:
     range_min_m: float
     range_max_m: float
     time_increment_s: float = 0.0
+    angle_max_rad: float = field(default=float("nan"), compare=False)
 
 
 @dataclass(frozen=True, slots=True)

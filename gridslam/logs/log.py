@@ -36,6 +36,7 @@ class Log:
         self._selection = select_streams(source.streams, config, kinds, source.base_frame)
         # What is wrong with streams that nobody asked for is no loss; tf matters to all.
         self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
+        self._for_a_method = kinds is not None  # a conversion keeps what was recorded
         self._playback = MessageCounts()
         self._opening = MessageCounts()
         self._truth = MessageCounts()
@@ -126,7 +127,14 @@ class Log:
             kind_of[self._selection.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
         yield from events_of(
-            self.path, self._source, kind_of, self._is_sorted, limit_bytes, message_counts, self._lidars
+            self.path,
+            self._source,
+            kind_of,
+            self._is_sorted,
+            limit_bytes,
+            message_counts,
+            lidars=self._lidars,
+            with_repairs=self._for_a_method,
         )
 
     def truth(self) -> Trajectory | None:

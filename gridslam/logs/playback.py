@@ -7,11 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import AbsolutePose, Event, Image, Odometry, PointCloud, Transform
+from gridslam.core.messages import AbsolutePose, Event, Image, LaserScan, Odometry, PointCloud, Transform
 from gridslam.logs import ordering
 from gridslam.logs.codecs import odometry
 from gridslam.logs.kinds import fault_of
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.plausibility import ScanPlausibility
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
@@ -26,19 +27,21 @@ def events_of(
     limit_bytes: int,
     message_counts: MessageCounts,
     lidars: Mapping[str, VirtualLidar] = MappingProxyType({}),
+    with_repairs: bool = True,
 ) -> Iterator[tuple[str, Event]]:
     """(topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
     `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
-    earlier ones. `lidars` make scans of point clouds, by the clouds' frame.
+    earlier ones. `lidars` make scans of point clouds, by the clouds' frame;
+    `with_repairs` removes contradictions within scans.
 
     Raises LogError: the log is no longer what it was when it was opened.
     """
     streams = source.streams
     ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
     ordered = ordering.in_planned_order(
-        _checked(source, kind_of, source.read(frozenset(kind_of), schedule)),
+        _checked(source, kind_of, source.read(frozenset(kind_of), schedule), message_counts, with_repairs),
         ranks,
         size_of=_size_of,
         limit_bytes=limit_bytes,
@@ -86,12 +89,23 @@ def true_pose_of(event: Event | Skip) -> Odometry | None:
 
 
 def _checked(
-    source: Source, kind_of: dict[int, str], items: Iterator[tuple[int, Event | Skip]]
+    source: Source,
+    kind_of: dict[int, str],
+    items: Iterator[tuple[int, Event | Skip]],
+    message_counts: MessageCounts,
+    with_repairs: bool,
 ) -> Iterator[tuple[int, Event | Skip]]:
     """The items, each event that no method can use replaced by the reason."""
     outliers = {i: ordering.outlier_places(source.streams[i].stamps_ns) for i in kind_of}
     numbers = dict.fromkeys(kind_of, 0)
+    checks = {
+        i: ScanPlausibility(source.streams[i].stamps_ns, source.streams[i].label, message_counts)
+        for i, kind in kind_of.items()
+        if kind == "scan" and with_repairs
+    }
     for index, event in items:
+        if isinstance(event, LaserScan) and index in checks:
+            event = checks[index].repaired(event)
         number = numbers[index] = numbers[index] + 1
         fault: SkipReason | None
         if isinstance(event, Skip):

@@ -45,6 +45,7 @@ def from_ros(message: Any, topic: str) -> LaserScan:
         range_min_m=as_float32(message.range_min),
         range_max_m=as_float32(message.range_max),
         time_increment_s=as_float32(message.time_increment),
+        angle_max_rad=as_float32(message.angle_max),
     )
 
 
@@ -65,7 +66,9 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserS
 
 def to_ros(scan: LaserScan, topic: str | None) -> list[Encoded]:
     """sensor_msgs/LaserScan."""
-    last = as_float32(scan.angle_min_rad + (len(scan.ranges_m) - 1) * scan.angle_increment_rad)
+    last = scan.angle_max_rad
+    if math.isnan(last):
+        last = as_float32(scan.angle_min_rad + (len(scan.ranges_m) - 1) * scan.angle_increment_rad)
     scan_time = 0.0
     body = with_header(scan).float32(scan.angle_min_rad, last, scan.angle_increment_rad)
     body.float32(scan.time_increment_s, scan_time, scan.range_min_m, scan.range_max_m)

@@ -63,7 +63,9 @@ def scan(data: bytes) -> LaserScan:
     """sensor_msgs/LaserScan."""
     seconds, nanoseconds, length = _HEADER.unpack_from(data, 4)
     at = (16 + length + 3) & ~3
-    angle_min, _, increment, time_increment, _, range_min, range_max, count = _SCAN.unpack_from(data, at)
+    angle_min, angle_max, increment, time_increment, _, range_min, range_max, count = _SCAN.unpack_from(
+        data, at
+    )
     ranges = np.frombuffer(
         data[at + 32 : at + 32 + 4 * count], dtype="<f4"
     )  # the slice copies: a kept scan keeps no chunk
@@ -79,6 +81,7 @@ def scan(data: bytes) -> LaserScan:
         range_min,
         range_max,
         time_increment,
+        angle_max,
     )
 
 
