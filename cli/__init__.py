@@ -1,4 +1,4 @@
-"""The command line: the one part that prints, and that turns errors into exit codes."""
+"""The command line: the only package that prints and turns errors into exit codes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ INTERRUPTED = 130
 
 
 def run() -> None:
-    """The entry point of the program. Ctrl-C and SIGTERM are told in one line from the first moments on."""
+    """The entry point of the program. Ctrl-C and SIGTERM give one line from the start on."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         from .main import main
 
         code = main(sys.argv[1:])
-    except KeyboardInterrupt:  # while the program was being loaded, or was ending
+    except KeyboardInterrupt:  # during import or exit
         with suppress(OSError):
             os.write(2, b"gridslam: error: interrupted\n")
         code = INTERRUPTED

@@ -1,4 +1,4 @@
-"""What people and scripts see: the result on stdout, everything else on stderr."""
+"""Output of commands: the result on stdout, everything else on stderr."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gridslam.runs.run import Progress
 
-SHOW_EVERY_S = 0.1
+UPDATE_EVERY_S = 0.1
 
 
 @dataclass(slots=True)
 class ConsoleOptions:
-    """What the options --quiet and --debug, common to all commands, have chosen; whether stderr was written to."""
+    """The common options --quiet and --debug, and whether anything was written to stderr."""
 
     quiet: bool = False
     debug: bool = False
@@ -33,7 +33,7 @@ settings = ConsoleOptions()
 
 
 def start() -> None:
-    """Send the library's warnings to stderr, one line each; let no character stop the output. Called once."""
+    """Send the library's log messages to stderr, one line each; escape characters that stdout cannot encode."""
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
     handler = _StderrHandler()
@@ -44,7 +44,7 @@ def start() -> None:
 
 
 class _StderrHandler(logging.Handler):
-    """Looks sys.stderr up for each line, since tests and shells replace it."""
+    """Writes to the present sys.stderr, which tests and shells replace."""
 
     def emit(self, record: logging.LogRecord) -> None:
         label = "" if record.levelno < logging.WARNING else "warning: "
@@ -52,25 +52,25 @@ class _StderrHandler(logging.Handler):
 
 
 def say(line: str) -> None:
-    """A line for the person who waits; not with --quiet."""
+    """Print a line to stderr, unless --quiet."""
     if not settings.quiet:
         complain(line)
 
 
 def complain(line: str) -> None:
-    """A line on stderr, also with --quiet."""
+    """Print a line to stderr, also with --quiet."""
     settings.has_spoken = True
     if sys.stderr is None:
         return
     try:
         sys.stderr.write(f"gridslam: {line}\n")
         sys.stderr.flush()
-    except OSError:  # nobody reads it, or its disk is full: the exit code says the rest
+    except OSError:  # closed, or on a full disk: only the exit code remains
         sys.stderr = None
 
 
 def emit(text: str) -> None:
-    """Text of the result on stdout. A reader that went away (`| head`) ends the output, not the command."""
+    """Print text of the result to stdout. A closed pipe (`| head`) ends the output, not the command."""
     if sys.stdout is None:
         return
     try:
@@ -81,14 +81,14 @@ def emit(text: str) -> None:
 
 
 def silence_stdout() -> None:
-    """Let all further output, also what Python flushes at exit, go nowhere."""
+    """Discard all further output, including what Python flushes at exit."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
 
 
 def emit_json(document: Mapping[str, Any] | Sequence[Any]) -> None:
-    """The result as one JSON document. What stdout cannot take as UTF-8 is written as JSON's own escapes."""
+    """Print the result as one JSON document. If it cannot be encoded as UTF-8, JSON escapes are used."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     if not _is_utf8(text):
         text = json.dumps(document, indent=2, allow_nan=False)
@@ -96,7 +96,7 @@ def emit_json(document: Mapping[str, Any] | Sequence[Any]) -> None:
 
 
 def _is_utf8(text: str) -> bool:
-    """Whether the text would leave as valid UTF-8: a file's name need not be text."""
+    """Whether the text can be encoded as UTF-8; file names may have bytes that are not text."""
     if codecs.lookup(getattr(sys.stdout, "encoding", None) or "utf-8").name != "utf-8":
         return False
     try:
@@ -107,7 +107,7 @@ def _is_utf8(text: str) -> bool:
 
 
 def emit_table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """The result as aligned columns; numbers to the right. No columns' names: rows alone."""
+    """Print the result as aligned columns, numbers right-aligned. Empty column names: no header."""
     texts = [[str(cell) for cell in row] for row in rows]
     lines = [list(columns), *texts] if any(columns) else texts
     if not lines:
@@ -124,7 +124,7 @@ def _aligned(line: Sequence[str], widths: Sequence[int], right: Sequence[bool]) 
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
-    """A function that shows how far a run is; it shows nothing unless stderr is a terminal."""
+    """A function that shows the progress of a run if stderr is a terminal."""
     if settings.quiet or sys.stderr is None or not sys.stderr.isatty():
         yield lambda progress: None
         return
@@ -147,9 +147,9 @@ def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
             now = time.monotonic()
             started = now if started is None else started
             if progress.is_finishing:
-                bar.update(task, description=f"{what}, final stage", total=None, rate="")
+                bar.update(task, description=f"{what}, computing the result", total=None, rate="")
                 return
-            if now - shown < SHOW_EVERY_S:
+            if now - shown < UPDATE_EVERY_S:
                 return
             shown = now
             rate = f"{progress.scans / max(now - started, 1e-3):.0f} scans/s" if progress.scans else ""

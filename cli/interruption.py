@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a wish to stop, for commands that end at a place of their own choice."""
+"""Ctrl-C and SIGTERM as a request to stop, for commands that stop at a safe point."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from . import console
 
 @contextmanager
 def stop_on_signals(
-    answer: str = "stopping; what is known so far is written (a second signal drops it)",
+    notice: str = "stopping; the result so far is written (a second signal discards it)",
 ) -> Iterator[Callable[[], bool]]:
-    """A function that tells whether to stop. A second signal ends the command at once, without a result."""
-    asked = False
+    """A function that returns whether to stop. A second signal ends the command at once, without a result."""
+    requested = False
 
-    def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if asked:
+    def request(number: int, frame: FrameType | None) -> None:
+        nonlocal requested
+        if requested:
             raise KeyboardInterrupt
-        asked = True
-        console.say(answer)
+        requested = True
+        console.say(notice)
 
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: asked
+        yield lambda: requested
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""The application and its one error boundary."""
+"""The application and its error boundary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import gridslam
 from gridslam.core.errors import GridslamError
 
 from . import INTERRUPTED, console
-from . import run as run  # programs written for this place find it here
+from . import run as run  # kept here for existing programs
 from .commands import (
     config,
     convert,
@@ -77,7 +77,7 @@ def main_options(
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run one command line; returns the exit code, having said in one line on stderr what went wrong.
+    """Run one command line and return the exit code. An error is printed as one line on stderr.
 
     0 done, 1 a gate failed, 2 usage or config, 3 input, 4 the method failed, 70 a bug, 130 interrupted.
     """
@@ -87,7 +87,7 @@ def main(arguments: Sequence[str]) -> int:
     console.start()
     try:
         code = app(args=list(arguments), prog_name="gridslam", standalone_mode=False)
-        if code == INTERRUPTED and not console.settings.has_spoken:  # typer, while it reads the command line
+        if code == INTERRUPTED and not console.settings.has_spoken:  # raised by typer while parsing
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except GridslamError as error:
@@ -97,11 +97,11 @@ def main(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _fail(NOTHING_WRITTEN, INTERRUPTED)
     except MemoryError:
-        return _fail("out of memory: take coarser cells, fewer particles or a shorter log", METHOD)
+        return _fail("out of memory: use coarser cells, fewer particles or a shorter log", METHOD)
     except BrokenPipeError:
         console.silence_stdout()
         return 0
-    except OSError as error:  # a full disk, a missing right: nothing that the program could have done better
+    except OSError as error:  # a full disk, a missing permission
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}", USAGE)
     except Exception as error:
         if _was_interrupted(error):
@@ -117,21 +117,21 @@ def _fail(message: str, code: int) -> int:
 
 
 def _was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: compiled code that it breaks off ends with an error of its own."""
+    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
 def _usage_message(error: Exception) -> str:
-    """What was wrong with the command line, with the name of the option, and where the help is."""
+    """The usage error with the name of the option, and the command that prints help."""
     format_message = getattr(error, "format_message", None)
     command = getattr(getattr(error, "ctx", None), "command_path", "gridslam")
-    return f"{format_message() if format_message else error} ({command} --help tells more)"
+    return f"{format_message() if format_message else error} ({command} --help explains)"
 
 
 def _place_of(error: Exception) -> str:
-    """The error with the last place in the program where it passed."""
+    """The error with the innermost source line."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
     version = gridslam.__version__

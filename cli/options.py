@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options of several commands."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from . import console
 
 
 def methods_with(has: Callable[[MethodEntry], object]) -> str:
-    """Names of methods for a text of help."""
+    """Names of the matching methods, for help texts."""
     return ", ".join(built_in_with(has))
 
 
-# Inputs are declared readable=False: what cannot be read is then told, with its exit code, by what reads it.
+# Inputs are declared readable=False, so that their reader reports an unreadable file with its own exit code.
 LogPath = Annotated[
     Path,
     typer.Argument(
@@ -34,19 +34,19 @@ ConfigName = Annotated[
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="The run directory to write.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace the run directory that is there.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing run directory.")]
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
         "--set", metavar="KEY=VALUE", help="Override a key, for example method.particles=50. Repeatable."
     ),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the run; wins over the config.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the run; overrides the config's.")]
 Jobs = Annotated[
-    int | None, typer.Option("--jobs", min=1, help="Threads to use. The result does not depend on it.")
+    int | None, typer.Option("--jobs", min=1, help="Number of threads. The result does not depend on it.")
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit with 3 when anything in the log could not be used.")
+    bool, typer.Option("--strict", help="Exit with 3 if any message of the log was damaged or lost.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 
@@ -74,14 +74,12 @@ Inputs = Annotated[
     typer.Option("--input", metavar="NAME=FILE", help="A further input of a method of another package."),
 ]
 
-_Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no remarks on stderr; errors only.")
-]
-_Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+_Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors to stderr.")]
+_Debug = Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")]
 
 
 def common(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the options that all commands have: --quiet and --debug."""
+    """Add the options --quiet and --debug to a command."""
 
     @functools.wraps(command)
     def with_common(*args: Any, quiet: bool, debug: bool, **kwargs: Any) -> None:
@@ -89,7 +87,7 @@ def common(command: Callable[..., None]) -> Callable[..., None]:
         console.settings.debug |= debug
         try:
             command(*args, **kwargs)
-        except KeyboardInterrupt:  # typer's own answer to it differs between its releases
+        except KeyboardInterrupt:  # typer handles it differently between releases
             raise typer.Abort from None
         except EOFError as error:  # typer would take it for an interruption
             raise RuntimeError("a file or stream ended early") from error

@@ -1,4 +1,4 @@
-"""What `map` and `localize` have in common: options, the run, its directory, the result on stdout."""
+"""Shared by `map` and `localize`: options, the run, its directory, the summary on stdout."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_PROBLEMS = 10
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """The command line of a run."""
+    """The options of a run."""
 
     log: Path
     config: str
@@ -44,7 +44,7 @@ class RunOptions:
 
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
-    """Run, write, print. Exits with 130 when interrupted, with 3 when the log was lossy under --strict."""
+    """Run, write the directory and print the summary. Exits with 130 if interrupted, 3 if the log is lossy with --strict."""
     read = [options.log, *options.inputs.values(), *([map_path] if map_path else [])]
     check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
@@ -53,25 +53,25 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         limit_threads(options.jobs)
     with stop_on_signals() as stop:
         run = _run(command, config, options, map_path, stop)
-        _tell_problems(run)
+        _print_problems(run)
         document = write_run(run, options.output, options.force)
     if options.as_json:
         console.emit_json(document)
     else:
         console.emit_table(("", ""), summary(run, document, options.output))
-    _exit_unless_whole(run, options)
+    _exit_unless_complete(run, options)
 
 
 def _run(
     command: Command, config: RunConfig[BaseModel], options: RunOptions, map_path: Path | None, stop: Stop
 ) -> Run:
-    """The run itself, with a progress bar and a word when kernels have to be compiled first."""
+    """The run, with a progress bar and a notice if kernels have to be compiled first."""
     from gridslam.kernels.compiling import announcing_compilation  # imports numba: not before the checks
 
-    def tell() -> None:
+    def notify() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
-    with console.progress_bar(command) as show, announcing_compilation(tell):
+    with console.progress_bar(command) as show, announcing_compilation(notify):
         if command == "map":
             done = map_log(options.log, config, inputs=options.inputs, progress=show, stop=stop)
         else:
@@ -80,35 +80,35 @@ def _run(
 
 
 def _warn_of_other_versions(config: RunConfig[BaseModel]) -> None:
-    """A run.yaml promises the same bytes under the versions that it records only."""
+    """Warn if a run.yaml was written with other versions: results may then differ."""
     if config.made_with is None or config.made_with == (present := made_with()):
         return
-    then, now = (dict(flatten(m.model_dump())) for m in (config.made_with, present))
-    differing = sorted(key for key in then.keys() | now.keys() if then.get(key) != now.get(key))
-    changes = ", ".join(f"{key} {then.get(key, '-')}, now {now.get(key, '-')}" for key in differing)
-    console.say(f"warning: the config was made with other versions ({changes}): the result may differ")
+    recorded, now = (dict(flatten(m.model_dump())) for m in (config.made_with, present))
+    differing = sorted(key for key in recorded.keys() | now.keys() if recorded.get(key) != now.get(key))
+    changes = ", ".join(f"{key} {recorded.get(key, '-')}, now {now.get(key, '-')}" for key in differing)
+    console.say(f"warning: the config was written with other versions ({changes}): the result may differ")
 
 
-def _tell_problems(run: Run) -> None:
+def _print_problems(run: Run) -> None:
     for problem in run.problems[:MAX_PROBLEMS]:
         console.say(f"{run.log_path}: {problem}")
     if len(run.problems) > MAX_PROBLEMS:
-        console.say(f"{run.log_path}: and {len(run.problems) - MAX_PROBLEMS} more, see report.json")
+        console.say(f"{run.log_path}: and {len(run.problems) - MAX_PROBLEMS} more in report.json")
 
 
-def _exit_unless_whole(run: Run, options: RunOptions) -> None:
+def _exit_unless_complete(run: Run, options: RunOptions) -> None:
     if run.status == "interrupted":
-        console.complain(f"interrupted: {options.output} holds the run up to there")
+        console.complain(f"interrupted: {options.output} has the result so far")
         raise typer.Exit(INTERRUPTED)
     if run.is_lossy and options.strict:
         console.complain(
-            f"error: {run.log_path}: not all of it could be used, which --strict forbids; see report.json"
+            f"error: {run.log_path}: messages were damaged or lost, an error with --strict; see report.json"
         )
         raise typer.Exit(LOSSY)
 
 
 def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str, str]]:
-    """What a person wants to know after a run."""
+    """Rows of the summary that is printed after a run."""
     path, timing = document["trajectory"], document["timing"]
     rows = [
         ("status", run.status),
@@ -120,7 +120,10 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
     if (errors := document["errors"]) is not None:
         ape = errors["ape"]
         rows.append(
-            ("error", f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against the truth)")
+            (
+                "error",
+                f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
+            )
         )
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
     if run.occupancy is not None:
@@ -130,7 +133,7 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
 
 
 def start_override(text: str, option: str = "--start") -> str:
-    """`--start x,y,yaw` as the override that it stands for."""
+    """`--start x,y,yaw` as an override of `method.start`."""
     try:
         x, y, yaw = (float(part) for part in text.split(","))
     except ValueError:

@@ -24,7 +24,7 @@ def group(context: typer.Context) -> None:
         raise typer.Exit(2)
 
 
-AllKeys = Annotated[bool, typer.Option("--all", help="Print the advanced keys as well.")]
+AllKeys = Annotated[bool, typer.Option("--all", help="Print the advanced keys too.")]
 
 
 def list_(as_json: AsJson = False) -> None:
@@ -46,7 +46,7 @@ def show(
 ) -> None:
     """Print a configuration as YAML, every key with its description; the output is a config file.
 
-    --json always holds all keys.
+    --json always prints all keys.
     """
     from gridslam.config.annotated_yaml import annotated_yaml
     from gridslam.runs.run_config import load_run_config
@@ -72,7 +72,7 @@ def check(
     override: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check configurations; the first that is wrong ends the command with 2."""
+    """Check configurations; the first error ends the command with exit code 2."""
     from gridslam.runs.run_config import load_run_config
 
     valid = []

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from gridslam.evaluation.document import EvaluationOptions
 
 
-TRUTH_BESIDE = "truth"  # the folder that `gridslam explore` leaves in its run directory
-LARGEST_DELTA = 1e9  # frames, metres or seconds
+TRUTH_FOLDER = "truth"  # written by `gridslam explore` into its run directory
+MAX_DELTA = 1e9  # frames, metres or seconds
 
 
 class AlignName(str, Enum):
-    """How the estimate's frame is carried into the truth's."""
+    """How the estimate is aligned with the ground truth."""
 
     none = "none"
     se2 = "se2"
@@ -36,7 +36,7 @@ class SyncName(str, Enum):
 
 
 class DeltaUnitName(str, Enum):
-    """What the distance between the two poses of a relative error is counted in."""
+    """Unit of the distance between the two poses of a relative error."""
 
     frames = "frames"
     metres = "metres"
@@ -44,7 +44,7 @@ class DeltaUnitName(str, Enum):
 
 
 ResultPath = Annotated[
-    Path, typer.Argument(metavar="DIR|TUM", readable=False, help="A run directory, or a trajectory alone.")
+    Path, typer.Argument(metavar="DIR|TUM", readable=False, help="A run directory, or a trajectory.")
 ]
 TruthPath = Annotated[
     Path | None,
@@ -52,8 +52,8 @@ TruthPath = Annotated[
         "--truth",
         metavar="PATH",
         readable=False,
-        help="True poses: a trajectory (t x y z qx qy qz qw, or t x y yaw), a log that holds them, or a folder "
-        "NAME.truth, whose map and objects are then used as well. Absent: the folder DIR/truth of an exploration.",
+        help="True poses: a trajectory (t x y z qx qy qz qw, or t x y yaw), a log that contains them, or a folder "
+        "NAME.truth, whose map and objects are used too. Default: the folder DIR/truth of an exploration.",
     ),
 ]
 TruthMap = Annotated[
@@ -72,39 +72,56 @@ RelationsPath = Annotated[
         "--relations",
         metavar="FILE",
         readable=False,
-        help="True motions: t1 t2 x y z roll pitch yaw, one a line.",
+        help="True relative motions, one per line: t1 t2 x y z roll pitch yaw.",
     ),
 ]
 AlignOption = Annotated[
     AlignName | None,
-    typer.Option("--align", help="Absent: se2 for the directory of a run that mapped, none for all else."),
+    typer.Option(
+        "--align",
+        help="Alignment of the estimate. Default: se2 for run directories of map and explore, otherwise none.",
+    ),
 ]
-Scale = Annotated[bool, typer.Option("--scale", help="Let --align se2 fit the scale as well.")]
-SyncOption = Annotated[
-    SyncName, typer.Option("--sync", help="Take the nearest true pose, or one in between.")
-]
+Scale = Annotated[bool, typer.Option("--scale", help="Let --align se2 estimate a scale too.")]
+SyncOption = Annotated[SyncName, typer.Option("--sync", help="Use the nearest pose in time, or interpolate.")]
 MaxDifference = Annotated[
-    float, typer.Option("--max-difference", metavar="S", min=0.0, help="Largest gap between paired stamps.")
+    float,
+    typer.Option("--max-difference", metavar="S", min=0.0, help="Largest time difference of paired poses."),
 ]
-DeltaSize = Annotated[float, typer.Option("--delta", metavar="N", help="How far apart RPE's poses are.")]
-DeltaUnitOption = Annotated[DeltaUnitName, typer.Option("--delta-unit", help="What --delta counts.")]
-AllPairs = Annotated[bool, typer.Option("--all-pairs", help="RPE over all pairs, not consecutive ones.")]
+DeltaSize = Annotated[
+    float, typer.Option("--delta", metavar="N", help="Distance between the two poses of an RPE pair.")
+]
+DeltaUnitOption = Annotated[DeltaUnitName, typer.Option("--delta-unit", help="Unit of --delta.")]
+AllPairs = Annotated[
+    bool, typer.Option("--all-pairs", help="RPE over all pairs instead of consecutive ones.")
+]
 CompletenessRadius = Annotated[
     float | None,
     typer.Option(
-        "--reach", metavar="M", min=0.0, help="Completeness: true walls this near to what was mapped."
+        "--reach",
+        metavar="M",
+        min=0.0,
+        help="Completeness: only true walls within M of the known cells of the map.",
     ),
 ]
 MaxPosition = Annotated[
     float,
-    typer.Option("--max-position", metavar="M", min=0.0, help="Error of a good localization or object."),
+    typer.Option(
+        "--max-position",
+        metavar="M",
+        min=0.0,
+        help="Largest position error of a successful localization or a correct object.",
+    ),
 ]
 MaxHeading = Annotated[
-    float, typer.Option("--max-heading", metavar="DEG", min=0.0, help="Error of a good localization.")
+    float,
+    typer.Option(
+        "--max-heading", metavar="DEG", min=0.0, help="Largest heading error of a successful localization."
+    ),
 ]
 Require = Annotated[
     list[str] | None,
-    typer.Option("--require", metavar="KEY<=NUMBER", help="End with 1 unless this holds. Repeatable."),
+    typer.Option("--require", metavar="KEY<=NUMBER", help="Gate: exit with 1 unless it holds. Repeatable."),
 ]
 
 
@@ -127,15 +144,15 @@ def run(
     require: Require = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure how far a result is from the truth, and hold it to bounds."""
+    """Compare a result with ground truth, and check the errors against bounds."""
     from gridslam.core.errors import ConfigError, GateError
     from gridslam.evaluation import document as measures
     from gridslam.evaluation.from_files import load_result, load_truth
     from gridslam.evaluation.gates import check_keys, failures, parse_gate
 
     gates = [parse_gate(text) for text in require or ()]
-    if truth is None and (path / TRUTH_BESIDE).is_dir():
-        truth = path / TRUTH_BESIDE
+    if truth is None and (path / TRUTH_FOLDER).is_dir():
+        truth = path / TRUTH_FOLDER
     if not any((truth, truth_map, relations, truth_objects)):
         raise ConfigError(
             "nothing to compare with: give --truth, --relations, --truth-map or --truth-objects"
@@ -157,7 +174,7 @@ def run(
     result = load_result(path, true)
     document = measures.evaluate(result, true, options)
     if not document:
-        raise ConfigError(f"{path}: has nothing that the given truth could be compared with")
+        raise ConfigError(f"{path}: has nothing to compare with this ground truth")
     check_keys(gates, document, measures.NEEDS)
     if as_json:
         console.emit_json(measures.without_nan(document))
@@ -192,11 +209,11 @@ def _options(
     if align is None:
         align = AlignName.se2 if run_command_of(path) in ("map", "explore") else AlignName.none
     if scale and align is not AlignName.se2:
-        raise ConfigError("--scale: only --align se2 fits a scale")
+        raise ConfigError("--scale: only --align se2 estimates a scale")
     whole = unit is not DeltaUnitName.frames or delta.is_integer()
-    if not (0.0 < delta <= LARGEST_DELTA and whole):
+    if not (0.0 < delta <= MAX_DELTA and whole):
         raise ConfigError(
-            f"--delta {delta:g}: expected a positive number up to {LARGEST_DELTA:g}, of frames a whole one"
+            f"--delta {delta:g}: expected a positive number up to {MAX_DELTA:g}, a whole number of frames"
         )
     if not max_difference_s <= END_S:
         raise ConfigError(f"--max-difference {max_difference_s:g}: expected seconds up to {END_S:g}")
@@ -220,7 +237,7 @@ _UNITS = {
 
 
 def _show(document: dict[str, Any]) -> None:
-    """The document for people: a line for each key."""
+    """Print the measures as a table, a row per dotted key."""
     from gridslam.evaluation.gates import measures_of
 
     rows = [(key, _text(value), _unit(key)) for key, value in measures_of(document).items()]

@@ -27,13 +27,13 @@ MapPath = Annotated[
         "--map",
         metavar="MAP",
         readable=False,
-        help="The map: a map_server YAML, or wean.dat(.gz). Not needed where poses come from outside: "
+        help="The map: a map_server YAML, or wean.dat(.gz). Not needed by methods with absolute poses as input: "
         f"{methods_with(lambda entry: entry.localizes_without_map)}.",
     ),
 ]
 Start = Annotated[
     str | None,
-    typer.Option("--start", metavar="X,Y,YAW", help="Where the robot starts (m, m, rad); absent: anywhere."),
+    typer.Option("--start", metavar="X,Y,YAW", help="Start pose (m, m, rad). Default: unknown."),
 ]
 
 
@@ -51,7 +51,7 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the robot, all along a log, on a given map."""
+    """Localize the robot along a log on a given map."""
     from ..running import RunOptions, given, run_command, start_override
 
     overrides = (*(override or ()), *([start_override(start)] if start else []))

@@ -32,7 +32,7 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a map and a trajectory from a log."""
+    """Build a map and a trajectory from a log."""
     from ..running import RunOptions, given, run_command
 
     inputs = given(further, drawing=drawing, tags=tags)

@@ -36,12 +36,13 @@ LogOutput = Annotated[
     ),
 ]
 Preview = Annotated[
-    Path | None, typer.Option("--preview", metavar="PNG", help="Draw the world instead, or as well.")
+    Path | None,
+    typer.Option("--preview", metavar="PNG", help="Draw the world to a picture, with or without -o."),
 ]
 WorldSeed = Annotated[
-    int | None, typer.Option("--seed", min=0, help="Seed of all noise; wins over the file.")
+    int | None, typer.Option("--seed", min=0, help="Seed of all noise; overrides the file's.")
 ]
-Replace = Annotated[bool, typer.Option("--force", help="Replace the log, and the picture, that is there.")]
+Replace = Annotated[bool, typer.Option("--force", help="Replace an existing log and picture.")]
 
 
 def run(
@@ -53,12 +54,12 @@ def run(
     force: Replace = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write the log that a robot would have recorded in a world, with the truth beside it."""
+    """Simulate a robot in a world; write its log, with the ground truth beside it."""
     from gridslam.core.files import check_file_free
     from gridslam.simulation.world_config import load_world
 
     if output is None and preview is None:
-        raise typer.BadParameter("nothing to do: give -o LOG, or --preview PNG", param_hint="'-o'")
+        raise typer.BadParameter("nothing to do: add -o LOG or --preview PNG", param_hint="'-o'")
     if preview is not None:
         check_file_free(preview, force)
     place, path = load_world(world, override or (), seed)
@@ -85,25 +86,25 @@ def run(
 
 
 def _record(world: WorldConfig, folder: Path, output: Path, force: bool) -> Recorded:
-    """The recording, with a progress bar and a word when the ray caster has to be compiled first."""
+    """Record the world with a progress bar, and a notice if the ray caster has to be compiled first."""
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.run import Progress
     from gridslam.simulation.record import record_world
 
     from ..interruption import stop_on_signals
 
-    def tell() -> None:
+    def notify() -> None:
         console.say("compiling the ray caster, once per installation: some seconds")
 
     with (
         console.progress_bar("simulate") as show,
-        announcing_compilation(tell),
-        stop_on_signals("stopping; half a log is not kept") as stop,
+        announcing_compilation(notify),
+        stop_on_signals("stopping; the incomplete log is deleted") as stop,
     ):
 
-        def go_on(fraction: float) -> None:
+        def report(fraction: float) -> None:
             if stop():
                 raise KeyboardInterrupt
             show(Progress(round(fraction * STEPS), STEPS, 0))
 
-        return record_world(world, folder, output, force, go_on)
+        return record_world(world, folder, output, force, report)

@@ -19,20 +19,25 @@ if TYPE_CHECKING:
 
 FAILED_GATE, FAILED_RUNS, INTERRUPTED = 1, 4, 130
 MAX_LISTED = 10
-USUAL = (
+COMMON_MEASURES = (
     "ape.trans.rmse", "ape.rot.rmse", "relations.trans.mean", "relations.rot.mean", "final.trans",
     "localization.success", "localization.time_to_convergence", "map.accuracy.mean", "map.iou",
 )  # fmt: skip
 
 SweepFile = Annotated[
-    Path, typer.Argument(metavar="SWEEP.yaml", readable=False, help="What to run and how to measure it.")
+    Path,
+    typer.Argument(
+        metavar="SWEEP.yaml", readable=False, help="The sweep file: what to run and how to evaluate it."
+    ),
 ]
 SweepOutput = Annotated[
     Path,
-    typer.Option("--output", "-o", metavar="DIR", help="Where runs and tables go; what is done there stays."),
+    typer.Option(
+        "--output", "-o", metavar="DIR", help="Directory of runs and tables; finished runs in it are kept."
+    ),
 ]
 Processes = Annotated[
-    int | None, typer.Option("--jobs", min=1, help="Processes to use; absent: one for each core.")
+    int | None, typer.Option("--jobs", min=1, help="Number of processes. Default: one per core.")
 ]
 Scheduler = Annotated[
     str | None,
@@ -40,7 +45,9 @@ Scheduler = Annotated[
 ]
 Require = Annotated[
     list[str] | None,
-    typer.Option("--require", metavar="GATE", help="As `require` in the file, besides it. Repeatable."),
+    typer.Option(
+        "--require", metavar="GATE", help="A further gate, as in `require` of the file. Repeatable."
+    ),
 ]
 
 
@@ -52,7 +59,7 @@ def run(
     require: Require = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run logs x configs x overrides x seeds, measure every run, and write one table of them."""
+    """Run and evaluate logs x configs x overrides x seeds, and write tables of the results."""
     from gridslam.core.errors import ConfigError
     from gridslam.sweep.cluster import run_on_cluster
     from gridslam.sweep.config import load_sweep
@@ -64,7 +71,7 @@ def run(
 
     if jobs is not None and scheduler is not None:
         raise ConfigError(
-            "--jobs and --scheduler: the cluster has its own number of workers; give one of them"
+            "--jobs and --scheduler: use only one of them: a cluster has its own number of workers"
         )
     sweep = load_sweep(path)
     gates = [parse_sweep_gate(text) for text in require or ()]
@@ -79,13 +86,13 @@ def run(
         console.emit_json(result.document)
     else:
         _show(result.groups, sweep.show)
-    _exit_unless_whole(result, output)
+    _exit_unless_complete(result, output)
 
 
 def _show(groups: Sequence[Group], wanted: Sequence[str]) -> None:
-    """A line for each group: means with their intervals, rates in percent."""
+    """Print a row per group: means with their intervals, rates in percent."""
     found = list(dict.fromkeys(key for group in groups for key in group.measures))
-    keys = list(wanted) or [key for key in found if key in USUAL or key.startswith("success.")]
+    keys = list(wanted) or [key for key in found if key in COMMON_MEASURES or key.startswith("success.")]
     rows = [
         [group.log, group.config, group.override, f"{group.done}/{group.runs}"]
         + [_text(group.measures.get(key)) for key in keys]
@@ -105,8 +112,8 @@ def _text(measure: Measure | None) -> str:
     return f"{values['mean']:.4g} +- {values['mean_high'] - values['mean']:.2g}"
 
 
-def _exit_unless_whole(result: SweepResult, output: Path) -> None:
-    """130 interrupted, 4 some runs failed, 1 a gate failed; each is listed on stderr."""
+def _exit_unless_complete(result: SweepResult, output: Path) -> None:
+    """Exit with 130 if interrupted, 4 if runs failed, 1 if gates failed; print them to stderr."""
     for row in result.failed[:MAX_LISTED]:
         console.complain(f"error: {row.label}: {row.result.error}")
     for line in result.failed_gates[:MAX_LISTED]:
@@ -115,7 +122,7 @@ def _exit_unless_whole(result: SweepResult, output: Path) -> None:
         if count > MAX_LISTED:
             console.complain(f"error: {count} {what} failed; {output / 'summary.json'} lists all")
     if result.is_interrupted:
-        console.complain(f"interrupted: {output} holds the runs up to there; the same command goes on")
+        console.complain(f"interrupted: {output} has the finished runs; the same command continues the sweep")
         raise typer.Exit(INTERRUPTED)
     if result.failed:
         raise typer.Exit(FAILED_RUNS)

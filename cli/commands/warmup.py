@@ -9,7 +9,7 @@ from ..options import AsJson
 
 
 def run(as_json: AsJson = False) -> None:
-    """Compile the kernels ahead of the first run."""
+    """Compile all kernels ahead of the first run."""
     from gridslam.runs.warm_up import warm_up
 
     started = time.perf_counter()

@@ -17,15 +17,14 @@ SECTIONS = ("", "paper/")
 
 
 def builtin_names() -> list[str]:
-    """Names of the built-in method configurations, the papers' own last."""
+    """Names of the built-in method configurations; those of the papers come last."""
     return [prefix + name for prefix in SECTIONS for name in _yaml_names(_folder(prefix))]
 
 
 def read_config(name_or_path: str) -> tuple[dict[str, Any], str]:
-    """The document of a config file or of a built-in name, and what to call it in messages.
+    """The document of a config file or a built-in name, and its name for messages.
 
-    A name is built-in when it holds no suffix and no such file exists, so that a file always wins.
-    Raises ConfigError: neither a file nor a name.
+    An existing file takes precedence over a built-in name. Raises ConfigError: neither a file nor a name.
     """
     path = Path(name_or_path)
     if path.exists():

@@ -1,4 +1,4 @@
-"""What pydantic found wrong in one line: the file, the key path, what is wrong, and the nearest valid key."""
+"""One-line messages for pydantic errors: file, key path, what is wrong, nearest valid key."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = MAX_VALUE_LENGTH + 1
 def config_error(
     error: ValidationError, model: type[BaseModel], source: str, overridden: Collection[str] = ()
 ) -> ConfigError:
-    """The ConfigError that says all that `error` found (the first few, and how many more).
+    """The ConfigError for a validation error: its first MAX_SHOWN problems, and the number of the others.
 
-    `overridden` holds the key paths that came from --set, not from the source: they are marked.
+    Key paths in `overridden` came from --set, not from the source, and are marked.
     """
     details = error.errors(include_url=False, include_context=True)
     lines = [_describe(detail, model, overridden) for detail in details[:MAX_SHOWN]]
@@ -34,13 +34,13 @@ def config_error(
 
 
 def short(value: object) -> str:
-    """The value for a message. It is never written out in full: a few bytes of YAML can stand for very much."""
+    """The value as short text for a message, since a few bytes of YAML can expand to very much."""
     text = _SHORT.repr(value)
     return text if len(text) <= MAX_VALUE_LENGTH else text[: MAX_VALUE_LENGTH - 3] + "..."
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
-    """ " (did you mean 'x'?)" or, when nothing is near, the choices themselves; empty without any choice."""
+    """ " (did you mean 'x'?)", or all choices if none is similar; empty without choices."""
     names = sorted(choices)
     close = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     if close:
@@ -56,7 +56,7 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
         path = f"--set {path}"
     kind, given = detail["type"], detail["input"]
     if kind == "extra_forbidden":
-        return f"{path}: no such key{_meant(key, section)}"
+        return f"{path}: no such key{_suggestion(key, section)}"
     if kind == "missing":
         return f"{path}: this key is missing"
     if kind == "literal_error":
@@ -75,8 +75,8 @@ def _describe(detail: ErrorDetails, model: type[BaseModel], overridden: Collecti
     return f"{path}: {message}, got {short(given)}"
 
 
-def _meant(key: str, section: type[BaseModel] | None) -> str:
-    """What may have been meant by an unknown key: the same key one section further down, or the nearest one here."""
+def _suggestion(key: str, section: type[BaseModel] | None) -> str:
+    """A suggestion for an unknown key: the same key in a subsection, or the most similar key."""
     if section is None:
         return ""
     below = ((name, _unwrapped(field.annotation)) for name, field in section.model_fields.items())
@@ -87,9 +87,9 @@ def _meant(key: str, section: type[BaseModel] | None) -> str:
 def _locate(
     model: type[BaseModel], location: Sequence[str | int]
 ) -> tuple[list[str | int], type[BaseModel] | None]:
-    """The key path as the user wrote it, and the model of the section that holds its last key.
+    """The key path as the user wrote it, and the model of the section with its last key.
 
-    Where a type has alternatives, pydantic's location also names the one that it tried; that is left out.
+    For a union, pydantic's location includes the alternative that it tried; this part is left out.
     """
     path: list[str | int] = []
     annotations: list[Any] = [model]
@@ -121,12 +121,12 @@ def _is_model(annotation: Any) -> bool:
 
 
 def _alternatives(annotation: Any) -> list[Any]:
-    """What a union chooses from; empty for any other type."""
+    """The members of a union; empty for other types."""
     return list(get_args(annotation)) if get_origin(annotation) in (Union, UnionType) else []
 
 
 def _is_named(annotation: Any, tag: str | int) -> bool:
-    """Whether pydantic's tag means this alternative: by its discriminator's value, or by its name."""
+    """Whether pydantic's tag denotes this alternative, by the value of its discriminator or by its name."""
     if not _is_model(annotation):
         return False
     literals = [value for field in annotation.model_fields.values() for value in get_args(field.annotation)]
@@ -134,7 +134,7 @@ def _is_named(annotation: Any, tag: str | int) -> bool:
 
 
 def _below(annotation: Any, key: str | int) -> Iterator[Any]:
-    """What a type holds under a key: the field of a model, the items of a list, the values of a dict."""
+    """The type below a key: of a model's field, of the items of a list, of the values of a dict."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if _is_model(annotation):
         if key in annotation.model_fields:

@@ -1,4 +1,4 @@
-"""`--set method.particles=50`: single keys replaced from the command line, which wins over the file."""
+"""`--set method.particles=50`: overrides of single keys, which take precedence over the file."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gridslam.core.errors import ConfigError
 
 
 def apply_overrides(document: dict[str, Any], overrides: Iterable[str]) -> dict[str, Any]:
-    """A copy of the document with each "key.path=value" put in; the value is parsed as YAML.
+    """A copy of the document with each "key.path=value" applied; the value is parsed as YAML.
 
-    Raises ConfigError: no "=", an empty key, or a path that leads through something that is not a section.
+    Raises ConfigError: no "=", an empty key, or a path through a value that is not a section.
     """
     changed: dict[str, Any] = _copy(document)
     for override in overrides:
@@ -42,7 +42,7 @@ def overridden_keys(overrides: Iterable[str]) -> list[str]:
 
 
 def _copy(value: Any) -> Any:
-    """A deep copy of what YAML can hold; a node that two aliases share becomes two."""
+    """A deep copy of a YAML value; nodes shared by aliases are copied separately."""
     if isinstance(value, dict):
         return {key: _copy(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""YAML from users, read without trusting it: no tags, no alias bombs, no key twice, a size limit."""
+"""Safe reading of users' YAML: no tags, no alias bombs, no repeated keys, a size limit."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import yaml
 from gridslam.core.errors import ConfigError
 
 MAX_BYTES = 1_000_000
-MAX_REPEATED = 100_000  # values that a file holds by aliases
+MAX_REPEATED = 100_000  # values repeated by aliases
 MAX_DEPTH = 50
 
 
 class _Loader(yaml.SafeLoader):
-    """SafeLoader that refuses what YAML would do without a word, or what would not end.
+    """A SafeLoader that refuses constructs with silent or unbounded effects.
 
-    These are a key given twice (the last would count), tags (they make the document choose types), numbers that no
-    float can hold, and aliases that unfold to much more than was written, or without end.
+    These are repeated keys (the last would count), tags (which select types), numbers beyond the range of a float, and
+    aliases that are recursive or expand to very much.
     """
 
     def __init__(self, stream: str) -> None:
@@ -38,7 +38,7 @@ class _Loader(yaml.SafeLoader):
         event: yaml.Event = self.peek_event()  # type: ignore[no-untyped-call]
         tag = getattr(event, "tag", None)
         if tag not in (None, "!"):
-            raise _error(f"the tag {tag!r}: tags are not taken", event)
+            raise _error(f"the tag {tag!r}: tags are not allowed", event)
         if self._depth > MAX_DEPTH:
             raise _error(f"nested deeper than {MAX_DEPTH}", event)
         self._depth += 1
@@ -63,18 +63,18 @@ def _error(problem: str, place: Any) -> yaml.MarkedYAMLError:
 
 
 def _refuse_unfolding(root: yaml.Node) -> None:
-    """Walk the document as whoever copies it will, into every alias again; the budget ends the walk."""
+    """Raise an error if the expanded document is too large: every alias is visited again, up to MAX_REPEATED."""
     seen: set[int] = set()
     repeated = 0
-    left = [(root, 0)]
-    while left:
-        node, depth = left.pop()
+    stack = [(root, 0)]
+    while stack:
+        node, depth = stack.pop()
         if depth > MAX_DEPTH:
             raise _error(f"nested deeper than {MAX_DEPTH} by its aliases", node)
         for child in _children(node):
             repeated += id(child) in seen
             seen.add(id(child))
-            left.append((child, depth + 1))
+            stack.append((child, depth + 1))
         if repeated > MAX_REPEATED:
             raise _error(f"its aliases repeat more than {MAX_REPEATED} values", node)
 
@@ -95,7 +95,7 @@ def _refuse_repeated_keys(node: yaml.MappingNode) -> None:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping that a YAML file holds; ConfigError names the file and the line."""
+    """The mapping in a YAML file. Raises ConfigError with the file and the line."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ConfigError(f"{path}: larger than {MAX_BYTES} bytes: not a config file")
@@ -112,7 +112,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def parse_mapping(text: str, source: str) -> dict[str, Any]:
-    """The mapping that YAML text holds; an empty document is an empty mapping."""
+    """The mapping in YAML text; an empty document is an empty mapping. Raises ConfigError."""
     document = parse_value(text, source)
     if document is None:
         return {}
@@ -122,7 +122,7 @@ def parse_mapping(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_value(text: str, source: str) -> Any:
-    """Any YAML value; ConfigError names the source and, for files, the line."""
+    """The value of YAML text. Raises ConfigError with the source and the line."""
     try:
         return yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:

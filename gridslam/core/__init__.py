@@ -1,1 +1,1 @@
-"""Poses, messages, trajectories, errors and random streams: what every other part speaks."""
+"""Basic types of all other packages: poses, messages, trajectories, errors, random streams."""

@@ -1,4 +1,4 @@
-"""The geometry of cameras: rotations of their frames, and the stereo head."""
+"""Camera geometry: rotations of optical frames, and the stereo camera."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class StereoHead:
         quat_wxyz: tuple[float, float, float, float],
         position: tuple[float, float, float],
     ) -> StereoHead:
-        """With the rotation as a quaternion."""
+        """The stereo head with its rotation given as a quaternion."""
         rotation = rotation_matrix(quat_wxyz)
         return StereoHead(focal_px, centre_px, baseline_m, rotation, np.array(position))
 
@@ -54,14 +54,14 @@ class StereoHead:
         return bool(abs(self.rotation[2, 2]) < 0.7 and self.rotation[2, 1] < -0.7)
 
     def slope(self, rows: int, cols: int) -> NDArray[np.float32]:
-        """How much higher `(rows, cols)` than the camera the point of each pixel is, per metre of depth."""
+        """Height of each pixel's point above the camera per metre of depth, `(rows, cols)`."""
         x = (np.arange(cols) - self.centre_px[0]) / self.focal_px
         y = (np.arange(rows) - self.centre_px[1]) / self.focal_px
         up = self.rotation[2]
         return np.asarray(up[0] * x[None] + up[1] * y[:, None] + up[2], np.float32)
 
     def bearings(self, columns: Floats) -> Floats:
-        """Directions `(m,)` over the ground, in the robot's frame, of the horizontal rays through columns."""
+        """Bearings `(m,)` (rad) in the base frame of the horizontal rays through image columns `(m,)`."""
         x = (columns - self.centre_px[0]) / self.focal_px
         up = self.rotation[2]
         y = -(up[0] * x + up[2]) / up[1]
@@ -69,7 +69,7 @@ class StereoHead:
         return np.asarray(np.arctan2(rays[:, 1], rays[:, 0]))
 
     def depths(self, bearings: Floats, ranges_m: Floats, height_m: float) -> Floats:
-        """Depth along the optical axis `(m, n)` of points at ground ranges `(n,)` from the camera and a height."""
+        """Depths `(m, n)` (m) along the optical axis of points at bearings `(m,)`, ground ranges `(n,)` and a height."""
         ahead = self.rotation[:2, 2]
         along = np.cos(bearings) * ahead[0] + np.sin(bearings) * ahead[1]
         above = (height_m - self.position[2]) * self.rotation[2, 2]

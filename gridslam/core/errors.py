@@ -1,14 +1,14 @@
-"""The errors that gridslam raises on purpose, and the exit code that each one ends the command with.
+"""The errors that gridslam raises on purpose, with their exit codes.
 
     GridslamError
     +-- ConfigError    2   a config file, an override or an argument is wrong
     +-- InputError     3   an input cannot be read
     |   +-- LogError       ... a log
     |   +-- MapError       ... a map
-    +-- MethodError    4   a method cannot go on
+    +-- MethodError    4   a method cannot continue
     +-- GateError      1   a --require gate failed
 
-Anything else that escapes is a bug (exit code 70). A message says what is wrong, where (file, line or message
+Any other exception that reaches the user is a bug (exit code 70). A message says what is wrong, where (file, line or message
 index, key path) and what to do about it.
 """
 
@@ -42,7 +42,7 @@ class MapError(InputError):
 
 
 class MethodError(GridslamError):
-    """A method cannot go on with what it was given."""
+    """A method cannot continue with its input."""
 
     exit_code = 4
 

@@ -1,6 +1,6 @@
-"""Files and folders that are either whole or not there, and what they may replace.
+"""Atomic writing: files and folders are either complete or absent; and checks of what may be replaced.
 
-What is being written lies beside its target as `.NAME.xxxxxxxx.partial`, locked by its writer, until it is whole.
+An unfinished output is called `.NAME.xxxxxxxx.partial`, beside its target, and is locked by its writer.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from typing import IO
 
 from gridslam.core.errors import ConfigError
 
-STALE_AFTER_S = 60.0  # what is being written is locked by its writer from its first moments on
-_RANDOM = "[a-z0-9_]{8}"  # what tempfile puts between a name and its suffix
-_LONGEST_NAME = 255 - len("..12345678.partial")  # bytes
+STALE_AFTER_S = 60.0  # younger unlocked outputs may be about to be locked by their writer
+_RANDOM = "[a-z0-9_]{8}"  # inserted by tempfile between a name and its suffix
+_MAX_NAME_BYTES = 255 - len("..12345678.partial")
 
 
 def write_atomic(path: Path, data: bytes) -> None:
-    """Write `data` under a temporary name beside `path`, then rename: no reader ever sees half a file."""
+    """Write `data` under a temporary name beside `path`, then rename: readers never see an incomplete file."""
     with partial_file(path) as stream:
         stream.write(data)
         put_file(stream, path)
@@ -32,9 +32,9 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 @contextmanager
 def partial_file(target: Path) -> Iterator[IO[bytes]]:
-    """A file under a temporary name, which `put_file` makes the target; without that it is removed.
+    """A file under a temporary name, renamed to the target by `put_file`, otherwise removed.
 
-    Raises ConfigError: no file can be made there.
+    Raises ConfigError: the file cannot be created.
     """
     with making(target):
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent)
@@ -48,7 +48,7 @@ def partial_file(target: Path) -> Iterator[IO[bytes]]:
 
 
 def put_file(stream: IO[bytes], target: Path) -> None:
-    """Complete a partial file and give it its name."""
+    """Close a partial file and rename it to its target."""
     stream.close()
     temporary = Path(stream.name)
     temporary.chmod(0o666 & ~_umask())
@@ -57,9 +57,9 @@ def put_file(stream: IO[bytes], target: Path) -> None:
 
 @contextmanager
 def partial_folder(target: Path) -> Iterator[Path]:
-    """A folder under a temporary name, which `put_folder` makes the target; without that it is removed.
+    """A folder under a temporary name, renamed to the target by `put_folder`, otherwise removed.
 
-    Raises ConfigError: no folder can be made there.
+    Raises ConfigError: the folder cannot be created.
     """
     with making(target):
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
@@ -74,7 +74,7 @@ def partial_folder(target: Path) -> Iterator[Path]:
 
 
 def put_folder(folder: Path, target: Path) -> None:
-    """Give a complete folder its name; what stands there is deleted when the new one stands in its place."""
+    """Rename a complete folder to its target; an existing target is deleted after the new folder is in place."""
     if not target.exists() or not any(target.iterdir()):
         folder.replace(target)  # a rename may replace an empty folder
         return
@@ -90,44 +90,44 @@ def put_folder(folder: Path, target: Path) -> None:
 
 
 def remove_left_over(target: Path) -> None:
-    """Remove what lies beside `target` of killed processes that were writing it, and what they had moved aside."""
+    """Remove unfinished and replaced versions of `target` left by killed processes."""
     pattern = re.compile(rf"\.{re.escape(target.name)}\.{_RANDOM}\.(partial|old)")
-    for left in target.parent.iterdir():
-        match = pattern.fullmatch(left.name)
+    for path in target.parent.iterdir():
+        match = pattern.fullmatch(path.name)
         if match is None or (match[1] == "old" and not target.exists()):
-            continue  # what nothing has replaced yet may be all that there is
+            continue  # the replaced version may be the only one
         with suppress(OSError):
-            is_old = time.time() - left.stat().st_mtime > STALE_AFTER_S
-            with _opened(left) as handle, _locked(handle) as is_left:
-                if is_old and is_left:
-                    shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink()
+            is_old = time.time() - path.stat().st_mtime > STALE_AFTER_S
+            with _opened(path) as handle, _locked(handle) as is_free:
+                if is_old and is_free:
+                    shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
 
 
 def check_name(path: Path) -> None:
-    """ConfigError for a name that leaves no room for the temporary one."""
-    if len(os.fsencode(path.name)) > _LONGEST_NAME:
-        raise ConfigError(f"{path}: the name is longer than {_LONGEST_NAME} bytes; choose a shorter one")
+    """Raise ConfigError for a name that is too long for its temporary form."""
+    if len(os.fsencode(path.name)) > _MAX_NAME_BYTES:
+        raise ConfigError(f"{path}: the name is longer than {_MAX_NAME_BYTES} bytes; choose a shorter one")
 
 
 def check_file_free(path: Path, force: bool) -> None:
-    """ConfigError unless a file may be written here: nothing there, or a file and `force`.
+    """Raise ConfigError unless a file may be written here: a new path, or with `force` an existing file.
 
-    Asked before the work, so that nobody waits for what cannot be saved.
+    Called before the work, so that its result can be saved.
     """
     check_name(path)
     if path.exists() and not path.is_file():
-        raise ConfigError(f"{path}: exists and is no file, so it is never replaced; choose another name")
+        raise ConfigError(f"{path}: exists and is not a file, so it is never replaced; choose another name")
     if path.exists() and not force:
-        raise ConfigError(f"{path}: exists already; choose another name or give --force")
+        raise ConfigError(f"{path}: exists; choose another name or use --force")
     if not path.parent.is_dir():
-        raise ConfigError(f"{path}: cannot be written, for {path.parent} is not a folder")
+        raise ConfigError(f"{path}: cannot be written: {path.parent} is not a folder")
 
 
 def refuse_to_replace(target: Path, inputs: Iterable[Path]) -> None:
-    """ConfigError where something that is read is the target or lies inside it."""
+    """Raise ConfigError if an input is the target or lies inside it."""
     for path in inputs:
         if path.resolve().is_relative_to(target.resolve()):
-            raise ConfigError(f"{target}: would replace {path}, which is read; choose another output")
+            raise ConfigError(f"{target}: would replace the input {path}; choose another output")
 
 
 @contextmanager
@@ -141,9 +141,9 @@ def _opened(path: Path) -> Iterator[int]:
 
 @contextmanager
 def _locked(handle: int) -> Iterator[bool]:
-    """Hold a lock, which the system gives up with the process, whatever ends it; False: another process holds it.
+    """Hold a lock until the block or the process ends; yields False if another process holds it.
 
-    File systems without locks count as locked by another.
+    A file system without locks counts as locked.
     """
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -155,16 +155,16 @@ def _locked(handle: int) -> Iterator[bool]:
 
 @contextmanager
 def making(target: Path) -> Iterator[None]:
-    """ConfigError for errors of the system while a place for the target is made."""
+    """Turn an OSError while the target is created into a ConfigError."""
     try:
         yield
     except OSError as error:
-        raise ConfigError(f"{target}: cannot be written ({error.strerror}); give another name") from None
+        raise ConfigError(f"{target}: cannot be written ({error.strerror}); choose another name") from None
 
 
 @contextmanager
 def _naming(target: Path) -> Iterator[None]:
-    """Errors of the system name the output, where they name what is temporary or nothing at all."""
+    """Let an OSError name the target instead of its temporary form or nothing."""
     try:
         yield
     except OSError as error:
@@ -179,7 +179,7 @@ def _naming(target: Path) -> Iterator[None]:
 
 
 def _umask() -> int:
-    """The process's umask, which can only be read by setting it."""
+    """The umask of the process, which can only be read by setting it."""
     mask = os.umask(0o022)
     os.umask(mask)
     return mask

@@ -1,4 +1,4 @@
-"""Files of numpy (.npy, .npz) that may be damaged."""
+"""Reading numpy files (.npy, .npz) that may be damaged."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from contextlib import contextmanager
 
 @contextmanager
 def damage_as_value_error() -> Iterator[None]:
-    """For the lines that read such a file: a ValueError, whatever numpy came upon.
+    """Turn any error while a numpy file is read into a ValueError.
 
-    It lets through what its parsers raise: of zip, zlib, lzma, tokenize, the compiler and the memory.
+    numpy does not catch the errors of its parsers: zip, zlib, lzma, tokenize, compile, memory.
     """
     try:
         yield
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ValueError(f"not an undamaged file of numpy: {reason}") from error
+        raise ValueError(f"a damaged numpy file: {reason}") from error

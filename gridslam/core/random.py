@@ -8,7 +8,7 @@ import numpy as np
 
 
 def random_stream(seed: int, component: str) -> np.random.Generator:
-    """The generator of one named component: the same seed and name give the same numbers, other names independent ones."""
+    """The random generator of a named component: same seed and name, same numbers; other names are independent."""
     return np.random.Generator(
         np.random.PCG64(np.random.SeedSequence([seed, zlib.crc32(component.encode())]))
     )

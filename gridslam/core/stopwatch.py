@@ -1,4 +1,4 @@
-"""How long the stages of a computation take."""
+"""Measures the time of the stages of a computation."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up the seconds of each stage in `seconds`; a stage within another one counts in both."""
+    """Adds up the time (s) of each stage in `seconds`; a nested stage counts in both."""
 
     def __init__(self) -> None:
         self.seconds: defaultdict[str, float] = defaultdict(float)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """The block belongs to a stage, also when it ends by an error."""
+        """Add the time of the block to a stage, also if it raises."""
         started = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""How many threads the libraries use: told by the environment, read when they are imported or first run a parallel loop."""
+"""Number of threads of the libraries, set by environment variables that they read at import or at the first parallel loop."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OP
 
 
 def limit_threads(count: int) -> None:
-    """Let all libraries that this process imports from here on use so many threads."""
+    """Let libraries that are imported later use `count` threads."""
     os.environ.update(dict.fromkeys(VARIABLES, str(count)))
 
 
 @contextmanager
 def threads_each(count: int) -> Iterator[None]:
-    """Environment in which started processes use so many threads; what the user has set stays."""
+    """Let processes started in the block use `count` threads each, unless the user has set another number."""
     added = {name: str(count) for name in VARIABLES if name not in os.environ}
     os.environ.update(added)
     try:

@@ -1,4 +1,4 @@
-"""A robot's path: stamps and poses, in the order in which they were recorded."""
+"""A trajectory: stamps and poses in recorded order."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ class Trajectory:
 
     @staticmethod
     def empty() -> Trajectory:
-        """A path without poses."""
+        """A trajectory without poses."""
         return Trajectory(np.zeros(0, np.int64), np.zeros((0, 3)))
 
     def sorted(self) -> Trajectory:
-        """The same poses by stamp (stable), the first of equal stamps kept."""
+        """The poses sorted by stamp (stable); of equal stamps the first is kept."""
         order = np.argsort(self.stamps_ns, kind="stable")
         stamps = self.stamps_ns[order]
         keep = np.r_[True, stamps[1:] != stamps[:-1]] if len(stamps) else np.zeros(0, bool)
         return Trajectory(stamps[keep], self.poses[order][keep])
 
     def at(self, stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Poses `(m, 3)` at any stamps, interpolated, and which of them lie inside the path `(m,)`.
+        """Interpolated poses `(m, 3)` at stamps `(m,)`, and a mask `(m,)` of the stamps within the trajectory.
 
-        Expects a path sorted by stamp. Outside it the nearest end is given, marked False.
+        The trajectory must be sorted by stamp. Outside it, the pose is that of the nearest end and the mask is False.
         """
         query = np.asarray(stamps_ns, dtype=np.int64)
         if not len(self):

@@ -1,4 +1,4 @@
-"""How far a result is from the truth: trajectories, relations, maps, objects, and gates over the measures.
+"""Errors of a result against ground truth: trajectories, relations, maps, objects; and gates on the measures.
 
-The measures know no files: `files`, `object_files` and `run_files` read, `document` puts the measures together.
+The modules with measures do not read files. `files`, `object_files` and `run_files` read; `document` collects the measures.
 """

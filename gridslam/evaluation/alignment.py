@@ -1,4 +1,4 @@
-"""The rigid motion of the plane that carries an estimate's frame into the truth's."""
+"""The planar rigid transform (with optional scale) from an estimate's frame to the frame of the ground truth."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ _DEGENERATE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """Positions p of the estimate become `scale * p` moved by `T_truth_estimate` (x, y, yaw)."""
+    """Maps a position p of the estimate to `T_truth_estimate` (x, y, yaw) applied to `scale * p`."""
 
     T_truth_estimate: NDArray[np.float64]
     scale: float = 1.0
 
     def apply(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Poses `(n, 3)` in the truth's frame."""
+        """The poses `(n, 3)` transformed into the frame of the ground truth."""
         return se2.compose(self.T_truth_estimate, poses * [self.scale, self.scale, 1.0])
 
 
 def find_alignment(
     estimate: NDArray[np.float64], truth: NDArray[np.float64], align: Align, with_scale: bool = False
 ) -> Alignment | None:
-    """The alignment of paired poses `(n, 3)`; None where the pairs do not determine it.
+    """The alignment of paired poses `(n, 3)`, or None if the pairs do not determine it.
 
-    `origin` puts the first estimated pose on its true one; `se2` is Umeyama's least-squares fit of the positions
-    (PAMI 1991) in the plane, with the scale only when asked for. On planar data evo's fit in space is the same
-    unless turning the plane over fits better, which no robot can do.
+    `none` is the identity. `origin` moves the first estimated pose onto the true one. `se2` is Umeyama's least-squares
+    alignment of the positions (PAMI 1991) in the plane, with a scale if `with_scale`. evo aligns in space: for planar data
+    the result is the same unless flipping the plane gives a smaller error.
     """
     if align == "none":
         return Alignment(np.zeros(3))
@@ -54,6 +54,6 @@ def _umeyama(source: NDArray[np.float64], target: NDArray[np.float64], with_scal
         return None
     yaw = float(np.arctan2(sin_sum, cos_sum))
     scale = strength / float((s**2).sum()) if with_scale else 1.0
-    turned = se2.transform_points(np.array([0.0, 0.0, yaw]), scale * source_mean[None, :])[0]
-    shift = target_mean - turned
+    rotated = se2.transform_points(np.array([0.0, 0.0, yaw]), scale * source_mean[None, :])[0]
+    shift = target_mean - rotated
     return Alignment(np.array([shift[0], shift[1], yaw]), scale)

@@ -1,4 +1,4 @@
-"""Which pose of the estimate belongs to which pose of the truth, by their stamps."""
+"""Pairs of poses of an estimate and the ground truth, by their stamps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEFAULT_MAX_DIFFERENCE_NS = 10_000_000
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Poses `(n, 3)` of both trajectories that belong together, and the stamps `(n,)` of the estimate's."""
+    """Paired poses `(n, 3)` of both trajectories, and the stamps `(n,)` (ns) of the estimated ones."""
 
     stamps_ns: NDArray[np.int64]
     estimate: NDArray[np.float64]
@@ -32,12 +32,12 @@ def associate(
     sync: Sync = "nearest",
     max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS,
 ) -> Pairs:
-    """Pair two trajectories sorted by stamp, as evo does.
+    """Pair the poses of two trajectories sorted by stamp, as evo does.
 
-    Each pose of the trajectory with fewer poses (the estimate, when both have the same number) takes the pose
-    of the other that is nearest in time, if it is no more than `max_difference_ns` away; of two equally near
-    the earlier. `interpolate` pairs the same poses, then replaces the longer trajectory's by its pose at the
-    very stamp. No pair is an empty result, not an error.
+    Each pose of the trajectory with fewer poses (the estimate if both have the same number) is paired with the pose of the
+    other that is nearest in time, at most `max_difference_ns` away; of two equally near ones the earlier. `interpolate` pairs
+    the same poses and then interpolates the longer trajectory at the stamps of the shorter one. Without any pair the result
+    is empty.
     """
     if not len(estimate) or not len(truth):
         return Pairs(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
@@ -58,7 +58,7 @@ def associate(
 def match_nearest(
     stamps_ns: NDArray[np.int64], among_ns: NDArray[np.int64], max_difference_ns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices into both of each stamp's nearest one `among_ns` (sorted, not empty) that is near enough."""
+    """Indices of the stamps whose nearest neighbour in `among_ns` (sorted, not empty) is near enough, and of these neighbours."""
     after = np.clip(np.searchsorted(among_ns, stamps_ns, side="right"), 0, len(among_ns) - 1)
     before = np.maximum(after - 1, 0)
     to_after, to_before = np.abs(among_ns[after] - stamps_ns), np.abs(among_ns[before] - stamps_ns)

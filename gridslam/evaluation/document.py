@@ -1,4 +1,4 @@
-"""All measures of one result as one nested document; its dotted keys are the names that gates use."""
+"""All measures of a result as a nested document; gates name a measure by its dotted key, such as `ape.trans.rmse`."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ NEEDS: Mapping[str, str] = {
     "objects": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
     "doors": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
 }
-"""What must be given for the measures whose keys begin so."""
+"""First part of a key -> what these measures need."""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What is judged."""
+    """The result to evaluate; a part that is None is not evaluated."""
 
     trajectory: Trajectory | None = None
     occupancy: OccupancyGrid | None = None
@@ -50,7 +50,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What it is compared with; a measure whose truth is not given is left out."""
+    """The ground truth; a measure without ground truth is left out."""
 
     trajectory: Trajectory | None = None
     relations: Relations | None = None
@@ -68,15 +68,15 @@ class EvaluationOptions:
     max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS
     delta: Delta = field(default_factory=Delta)
     completeness_radius_m: float | None = None
-    max_position_m: float = 0.5  # of a localization, and of a correct object
+    max_position_m: float = 0.5  # bound for a successful localization and a correct object
     max_heading_deg: float = 10.0
 
 
 def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Document:
-    """All measures for which both sides are given.
+    """All measures for which both result and ground truth are given, as a nested document.
 
-    Map and objects are moved by the same alignment as the trajectory, if there is one: their frame is the
-    trajectory's. Raises InputError: the trajectories have no stamps in common, or cannot be aligned.
+    Map and objects are in the frame of the trajectory, so its alignment is applied to them too.
+    Raises InputError: the trajectories have no stamps in common, or cannot be aligned.
     """
     document: Document = {}
     alignment = Alignment(np.zeros(3))
@@ -96,7 +96,7 @@ def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Docume
 
 
 def without_nan(document: Document) -> Document:
-    """The document for JSON: null where a measure has no value."""
+    """The document for JSON, with None for NaN and infinities."""
     return {key: _json_value(value) for key, value in document.items()}
 
 
@@ -117,7 +117,7 @@ def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) 
     if alignment is None:
         raise InputError(
             f"the {len(pairs)} paired positions do not determine an alignment (no motion, or none in common); "
-            "take --align origin or --align none"
+            "use --align origin or --align none"
         )
     return pairs, alignment
 
@@ -168,7 +168,7 @@ def _both(errors: PoseErrors) -> Document:
 
 
 def _poses(trajectory: Trajectory) -> Document:
-    """How many poses there were, and how many of them repeat a stamp (the first one counts)."""
+    """Number of poses, and of poses that repeat an earlier stamp and are ignored."""
     return {"poses": len(trajectory), "repeated_stamps": len(trajectory) - len(trajectory.sorted())}
 
 

@@ -1,4 +1,4 @@
-"""Relations as text, one a line, read like trajectories. A wrong line is named, never skipped."""
+"""Reader of relations, one per line. A wrong line is an error that names the line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RELATION_LINE = "t1 t2 x y z roll pitch yaw"
 
 
 def read_relations(path: Path) -> Relations:
-    """Lines `t1 t2 x y z roll pitch yaw`; z, roll and pitch are left out. Raises InputError as above."""
+    """Relations of a file with lines `t1 t2 x y z roll pitch yaw`; z, roll and pitch are ignored. Raises InputError."""
     stamps: list[tuple[int, int]] = []
     motions: list[tuple[float, float, float]] = []
     for place, words in lines_of(path, _RELATION_LINE):
@@ -27,6 +27,6 @@ def read_relations(path: Path) -> Relations:
         x, y, _, _, _, yaw = numbers_in(place, words[2:])
         motions.append((x, y, yaw))
     if not stamps:
-        raise InputError(f"{path}: no relation in it; expected lines {_RELATION_LINE}")
+        raise InputError(f"{path}: no relations; expected lines {_RELATION_LINE}")
     ends = np.array(stamps, np.int64)
     return Relations(ends[:, 0], ends[:, 1], np.array(motions))

@@ -1,4 +1,4 @@
-"""Results and truths read from their files, each only as far as the other side can be compared with it."""
+"""Reads results and ground truth; of a result only what there is ground truth for."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def load_truth(
     relations: Path | None = None,
     objects: Path | None = None,
 ) -> Truth:
-    """The truth in its files; a folder of truth also gives the map and the objects that are not named.
+    """The ground truth in files. A folder of ground truth also gives the map and the objects that are not named.
 
-    Raises InputError: a file is unreadable, or holds no truth of its kind.
+    Raises InputError: a file is unreadable, or has no ground truth of its kind.
     """
     found = truth_paths(path) if path else Paths()
     map_path, objects = map_path or found.map_yaml, objects or found.objects
@@ -32,15 +32,15 @@ def load_truth(
 
 
 def load_result(path: Path, truth: Truth) -> Result:
-    """The parts of a run directory (or of a trajectory alone) that there is a truth for.
+    """The parts of a run directory, or of a trajectory file, for which there is ground truth.
 
-    Raises InputError: there is no result, or a file of it is damaged.
+    Raises InputError: there is no result, or one of its files is damaged.
     """
     paths = run_paths(path)
     with_map = truth.occupancy is not None and paths.map_yaml is not None
-    wants_path = truth.trajectory is not None or truth.relations is not None
+    needs_trajectory = truth.trajectory is not None or truth.relations is not None
     return Result(
-        trajectory=read_trajectory(paths.trajectory) if paths.trajectory and wants_path else None,
+        trajectory=read_trajectory(paths.trajectory) if paths.trajectory and needs_trajectory else None,
         occupancy=load_map(paths.map_yaml) if with_map and paths.map_yaml else None,
         probability=read_probability(paths.layers) if with_map and paths.layers else None,
         objects=read_objects(paths.objects) if paths.objects and truth.objects is not None else None,

@@ -1,4 +1,4 @@
-"""Bounds on measures, as `--require 'ape.trans.rmse<=0.10'` states them."""
+"""Gates: bounds on measures, such as `--require 'ape.trans.rmse<=0.10'`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Gate:
 
 
 def parse_gate(text: str) -> Gate:
-    """ConfigError unless the text is a key, a comparison and a number, true or false."""
+    """The gate of a text: a key, a comparison, and a number, true or false. Raises ConfigError."""
     match = _GATE.fullmatch(text)
     if match is None:
         raise ConfigError(f"--require {text!r}: expected KEY<=NUMBER (or >=, <, >, ==, !=)")
@@ -64,7 +64,7 @@ def measures_of(document: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mapping[str, str]) -> None:
-    """ConfigError for a key that the document lacks; `needs` names what the measures under a first part need."""
+    """Raise ConfigError for a key that is not in the document; `needs` says what the measures of a first part need."""
     flat = measures_of(document)
     for gate in gates:
         if gate.key in flat:
@@ -76,7 +76,7 @@ def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mappin
 
 
 def failures(gates: Sequence[Gate], document: Mapping[str, Any]) -> list[str]:
-    """One line for each gate that does not hold. What has no value (NaN, null) passes no gate."""
+    """A line for each gate that fails. A measure without a value (NaN, null) fails every gate."""
     flat = measures_of(document)
     return [_failure(gate, flat[gate.key]) for gate in gates if not _holds(gate, flat[gate.key])]
 

@@ -29,9 +29,9 @@ def judge_localization(
 
     `stamps_ns` `(n,)` are the ascending stamps of the errors, `start_ns` the stamp of the trajectory's first pose.
     """
-    good = (errors.translation_m < max_translation_m) & (errors.rotation_deg < max_rotation_deg)
-    if not len(good) or not good[-1]:
+    is_correct = (errors.translation_m < max_translation_m) & (errors.rotation_deg < max_rotation_deg)
+    if not len(is_correct) or not is_correct[-1]:
         return Localization(False, float("nan"))
-    bad = np.flatnonzero(~good)
-    first_good = int(bad[-1]) + 1 if len(bad) else 0
-    return Localization(True, (int(stamps_ns[first_good]) - start_ns) / 1e9)
+    wrong = np.flatnonzero(~is_correct)
+    first = int(wrong[-1]) + 1 if len(wrong) else 0
+    return Localization(True, (int(stamps_ns[first]) - start_ns) / 1e9)

@@ -1,4 +1,4 @@
-"""How far a built map is from the true one: walls, cells, probabilities."""
+"""Errors of a built map against the true one: distances between walls, overlap, log loss."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.maps.occupancy import OccupancyGrid
 
 OCCUPIED_FROM = 0.5
-_SMALLEST_PROBABILITY = 1e-6
+_MIN_PROBABILITY = 1e-6
 _CELLS_AT_ONCE = 1 << 20
 
 
@@ -33,31 +33,31 @@ def wall_distances(
     T_truth_built: NDArray[np.float64],
     completeness_radius_m: float | None = None,
 ) -> WallDistances:
-    """Both distances, with the built map moved by `T_truth_built` (x, y, yaw) into the truth's frame.
+    """Both distances, with the built map transformed by `T_truth_built` (x, y, yaw) into the frame of the ground truth.
 
-    A wall cell is one with probability > 0.5. The inside of a thick true wall, which nothing can observe, counts
-    for accuracy only. With `completeness_radius_m` completeness leaves out true walls farther than that from every known cell
-    of the built map. Empty where one of the maps has no wall.
+    A wall cell has a probability above 0.5. The inside of thick true walls cannot be observed and counts for accuracy only.
+    With `completeness_radius_m`, completeness excludes true walls farther than that from every known cell of the built map.
+    Empty if one of the maps has no wall.
     """
     mapped = se2.transform_points(T_truth_built, _centres(built, _walls(built)))
     true = _centres(truth, _walls(truth))
-    seen = _centres(truth, _borders_on_free(truth))
-    if completeness_radius_m is not None and len(seen):
+    visible = _centres(truth, _borders_on_free(truth))
+    if completeness_radius_m is not None and len(visible):
         known = se2.transform_points(T_truth_built, _centres(built, ~np.isnan(built.probability)))
-        seen = seen[_nearest(seen, known) <= completeness_radius_m] if len(known) else seen[:0]
-    return WallDistances(_nearest(mapped, true), _nearest(seen, mapped))
+        visible = visible[_nearest(visible, known) <= completeness_radius_m] if len(known) else visible[:0]
+    return WallDistances(_nearest(mapped, true), _nearest(visible, mapped))
 
 
 def intersection_over_union(
     built: OccupancyGrid, truth: OccupancyGrid, T_truth_built: NDArray[np.float64]
 ) -> float:
-    """Area that is wall in both maps, divided by the area that is wall in at least one; NaN without any wall.
+    """Intersection over union of the wall cells; NaN without any wall.
 
-    Counted in the cells that the true map knows, each compared with the built cell under its centre.
+    Each cell known in the true map is compared with the cell of the built map under its centre.
     """
-    built_there = _on_cells_of(truth, built, T_truth_built)
+    built_values = _on_cells_of(truth, built, T_truth_built)
     known = ~np.isnan(truth.probability)
-    true_wall, built_wall = _walls(truth), known & (built_there > OCCUPIED_FROM)
+    true_wall, built_wall = _walls(truth), known & (built_values > OCCUPIED_FROM)
     union = np.count_nonzero(true_wall | built_wall)
     return float(np.count_nonzero(true_wall & built_wall) / union) if union else float("nan")
 
@@ -65,21 +65,21 @@ def intersection_over_union(
 def log_loss(
     probability: OccupancyGrid, truth: OccupancyGrid, T_truth_built: NDArray[np.float64]
 ) -> tuple[float, int]:
-    """Mean of -ln P(the true state) over the cells that both maps know (NaN without any), and their number.
+    """Mean of -ln P(true state) over the cells known in both maps (NaN without any), and the number of these cells.
 
-    Probabilities are kept within [1e-6, 1 - 1e-6], so that one wrong certainty is dear but not infinite.
+    Probabilities are clipped to [1e-6, 1 - 1e-6], so that a single wrong certainty does not make the loss infinite.
     """
     p = _on_cells_of(truth, probability, T_truth_built)
     both = ~np.isnan(p) & ~np.isnan(truth.probability)
     if not both.any():
         return float("nan"), 0
-    clipped = np.clip(p[both].astype(np.float64), _SMALLEST_PROBABILITY, 1.0 - _SMALLEST_PROBABILITY)
+    clipped = np.clip(p[both].astype(np.float64), _MIN_PROBABILITY, 1.0 - _MIN_PROBABILITY)
     loss = -np.log(np.where(_walls(truth)[both], clipped, 1.0 - clipped))
     return float(loss.mean()), int(np.count_nonzero(both))
 
 
 def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Probabilities `(n,)` of the cells in which the points `(n, 2)` of the map frame lie; NaN outside."""
+    """Probabilities `(n,)` of the cells that contain the points `(n, 2)` (m, map frame); NaN outside the grid."""
     cells = grid.geometry.cells(points_xy)
     rows, cols = grid.probability.shape
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
@@ -93,7 +93,7 @@ def _walls(grid: OccupancyGrid) -> NDArray[np.bool_]:
 
 
 def _borders_on_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Wall cells with a free cell on one of their four sides."""
+    """Mask of wall cells with a free cell among their four neighbours."""
     free = np.pad(grid.probability <= OCCUPIED_FROM, 1)
     beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
     return _walls(grid) & beside
@@ -106,7 +106,7 @@ def _centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64
 def _on_cells_of(
     truth: OccupancyGrid, built: OccupancyGrid, T_truth_built: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """What the built map says at the centre of each cell of the true one, `(rows, cols)`, a few rows at a time."""
+    """Probabilities of the built map at the cell centres of the true one, `(rows, cols)`, computed in blocks of rows."""
     rows, cols = truth.probability.shape
     T_built_truth = se2.inverse(T_truth_built)
     values = np.empty((rows, cols), np.float32)
@@ -120,7 +120,7 @@ def _on_cells_of(
 
 
 def _nearest(points: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distance `(n,)` from each point to the nearest of `among`; empty when there is nothing to measure to."""
+    """Distances `(n,)` from each point to the nearest of `among`; empty if `among` is empty."""
     if not len(points) or not len(among):
         return np.zeros(0)
     from scipy.spatial import cKDTree

@@ -1,4 +1,4 @@
-"""How well the objects in a map were found: where, what, moved or not, doors open or closed."""
+"""Errors of mapped objects: pose, class, moved or not, door state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gridslam.core import poses as se2
 
 @dataclass(frozen=True, slots=True)
 class MapObject:
-    """An object in the map frame; what is not known of it is None."""
+    """An object: pose x, y (m), yaw (rad) in the map frame; unknown properties are None."""
 
     pose: tuple[float, float, float]
     category: str | None = None  # box, door, ...
@@ -23,10 +23,10 @@ class MapObject:
 
 @dataclass(frozen=True, slots=True)
 class ObjectErrors:
-    """Errors of the true objects that were found (matched by id), `(n,)` each, and counts.
+    """Position (m) and heading (deg) errors `(n,)` of the true objects that were found (matched by id), and counts.
 
-    `correct` objects are near enough, and all that the truth says of category, movement and state agrees.
-    `doors_state_correct` counts found doors of known state whose state is right, out of `doors`.
+    A `correct` object is within the position bound, and its category, movement and state agree with the ground truth where
+    that states them. `doors_state_correct` of the `doors` with a true state were found with that state.
     """
 
     count: int
@@ -45,13 +45,13 @@ def object_errors(
     T_truth_map: NDArray[np.float64],
     max_position_m: float = 0.5,
 ) -> ObjectErrors:
-    """Compare objects by id, the found ones moved by `T_truth_map` (x, y, yaw) into the truth's frame."""
+    """Compare objects by id, after transforming the found ones by `T_truth_map` (x, y, yaw)."""
     ids = sorted(truth.keys() & found.keys())
-    here = np.array([found[i].pose for i in ids]).reshape(-1, 3)
-    there = np.array([truth[i].pose for i in ids]).reshape(-1, 3)
-    difference = se2.between(there, se2.compose(T_truth_map, here))
+    estimated = np.array([found[i].pose for i in ids]).reshape(-1, 3)
+    true = np.array([truth[i].pose for i in ids]).reshape(-1, 3)
+    difference = se2.between(true, se2.compose(T_truth_map, estimated))
     position = np.hypot(difference[:, 0], difference[:, 1])
-    right = [
+    is_correct = [
         bool(distance <= max_position_m) and _agrees(found[i], truth[i])
         for i, distance in zip(ids, position, strict=True)
     ]
@@ -59,7 +59,7 @@ def object_errors(
     return ObjectErrors(
         count=len(truth),
         found=len(ids),
-        correct=sum(right),
+        correct=sum(is_correct),
         extra=len(found.keys() - truth.keys()),
         position_m=position,
         heading_deg=np.rad2deg(np.abs(difference[:, 2])),

@@ -1,4 +1,4 @@
-"""objects.csv: one row per object, or per object and moment."""
+"""Reader of objects.csv: one row per object, or per object and time."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _BOOLEANS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "
 
 
 def read_objects(path: Path) -> dict[str, MapObject]:
-    """Columns `id,x,y,yaw` and, where known, `class,moved,state`; others are left out.
+    """Objects by id, from the columns `id,x,y,yaw` and, if present, `class,moved,state`.
 
-    Where an id has several rows (poses over time) the last one counts. Raises InputError, naming the line.
+    If an id has several rows (poses over time), the last one counts. Raises InputError with the line.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:

@@ -1,4 +1,4 @@
-"""Errors of paired poses: absolute (APE) and relative (RPE), as evo defines them, in the plane."""
+"""Absolute (APE) and relative (RPE) pose errors in the plane, as defined in evo."""
 
 from __future__ import annotations
 
@@ -26,11 +26,10 @@ class PoseErrors:
 
 @dataclass(frozen=True, slots=True)
 class Delta:
-    """Which pairs of poses RPE compares: `size` apart in frames, metres of path or seconds.
+    """Distance between the two poses of an RPE pair: `size` frames, metres of path or seconds.
 
-    Consecutive pairs begin where the last one ended, and end at the first pose at least `size` on. With
-    `all_pairs` every pose begins one, which ends at the pose whose distance is nearest to `size`, if it is within
-    10 % of it (evo's tolerance).
+    Consecutive pairs start where the previous one ended, and end at the first pose at least `size` away. With `all_pairs`
+    every pose starts a pair, which ends at the pose whose distance is nearest to `size`, within 10 % (evo's tolerance).
     """
 
     size: float = 1.0
@@ -46,7 +45,7 @@ def absolute_errors(estimate: NDArray[np.float64], truth: NDArray[np.float64]) -
 
 
 def relative_errors(pairs: Pairs, delta: Delta) -> PoseErrors:
-    """RPE: the motion from i to j in the truth, inverted, composed with the estimated one (Sturm 2012, eq. 2)."""
+    """RPE: the inverse of the true motion from i to j, composed with the estimated one (Sturm 2012, eq. 2)."""
     i, j = _index_pairs(pairs, delta)
     error = se2.between(
         se2.between(pairs.truth[i], pairs.truth[j]), se2.between(pairs.estimate[i], pairs.estimate[j])
@@ -89,7 +88,7 @@ def _all_pairs(steps: NDArray[np.float64], size: float) -> tuple[NDArray[np.int6
     travel = np.concatenate(([0.0], np.cumsum(steps)))
     first = np.arange(len(travel) - 1)
     after = np.clip(np.searchsorted(travel, travel[:-1] + size, side="left"), first + 1, len(travel) - 1)
-    # Where the robot stood still several poses are equally far along: the first of them, as evo takes.
+    # Several poses have the same travel while the robot stands; evo takes the first of them.
     before = np.maximum(np.searchsorted(travel, travel[after - 1], side="left"), first + 1)
     to_after, to_before = (
         np.abs(travel[after] - travel[:-1] - size),

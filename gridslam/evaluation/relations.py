@@ -14,7 +14,7 @@ from gridslam.evaluation.pose_errors import PoseErrors
 
 @dataclass(frozen=True, slots=True)
 class Relations:
-    """True motions: `motions[k]` `(x, y, yaw)` is the pose at `to_ns[k]` seen from the pose at `from_ns[k]`."""
+    """True relative motions: `motions[k]` (x, y, yaw) is the pose at `to_ns[k]` in the frame of the pose at `from_ns[k]`."""
 
     from_ns: NDArray[np.int64]
     to_ns: NDArray[np.int64]
@@ -26,16 +26,16 @@ class Relations:
 
 @dataclass(frozen=True, slots=True)
 class RelationErrors:
-    """Errors of the relations inside the trajectory; `missed` others have an end outside it."""
+    """Errors of the relations within the trajectory; `missed` relations have a stamp outside it."""
 
     errors: PoseErrors
     missed: int
 
 
 def relation_errors(trajectory: Trajectory, relations: Relations) -> RelationErrors:
-    """Inverse of the true motion composed with the estimated one, for each relation (Kuemmerle 2009, eq. 2).
+    """Errors of the relations: the inverse of the true motion composed with the estimated one (Kuemmerle 2009, eq. 2).
 
-    The trajectory is sorted by stamp, and its poses at a relation's two stamps are interpolated.
+    The trajectory is sorted by stamp; the poses at the two stamps of a relation are interpolated.
     """
     path = trajectory.sorted()
     start, start_inside = path.at(relations.from_ns)

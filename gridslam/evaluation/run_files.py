@@ -1,4 +1,4 @@
-"""What `evaluate` is given: a run directory or a trajectory, and the truth in one of its forms."""
+"""Finds and reads the files of a run directory or of ground truth."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
     "trajectory.tum", "map.yaml", "layers.npz", "objects.csv", "report.json",
 )  # fmt: skip
 _TEXT_ENDINGS = frozenset({".tum", ".txt", ".csv", ""})
-_LONGEST_HEAD = 1 << 16
+_HEAD_BYTES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """The files of a run or of a truth; None where there is none."""
+    """The files of a run or of ground truth; None for missing ones."""
 
     trajectory: Path | None = None
     map_yaml: Path | None = None
@@ -35,9 +35,9 @@ class Paths:
 
 
 def run_paths(path: Path) -> Paths:
-    """The files of a run directory or of a folder of truth; a plain file is a trajectory.
+    """The files of a run directory or of a folder of ground truth; a plain file is taken as a trajectory.
 
-    Raises InputError: there is nothing, or nothing to evaluate.
+    Raises InputError: no such path, or a folder without any of the files.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a run directory or a trajectory")
@@ -52,7 +52,7 @@ def run_paths(path: Path) -> Paths:
 
 
 def run_command_of(path: Path) -> str | None:
-    """The command that made a run directory (`map`, `localize`), where its report says so."""
+    """The command that wrote a run directory (`map`, `localize`), by its report; None without one."""
     try:
         document = json.loads((path / REPORT).read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -62,14 +62,14 @@ def run_command_of(path: Path) -> str | None:
 
 
 def truth_paths(path: Path) -> Paths:
-    """As `run_paths`, for the truth. A folder without the files of a truth is taken for a log."""
+    """As `run_paths`, for ground truth: a folder without any of the files is taken as a log."""
     if path.is_dir() and not any((path / name).is_file() for name in (TRAJECTORY, MAP, OBJECTS)):
         return Paths(trajectory=path)
     return run_paths(path)
 
 
 def read_truth(path: Path) -> Trajectory:
-    """A trajectory as text, or the true path that a log (by its content) carries. Raises InputError."""
+    """A trajectory from a text file, or the true poses in a log. Raises InputError."""
     if path.is_file() and _looks_like_trajectory(path):
         return read_trajectory(path)
     from gridslam.logs.open import open_log
@@ -82,10 +82,10 @@ def read_truth(path: Path) -> Trajectory:
 
 
 def _looks_like_trajectory(path: Path) -> bool:
-    """Whether the first line that is no comment begins with a number, or the name is that of a text file."""
+    """Whether the first line that is not a comment starts with a number, or the name has the suffix of a text file."""
     try:
         with path.open("rb") as stream:
-            head = stream.read(_LONGEST_HEAD)
+            head = stream.read(_HEAD_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     for line in head.removeprefix(codecs.BOM_UTF8).split(b"\n"):
@@ -104,7 +104,7 @@ def _is_number(word: bytes) -> bool:
 
 
 def read_probability(path: Path) -> OccupancyGrid | None:
-    """The layer `probability` of layers.npz, None without it. Raises InputError for a damaged file."""
+    """The layer `probability` of layers.npz, or None. Raises InputError: the file is damaged."""
     names = ("probability", "probability.origin", "probability.resolution")
     try:
         with (

@@ -1,4 +1,4 @@
-"""The statistics of a set of errors, as evo gives them."""
+"""Statistics of errors, as in evo."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAMES = ("rmse", "mean", "median", "std", "min", "max")
 
 
 def statistics(errors: NDArray[np.float64]) -> Statistics:
-    """rmse, mean, median, std (of the population, as in evo), min and max of `(n,)`; NaN each where n = 0."""
+    """rmse, mean, median, std (population), min and max of errors `(n,)`; NaN if n = 0."""
     if not len(errors):
         return dict.fromkeys(NAMES, float("nan"))
     values = (

@@ -1,1 +1,1 @@
-"""The run directory: map, trajectory, tables, report."""
+"""Writes run directories: map, trajectory, tables, report."""

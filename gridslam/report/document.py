@@ -1,4 +1,4 @@
-"""report.json: the facts of a run, under names that scripts rely on."""
+"""report.json: the facts of a run under stable keys."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FORMAT_VERSION = 1
 
 
 def report_document(run: Run, write_s: float) -> dict[str, Any]:
-    """What report.json holds. Timings and memory are only here and in report.html."""
+    """The content of report.json. Only this and report.html have timings and memory."""
     return {
         "format": REPORT_FORMAT,
         "format_version": FORMAT_VERSION,
@@ -62,7 +62,7 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
 
 
 def trajectory_facts(trajectory: Trajectory) -> dict[str, Any]:
-    """Number of poses, length of the way, and first and last stamp (text: a float could not hold them)."""
+    """Number of poses, path length (m), and first and last stamp (as text, since a float is not exact)."""
     if not len(trajectory):
         return {"poses": 0, "length_m": 0.0}
     steps = np.diff(trajectory.poses[:, :2], axis=0)
@@ -75,7 +75,7 @@ def trajectory_facts(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def map_facts(run: Run) -> dict[str, Any] | None:
-    """Size of the map and how much of it is known; None for a run without one."""
+    """Size and known area of the map; None for a run without a map."""
     grid = run.result.occupancy
     if grid is None:
         return None
@@ -92,13 +92,13 @@ def map_facts(run: Run) -> dict[str, Any] | None:
 
 
 def json_bytes(document: Mapping[str, Any]) -> bytes:
-    """UTF-8 JSON; numbers that JSON cannot hold (NaN, infinities) become null."""
+    """The document as UTF-8 JSON, with null for NaN and infinities."""
     text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
-    return (text + "\n").encode(errors="backslashreplace")  # for bytes of a file name that are no text
+    return (text + "\n").encode(errors="backslashreplace")  # file names may have bytes that are not text
 
 
 def plain(value: Any) -> Any:
-    """The value in JSON's own types: numpy scalars and arrays unpacked, NaN and infinities as None."""
+    """The value in JSON types: numpy scalars and arrays converted, NaN and infinities as None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

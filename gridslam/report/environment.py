@@ -1,4 +1,4 @@
-"""What the run ran on: versions for run.yaml, the memory it took."""
+"""The environment of a run: versions for run.yaml, and the memory used."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "opencv-python-headless", "p
 
 
 def made_with() -> MadeWith:
-    """The versions that decide the bytes of a result."""
+    """The versions that can affect the bytes of a result."""
     return MadeWith(
         gridslam=gridslam.__version__,
         python=platform.python_version(),
@@ -33,22 +33,21 @@ def _version(distribution: str) -> str:
 
 
 def peak_memory_mb() -> float:
-    """The most memory that this process has held, in 10^6 bytes.
+    """Peak memory of this process (10^6 bytes).
 
-    Linux's ru_maxrss also counts what a parent held before the program started, so the process's own
-    high-water mark is asked first.
+    On Linux ru_maxrss includes memory of the parent process before exec, so VmHWM is used if available.
     """
     try:
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6
     except (OSError, ValueError, IndexError):
-        pass  # not Linux, or /proc is not mounted: the portable measure below
+        pass  # not Linux, or /proc is not mounted: use the portable measure
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
 def restart_peak_memory() -> None:
-    """Let `peak_memory_mb` count anew, for the next run of one process; without effect where the system cannot."""
+    """Reset the peak of `peak_memory_mb`, for the next run in this process; no effect if the system does not support it."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")

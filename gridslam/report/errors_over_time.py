@@ -1,4 +1,4 @@
-"""The error of a run's trajectory at each moment, where the truth is known."""
+"""Errors of a run's trajectory over time, if the log has ground truth."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from gridslam.runs.run import Run
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """APE at stamps `(n,)`, n > 0, and the alignment that was applied before."""
+    """APE at stamps `(n,)`, n > 0, and the alignment that was applied."""
 
     stamps_ns: NDArray[np.int64]
     ape: PoseErrors
     align: Align
 
     def summary(self) -> dict[str, str | int | dict[str, Statistics]]:
-        """For report.json, under the names that `gridslam evaluate` uses."""
+        """Statistics for report.json, with the keys of `gridslam evaluate`."""
         ape = {"trans": statistics(self.ape.translation_m), "rot": statistics(self.ape.rotation_deg)}
         return {"align": self.align, "poses": len(self.stamps_ns), "ape": ape}
 
 
 def errors_of(run: Run) -> Errors | None:
-    """The run's errors against the log's truth; None without a truth at the time of the poses.
+    """Errors of a run against the ground truth in its log; None without ground truth at the times of the poses.
 
-    A new map's frame is arbitrary: such a trajectory is aligned (SE2). On a given map it is taken as it is.
+    The frame of a new map is arbitrary, so its trajectory is aligned (SE2). A localization on a given map is not.
     """
     if run.truth is None:
         return None
@@ -40,7 +40,7 @@ def errors_of(run: Run) -> Errors | None:
 
 
 def errors_over_time(estimate: Trajectory, truth: Trajectory, align: Align) -> Errors | None:
-    """Errors of the poses that the truth covers; None when there are none, or too few to align."""
+    """Errors of the poses that have ground truth; None if there are none, or too few to align."""
     pairs = associate(estimate.sorted(), truth.sorted())
     alignment = find_alignment(pairs.estimate, pairs.truth, align)
     if alignment is None or not len(pairs):

@@ -1,4 +1,4 @@
-"""report.html: one file to look at, with everything inside it."""
+"""report.html: the report as a self-contained page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TEMPLATE = "report.html.j2"
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A heading and its SVG; `note` says what the numbers are."""
+    """A plot as SVG, with title and an explanatory note."""
 
     title: str
     svg: Markup
@@ -32,8 +32,8 @@ class Plot:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """A heading and its PNG, base64."""
+class EmbeddedPicture:
+    """A picture as base64 PNG, with title and note."""
 
     title: str
     png: str
@@ -41,7 +41,7 @@ class Shown:
 
 
 def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
-    """Write the page; `map.png` and the method's pictures are taken from the same folder."""
+    """Write the page; map.png and the method's pictures are read from the same folder."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("gridslam.report"),
         autoescape=True,
@@ -58,22 +58,22 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
-    write_atomic(path, page.encode(errors="replace"))  # a file name need not be text
+    write_atomic(path, page.encode(errors="replace"))  # file names may have bytes that are not text
 
 
-def pictures(run: Run, folder: Path) -> Iterator[Shown]:
-    """The method's own pictures, as they lie in the folder."""
+def pictures(run: Run, folder: Path) -> Iterator[EmbeddedPicture]:
+    """The method's own pictures, read from the folder."""
     for name, picture in sorted(run.result.pictures.items()):
         png = base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
-        yield Shown(picture.title, png, picture.note)
+        yield EmbeddedPicture(picture.title, png, picture.note)
 
 
 def plots(run: Run) -> Iterator[Plot]:
-    """Errors over time where the log has the truth, then every diagnostic of the method."""
+    """Errors over time if the log has ground truth, then the method's series."""
     start_ns = _start_ns(run)
     if (errors := errors_of(run)) is not None:
         times = _seconds(errors.stamps_ns, start_ns)
-        note = "against the truth" + (", after the best rigid alignment" if errors.align == "se2" else "")
+        note = "against ground truth" + (", after rigid alignment" if errors.align == "se2" else "")
         yield Plot("Position error", Markup(time_plot([Line(times, errors.ape.translation_m)], "m")), note)
         yield Plot("Heading error", Markup(time_plot([Line(times, errors.ape.rotation_deg)], "deg")), note)
     for name, series in sorted(run.result.series.items()):

@@ -1,4 +1,4 @@
-"""layers.npz: the map's float layers with their geometry, the same bytes for the same values."""
+"""layers.npz: map layers with their geometry; the same values give the same bytes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from gridslam.core.files import write_atomic
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the zip format's first date: np.savez would write the present one
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of the zip format; np.savez would write the present time
 
 
 def write_layers(path: Path, layers: Mapping[str, GridLayer]) -> None:
-    """Write `NAME` (rows, cols), lower-left cell first, `NAME.origin` (x, y, yaw) and `NAME.resolution`.
+    """Write `NAME` `(rows, cols)` (lower-left cell first), `NAME.origin` (x, y, yaw) and `NAME.resolution` of each layer.
 
-    `numpy.load(path)` reads it.
+    `numpy.load(path)` reads the file.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as archive:

@@ -1,4 +1,4 @@
-"""Plots as SVG text for report.html."""
+"""SVG plots for report.html."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 MAX_POINTS = 2000
 COLOUR = "#1e6ec8"
 STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text: small, and searchable in the browser
-    "svg.hashsalt": "gridslam",  # ids of the same plot are the same every time
+    "svg.fonttype": "none",  # text is kept as text: small and searchable
+    "svg.hashsalt": "gridslam",  # reproducible ids
     "font.family": "sans-serif",
     "font.size": 9.0,
     "axes.grid": True,
@@ -29,7 +29,7 @@ STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A curve: times (s) `(n,)`, values `(n,)` and its name in the legend (empty: none)."""
+    """A curve: times (s) `(n,)`, values `(n,)` and a legend label (empty: none)."""
 
     times_s: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Line:
 
 
 def time_plot(lines: Sequence[Line], y_label: str) -> str:
-    """An SVG element with curves over time."""
+    """An SVG element that plots curves over time."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.0, 2.4), layout="constrained")
         axes = figure.add_subplot()
@@ -54,7 +54,7 @@ def time_plot(lines: Sequence[Line], y_label: str) -> str:
 def thin_out(
     times_s: NDArray[np.float64], values: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """At most MAX_POINTS finite points: least and greatest of each stretch, so that no peak is lost."""
+    """At most MAX_POINTS finite points: minimum and maximum of each interval, so that peaks are kept."""
     finite = np.isfinite(values) & np.isfinite(times_s)
     times, present = times_s[finite], values[finite]
     if len(times) <= MAX_POINTS:

@@ -1,4 +1,4 @@
-"""trajectory.tum and the methods' tables: plain text, exact, the same bytes for the same values."""
+"""Writes trajectory.tum and the methods' tables as exact plain text; the same values give the same bytes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gridslam.methods.base import Table
 
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
-    """Lines `t x y z qx qy qz qw`, in the order of the trajectory."""
+    """Write lines `t x y z qx qy qz qw` in the order of the trajectory."""
     quaternions = quaternion_of_yaw(trajectory.poses[:, 2])
     lines = [
         f"{format_stamp(int(stamp))} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
@@ -28,9 +28,9 @@ def write_tum(path: Path, trajectory: Trajectory) -> None:
 
 
 def write_table(path: Path, table: Table) -> None:
-    """A CSV file with a header; floats in the shortest form that reads back the same.
+    """Write a CSV file with a header; floats in the shortest form that reads back exactly.
 
-    A column `stamp_ns` of integers is written as `stamp` in seconds with nine decimals.
+    A column `stamp_ns` of integers is written as `stamp`, in seconds with nine decimals.
     """
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""result.mcap: a run to look at in Foxglove, Lichtblick or any other viewer of ROS 2 logs."""
+"""result.mcap: a run for Foxglove, Lichtblick and other viewers of ROS 2 logs."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ from gridslam.methods.base import Table
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
 from gridslam.runs.run import Run
 
-SHOWN = frozenset({"scan", "range", "odom"})  # odom names the base frame; pictures need not be unpacked again
+SHOWN = frozenset(
+    {"scan", "range", "odom"}
+)  # odom names the base frame; images are not needed and are not decoded
 MAX_PATH_POSES = 10_000
 OBJECT_SIZE_M, TEXT_SIZE_M = 0.4, 0.25
-STANDS, MOVED = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
+STATIC_COLOUR, MOVED_COLOUR = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
 
 
 def write_viewer_log(file: Path, run: Run, log_path: Path) -> None:
-    """Write map, path and objects at the beginning; then as time goes by map -> base, the scans and the particles.
+    """Write map, path and objects first, then map -> base, scans and particles in time order.
 
-    The scans are read from the log at `log_path` once more, one at a time. Those outside the trajectory's time have no
-    place in the map and are left out. Same run, same bytes.
+    The scans are read again from the log at `log_path`, one at a time. Scans outside the time of the trajectory have no pose
+    and are left out. The same run gives the same bytes.
     """
     kinds = [kind for kind in registry.METHODS[run.config.method_name].reads if kind in SHOWN]
     with (
@@ -47,7 +49,7 @@ def write_viewer_log(file: Path, run: Run, log_path: Path) -> None:
 def _messages(run: Run, log: Log) -> Iterator[Encoded]:
     trajectory = run.result.trajectory
     start = int(trajectory.stamps_ns.min()) if len(trajectory) else 0
-    yield from _standing(run, log, start)
+    yield from _latched(run, log, start)
     # In recorded order a stream may step back in time; a viewer sorts by stamp.
     yield from heapq.merge(
         _transforms(trajectory, log.base_frame),
@@ -57,8 +59,8 @@ def _messages(run: Run, log: Log) -> Iterator[Encoded]:
     )
 
 
-def _standing(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
-    """What holds all along, with the first stamp."""
+def _latched(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
+    """Messages that are valid all the time, with the first stamp."""
     for extrinsics in log.sensor_extrinsics:
         if extrinsics.frame_id != extrinsics.child_frame_id:
             yield from encode(_at(extrinsics, start_ns))
@@ -86,21 +88,21 @@ def _at(extrinsics: Transform, stamp_ns: int) -> Transform:
 
 
 def _path(trajectory: Trajectory, start_ns: int) -> Encoded:
-    """The whole path; of a very long one every n-th pose and the last (map -> base has them all)."""
+    """The path, thinned to at most MAX_PATH_POSES and the last pose; /tf has all poses."""
     count = len(trajectory)
     kept = np.unique(np.r_[np.arange(0, count, -(-count // MAX_PATH_POSES)), count - 1])
     return path("/path", start_ns, trajectory.stamps_ns[kept], trajectory.poses[kept])
 
 
 def _transforms(trajectory: Trajectory, base_frame: str) -> Iterator[Encoded]:
-    """T_map_base, pose by pose."""
+    """T_map_base of every pose."""
     for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses.tolist(), strict=True):
         w, qx, qy, qz = quaternion_of_yaw(yaw).tolist()
         yield from encode(Transform(stamp, MAP_FRAME, base_frame, (x, y, 0.0), (w, qx, qy, qz)))
 
 
 def _scans(log: Log, trajectory: Trajectory) -> Iterator[Encoded]:
-    """The scans in the frames of their sensors; a reading of a ranger on a servo as a scan of one beam."""
+    """Scans in the frames of their sensors; a reading of a ranger on a servo becomes a scan of one beam."""
     if not len(trajectory):
         return
     first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
@@ -121,7 +123,7 @@ def _one_beam(reading: Range) -> LaserScan:
 
 
 def object_markers(table: Table, stamp_ns: int) -> Encoded:
-    """visualization_msgs/MarkerArray: a cube where each object is, orange where it was moved, and its name above it."""
+    """visualization_msgs/MarkerArray: a cube for each object, orange if it was moved, with its name above."""
     columns = {name: place for place, name in enumerate(table.columns)}
     rows = [row for row in table.rows if _number(row, columns, "x") is not None]
     rows = [row for row in rows if _number(row, columns, "y") is not None]
@@ -132,7 +134,7 @@ def object_markers(table: Table, stamp_ns: int) -> Encoded:
         words = [str(row[columns[name]]) for name in ("id", "state") if name in columns]
         cube, half = (OBJECT_SIZE_M,) * 3, OBJECT_SIZE_M / 2
         place = (x, y, half, yaw)
-        marker(body, stamp_ns, "objects", number, CUBE, place, cube, MOVED if moved else STANDS)
+        marker(body, stamp_ns, "objects", number, CUBE, place, cube, MOVED_COLOUR if moved else STATIC_COLOUR)
         above = (x, y, 2 * OBJECT_SIZE_M, 0.0)
         letters = (0.0, 0.0, TEXT_SIZE_M)
         text = " ".join(word for word in words if word)
@@ -141,7 +143,7 @@ def object_markers(table: Table, stamp_ns: int) -> Encoded:
 
 
 def _number(row: Sequence[object], columns: dict[str, int], name: str) -> float | None:
-    """A finite number of the row; tables hold numbers or their text."""
+    """A finite number of the row, which may be stored as text; None otherwise."""
     if name not in columns:
         return None
     value = row[columns[name]]

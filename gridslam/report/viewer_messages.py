@@ -1,4 +1,4 @@
-"""Maps, paths, particles and markers as messages of ROS 2 in CDR."""
+"""Maps, paths, particles and markers as ROS 2 messages in CDR encoding."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Colour = tuple[float, float, float, float]
 
 
 def occupancy_grid(topic: str, stamp_ns: int, grid: OccupancyGrid) -> Encoded:
-    """nav_msgs/OccupancyGrid: percent, -1 where nothing is known; row 0 at the bottom, as in our grids."""
+    """nav_msgs/OccupancyGrid: occupancy in percent, -1 for unknown; row 0 is the bottom row."""
     rows, cols = grid.probability.shape
     x, y = grid.geometry.origin_xy_m
     body = CdrWriter().header(stamp_ns, MAP_FRAME)
@@ -49,7 +49,7 @@ def marker(
     body: CdrWriter, stamp_ns: int, space: str, number: int, kind: int, at: tuple[float, float, float, float],
     size: tuple[float, float, float], colour: Colour, text: str = "",
 ) -> None:  # fmt: skip
-    """Append a visualization_msgs/Marker that stays; `at` is x, y, z, yaw."""
+    """Append a visualization_msgs/Marker without a lifetime limit; `at` is x, y, z (m), yaw (rad)."""
     x, y, z, yaw = at
     add, forever = 0, (0, 0)
     body.header(stamp_ns, MAP_FRAME).text(space).numbers("i", (number, kind, add), 4)

@@ -1,4 +1,4 @@
-"""A run written to its directory."""
+"""Writes a run to its directory."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from gridslam.runs.run import Run
 def write_run(
     run: Run, directory: Path, force: bool = False, further: Iterable[Path] = ()
 ) -> dict[str, object]:
-    """Write all files of a run; the directory appears when they are complete. Returns report.json's document.
+    """Write all files of a run; the directory appears when they are complete. Returns the document of report.json.
 
-    `further` are files and folders that are moved into it (an exploration's log and truth).
-    Raises ConfigError: something is there already, or the folder cannot be written.
+    `further`: files and folders that are moved into the directory (log and ground truth of an exploration).
+    Raises ConfigError: the directory exists or cannot be written.
     """
     started = time.perf_counter()
     further = tuple(further)
@@ -53,9 +53,9 @@ def write_run(
 
 
 def write_map_files(run: Run, folder: Path) -> None:
-    """map.pgm, map.yaml and layers.npz where the run made a map; map.png also of a map that was given.
+    """Write map.pgm, map.yaml and layers.npz if the run built a map, and map.png also of a given map.
 
-    The method's further maps and its pictures lie beside them under their names.
+    Further maps and pictures of the method are written under their own names.
     """
     result = run.result
     layers = dict(result.layers)
@@ -73,7 +73,7 @@ def write_map_files(run: Run, folder: Path) -> None:
 
 
 def png_bytes(picture: Image.Image) -> bytes:
-    """A picture as a PNG file."""
+    """The picture as the bytes of a PNG file."""
     file = io.BytesIO()
     picture.save(file, format="PNG")
     return file.getvalue()

@@ -1,4 +1,4 @@
-"""One run: a log is fed to a method, and what came of it is put on record."""
+"""One run: passes the events of a log to a method and collects the result."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from gridslam.runs.run_counts import Counts, merge_counts
 Status = Literal["complete", "interrupted", "lossy"]
 Command = Literal["map", "localize", "explore"]
 
-LONGEST_BATCH = 256
+MAX_BATCH = 256
 SHORT_BATCH_S = 0.01
 LONG_BATCH_S = 0.04
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a run is: events taken in, of at most so many, and how many of them were scans.
+    """Progress of a run: events processed so far, their largest possible number, and the scans among them.
 
-    `is_finishing`: all events are in, and the method computes its result.
+    `is_finishing`: all events are processed, and the method computes its result.
     """
 
     events: int
@@ -50,14 +50,14 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A finished run, with all that its report tells of it."""
+    """A finished run with everything that its report needs."""
 
     command: Command
     config: RunConfig[BaseModel]
     log_path: Path
     inputs: Mapping[str, str]  # file -> sha256
     result: RunResult
-    occupancy: OccupancyGrid | None  # the map that was made or, when localizing, given
+    occupancy: OccupancyGrid | None  # the built map, or the given one when localizing
     truth: Trajectory | None
     status: Status
     is_lossy: bool
@@ -65,9 +65,9 @@ class Run:
     counts: Counts
     read_s: float
     process_s: float
-    compile_s: float = 0.0  # kernels that numba's cache did not hold; in neither of the others
+    compile_s: float = 0.0  # compilation of kernels that were not cached; not part of the other times
     given: Mapping[str, str] = field(default_factory=dict)  # option of the command -> name of its file
-    particles: tuple[Snapshot, ...] = ()  # as time went by, where a viewer is to see them
+    particles: tuple[Snapshot, ...] = ()  # recorded for the viewer log
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def _run(
     stop: Stop,
     further: Mapping[str, Input],
 ) -> Run:
-    # This imports numba, for which the checks before a run have no use.
+    # This imports numba, which the checks before a run do not need.
     from gridslam.kernels.compiling import timing_compilation
 
     started = time.perf_counter()
@@ -143,7 +143,7 @@ def _run(
     refuse_missing_inputs(config.method_name, further)
     with timing_compilation() as clock, open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
-        truth = log.truth()  # first: what is wrong with it is to be said before the log is gone through
+        truth = log.truth()  # first, so that its errors are reported before the log is processed
         given = () if occupancy is None else (occupancy,)
         method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
         opened = clock.now()
@@ -176,7 +176,7 @@ def _run(
 
 
 def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[..., Method]:
-    """The class that runs a config's method under a command."""
+    """The class of a config's method for a command. Raises ConfigError: the method does not support the command."""
     name = config.method_name
     entry = registry.METHODS[name]
     reference = entry.mapper if command == "map" else entry.localizer
@@ -224,8 +224,8 @@ def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Fed:
-    """What came of feeding a log: the clock, what went in, and whether it ended early."""
+class FeedResult:
+    """Times (s) of reading and processing, numbers of events and scans, and whether the run was stopped."""
 
     read_s: float
     process_s: float
@@ -234,17 +234,17 @@ class Fed:
     stopped: bool
 
 
-def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.perf_counter) -> Fed:
-    """Give all events to the method in order; in batches, to read the clock seldom and yet to stop soon.
+def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.perf_counter) -> FeedResult:
+    """Pass all events to the method in order, in batches, so that the clock is read rarely and a stop takes effect soon.
 
-    A batch grows while it takes less than 10 ms and shrinks when it takes more than 40 ms: its size changes
-    nothing but the granularity of the timing.
+    A batch grows if it takes less than 10 ms and shrinks if it takes more than 40 ms. Its size affects only the granularity of
+    timing and progress.
     """
     events: Iterator[Event] = iter(log.events())
     process = method.process
     read_s = process_s = 0.0
     done = scans = 0
-    size, most = 1, log.event_count
+    size, max_events = 1, log.event_count
     while not stop():
         t0 = now()
         batch = list(islice(events, size))
@@ -255,12 +255,12 @@ def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.per
         read_s += t1 - t0
         process_s += t2 - t1
         if not batch:
-            return Fed(read_s, process_s, done, scans, stopped=False)
+            return FeedResult(read_s, process_s, done, scans, stopped=False)
         done += len(batch)
         scans += sum(isinstance(event, LaserScan) for event in batch)
-        show(Progress(done, most, scans))
+        show(Progress(done, max_events, scans))
         if t2 - t0 < SHORT_BATCH_S:
-            size = min(2 * size, LONGEST_BATCH)
+            size = min(2 * size, MAX_BATCH)
         elif t2 - t0 > LONG_BATCH_S:
             size = max(size // 2, 1)
-    return Fed(read_s, process_s, done, scans, stopped=True)
+    return FeedResult(read_s, process_s, done, scans, stopped=True)

@@ -1,4 +1,4 @@
-"""The configuration of a run: which method, how to read the log, what to write."""
+"""The configuration of a run: method, log reading, output."""
 
 from __future__ import annotations
 
@@ -22,20 +22,18 @@ MethodConfig = TypeVar("MethodConfig", bound=BaseModel)
 
 
 class OutputConfig(StrictModel):
-    """What a run directory holds besides the map, the trajectory and the tables."""
+    """Optional files of a run directory."""
 
-    html: bool = Field(True, description="write report.html")
-    layers: bool = Field(
-        True, description="write layers.npz (probabilities and whatever else the method maps)"
-    )
+    html: bool = Field(True, description="Write report.html.")
+    layers: bool = Field(True, description="Write layers.npz: probabilities and other layers of the map.")
     viewer: bool = Field(
         False,
-        description="write result.mcap, for Foxglove and its like: map, path, scans, particles, objects",
+        description="Write result.mcap for Foxglove and other viewers: map, path, scans, particles, objects.",
     )
 
 
 class MadeWith(StrictModel):
-    """Versions that run.yaml records; the same bytes are promised for the same versions only."""
+    """Versions recorded in run.yaml; results are reproducible byte for byte with these versions."""
 
     gridslam: str = ""
     python: str = ""
@@ -44,13 +42,18 @@ class MadeWith(StrictModel):
 
 
 class RunConfig(StrictModel, Generic[MethodConfig]):
-    """A config file. Only `method` must be there."""
+    """A config file. Only `method` is required."""
 
     method: MethodConfig
     log: LogConfig = LogConfig()
     output: OutputConfig = OutputConfig()
-    seed: int = Field(0, ge=0, lt=2**63, description="same log, config, seed and versions: same bytes")
-    made_with: MadeWith | None = Field(None, description="written into run.yaml; not a setting")
+    seed: int = Field(
+        0,
+        ge=0,
+        lt=2**63,
+        description="Seed of all random numbers. Same log, config, seed and versions give the same bytes.",
+    )
+    made_with: MadeWith | None = Field(None, description="Written into run.yaml; not a setting.")
 
     @property
     def method_name(self) -> str:
@@ -61,9 +64,9 @@ class RunConfig(StrictModel, Generic[MethodConfig]):
 def load_run_config(
     name_or_path: str, overrides: Iterable[str] = (), seed: int | None = None
 ) -> RunConfig[BaseModel]:
-    """The config of a file or a built-in name, with `--set` and `--seed` put over it.
+    """The config of a file or a built-in name, after `--set` and `--seed`.
 
-    Raises ConfigError with the file, the key path, what is wrong there and the nearest valid key.
+    Raises ConfigError with the file, the key path, what is wrong and the nearest valid key.
     """
     document, source = read_config(name_or_path)
     overrides = list(overrides)
@@ -76,7 +79,7 @@ def load_run_config(
 def validate_run_config(
     document: dict[str, Any], source: str, overridden: Collection[str] = ()
 ) -> RunConfig[BaseModel]:
-    """The checked config; errors name `source`, and mark the key paths that --set has `overridden`."""
+    """The checked config. Raises ConfigError, which names `source` and marks key paths that --set has `overridden`."""
     model = run_config_model(method_name(document, source))
     try:
         return model.model_validate(document)
@@ -85,13 +88,13 @@ def validate_run_config(
 
 
 def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
-    """The model of a config for one registered method."""
+    """The config model of a registered method."""
     config = registry.load(registry.METHODS[method].config)
     return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
 
 
 def method_name(document: dict[str, Any], source: str) -> str:
-    """`method.name`, which decides what else the section may hold."""
+    """The checked value of `method.name`, which selects the model of the section. Raises ConfigError."""
     section = document.get("method")
     known = registry.METHODS
     if section is None:
@@ -110,7 +113,7 @@ def method_name(document: dict[str, Any], source: str) -> str:
 
 
 def run_config_schema() -> dict[str, Any]:
-    """The JSON schema of a config file, for editors: all methods, told apart by `method.name`."""
+    """The JSON schema of a config file, for editors: all methods, distinguished by `method.name`."""
     models = [registry.load(entry.config) for entry in registry.METHODS.values()]
     any_method = functools.reduce(operator.or_, models)
     by_name = Field(discriminator="name")

@@ -1,4 +1,4 @@
-"""How many messages of each stream were read, used and skipped, and why."""
+"""Numbers of messages read, used and skipped, by stream and reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class StreamCount:
-    """Messages of one stream: found in the log, used by the method, skipped by the reader or the method."""
+    """Messages of one stream: read from the log, used by the method, skipped by reader or method."""
 
     read: int
     used: int
@@ -30,11 +30,10 @@ class Counts:
 
 
 def merge_counts(log_counters: Mapping[str, int], method_counters: Mapping[str, int]) -> Counts:
-    """The account of a run from the reader's counters and the method's.
+    """The counts of a run, from the counters of the reader and of the method.
 
-    Both use the keys `read.<stream>` (what the reader handed over), `used.<stream>`, `skipped.<stream>.<reason>`
-    and `lost.<what>`. A method that does not count what it used of a stream has used all that it was given and
-    did not skip.
+    Both use the keys `read.<stream>` (messages passed to the method), `used.<stream>`, `skipped.<stream>.<reason>`
+    and `lost.<what>`. Without a counter `used.<stream>` all messages that the method did not skip count as used.
     """
     both = Counter(dict(log_counters))
     both.update(dict(method_counters))

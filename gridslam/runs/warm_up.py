@@ -1,4 +1,4 @@
-"""Compiles all kernels by letting every method run, explore and plan over a short scripted log."""
+"""Compiles all kernels by running every method and planner on a short scripted log."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ROOM = {
 
 
 def warm_up() -> None:
-    """Run each mapper, localizer and explorer with its default settings, and plan a path; numba's cache holds their kernels then.
+    """Run each mapper, localizer and explorer with default settings, and plan a path, so that numba caches their kernels.
 
-    What a setting other than the default needs is compiled when it is first used.
+    Kernels that only other settings use are compiled at their first use.
     """
     made: RunResult | None = None
     for entry in BUILT_IN.values():
@@ -44,7 +44,7 @@ def warm_up() -> None:
     poses = made.trajectory.poses
     for reverse in (False, True):
         plan_path(made.occupancy, poses[0], poses[len(poses) // 4], PlanOptions(reverse=reverse))
-    if find_spec("shapely"):  # of the extra `sim`
+    if find_spec("shapely"):  # installed with the extra `sim`
         _simulate()
 
 
@@ -58,7 +58,7 @@ def _mapper(entry: MethodEntry) -> Method:
 
 
 def _explore(entry: MethodEntry) -> None:
-    """The explorer is asked for commands while the robot drives its scripted way."""
+    """Query the explorer for commands along the scripted drive."""
     method = _mapper(entry)
     explorer = registry.load(entry.explorer)(method, registry.load(entry.config)(), DRIVE, 0)
     for number, (event, _) in enumerate(scripted_log(laps=1)):
@@ -69,7 +69,7 @@ def _explore(entry: MethodEntry) -> None:
 
 
 def _simulate() -> None:
-    """A moment in a room."""
+    """Run the simulator for a second."""
     from gridslam.simulation.simulator import Simulator
 
     simulator = Simulator(WorldConfig.model_validate(ROOM), Path())
@@ -78,7 +78,7 @@ def _simulate() -> None:
 
 
 def _result(method: Method) -> RunResult:
-    """Two laps, so that loops are closed as well."""
+    """The result of two laps, so that loops are closed."""
     for event, _ in scripted_log(laps=2):
         method.process(event)
     return method.result()

@@ -1,1 +1,1 @@
-"""Many runs: logs and worlds x configs x overrides x seeds, measured, in one table."""
+"""Sweeps: runs over logs or worlds x configs x overrides x seeds, their measures and tables."""

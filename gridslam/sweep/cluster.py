@@ -1,4 +1,4 @@
-"""A sweep's work on a Dask cluster that is running already."""
+"""Runs the jobs of a sweep on a running Dask cluster."""
 
 from __future__ import annotations
 
@@ -22,35 +22,36 @@ _log = logging.getLogger(__name__)
 
 
 def run_on_cluster(jobs: Sequence[Job], address: str, stop: Stop) -> Iterator[tuple[int, JobResult]]:
-    """Do the jobs on the workers of a scheduler; the place of each in `jobs` and its result, as they end.
+    """Run jobs on the workers of a scheduler; yields the index and result of each job as it finishes.
 
-    Workers need this gridslam installed and the sweep's files under the same paths. The work of a worker that dies is
-    done again by another one; work at which several workers have died one after the other (Dask's
-    `distributed.scheduler.allowed-failures`) fails. Raises ConfigError: no Dask here, or no scheduler there;
-    MethodError: the scheduler went away.
+    Workers need the same version of gridslam, and the sweep's files under the same paths. A job whose worker dies is repeated
+    on another; a job that has killed several workers (Dask's `distributed.scheduler.allowed-failures`) fails.
+    Raises ConfigError: Dask is not installed, or the scheduler cannot be reached. MethodError: the scheduler was lost.
     """
     client = _connect(address)
-    ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    finished: queue.SimpleQueue[Any] = queue.SimpleQueue()
     try:
         if not client.scheduler_info(n_workers=-1)["workers"]:
             _log.warning("%s has no workers yet; waiting for them", address)
-        sweep = uuid.uuid4().hex  # Dask would answer a key that it knows from memory
-        places = {}
-        for place, job in enumerate(jobs):
-            future = client.submit(_do_on_worker, job, key=f"gridslam-{sweep}-{place}", pure=False)
-            places[future.key] = place
-            future.add_done_callback(ended.put)
-        while places and not stop():
+        sweep = uuid.uuid4().hex  # unique keys: Dask would return a cached result for a known key
+        indices = {}
+        for index, job in enumerate(jobs):
+            future = client.submit(_do_on_worker, job, key=f"gridslam-{sweep}-{index}", pure=False)
+            indices[future.key] = index
+            future.add_done_callback(finished.put)
+        while indices and not stop():
             try:
-                future = ended.get(timeout=POLL_S)
+                future = finished.get(timeout=POLL_S)
             except queue.Empty:
                 _refuse_lost(client, address)
                 continue
             if future.status == "cancelled":
-                raise MethodError(f"--scheduler {address}: lost; the same command goes on with what is left")
-            yield places.pop(future.key), _result(future)
+                raise MethodError(
+                    f"--scheduler {address}: connection lost; the same command continues the sweep"
+                )
+            yield indices.pop(future.key), _result(future)
     finally:
-        client.close()  # what was not begun is dropped with its futures
+        client.close()  # drops the futures, and with them the jobs that have not started
 
 
 def _connect(address: str) -> Any:
@@ -58,10 +59,10 @@ def _connect(address: str) -> Any:
         import distributed
     except ImportError:
         raise ConfigError(
-            "--scheduler: Dask is not installed here; pip install 'gridslam[dask]', or leave it out and use --jobs"
+            "--scheduler: Dask is not installed here; pip install 'gridslam[dask]', or use --jobs instead"
         ) from None
     for name in list(logging.root.manager.loggerDict):
-        if name.partition(".")[0] in _NOISY:  # what goes wrong is told in our own words
+        if name.partition(".")[0] in _NOISY:  # errors are reported by this module
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         connect: Any = distributed.Client  # untyped
@@ -75,7 +76,7 @@ def _connect(address: str) -> Any:
 
 def _refuse_lost(client: Any, address: str) -> None:
     if client.status != "running":
-        raise MethodError(f"--scheduler {address}: lost; the same command goes on with what is left")
+        raise MethodError(f"--scheduler {address}: connection lost; the same command continues the sweep")
 
 
 def _result(future: Any) -> JobResult:
@@ -85,13 +86,11 @@ def _result(future: Any) -> JobResult:
         return result
     error = future.exception()
     if type(error).__name__ == "KilledWorker":
-        return JobResult("failed", "the workers that were at it died (out of memory?)")
-    return JobResult(
-        "failed", f"the worker could not do it: {type(error).__name__}: {' '.join(str(error).split())}"
-    )
+        return JobResult("failed", "its workers died (out of memory?)")
+    return JobResult("failed", f"error on the worker: {type(error).__name__}: {' '.join(str(error).split())}")
 
 
 def _do_on_worker(job: Job) -> JobResult:
-    """One run at a time in a worker's process: numba's thread pool serves one caller. (`--nthreads 1` wastes nothing.)"""
+    """Run a job, one at a time per process, since numba's thread pool serves one caller. (`--nthreads 1` wastes nothing.)"""
     with _one_at_a_time:
         return do(job, lambda: False)

@@ -1,4 +1,4 @@
-"""The file of a sweep."""
+"""The model of a sweep file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 MAX_SEEDS = 100_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
 
-Name = Annotated[str, Field(max_length=80, description="also the name of a folder")]
+Name = Annotated[str, Field(max_length=80, description="Also the name of a folder.")]
 
 
 def _checked_name(name: str) -> str:
@@ -29,23 +29,23 @@ def _checked_name(name: str) -> str:
 
 
 class LogEntry(StrictModel):
-    """A log, or a world of which every seed simulates one; what its runs are given; what they are compared with.
+    """A log, or a world that is simulated once per seed; the inputs of its runs; and the ground truth.
 
-    Paths are relative to the sweep's file. `{truth}` in one stands for the folder NAME.truth beside the log.
+    Paths are relative to the sweep file. `{truth}` in a path stands for the folder NAME.truth beside the log.
     """
 
-    name: Name = Field("", description="in the tables; absent: the file's name without its ending")
+    name: Name = Field("", description="Name in the tables. Default: the file's name without its suffix.")
     log: str | None = None
-    world: str | None = Field(None, description="a world file or a built-in world")
-    world_set: tuple[str, ...] = Field((), description="overrides of the world, as --set takes them")
-    map: str | None = Field(None, description="localize: the map; of a world, absent: the true map")
+    world: str | None = Field(None, description="A world file or a built-in world.")
+    world_set: tuple[str, ...] = Field((), description="Overrides of the world, as for --set.")
+    map: str | None = Field(None, description="The map for localize. Default for a world: the true map.")
     drawing: str | None = None
     tags: str | None = None
     inputs: dict[str, str] = Field(
         default_factory=dict, description="files for further inputs of a plug-in method, by name"
     )
     truth: str | None = Field(
-        None, description="as evaluate --truth; absent: the folder NAME.truth, if there is one"
+        None, description="As evaluate --truth. Default: the folder NAME.truth, if it exists."
     )
     truth_map: str | None = None
     truth_objects: str | None = None
@@ -56,7 +56,7 @@ class LogEntry(StrictModel):
         if (self.log is None) == (self.world is None):
             raise ValueError("give either log or world")
         if self.world_set and self.world is None:
-            raise ValueError("world_set: there is no world here")
+            raise ValueError("world_set: this entry has no world")
         _checked_name(self.label)
         return self
 
@@ -73,7 +73,7 @@ class Evaluation(StrictModel):
     former_keys: ClassVar[Mapping[str, str]] = {"reach_m": "completeness_radius_m"}
 
     align: Literal["none", "se2", "origin"] | None = Field(
-        None, description="absent: se2 for map, none for localize"
+        None, description="Default: se2 for map, none for localize."
     )
     sync: Literal["nearest", "interpolate"] = "nearest"
     max_difference_s: float = Field(0.01, ge=0.0)
@@ -83,7 +83,7 @@ class Evaluation(StrictModel):
 
 
 class Requirement(StrictModel):
-    """A gate that concerns some of the runs only."""
+    """A gate for some of the runs only."""
 
     that: str
     log: str | None = None
@@ -96,23 +96,25 @@ class SweepConfig(StrictModel):
 
     command: Literal["map", "localize"]
     logs: tuple[LogEntry, ...] = Field(min_length=1)
-    configs: dict[str, str] = Field(min_length=1, description="name: file or built-in config")
+    configs: dict[str, str] = Field(min_length=1, description="name: file or built-in config.")
     overrides: dict[str, tuple[str, ...]] = Field(
-        {"default": ()}, min_length=1, description="name: items as --set takes them"
+        {"default": ()}, min_length=1, description="name: items as for --set."
     )
     seeds: tuple[Annotated[int, Field(ge=0, lt=2**63)], ...] = Field((0,), min_length=1)
     evaluate: Evaluation = Evaluation()
     successes: dict[str, tuple[str, ...]] = Field(
-        default_factory=dict, description="name: bounds that a run must meet to be one"
+        default_factory=dict, description="name: bounds that a successful run meets."
     )
     require: tuple[str | Requirement, ...] = ()
-    show: tuple[str, ...] = Field((), description="measures of the printed table; absent: the usual ones")
-    html: bool = Field(False, description="write report.html into every run directory")
+    show: tuple[str, ...] = Field(
+        (), description="Measures in the printed table. Default: the most common ones."
+    )
+    html: bool = Field(False, description="Write report.html into every run directory.")
 
     @field_validator("configs", mode="before")
     @classmethod
     def _named_configs(cls, value: object) -> object:
-        """A list of configs is named by their files: slam-sd, paper/slam-sd -> paper-slam-sd."""
+        """Names for a list of configs, from their files: slam-sd; paper/slam-sd becomes paper-slam-sd."""
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             return value
         names = [_name_of_config(item) for item in value]
@@ -122,7 +124,7 @@ class SweepConfig(StrictModel):
     @field_validator("seeds", mode="before")
     @classmethod
     def _seed_range(cls, value: object) -> object:
-        """`0..19` stands for twenty seeds."""
+        """The seeds of a range such as `0..19`."""
         match = (
             re.fullmatch(r"\s*(\d{1,18})\s*\.\.\s*(\d{1,18})\s*", value) if isinstance(value, str) else None
         )
@@ -141,12 +143,12 @@ class SweepConfig(StrictModel):
             _checked_name(name)
         for entry in self.logs:
             if self.command == "map" and entry.map is not None:
-                raise ValueError(f"logs: {entry.label}: map: only localize is given a map")
+                raise ValueError(f"logs: {entry.label}: map: only localize takes a map")
         self._check_gates()
         return self
 
     def _check_gates(self) -> None:
-        """Bounds are read, and what they are restricted to exists."""
+        """Check that the bounds can be parsed and that the runs they are restricted to exist."""
         known = {
             "log": {entry.label for entry in self.logs},
             "config": set(self.configs),
@@ -158,17 +160,17 @@ class SweepConfig(StrictModel):
                     wanted = getattr(gate, part)
                     if wanted is not None and wanted not in names:
                         raise ValueError(
-                            f"require: {part} {wanted!r}: there is only {', '.join(sorted(names))}"
+                            f"require: {part} {wanted!r}: expected one of {', '.join(sorted(names))}"
                         )
             for bounds in self.successes.values():
                 for text in bounds:
                     if parse_sweep_gate(text).statistic:
-                        raise ValueError(f"successes: {text}: a bound on one run is expected")
+                        raise ValueError(f"successes: {text}: expected a bound on single runs")
         except ConfigError as error:
             raise ValueError(str(error)) from None
 
     def gates(self) -> list[SweepGate]:
-        """The requirements, read."""
+        """The parsed requirements."""
         return [
             parse_sweep_gate(item)
             if isinstance(item, str)
@@ -178,7 +180,7 @@ class SweepConfig(StrictModel):
 
 
 def load_sweep(path: Path) -> SweepConfig:
-    """The checked file of a sweep. Raises ConfigError with the file, the key path and what is wrong there."""
+    """The checked sweep file. Raises ConfigError with the file, the key path and what is wrong there."""
     document = read_yaml(path)
     try:
         return SweepConfig.model_validate(document)
@@ -195,4 +197,4 @@ def _name_of_config(text: str) -> str:
 def _refuse_twice(what: str, names: Iterable[str]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise ValueError(f"the {what} {twice[0]!r} is there twice; give names that differ")
+        raise ValueError(f"the {what} {twice[0]!r} is given twice; use different names")

@@ -1,4 +1,4 @@
-"""What a run was made from, as one hash: the same contents give the same run, under whatever names."""
+"""Hashes of the inputs of a run: the same contents give the same run, whatever the names of the files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gridslam.maps.map_yaml import read_map_yaml
 from gridslam.methods.plugins import plugin_sources
 from gridslam.report.environment import made_with
 
-_NO_PART_OF_A_RESULT = frozenset({"cli", "sweep"})
+_WITHOUT_EFFECT_ON_RESULTS = frozenset({"cli", "sweep"})
 _BLOCK_BYTES = 1 << 20
 
 
@@ -27,25 +27,25 @@ def content_key(**parts: Any) -> str:
 
 @functools.cache
 def program_key() -> str:
-    """The hash of what makes results: the sources of program and added methods, the versions that decide the bytes."""
+    """The hash of the program: its sources, the sources of plug-in methods, and the versions of Python and libraries."""
     package = Path(gridslam.__file__).parent
     digest = hashlib.sha256()
     for source in sorted(package.rglob("*.py")):
         name = source.relative_to(package)
-        if name.parts[0] not in _NO_PART_OF_A_RESULT:
+        if name.parts[0] not in _WITHOUT_EFFECT_ON_RESULTS:
             digest.update(f"{name.as_posix()}\0".encode() + source.read_bytes())
     plugins = [_hash_of_folder(path) if path.is_dir() else _hash_of_file(path) for path in plugin_sources()]
     return content_key(sources=digest.hexdigest(), versions=made_with().model_dump(), plugins=plugins)
 
 
 class Hashes:
-    """Hashes of files and folders, each read once."""
+    """Hashes of files and folders; each file is read once."""
 
     def __init__(self) -> None:
         self._known: dict[Path, str] = {}
 
     def of(self, path: Path) -> str:
-        """The hash of a file, or of all files of a folder with their names. Raises ConfigError: it cannot be read."""
+        """The hash of a file, or of all files of a folder with their names. Raises ConfigError: unreadable."""
         if path not in self._known:
             try:
                 self._known[path] = _hash_of_folder(path) if path.is_dir() else _hash_of_file(path)
@@ -55,7 +55,7 @@ class Hashes:
         return self._known[path]
 
     def of_map(self, path: Path) -> str:
-        """The hash of a map: of a map_server YAML also that of its image."""
+        """The hash of a map; for a map_server YAML it includes the image."""
         if path.suffix.lower() not in (".yaml", ".yml"):
             return self.of(path)
         return content_key(yaml=self.of(path), image=self.of(path.parent / read_map_yaml(path).image))

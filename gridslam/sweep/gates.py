@@ -1,4 +1,4 @@
-"""Bounds on the runs of a sweep (`ape.trans.rmse<=0.1`) and on their groups (`mean(ape.trans.rmse)<=0.05`)."""
+"""Gates on single runs of a sweep (`ape.trans.rmse<=0.1`) and on groups of seeds (`mean(ape.trans.rmse)<=0.05`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _OF_GROUP = re.compile(r"\s*([a-z_0-9]+)\(\s*([A-Za-z_][\w.-]*)\s*\)\s*(\S.*)")
 
 @dataclass(frozen=True, slots=True)
 class SweepGate:
-    """A bound on each run, or with a `statistic` on each group of seeds; None: of all logs, configs, overrides."""
+    """A bound on each run, or with `statistic` on each group of seeds; `log`, `config` and `override` restrict it unless None."""
 
     gate: Gate
     statistic: str = ""
@@ -26,16 +26,16 @@ class SweepGate:
     config: str | None = None
     override: str | None = None
 
-    def concerns(self, log: str, config: str, override: str) -> bool:
-        """Whether runs of this log, config and override are held to it."""
-        wanted = zip((self.log, self.config, self.override), (log, config, override), strict=True)
-        return all(want is None or want == have for want, have in wanted)
+    def applies_to(self, log: str, config: str, override: str) -> bool:
+        """Whether the gate applies to runs of this log, config and override."""
+        pairs = zip((self.log, self.config, self.override), (log, config, override), strict=True)
+        return all(chosen is None or chosen == actual for chosen, actual in pairs)
 
 
 def parse_sweep_gate(
     text: str, log: str | None = None, config: str | None = None, override: str | None = None
 ) -> SweepGate:
-    """`KEY<=NUMBER` of every run, `STATISTIC(KEY)<=NUMBER` of every group. Raises ConfigError."""
+    """The gate of a text: `KEY<=NUMBER` for every run, `STATISTIC(KEY)<=NUMBER` for every group. Raises ConfigError."""
     match = _OF_GROUP.fullmatch(text)
     if match is None:
         return SweepGate(parse_gate(text), "", log, config, override)
@@ -46,28 +46,28 @@ def parse_sweep_gate(
 
 
 def failed_gates(gates: Iterable[SweepGate], rows: Sequence[RunRow], groups: Sequence[Group]) -> list[str]:
-    """One line for each bound that does not hold, and where. Runs that failed are not asked: they have no measures.
+    """A line for each gate that fails, with the run or group. Failed runs are skipped, since they have no measures.
 
-    A measure that a run or a group lacks meets no bound.
+    A missing measure fails every gate.
     """
     return [line for gate in gates for line in _failures(gate, rows, groups)]
 
 
 def _failures(gate: SweepGate, rows: Sequence[RunRow], groups: Sequence[Group]) -> list[str]:
-    lines, concerned = [], False
+    lines, applied = [], False
     if gate.statistic:
         for group in groups:
-            if gate.concerns(group.log, group.config, group.override):
-                concerned = True
+            if gate.applies_to(group.log, group.config, group.override):
+                applied = True
                 measure = group.measures.get(gate.gate.key)
                 value = None if measure is None else measure.statistic(gate.statistic)
                 lines += _lines(gate, value, f"{group.log} {group.config} {group.override}")
     else:
         for row in rows:
-            if row.is_done and gate.concerns(row.log, row.config, row.override):
-                concerned = True
+            if row.is_done and gate.applies_to(row.log, row.config, row.override):
+                applied = True
                 lines += _lines(gate, row.measures.get(gate.gate.key), row.label)
-    return lines if concerned else [f"gate failed: {gate.gate}: no run to hold to it"]
+    return lines if applied else [f"gate failed: {gate.gate}: it applies to no run"]
 
 
 def _lines(gate: SweepGate, value: Value, where: str) -> list[str]:
@@ -80,5 +80,5 @@ def _lines(gate: SweepGate, value: Value, where: str) -> list[str]:
 
 
 def meets(bounds: Iterable[Gate], measures: Mapping[str, Value]) -> bool:
-    """Whether a run's measures meet all bounds; a measure that it lacks meets none."""
+    """Whether the measures of a run meet all bounds; a missing measure meets none."""
     return all(not failures([bound], {bound.key: measures.get(bound.key)}) for bound in bounds)

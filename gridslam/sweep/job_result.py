@@ -1,4 +1,4 @@
-"""What came of a run of a sweep."""
+"""Results of the jobs of a sweep."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ State = Literal["done", "failed", "not run"]
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """A finished piece of work, or why it failed.
+    """The result of a job, or the error with which it failed.
 
-    `measures` are the dotted keys of the evaluation, `cost` its seconds and memory: these differ from one time to
-    the next and are kept out of the tables that are compared.
+    `measures` has the measures by dotted key, `cost` times (s) and memory (MB). Costs differ between repetitions and are kept
+    in a table of their own.
     """
 
     state: State
@@ -27,21 +27,21 @@ class JobResult:
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """A line of the table of runs."""
+    """A row of the table of runs."""
 
     log: str
     config: str
     override: str
     seed: int
     result: JobResult
-    measures: Mapping[str, Value]  # the result's and the sweep's own successes
+    measures: Mapping[str, Value]  # of the result, and the sweep's successes
 
     @property
     def is_done(self) -> bool:
-        """Whether the run was made and measured."""
+        """Whether the run finished and was evaluated."""
         return self.result.state == "done"
 
     @property
     def label(self) -> str:
-        """How messages name the run."""
+        """The run's name in messages."""
         return f"{self.log} {self.config} {self.override} seed {self.seed}"

@@ -1,4 +1,4 @@
-"""From a sweep's file to the pieces of work in it, each with the hash of all that it depends on."""
+"""The jobs of a sweep, each with a hash of everything that it depends on."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gridslam.sweep.contents import Hashes, content_key, program_key
 
 @dataclass(frozen=True, slots=True)
 class SimulateJob:
-    """A world to be simulated with a seed; `directory` gets log.mcap and log.truth/."""
+    """Simulation of a world with a seed; writes log.mcap and log.truth/ into `directory`."""
 
     label: str
     key: str
@@ -32,7 +32,7 @@ class SimulateJob:
 
 @dataclass(frozen=True, slots=True)
 class TruthFiles:
-    """What a result is compared with, as the options of `evaluate` name it."""
+    """Files of ground truth, as in the options of `evaluate`."""
 
     truth: Path | None = None
     truth_map: Path | None = None
@@ -41,13 +41,13 @@ class TruthFiles:
 
     @property
     def is_there(self) -> bool:
-        """Whether anything is known to be true."""
+        """Whether there is any ground truth."""
         return any((self.truth, self.truth_map, self.relations, self.objects))
 
 
 @dataclass(frozen=True, slots=True)
 class RunJob:
-    """One run, and how it is measured. `key` is the hash of what the run depends on, `evaluation_key` of both."""
+    """A run and its evaluation. `key` is the hash of what the run depends on; `evaluation_key` includes the evaluation."""
 
     log: str
     config: str
@@ -64,11 +64,11 @@ class RunJob:
     inputs: dict[str, Path] = field(default_factory=dict)
     truth: TruthFiles = TruthFiles()
     options: dict[str, Any] = field(default_factory=dict)
-    is_made: bool = False  # the run directory is there and whole: only measure
+    is_made: bool = False  # the run directory is complete: only evaluate
 
     @property
     def label(self) -> str:
-        """How messages name the run."""
+        """The run's name in messages."""
         return f"{self.log} {self.config} {self.override} seed {self.seed}"
 
 
@@ -80,11 +80,11 @@ class RunSettings:
     override: str
     seed: int
     document: dict[str, Any]
-    needs_map: bool = False  # its method localizes on a map only
+    needs_map: bool = False  # its method localizes only on a map
 
 
 def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
-    """Every config with every override and seed, checked. Raises ConfigError: one is wrong."""
+    """All combinations of config, override and seed, checked. Raises ConfigError."""
     html = f"output.html={'true' if sweep.html else 'false'}"
     found = []
     for (config, source), (override, items) in product(sweep.configs.items(), sweep.overrides.items()):
@@ -99,7 +99,7 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
 
 
 def _check_method(sweep: SweepConfig, name: str) -> bool:
-    """Whether the method must be given a map. Raises ConfigError: it cannot do what the sweep asks for, or lacks a map."""
+    """Whether the method needs a map. Raises ConfigError: it does not support the command, or a log has no map."""
     entry = registry.METHODS[name]
     if not (entry.mapper if sweep.command == "map" else entry.localizer):
         raise ConfigError(f"command: {name} has no `gridslam {sweep.command}`")
@@ -111,7 +111,7 @@ def _check_method(sweep: SweepConfig, name: str) -> bool:
 
 
 def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
-    """The logs that have to be simulated. Raises ConfigError: a world is wrong."""
+    """The simulation jobs. Raises ConfigError: a world is invalid."""
     for entry, seed in product(sweep.logs, sweep.seeds):
         if entry.world is None:
             continue
@@ -130,14 +130,14 @@ def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) 
 
 
 def simulated(output: Path, name: str, seed: int) -> Path:
-    """Where the simulated log of a world and a seed lies."""
+    """Folder of the simulated log of a world and a seed."""
     return output / "logs" / name / f"seed-{seed}"
 
 
 def run_job(
     sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: RunSettings, hashes: Hashes
 ) -> RunJob:
-    """One run. Raises ConfigError or MapError: a file that it needs cannot be read."""
+    """The job of a run. Raises ConfigError or MapError: one of its files cannot be read."""
     if entry.world is None:
         log = folder / (entry.log or "")
         truth_folder = log.with_name(f"{log.name.removesuffix('.mcap')}.truth")
@@ -182,7 +182,7 @@ def run_job(
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Where the paths of an entry lead: relative to the sweep's file, `{truth}` to the folder beside the log."""
+    """Resolves paths of an entry: relative to the sweep file; `{truth}` is the folder beside the log."""
 
     folder: Path
     truth_folder: Path

@@ -1,4 +1,4 @@
-"""A sweep's work on processes of this machine."""
+"""Runs the jobs of a sweep in processes of this machine."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.work import Job, Stop, do
 
 POLL_S = 0.2
-LEAVE_S = 5.0
+EXIT_TIMEOUT_S = 5.0
 
 
 def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, JobResult]]:
-    """Do the jobs on so many processes; the place of each in `jobs` and its result, as they end.
+    """Run jobs in `processes` processes; yields the index and result of each job as it finishes.
 
-    The machine's cores are divided among the processes. A process that dies (killed for want of memory) fails the job
-    that it was at, and a new one takes its place. When `stop` says so, or the caller goes away, all are ended.
+    The processes share the machine's cores. If a process dies (for example out of memory), its job fails and a new process
+    replaces it. All processes are ended when `stop` returns true or the generator is closed.
     """
-    left = deque(enumerate(jobs))
+    queue = deque(enumerate(jobs))
     count = min(processes, len(jobs))
-    team: list[_Worker] = []
+    workers: list[_Worker] = []
     try:
         with threads_each(max(1, (os.cpu_count() or 1) // max(count, 1))):
-            team += [_Worker.start() for _ in range(count)]
-            while (left or any(w.job is not None for w in team)) and not stop():
-                for worker in team:
-                    if worker.job is None and left:
-                        worker.give(*left.popleft())
-                ready = wait([w.pipe for w in team if w.job is not None], POLL_S)
-                for place, worker in enumerate(team):
+            workers += [_Worker.start() for _ in range(count)]
+            while (queue or any(w.job is not None for w in workers)) and not stop():
+                for worker in workers:
+                    if worker.job is None and queue:
+                        worker.send(*queue.popleft())
+                ready = wait([w.pipe for w in workers if w.job is not None], POLL_S)
+                for place, worker in enumerate(workers):
                     if worker.pipe in ready and worker.job is not None:
                         job, result = worker.job, worker.result()
                         yield job, result
                         if worker.is_lost:
                             worker.end()
-                            team[place] = _Worker.start()
+                            workers[place] = _Worker.start()
     finally:
-        for worker in team:
+        for worker in workers:
             worker.end()
 
 
 @dataclass(slots=True)
 class _Worker:
-    """A process, our end of the pipe to it, and the place of the job that it is at."""
+    """A process, this side of the pipe to it, and the index of its present job."""
 
     process: SpawnProcess
     pipe: Connection
@@ -63,15 +63,15 @@ class _Worker:
     @staticmethod
     def start() -> _Worker:
         context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs, os.getpid()), daemon=True)
+        parent_end, child_end = context.Pipe()
+        process = context.Process(target=_serve, args=(child_end, os.getpid()), daemon=True)
         process.start()
-        theirs.close()  # so that a dead process is the end of the pipe
-        return _Worker(process, ours)
+        child_end.close()  # so that the pipe ends when the process dies
+        return _Worker(process, parent_end)
 
-    def give(self, place: int, job: Job) -> None:
-        self.job = place
-        with suppress(OSError):  # it died while idle: the pipe's end tells so, in `result`
+    def send(self, index: int, job: Job) -> None:
+        self.job = index
+        with suppress(OSError):  # it died while idle; `result` detects this
             self.pipe.send(job)
 
     def result(self) -> JobResult:
@@ -80,41 +80,41 @@ class _Worker:
             result = self.pipe.recv()
         except (EOFError, OSError):
             self.is_lost = True
-            self.process.join(LEAVE_S)
-            return JobResult("failed", _last_words(self.process.exitcode))
+            self.process.join(EXIT_TIMEOUT_S)
+            return JobResult("failed", _exit_reason(self.process.exitcode))
         assert isinstance(result, JobResult)
         return result
 
     def end(self) -> None:
-        """An idle process goes by itself; one at work is told to, and has some seconds to tidy up."""
+        """End the process. A busy one is terminated and has EXIT_TIMEOUT_S to clean up."""
         self.pipe.close()
         if self.job is not None:
             self.process.terminate()
-        self.process.join(LEAVE_S)
+        self.process.join(EXIT_TIMEOUT_S)
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
 
 
-def _last_words(exit_code: int | None) -> str:
+def _exit_reason(exit_code: int | None) -> str:
     if exit_code is not None and exit_code < 0:
         name = signal.Signals(-exit_code).name
-        why = " (out of memory? fewer --jobs leave more to each)" if -exit_code == signal.SIGKILL else ""
+        why = " (out of memory? try fewer --jobs)" if -exit_code == signal.SIGKILL else ""
         return f"its process was ended by {name}{why}"
     return f"its process ended with exit code {exit_code}"
 
 
 def _serve(pipe: Connection, parent: int) -> None:
-    """A process of the team: jobs in, results out, until the pipe ends.
+    """The main function of a worker process: receives jobs and sends results until the pipe ends.
 
-    Ctrl-C reaches all processes of a terminal; what it means is for the parent to say.
+    Ctrl-C reaches all processes of a terminal; only the parent handles it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, _exit)
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
             pipe.send(do(pipe.recv(), lambda: os.getppid() != parent))
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
-    sys.exit(128 + number)  # an exception, so that unfinished folders are removed
+def _exit(number: int, frame: FrameType | None) -> None:
+    sys.exit(128 + number)  # raises SystemExit, so that unfinished folders are removed

@@ -1,4 +1,4 @@
-"""What is done already: one small file for every piece of work, written when it has ended."""
+"""Records of finished jobs: one small file per job, written when it ends."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ MARKER, FORMAT, VERSION = "sweep.json", "gridslam sweep", 1
 
 @contextmanager
 def sweep_directory(path: Path) -> Iterator[Path]:
-    """The directory of a sweep, new or of an earlier time, for this process alone.
+    """Create or open the directory of a sweep and lock it for this process.
 
-    Raises ConfigError: something else is there, it cannot be written, or another sweep is at work in it.
+    Raises ConfigError: it exists and is not a sweep directory, is not writable, or is in use by another sweep.
     """
     try:
         if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not _is_sweep(path))):
-            raise ConfigError(f"{path}: exists and is not a sweep's: give another output folder")
+            raise ConfigError(
+                f"{path}: exists and is not the directory of a sweep; choose another output folder"
+            )
         path.mkdir(parents=True, exist_ok=True)
         write_atomic(path / MARKER, json_bytes({"format": FORMAT, "format_version": VERSION}))
         lock = (path / ".lock").open("w")
@@ -38,7 +40,7 @@ def sweep_directory(path: Path) -> Iterator[Path]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise ConfigError(f"{path}: another sweep is at work in it; wait for its end") from None
+            raise ConfigError(f"{path}: another sweep is using it; wait until it ends") from None
         _remove_unfinished(path)
         yield path
 
@@ -52,7 +54,7 @@ def _is_sweep(path: Path) -> bool:
 
 
 def _remove_unfinished(path: Path) -> None:
-    """Folders that a killed process was writing."""
+    """Remove folders left by killed processes."""
     for part in ("runs", "logs"):
         for pattern in (".*.partial", ".*.old"):
             for folder in (path / part).rglob(pattern):
@@ -66,7 +68,7 @@ class Records:
         self._folder = output / "records"
 
     def result(self, job: RunJob | SimulateJob) -> JobResult | None:
-        """What came of this very job before; None: it has to be done. A failure is tried again."""
+        """The recorded result of a job; None if the job has to run. Failed jobs are not recorded."""
         record = self._read(job)
         key = job.evaluation_key if isinstance(job, RunJob) else job.key
         if record.get("evaluation_key") != key or not job.directory.is_dir():
@@ -74,11 +76,11 @@ class Records:
         return JobResult("done", measures=record["measures"], cost=record["cost"])
 
     def is_made(self, job: RunJob) -> bool:
-        """Whether the run itself is there, and only has to be measured anew."""
+        """Whether the run directory is complete and only has to be evaluated again."""
         return self._read(job).get("key") == job.key and is_run_directory(job.directory)
 
     def write(self, job: RunJob | SimulateJob, result: JobResult) -> None:
-        """Keep what came of a job; what failed leaves no record."""
+        """Record the result of a job; the record of a failed job is removed."""
         path = self._path(job)
         if result.state != "done":
             path.unlink(missing_ok=True)
@@ -92,7 +94,7 @@ class Records:
         return self._folder / job.directory.relative_to(self._folder.parent).with_suffix(".json")
 
     def _read(self, job: RunJob | SimulateJob) -> dict[str, Any]:
-        """The record; empty where there is none that can be read."""
+        """The record; empty if it is missing or unreadable."""
         try:
             document = json.loads(self._path(job).read_bytes())
         except (OSError, ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""The runs of each log, config and override over their seeds: mean, spread, success rates, with 95 % intervals."""
+"""Statistics over the seeds of each log, config and override: means, deviations and success rates with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Z = 1.959963984540054  # of the normal distribution, at CONFIDENCE
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One key over the seeds: `n` runs have a value, `missing` of the finished ones have none."""
+    """Statistics of one measure over the seeds: `n` runs have a value, `missing` finished runs have none."""
 
     n: int
     missing: int
     values: Mapping[str, float]
 
     def statistic(self, name: str) -> float | None:
-        """One of STATISTICS; None for one that this measure has not (the rate of a length)."""
+        """One of STATISTICS; None if it is not defined for this measure (such as the rate of a length)."""
         return {**self.values, "n": self.n, "missing": self.missing}.get(name)
 
 
@@ -43,7 +43,7 @@ class Group:
 
 
 def summarize(rows: Sequence[RunRow], successes: Sequence[str] = ()) -> list[Group]:
-    """The groups in the order of the rows. A failed run is no success of any kind (keys `success.*` in `successes`)."""
+    """The groups in the order of the rows. A failed run counts as a failure in all `successes` (keys `success.*`)."""
     grouped: dict[tuple[str, str, str], list[RunRow]] = {}
     for row in rows:
         grouped.setdefault((row.log, row.config, row.override), []).append(row)
@@ -65,7 +65,7 @@ def _group(log: str, config: str, override: str, rows: Sequence[RunRow], success
 
 
 def _measure(found: Sequence[object]) -> Measure | None:
-    """Numbers or truth values; None for words. A value that is absent, null or NaN is missing."""
+    """Statistics of numbers or Booleans; None for text. A value that is absent, null or NaN counts as missing."""
     values = [
         float(value) for value in found if isinstance(value, (bool, int, float)) and math.isfinite(value)
     ]
@@ -83,7 +83,7 @@ def _rate(hits: Sequence[bool], missing: int) -> Measure:
 
 
 def number_statistics(values: Sequence[float]) -> dict[str, float]:
-    """Mean with Student's interval, standard deviation (of the sample), min, median, max; NaN where there are too few."""
+    """Mean with Student's interval, sample standard deviation, min, median, max; NaN with too few values."""
     if not values:
         return dict.fromkeys(NUMBERS, math.nan)
     array = np.array(values, dtype=np.float64)
@@ -100,11 +100,11 @@ def number_statistics(values: Sequence[float]) -> dict[str, float]:
 
 
 def wilson_interval(hits: int, n: int) -> tuple[float, float]:
-    """The 95 % score interval of a rate (Wilson, J. Am. Stat. Assoc. 1927); NaN without a trial."""
+    """The 95 % score interval of a rate (Wilson, J. Am. Stat. Assoc. 1927); NaN if n = 0."""
     if not n:
         return math.nan, math.nan
     rate, z2 = hits / n, Z * Z
     middle = (rate + z2 / (2 * n)) / (1 + z2 / n)
     half = Z / (1 + z2 / n) * math.sqrt(rate * (1 - rate) / n + z2 / (4 * n * n))
-    # At the ends the interval touches 0 and 1, which rounding would miss by an ulp.
+    # With no or only hits the interval ends at exactly 0 or 1, which rounding would miss by an ulp.
     return (0.0 if hits == 0 else middle - half, 1.0 if hits == n else middle + half)

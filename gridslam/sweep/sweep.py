@@ -1,4 +1,4 @@
-"""A sweep from its file to its tables."""
+"""Runs a sweep and writes its tables."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NOT_RUN = JobResult("not run")
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """All runs in the order of the file, their groups, the gates that failed; `document` is summary.json."""
+    """All runs in the order of the sweep file, their groups, and the failed gates; `document` is summary.json."""
 
     rows: Sequence[RunRow]
     groups: Sequence[Group]
@@ -41,7 +41,7 @@ class SweepResult:
 
     @property
     def is_interrupted(self) -> bool:
-        """Whether there are runs that were not tried."""
+        """Whether some runs were not started."""
         return any(row.result.state == "not run" for row in self.rows)
 
 
@@ -54,16 +54,17 @@ def run_sweep(
     stop: Stop,
     gates: Sequence[SweepGate] = (),
 ) -> SweepResult:
-    """Do what is not done yet, and write the tables of all of it.
+    """Run the jobs that are not done yet, and write the tables.
 
-    `folder` is what the paths in the file are relative to, `run` does the work (`run_locally`, `run_on_cluster`),
-    `report` gets a line for each finished run. Raises ConfigError: before anything is run or written, for what is wrong.
+    `folder`: paths in the sweep file are relative to it. `output`: directory of the sweep. `run`: executes jobs
+    (`run_locally`, `run_on_cluster`). `report`: called with a line for each finished job. `stop`: returns true to stop.
+    `gates`: gates beside those of the file. Raises ConfigError before the first job starts.
     """
     settings = settings_of_sweep(sweep, folder)
     directory, hashes = output.resolve(), Hashes()
     worlds = list(simulations(sweep, folder, directory, hashes))
     combinations = list(product(sweep.logs, settings))
-    # Runs on logs that are there are planned first: what is wrong with them is told before anything is simulated.
+    # Runs on existing logs are planned first, so that their errors are reported before any simulation.
     planned = {
         place: run_job(sweep, folder, directory, entry, one, hashes)
         for place, (entry, one) in enumerate(combinations)
@@ -71,7 +72,7 @@ def run_sweep(
     }
     with sweep_directory(directory):
         work = _Work(Records(directory), run, report, stop)
-        made = dict(zip([job.directory for job in worlds], work.do(worlds), strict=True))
+        made = dict(zip([job.directory for job in worlds], work.results(worlds), strict=True))
         lost: dict[int, JobResult] = {}
         for place, (entry, one) in enumerate(combinations):
             if entry.world is not None:
@@ -81,7 +82,8 @@ def run_sweep(
                 else:
                     planned[place] = run_job(sweep, folder, directory, entry, one, hashes)
         results = (
-            dict(zip(sorted(planned), work.do([planned[i] for i in sorted(planned)]), strict=True)) | lost
+            dict(zip(sorted(planned), work.results([planned[i] for i in sorted(planned)]), strict=True))
+            | lost
         )
         rows = [_row(sweep, entry, one, results[i]) for i, (entry, one) in enumerate(combinations)]
         return _finish(sweep, directory, rows, [*sweep.gates(), *gates])
@@ -89,38 +91,38 @@ def run_sweep(
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """Jobs in, their results out, in the order of the jobs; what is done already is not done again."""
+    """Runs jobs and records their results; recorded jobs are not repeated."""
 
     records: Records
     run: Runner
     report: Report
     stop: Stop
 
-    def do(self, jobs: Sequence[Job]) -> list[JobResult]:
+    def results(self, jobs: Sequence[Job]) -> list[JobResult]:
         found = [self.records.result(job) for job in jobs]
-        left = [self._prepared(job) for job, result in zip(jobs, found, strict=True) if result is None]
+        remaining = [self._prepared(job) for job, result in zip(jobs, found, strict=True) if result is None]
         places = [place for place, result in enumerate(found) if result is None]
-        if len(left) < len(jobs):
-            self.report(f"{len(jobs) - len(left)} of {len(jobs)} are done already")
-        if left and not self.stop():
-            for count, (place, result) in enumerate(self.run(left), start=1):
-                self.records.write(left[place], result)
+        if len(remaining) < len(jobs):
+            self.report(f"{len(jobs) - len(remaining)} of {len(jobs)} are already done")
+        if remaining and not self.stop():
+            for count, (place, result) in enumerate(self.run(remaining), start=1):
+                self.records.write(remaining[place], result)
                 found[places[place]] = result
-                self.report(f"{count}/{len(left)} {left[place].label}: {_in_words(result)}")
+                self.report(f"{count}/{len(remaining)} {remaining[place].label}: {_describe(result)}")
         return [NOT_RUN if result is None else result for result in found]
 
     def _prepared(self, job: Job) -> Job:
         return replace(job, is_made=self.records.is_made(job)) if isinstance(job, RunJob) else job
 
 
-def _in_words(result: JobResult) -> str:
+def _describe(result: JobResult) -> str:
     return f"{result.cost['wall_s']:.1f} s" if result.state == "done" else f"failed: {result.error}"
 
 
 def _without_log(simulation: JobResult) -> JobResult:
     if simulation.state == "not run":
         return NOT_RUN
-    return JobResult("failed", f"its log could not be simulated: {simulation.error}")
+    return JobResult("failed", f"the simulation of its log failed: {simulation.error}")
 
 
 def _row(sweep: SweepConfig, entry: LogEntry, settings: RunSettings, result: JobResult) -> RunRow:

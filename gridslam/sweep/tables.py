@@ -1,4 +1,4 @@
-"""The tables of a sweep: the same bytes whatever the order in which the runs ended."""
+"""The tables of a sweep; their bytes do not depend on the order in which runs finished."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COSTS = ("wall_s", "cpu_s", "peak_mb", "read_s", "process_s")
 def write_tables(
     folder: Path, rows: Sequence[RunRow], document: dict[str, Any], groups: Sequence[Group]
 ) -> None:
-    """runs.csv and runs.json (a line for each run), summary.csv and summary.json, and costs.csv: seconds and memory."""
+    """Write runs.csv and runs.json (a row per run), summary.csv and summary.json, and costs.csv (times and memory)."""
     _write_csv(folder / "runs.csv", *run_table(rows))
     write_atomic(folder / "runs.json", json_bytes({"runs": [_run_document(row) for row in rows]}))
     _write_csv(folder / "summary.csv", *summary_table(groups))
@@ -31,7 +31,7 @@ def write_tables(
 
 
 def run_table(rows: Sequence[RunRow]) -> tuple[list[str], list[list[object]]]:
-    """Columns and lines: where, seed, state, error, and every measure that any run has."""
+    """Columns and rows: log, config, override, seed, state, error, and all measures of any run."""
     keys = list(dict.fromkeys(key for row in rows for key in row.measures))
     lines: list[list[object]] = [
         [*_place(row), row.seed, row.result.state, row.result.error, *(row.measures.get(k) for k in keys)]
@@ -41,7 +41,7 @@ def run_table(rows: Sequence[RunRow]) -> tuple[list[str], list[list[object]]]:
 
 
 def summary_table(groups: Iterable[Group]) -> tuple[list[str], list[list[object]]]:
-    """Columns and lines: one for each measure of each group."""
+    """Columns and rows: one row per measure and group."""
     lines: list[list[object]] = [
         [
             group.log, group.config, group.override, key, measure.n, measure.missing,
@@ -54,7 +54,7 @@ def summary_table(groups: Iterable[Group]) -> tuple[list[str], list[list[object]
 
 
 def summary_document(groups: Iterable[Group]) -> list[dict[str, Any]]:
-    """The groups as plain values; None where a statistic has no value."""
+    """The groups as JSON values; None for a statistic without a value."""
     return [
         {
             **dict(zip(PLACE, (group.log, group.config, group.override), strict=True)),
@@ -94,7 +94,7 @@ def _write_csv(path: Path, columns: Sequence[str], lines: Iterable[Sequence[obje
 
 
 def _cell(value: object) -> str:
-    """Floats in the shortest form that reads back the same; nothing where there is no value."""
+    """The text of a cell: floats in the shortest form that reads back exactly, empty without a value."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""One piece of a sweep's work, done in whatever process it is in."""
+"""Executes one job of a sweep in the current process."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Stop: TypeAlias = Callable[[], bool]
 
 
 def do(job: Job, stop: Stop) -> JobResult:
-    """Do it, and say what came of it: whatever goes wrong in one run fails that run only.
+    """Run a job and return its result; an error fails only this job.
 
-    The process is that of one run at a time. An `JobResult` is returned for everything but KeyboardInterrupt.
+    The process runs one job at a time. Only KeyboardInterrupt is not turned into a `JobResult`.
     """
     from gridslam.report.environment import peak_memory_mb, restart_peak_memory
 
@@ -31,16 +31,16 @@ def do(job: Job, stop: Stop) -> JobResult:
     try:
         if job.program != program_key():
             raise MethodError(
-                "this worker has another gridslam, or other libraries, than the sweep's process"
+                "this worker has another version of gridslam or its libraries than the process of the sweep"
             )
         done = _simulate(job) if isinstance(job, SimulateJob) else _run(job, stop)
     except GridslamError as error:
         return JobResult("failed", " ".join(str(error).split()))
     except MemoryError:
-        return JobResult("failed", "out of memory: take coarser cells, fewer particles or fewer jobs")
+        return JobResult("failed", "out of memory: use coarser cells, fewer particles or fewer jobs")
     except OSError as error:
         return JobResult("failed", f"{error.filename or 'output'}: {error.strerror or error}")
-    except Exception as error:  # the error boundary of a run, as cli.main is of a command
+    except Exception as error:  # the error boundary of a job, as cli.main is that of a command
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         text = " ".join(str(error).split())
@@ -54,7 +54,7 @@ def do(job: Job, stop: Stop) -> JobResult:
 
 
 def _simulate(job: SimulateJob) -> JobResult:
-    """log.mcap and log.truth/ in the job's directory, which appears when both are whole."""
+    """Write log.mcap and log.truth/ into the job's directory, which appears when both are complete."""
     from gridslam.simulation.record import record_world
     from gridslam.simulation.world_config import validate_world
 
@@ -78,7 +78,7 @@ def _run(job: RunJob, stop: Stop) -> JobResult:
 
 
 def _make(job: RunJob, stop: Stop) -> dict[str, float]:
-    """The run directory; returns the seconds of its parts. Raises KeyboardInterrupt when it was told to stop."""
+    """Write the run directory; returns the times (s) of its parts. Raises KeyboardInterrupt when stopped."""
     from gridslam.report.write import write_run
     from gridslam.runs.run import read_inputs, run_localize, run_map
     from gridslam.runs.run_config import validate_run_config
@@ -96,7 +96,7 @@ def _make(job: RunJob, stop: Stop) -> dict[str, float]:
 
 
 def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
-    """Facts of the report under `run.`, the method's own under `method.`, and all measures against the truth."""
+    """Measures by dotted key: report facts (`run.`), the method's measures (`method.`), errors against ground truth."""
     import json
 
     from gridslam.evaluation.document import EvaluationOptions, evaluate, without_nan

@@ -12,7 +12,7 @@ from gridslam.cli import console
 
 @pytest.fixture(autouse=True)
 def _fresh_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "settings", console.Settings())
+    monkeypatch.setattr(console, "settings", console.ConsoleOptions())
 
 
 def test_columns_are_aligned_and_numbers_stand_to_the_right(capsys: pytest.CaptureFixture[str]) -> None:

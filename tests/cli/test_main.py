@@ -95,7 +95,7 @@ def test_an_error_is_one_line_with_the_right_exit_code_and_leaves_no_output(
 
 
 def test_the_hint_of_a_usage_error_names_the_command(cli: Cli, small_log: Path) -> None:
-    assert "(gridslam map --help tells more)" in cli("map", small_log)[2]
+    assert "(gridslam map --help explains)" in cli("map", small_log)[2]
 
 
 def test_a_second_ctrl_c_says_that_nothing_was_written(
@@ -204,7 +204,7 @@ def test_a_config_of_other_versions_is_remarked_upon(
     config.write_text(text.replace("  gridslam: 0.", "  gridslam: 99."))
     code, _, err = cli("map", small_log, "-c", config, "-o", tmp_path / "c")
     assert code == 0
-    assert "warning: the config was made with other versions (gridslam 99." in err
+    assert "warning: the config was written with other versions (gridslam 99." in err
 
 
 def test_localize_writes_a_run_on_the_given_map(
@@ -286,7 +286,7 @@ def test_a_run_that_holds_what_the_next_one_reads_is_not_replaced_by_it(
     )
     code, _, err = cli(*inputs, "-c", config_file, "-o", output, "--force")
     assert code == 2
-    assert "which is read" in err
+    assert "would replace the input" in err
     assert (output / "map.yaml").exists()
     assert (output / "log" / "scan.csv").exists()
 

@@ -97,7 +97,7 @@ def test_a_conversion_does_not_replace_the_log_that_it_reads(tmp_path: Path, out
         source = source / "log.mcap"
     write_log(source, [ODOMETRY])
     before = content(tmp_path)
-    with open_log(source) as log, pytest.raises(ConfigError, match="which is read"):
+    with open_log(source) as log, pytest.raises(ConfigError, match="would replace the input"):
         convert_log(log, tmp_path / output, force=True)
     assert content(tmp_path) == before
 

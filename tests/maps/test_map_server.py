@@ -210,7 +210,7 @@ def test_an_image_outside_the_folder_is_refused_with_inside_folder(tmp_path: Pat
         ("negate: 0", "negate: perhaps", "negate"),
         ("free_thresh: 0.196", "free_thresh: 0.7", "not below"),
         ("free_thresh: 0.196", "free_thresh: [[[", "expected a map's YAML"),
-        ("free_thresh: 0.196", "free_thresh: !!float ''", "tags are not taken"),
+        ("free_thresh: 0.196", "free_thresh: !!float ''", "tags are not allowed"),
         ("free_thresh: 0.196", f"free_thresh: 0x{'f' * 6000}", "a number too large for any use"),
         ("mode: trinary", "mode: trinary\nmode: scale", "the key 'mode' is given twice"),
         ("[1, 2, 0]", "[1e308, 0, 0]", "origin: expected metres and radians up to 1e+09"),

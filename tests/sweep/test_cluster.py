@@ -116,7 +116,7 @@ def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) ->
         gone.scheduler.kill()
         _, err = process.communicate(timeout=120)
     assert process.returncode == 4
-    assert "lost; the same command goes on" in err
+    assert "connection lost; the same command continues" in err
     assert "Traceback" not in err
 
 

@@ -42,7 +42,7 @@ def test_what_has_no_value_meets_no_bound() -> None:
 def test_runs_that_failed_are_not_asked_but_somebody_must_be() -> None:
     rows = [row(0, state="failed")]
     gates = [parse_sweep_gate("err<=1")]
-    assert failed_gates(gates, rows, summarize(rows)) == ["gate failed: err<=1: no run to hold to it"]
+    assert failed_gates(gates, rows, summarize(rows)) == ["gate failed: err<=1: it applies to no run"]
 
 
 @pytest.mark.parametrize(

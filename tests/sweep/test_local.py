@@ -64,7 +64,7 @@ def test_a_killed_process_fails_its_run_only_and_the_next_sweep_makes_it_again_a
     assert "Traceback" not in err
     again = sweep(sweep_file, "-o", output, "--jobs", "1")
     assert again.returncode == 0
-    assert "2 of 3 are done already" in again.stderr
+    assert "2 of 3 are already done" in again.stderr
     assert sweep(sweep_file, "-o", tmp_path / "undisturbed", "--jobs", "2").returncode == 0
     assert tables(output) == tables(tmp_path / "undisturbed")
 
@@ -83,7 +83,7 @@ def test_a_signal_ends_the_sweep_and_keeps_what_is_done(sweep_file: Path, tmp_pa
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "the same command goes on" in err
+    assert "the same command continues" in err
     assert "Traceback" not in err
     assert not any(Path(f"/proc/{pid}").exists() for pid in team)
     assert not list(leftovers(output))

@@ -51,7 +51,7 @@ def test_what_is_done_is_not_done_twice(bench: Bench) -> None:
     first = bench.tables()
     result = bench.run()
     assert bench.ran == []
-    assert bench.told == ["3 of 3 are done already"]
+    assert bench.told == ["3 of 3 are already done"]
     assert bench.tables() == first
     assert len(result.rows) == 3
 
@@ -166,7 +166,7 @@ def test_a_world_that_cannot_be_simulated_fails_its_runs_only(bench: Bench) -> N
     bench.logs = [{"world": "sd-corridor-short", "world_set": ["truth.resolution_m=0.00001"]}, room]
     result = bench.run(seeds=0)
     assert [row.result.state for row in result.rows] == ["failed", "done"]
-    assert "could not be simulated" in result.rows[0].result.error
+    assert "the simulation of its log failed" in result.rows[0].result.error
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_what_is_wrong_is_told_before_anything_is_run(bench: Bench, changes: dic
 def test_a_folder_that_is_no_sweep_is_left_alone(bench: Bench) -> None:
     bench.output.mkdir()
     (bench.output / "thesis.txt").write_text("all of it")
-    with pytest.raises(ConfigError, match="is not a sweep's"):
+    with pytest.raises(ConfigError, match="is not the directory of a sweep"):
         bench.run()
     assert [path.name for path in bench.output.iterdir()] == ["thesis.txt"]
 
