@@ -76,7 +76,7 @@ class DeadReckoning:
         if not self.stamps:
             return RunResult(Trajectory.empty())
         stamps = np.array(self.stamps, np.int64)
-        spread = self.noise.random(len(stamps))
+        deviation = self.noise.random(len(stamps))
         grid = self._grid() if self.occupancy is None else None
         return RunResult(
             Trajectory(stamps, np.array(self.poses)),
@@ -85,12 +85,14 @@ class DeadReckoning:
             if grid is None
             else {"hits": GridLayer(np.nan_to_num(grid.probability), grid.geometry)},
             tables={
-                "spread": Table(("stamp_ns", "spread"), list(zip(self.stamps, spread.tolist(), strict=True)))
+                "deviation": Table(
+                    ("stamp_ns", "deviation"), list(zip(self.stamps, deviation.tolist(), strict=True))
+                )
             },
-            series={"particle_spread": Series(stamps, spread, "m")},
+            series={"particle_spread": Series(stamps, deviation, "m")},
             counters={"used.scan": len(stamps), "skipped.scan.too_short": 0},
             timings_s={"marking": 0.0},
-            measures={"confidence": {"mean": float(spread.mean())}},
+            measures={"confidence": {"mean": float(deviation.mean())}},
         )
 
     def _grid(self) -> OccupancyGrid:

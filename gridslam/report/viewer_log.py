@@ -50,7 +50,7 @@ def _messages(run: Run, log: Log) -> Iterator[Encoded]:
     trajectory = run.result.trajectory
     start = int(trajectory.stamps_ns.min()) if len(trajectory) else 0
     yield from _latched(run, log, start)
-    # In recorded order a stream may step back in time; a viewer sorts by stamp.
+    # Recorded order may have out-of-order stamps; a viewer sorts by stamp.
     yield from heapq.merge(
         _transforms(trajectory, log.base_frame),
         _scans(log, trajectory),

@@ -20,7 +20,7 @@ class StreamCount:
 class Counts:
     """`skipped_by_reason` has keys `<stream>.<reason>`; `lost` is damage of unknown size.
 
-    `remarks` is what else the reader counted: stamps that step back or repeat, late messages, unused topics.
+    `remarks` are further counts of the reader: out-of-order and repeated stamps, late messages, unused topics.
     """
 
     streams: Mapping[str, StreamCount]

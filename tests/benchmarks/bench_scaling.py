@@ -45,13 +45,13 @@ def rows() -> Iterator[Row]:
 
 def part_of(log: Path, seconds: float) -> Path:
     """The begin of a log."""
-    part = log.with_stem(f"begin-{seconds:.0f}")
+    part = log.with_stem(f"start-{seconds:.0f}")
     command("convert", str(log), str(part), "--end", str(seconds), "-q")
     return part
 
 
 def slam_rows(log: Path) -> Iterator[Row]:
-    """The filter alone, without its final stage, so that the particles are what counts."""
+    """The filter without pose graph optimisation, so that the particles dominate."""
     by_particles = {
         n: measured("map", log, "paper/slam-sd", f"method.particles={n}") for n in (15, 30, 60, 120)
     }
@@ -97,7 +97,7 @@ def map_rows(log: Path, true_map: Path, folder: Path) -> Iterator[Row]:
 
 
 def enlarged(grid: OccupancyGrid, times: int, kind: str) -> OccupancyGrid:
-    """The map, so many times as wide and high: `padded` with unknown, or `tiled`."""
+    """The map, `times` as wide and high: `padded` with unknown cells, or `tiled`."""
     rows, cols = grid.probability.shape
     if kind == "tiled":
         return OccupancyGrid(np.tile(grid.probability, (times, times)), grid.geometry)

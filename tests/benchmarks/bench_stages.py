@@ -28,13 +28,13 @@ class Sample:
     """A command on a sample log.
 
     An update is what one of the `counted` inputs (a path in the report) costs, called `unit`: all of the processing but the
-    stages AT_END. No more than `most_other` percent of the processing may belong to no stage.
+    stages AT_END. No more than `max_other` percent of the processing may belong to no stage.
     """
 
     arguments: tuple[str, ...]
     counted: tuple[str, ...]
     unit: str
-    most_other: float
+    max_other: float
 
 
 SCANS = ("counts", "scan", "used")
@@ -87,7 +87,7 @@ def rows_of(method: str, sample: Sample, report: Any) -> Iterator[Row]:
     for stage, seconds in stages.items():
         yield Row(f"stages.{method}.{stage}", 100.0 * seconds / whole_s, "%")
     other_s = whole_s - sum(stages.values())
-    yield Row(f"stages.{method}.other", 100.0 * other_s / whole_s, "%", sample.most_other)
+    yield Row(f"stages.{method}.other", 100.0 * other_s / whole_s, "%", sample.max_other)
     count = report
     for key in sample.counted:
         count = count[key]

@@ -71,7 +71,7 @@ def test_json_is_one_document_the_same_as_in_the_report(
         (["map", "no.mcap", "-c", "CFG", "-o", "OUT"], 3, "no.mcap"),
         (["map", "CFG", "-c", "CFG", "-o", "OUT"], 3, "dr.yaml"),
         (["map", "LOG", "-c", "CFG", "-o", "CFG"], 2, "not a run"),
-        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "told to fail"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "reported to fail"),
         (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=bug"], 70, "ZeroDivisionError"),
         (["localize", "LOG", "-c", "CFG", "--map", "no.yaml", "-o", "OUT"], 3, "no.yaml"),
         (
@@ -315,8 +315,8 @@ def test_the_examples_of_the_help_are_valid(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_the_help_of_info_explains_every_column_that_it_prints(cli: Cli, small_log: Path) -> None:
-    told = " ".join(cli("info", "--help")[1].split())
+    reported = " ".join(cli("info", "--help")[1].split())
     table = cli("info", small_log)[1]
     for column in ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order"):
         assert column in table
-        assert f'"{column}"' in told
+        assert f'"{column}"' in reported

@@ -29,8 +29,8 @@ def explore_for_two_seconds(folder: Path) -> None:
 
 def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) -> None:
     warm_up()
-    told: list[str] = []
-    with announcing_compilation(lambda: told.append("compiling")):
+    reported: list[str] = []
+    with announcing_compilation(lambda: reported.append("compiling")):
         run_map(load_run_config("slam-sd"), small_log, lambda progress: None, lambda: False)
         infrared = REPOSITORY / "sample_logs" / "ir-scan.mcap"
         run_map(load_run_config("ir-scan"), infrared, lambda progress: None, lambda: False)
@@ -43,4 +43,4 @@ def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) ->
             PlanOptions(),
         )
         explore_for_two_seconds(tmp_path)
-    assert told == []
+    assert reported == []

@@ -28,7 +28,7 @@ def room(**changes: Any) -> WorldConfig:
 
 
 def recorded(world: WorldConfig, steps: int, command: tuple[float, float] = (0.0, 0.0)) -> list[Event]:
-    """What the sensors say in so many steps with constant wheel speeds."""
+    """The messages of the sensors in `steps` steps with constant wheel speeds."""
     simulator = Simulator(world, Path())
     return [event for _ in range(steps) for event in simulator.step(*command)]
 

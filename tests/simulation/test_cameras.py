@@ -69,8 +69,8 @@ def test_depth_noise_grows_with_the_square_of_the_range() -> None:
 
 def test_the_share_of_holes_is_that_of_the_world_file() -> None:
     events = recorded(room(sensors=camera(holes=0.07)), 20)
-    share = np.isnan([e.depth_m for e in events if isinstance(e, DepthImage)])
-    assert abs(share.mean() - 0.07) < 4 * np.sqrt(0.07 * 0.93 / share.size)
+    fraction = np.isnan([e.depth_m for e in events if isinstance(e, DepthImage)])
+    assert abs(fraction.mean() - 0.07) < 4 * np.sqrt(0.07 * 0.93 / fraction.size)
 
 
 def test_there_is_no_depth_outside_the_range_at_grazing_angles_and_in_the_shadow_of_edges() -> None:

@@ -24,8 +24,8 @@ def test_a_person_walks_the_path_and_back() -> None:
 
 def test_speeds_have_the_mean_and_deviation_of_the_world_file() -> None:
     it = walker(speed_mps=1.0, speed_deviation_mps=0.2)
-    ways = np.array([it.distance_m(t) for t in np.arange(0.0, 3000.0, 0.1)])
-    speeds = np.diff(ways) / 0.1
+    distances = np.array([it.distance_m(t) for t in np.arange(0.0, 3000.0, 0.1)])
+    speeds = np.diff(distances) / 0.1
     independent = 3000.0 / (2 * 3.0)  # neighbouring speeds are alike over three seconds
     assert speeds.mean() == pytest.approx(1.0, abs=4 * 0.2 / np.sqrt(independent))
     assert speeds.std() == pytest.approx(0.2, rel=4 / np.sqrt(2 * independent))

@@ -1,4 +1,4 @@
-"""Infrared rangers, the RFID reader and fixes err as the world file says."""
+"""Infrared rangers, the RFID reader and poses err as the world file says."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_rangers_sweep_at_every_stop_while_the_robot_stands() -> None:
 
 
 def rounds(x: float, yaw_deg: float, count: int = 3000, **antenna: Any) -> float:
-    """Share of rounds that read one tag on a bin at (6, 2.5) which looks towards -x."""
+    """Fraction of rounds that read one tag on a bin at (6, 2.5) which looks towards -x."""
     settings = {"name": "a", "rate_hz": 100.0, "missed": 0.0, "false_reads": 0.0, "gain_db": 10.0, **antenna}
     world = room(
         robot={"start": [x, 2.5, yaw_deg], "wait_at_start_s": 1e9},
@@ -113,32 +113,32 @@ def test_a_tag_that_looks_away_is_read_less() -> None:
     assert rounds(7.4, 180.0) < 0.02 < 0.9 < rounds(5.0, 0.0)
 
 
-def test_missed_and_stray_reads_have_the_shares_of_the_world_file() -> None:
+def test_missed_and_false_reads_have_the_fractions_of_the_world_file() -> None:
     assert rounds(5.3, 0.0, missed=0.2) == pytest.approx(0.8, abs=4 * sqrt(0.16 / 3000))
     assert rounds(1.0, 180.0, false_reads=0.05) == pytest.approx(0.05, abs=4 * sqrt(0.05 / 3000))
 
 
-def fixes(count: int, **settings: Any) -> tuple[np.ndarray, list[AbsolutePose]]:
+def poses(count: int, **settings: Any) -> tuple[np.ndarray, list[AbsolutePose]]:
     world = room(sensors={"absolute_poses": {"rate_hz": 100.0, "delay_s": 0.0, **settings}, "odometry": None})
     found = [event for event in recorded(world, count) if isinstance(event, AbsolutePose)]
-    return np.array([fix.pose for fix in found]) - [3.0, 2.0, 0.0], found
+    return np.array([event.pose for event in found]) - [3.0, 2.0, 0.0], found
 
 
-def test_fixes_have_the_noise_that_their_covariance_tells() -> None:
-    errors, found = fixes(4000, noise_m=0.04, noise_deg=2.0, outliers=0.0)
+def test_absolute_poses_have_the_noise_of_their_covariance() -> None:
+    errors, found = poses(4000, noise_m=0.04, noise_deg=2.0, outliers=0.0)
     sigma = np.sqrt(np.diag(found[0].covariance))
     assert sigma == pytest.approx([0.04, 0.04, np.radians(2.0)])
     assert np.abs(errors.mean(axis=0) / sigma).max() < 4 / np.sqrt(len(errors))
     assert errors.std(axis=0) / sigma == pytest.approx(np.ones(3), rel=4 / np.sqrt(2 * len(errors)))
 
 
-def test_the_share_of_wrong_fixes_is_that_of_the_world_file() -> None:
-    errors, _ = fixes(4000, outliers=0.05, outlier_m=2.0)
-    share = (np.hypot(errors[:, 0], errors[:, 1]) > 0.5).mean()
-    assert abs(share - 0.05) < 4 * sqrt(0.05 * 0.95 / 4000)
+def test_the_fraction_of_outlier_poses_is_that_of_the_world_file() -> None:
+    errors, _ = poses(4000, outliers=0.05, outlier_m=2.0)
+    fraction = (np.hypot(errors[:, 0], errors[:, 1]) > 0.5).mean()
+    assert abs(fraction - 0.05) < 4 * sqrt(0.05 * 0.95 / 4000)
 
 
-def test_fixes_come_late_with_the_stamp_of_their_moment() -> None:
+def test_absolute_poses_arrive_late_with_the_stamp_of_their_measurement() -> None:
     simulator = Simulator(
         room(sensors={"absolute_poses": {"rate_hz": 10.0, "delay_s": 0.25}, "odometry": None}), Path()
     )

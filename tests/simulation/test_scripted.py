@@ -20,8 +20,8 @@ def test_every_end_point_lies_on_a_wall() -> None:
         pose, ranges_from(pose, bearings)[:, None] * np.c_[np.cos(bearings), np.sin(bearings)]
     )
     a, b = walls()[:, :2], walls()[:, 2:]
-    share = np.clip(((ends[:, None] - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0, 1)
-    distance = np.linalg.norm(ends[:, None] - (a + share[..., None] * (b - a)), axis=-1).min(axis=1)
+    fraction = np.clip(((ends[:, None] - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0, 1)
+    distance = np.linalg.norm(ends[:, None] - (a + fraction[..., None] * (b - a)), axis=-1).min(axis=1)
     assert distance.max() < 1e-9
 
 

@@ -11,12 +11,12 @@ from gridslam.simulation.world_config import load_world
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_logs" / "slam-sd-tags.truth" / "tags.yaml"
 
 
-def test_a_world_gives_the_database_of_its_tagged_things(tmp_path: Path) -> None:
+def test_a_world_gives_the_database_of_its_tagged_objects(tmp_path: Path) -> None:
     world, _ = load_world("sd-corridor-long")
     (tmp_path / "tags.yaml").write_text(tag_database_yaml(world))
     database = load_tag_database(tmp_path / "tags.yaml")
-    assert [thing.id for thing in database.objects] == [thing.id for thing in world.movable_objects]
-    assert sum(thing.is_door for thing in database.objects) == len(world.doors)
+    assert [obj.id for obj in database.objects] == [obj.id for obj in world.movable_objects]
+    assert sum(obj.is_door for obj in database.objects) == len(world.doors)
     for door, entry in zip(world.doors, database.objects, strict=False):
         assert np.ptp([x for x, _ in entry.outline]) == door.width_m
         assert entry.category == door.kind

@@ -24,18 +24,18 @@ from tests.simulation.places import driven, room
 
 
 @pytest.mark.parametrize("name", builtin_worlds())
-def test_every_route_keeps_clear_of_what_stands(name: str) -> None:
+def test_every_route_keeps_clear_of_static_shapes(name: str) -> None:
     world, path = load_world(name)
     scene = Scene(world, path.parent)
     route = [world.robot.start[:2], *world.robot.route]
     for start, end in pairwise(route):
-        way = np.subtract(end, start)
-        length = float(np.hypot(*way))
+        step = np.subtract(end, start)
+        length = float(np.hypot(*step))
         if length == 0.0:
             continue
-        across = world.robot.radius_m * np.array([-way[1], way[0]]) / length
+        across = world.robot.radius_m * np.array([-step[1], step[0]]) / length
         for side in (-1.0, 0.0, 1.0):
-            ray = np.array([*(np.asarray(start) + side * across), *(way / length)])
+            ray = np.array([*(np.asarray(start) + side * across), *(step / length)])
             free = scene.cast(ray[None], length + world.robot.radius_m, 0.0).ranges_m[0]
             assert free >= length + world.robot.radius_m - 1e-9, f"{start} to {end} in {name}"
 

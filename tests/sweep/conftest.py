@@ -32,7 +32,7 @@ class Bench:
         self.folder = folder
         self.output = folder / "out"
         self.ran: list[str] = []
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.logs: list[dict[str, Any]] = [{"name": "room", "log": str(log), "truth": str(log)}]
         (folder / "plain.yaml").write_text("method: {name: dead-reckoning}\n")
 
@@ -54,17 +54,17 @@ class Bench:
         return load_sweep(path)
 
     def run(
-        self, order: Callable[[Sequence[int]], Sequence[int]] = list, most: int = 999, **changes: Any
+        self, order: Callable[[Sequence[int]], Sequence[int]] = list, max_jobs: int = 999, **changes: Any
     ) -> SweepResult:
-        """Run a sweep, its jobs in a certain order, and stop after so many; `ran` is then what was done anew."""
-        self.ran, self.told = [], []
+        """Run a sweep with its jobs in a given order, and stop after `max_jobs`; `ran` then lists the jobs that were executed."""
+        self.ran, self.reported = [], []
 
         def inline(jobs: Sequence[Job]) -> Iterator[tuple[int, JobResult]]:
-            for place in list(order(range(len(jobs))))[:most]:
+            for place in list(order(range(len(jobs))))[:max_jobs]:
                 yield place, self._do(jobs[place])
 
         return run_sweep(
-            self.sweep(**changes), self.folder, self.output, inline, self.told.append, lambda: False
+            self.sweep(**changes), self.folder, self.output, inline, self.reported.append, lambda: False
         )
 
     def _do(self, job: Job) -> JobResult:

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from gridslam.core.errors import ConfigError
 from gridslam.sweep.config import SweepConfig, load_sweep
 
-LEAST: dict[str, Any] = {"command": "map", "logs": [{"log": "a.mcap"}], "configs": ["slam-sd"]}
+MINIMAL: dict[str, Any] = {"command": "map", "logs": [{"log": "a.mcap"}], "configs": ["slam-sd"]}
 
 
 def load(folder: Path, **changes: Any) -> SweepConfig:
     path = folder / "sweep.yaml"
-    path.write_text(yaml.safe_dump({**LEAST, **changes}))
+    path.write_text(yaml.safe_dump({**MINIMAL, **changes}))
     return load_sweep(path)
 
 

@@ -51,13 +51,13 @@ def test_what_is_done_is_not_done_twice(bench: Bench) -> None:
     first = bench.tables()
     result = bench.run()
     assert bench.ran == []
-    assert bench.told == ["3 of 3 are already done"]
+    assert bench.reported == ["3 of 3 are already done"]
     assert bench.tables() == first
     assert len(result.rows) == 3
 
 
-def test_an_interrupted_sweep_goes_on_where_it_stopped(bench: Bench) -> None:
-    result = bench.run(most=2)
+def test_an_interrupted_sweep_continues_where_it_stopped(bench: Bench) -> None:
+    result = bench.run(max_jobs=2)
     assert result.is_interrupted
     assert json.loads((bench.output / "summary.json").read_text())["status"] == "interrupted"
     assert [row["state"] for row in table(bench.output / "runs.csv")] == ["done", "done", "not run"]

@@ -34,7 +34,7 @@ SPEEDS_MPS: dict[Kind, tuple[float, float]] = {
     "corridors": (1.0, 1.4),
     "campus": (1.2, 1.7),
 }
-MOST_SHEAR = 0.06  # no place has its walls along the map's axes, nor all of them at right angles
+MAX_SHEAR = 0.06  # no place has its walls along the map's axes, nor all of them at right angles
 DIGITS = 3  # of coordinates (m) in a world document
 
 
@@ -99,7 +99,7 @@ def place_document(kind: Kind, seed: int, travel_m: float) -> Document:
 
 def _oriented(layout: Layout, rng: np.random.Generator) -> Layout:
     """The layout turned and sheared by the seed."""
-    shear = np.array([(1.0, float(rng.uniform(-MOST_SHEAR, MOST_SHEAR))), (0.0, 1.0)])
+    shear = np.array([(1.0, float(rng.uniform(-MAX_SHEAR, MAX_SHEAR))), (0.0, 1.0)])
     return layout.transformed(rotation(float(rng.uniform(-math.pi, math.pi))) @ shear)
 
 

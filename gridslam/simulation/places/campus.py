@@ -48,12 +48,12 @@ def _beside(layout: Layout, lane: Lane, offset_m: float) -> tuple[XY, XY]:
     return (x0, y0), (x1, y1)
 
 
-def _add_building(layout: Layout, outline: Array, rng: np.random.Generator) -> None:
+def _add_building(layout: Layout, contour: Array, rng: np.random.Generator) -> None:
     """Fronts with windows recessed in bays that are all alike, and one entrance that is not."""
     bay = Bay(float(rng.uniform(3.0, 6.0)), float(rng.uniform(1.2, 2.2)), float(rng.uniform(0.15, 0.5)))
-    layout.add_wall(bayed_polygon(outline, bay), closed=True, reflectivity=float(rng.choice([0.7, 0.5, 0.2])))
-    side = int(rng.integers(len(outline)))
-    start, end = outline[side], outline[(side + 1) % len(outline)]
+    layout.add_wall(bayed_polygon(contour, bay), closed=True, reflectivity=float(rng.choice([0.7, 0.5, 0.2])))
+    side = int(rng.integers(len(contour)))
+    start, end = contour[side], contour[(side + 1) % len(contour)]
     span = (end - start) / np.hypot(*(end - start))
     outwards = np.array([span[1], -span[0]])
     x, y = (start + float(rng.uniform(0.2, 0.8)) * (end - start) + 0.9 * outwards).tolist()
@@ -61,7 +61,7 @@ def _add_building(layout: Layout, outline: Array, rng: np.random.Generator) -> N
 
 
 def _scatter_trees(layout: Layout, area: Array, m2_per_tree: float, rng: np.random.Generator) -> None:
-    """Trees anywhere in the box around an outline `(n, 2)`, but clear of all paths."""
+    """Trees anywhere in the box around an contour `(n, 2)`, but clear of all paths."""
     low, high = area.min(axis=0), area.max(axis=0)
     for _ in range(int(np.prod(high - low) / m2_per_tree)):
         x, y = rng.uniform(low, high).tolist()
@@ -83,11 +83,11 @@ def _add_surroundings(layout: Layout, grid: Array, rng: np.random.Generator) -> 
         gap = float(rng.uniform(6.0, 14.0))
         corners = [start + 6.0 * span, end - 6.0 * span]
         near, far = gap * outwards, (gap + FRONT_DEPTH_M) * outwards
-        outline = np.array([corners[0] + far, corners[1] + far, corners[1] + near, corners[0] + near])
+        contour = np.array([corners[0] + far, corners[1] + far, corners[1] + near, corners[0] + near])
         if rng.random() < 0.6:
-            _add_building(layout, outline, rng)
+            _add_building(layout, contour, rng)
         else:
-            _scatter_trees(layout, outline, 45.0, rng)
+            _scatter_trees(layout, contour, 45.0, rng)
 
 
 def _add_rows_along_paths(layout: Layout, rng: np.random.Generator) -> None:

@@ -19,7 +19,7 @@ SPACING_M = (8.0, 20.0)  # of the way points between nodes
 def travel(layout: Layout, travel_m: float, rng: np.random.Generator) -> tuple[list[XY], float]:
     """Way points from the first to the last, and the length (m) of the polyline through them: `travel_m` within 3 %."""
     nodes = _visits(layout, travel_m, rng)
-    points = _way_points(layout, nodes, rng)
+    points = _waypoints(layout, nodes, rng)
     return points, float(sum(math.dist(a, b) for a, b in itertools.pairwise(points)))
 
 
@@ -61,7 +61,7 @@ def _turn_back(layout: Layout, here: int, lane: int, distance_m: float) -> list[
     return [turn, here]
 
 
-def _way_points(layout: Layout, visits: list[int], rng: np.random.Generator) -> list[XY]:
+def _waypoints(layout: Layout, visits: list[int], rng: np.random.Generator) -> list[XY]:
     """The nodes where the robot turns, and points beside the centre line between them: it never drives the same line twice."""
     lateral = {frozenset((lane.first, lane.second)): lane.lateral_m for lane in layout.lanes}
     points = [layout.nodes[visits[0]]]
