@@ -23,12 +23,14 @@ _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error,
 class ImageLevels:
     """`levels` uint16 `(rows, cols)`, top row first: mean of the colour channels = levels / maximum.
 
-    `opaque` bool `(rows, cols)` is None for an image without an alpha channel.
+    `opaque` bool `(rows, cols)` is None for an image without an alpha channel; `translucent` is the number of pixels that are
+    neither opaque nor fully transparent.
     """
 
     levels: NDArray[np.uint16]
     maximum: int
     opaque: NDArray[np.bool_] | None
+    translucent: int = 0
 
 
 def read_levels(path: Path) -> ImageLevels:
@@ -76,7 +78,9 @@ def _levels(path: Path, image: Image.Image) -> ImageLevels:
         )
     if "A" in image.mode.upper() or "transparency" in image.info:
         rgba = np.asarray(image.convert("RGBA"))
-        return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, rgba[..., 3] == 255)
+        alpha = rgba[..., 3]
+        translucent = int(np.count_nonzero((alpha > 0) & (alpha < 255)))
+        return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, alpha == 255, translucent)
     if image.mode in ("1", "L"):
         return ImageLevels(np.asarray(image.convert("L")).astype(np.uint16), 255, None)
     return ImageLevels(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 765, None)

@@ -1,7 +1,8 @@
 """Maps in the format of nav2's map_server: a YAML file and a grey image.
 
 The formulas are those of nav2_map_server's `map_io.cpp` (the releases with `>=` thresholds, in which a pixel that is not opaque
-is unknown), with these differences. The origin is written with full precision (nav2: three decimals). The brightness of a
+is unknown), with these differences. Grey 205 of a map saver's image is unknown for any free_thresh. Thresholds outside [0, 1] are
+refused. The origin is written with full precision (nav2: three decimals). The brightness of a
 coloured pixel is the mean of its channels, as in the older releases. Scale mode is written with the thresholds 1 and 0 by
 default, because other thresholds do not preserve the graded values.
 """
@@ -31,6 +32,8 @@ PIXEL_OCCUPIED, PIXEL_FREE, PIXEL_UNKNOWN = 0, 254, 205
 TRINARY_THRESHOLDS = (0.65, 0.196)
 SCALE_THRESHOLDS = (1.0, 0.0)
 UNKNOWN = -1
+SPIKE_RATIO = 10  # grey 205 means unknown if it is this much more frequent than 204 and 206 together
+ROWS_PER_BLOCK = 256  # of a table lookup, whose indices take 8 bytes a pixel
 
 ImageFormat = Literal["pgm", "png", "bmp"]
 
@@ -68,26 +71,75 @@ def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> Occupancy
     if inside_folder and not image_path.resolve().is_relative_to(path.parent.resolve()):
         raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
     image = read_levels(image_path)
-    _warn_if_unknown_is_free(path, meta, image)
+    _warn_about_unusual_values(path, meta, image)
     cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
-    probability = np.where(cells == UNKNOWN, np.float32(np.nan), cells.astype(np.float32) / np.float32(100))
+    cells = _with_unknown_grey(path, meta, image, cells)
+    probability = cells.astype(np.float32)
+    probability /= np.float32(100)
+    probability[cells == UNKNOWN] = np.nan
     return OccupancyGrid(probability, GridGeometry(meta.resolution_m, meta.origin_xy_m, meta.origin_yaw_rad))
 
 
-def _warn_if_unknown_is_free(path: Path, meta: MapYaml, image: ImageLevels) -> None:
-    """Warn if the pixel that map savers write for unknown cells reads as free, as with the free_thresh 0.25 of old savers."""
-    grey = PIXEL_UNKNOWN / 255
-    if meta.mode == "raw" or meta.negate or meta.free_thresh < 1.0 - grey:
-        return
-    count = int(np.count_nonzero(image.levels == round(grey * image.maximum)))
-    if count:
+def _with_unknown_grey(
+    path: Path, meta: MapYaml, image: ImageLevels, cells: NDArray[np.int8]
+) -> NDArray[np.int8]:
+    """The cells, with those of grey 205 unknown if the image is one of a map saver and its YAML makes them free.
+
+    Map savers write 205 for unknown cells. With a free_thresh of 0.25, which old savers wrote beside it, or in scale mode, a
+    robot that must not enter unknown cells would drive out of the building.
+    """
+    if meta.negate or meta.mode == "raw":
+        return cells
+    is_free = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1] & (cells == 0)
+    count = int(np.count_nonzero(is_free))
+    if not count:
+        return cells
+    neighbours = [_level(PIXEL_UNKNOWN + step, image) for step in (-1, 1)]
+    if count <= SPIKE_RATIO * sum(int(np.count_nonzero(image.levels == level)) for level in neighbours):
+        return cells  # a graded image, in which 205 is a grey value like any other
+    logger.warning(
+        "%s: %d cells of grey 205 are read as unknown, as map savers mean it, although mode %s with free_thresh %g makes them "
+        "free; set mode: trinary and free_thresh: 0.196",
+        path,
+        count,
+        meta.mode,
+        meta.free_thresh,
+    )
+    cells[is_free] = UNKNOWN
+    return cells
+
+
+def _warn_about_unusual_values(path: Path, meta: MapYaml, image: ImageLevels) -> None:
+    """Warn about values that map_server accepts, but that are probably mistakes."""
+    if abs(meta.origin_yaw_rad) > 2.0 * np.pi:
         logger.warning(
-            "%s: free_thresh %g makes %d cells of grey 205 free, which map savers write for unknown; "
-            "free_thresh 0.196 keeps them unknown",
+            "%s: origin: the yaw %g is read as radians; if it is in degrees, write %.4g",
             path,
-            meta.free_thresh,
-            count,
+            meta.origin_yaw_rad,
+            np.deg2rad(meta.origin_yaw_rad),
         )
+    if meta.mode != "raw":
+        if image.translucent:
+            logger.warning(
+                "%s: %d cells are unknown because their pixels have an alpha between 0 and 255; "
+                "save the image without an alpha channel",
+                path,
+                image.translucent,
+            )
+        return
+    walls = int(np.count_nonzero(image.levels == _level(PIXEL_OCCUPIED, image)))
+    others = (int(np.count_nonzero(image.levels == _level(p, image))) for p in (PIXEL_UNKNOWN, PIXEL_FREE))
+    if walls and walls + sum(others) == image.levels.size:
+        logger.warning(
+            "%s: mode raw makes %d cells of grey 0 free, which map savers write for occupied; set mode: trinary",
+            path,
+            walls,
+        )
+
+
+def _level(pixel: int, image: ImageLevels) -> int:
+    """The level of a pixel value from 0 to 255."""
+    return round(pixel / 255 * image.maximum)
 
 
 def cells_of_image(
@@ -100,7 +152,10 @@ def cells_of_image(
         table = _threshold_cells(
             brightness if negate else 1.0 - brightness, occupied_thresh, free_thresh, graded=mode == "scale"
         )
-    cells = table[image.levels]
+    cells = np.empty(image.levels.shape, np.int8)
+    for first in range(0, len(cells), ROWS_PER_BLOCK):
+        rows = slice(first, first + ROWS_PER_BLOCK)
+        cells[rows] = table[image.levels[rows]]
     if mode != "raw" and image.opaque is not None:
         cells[~image.opaque] = UNKNOWN
     return np.ascontiguousarray(cells[::-1])

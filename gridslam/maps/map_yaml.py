@@ -41,7 +41,7 @@ def read_map_yaml(path: Path) -> MapYaml:
     if not isinstance(image, str) or not image or "\0" in image:
         raise MapError(f"{path}: image: expected the name of an image file, got {short(image)}")
     mode = document.get("mode", "trinary")
-    if not isinstance(mode, str) or mode not in MODES:
+    if not isinstance(mode, str) or mode.lower() not in MODES:
         raise MapError(f"{path}: mode: expected trinary, scale or raw, got {short(mode)}")
     resolution = _number(path, "resolution", _get(path, document, "resolution"))
     if not 1e-4 <= resolution <= 1e3:
@@ -56,13 +56,13 @@ def read_map_yaml(path: Path) -> MapYaml:
         raise MapError(
             f"{path}: origin: expected metres and radians up to {MAX_ORIGIN:g}, got {short(origin)}"
         )
-    occupied = _number(path, "occupied_thresh", _get(path, document, "occupied_thresh"))
-    free = _number(path, "free_thresh", _get(path, document, "free_thresh"))
+    occupied = _threshold(path, document, "occupied_thresh")
+    free = _threshold(path, document, "free_thresh")
     if not free < occupied:
         raise MapError(f"{path}: free_thresh {free:g} is not below occupied_thresh {occupied:g}")
     return MapYaml(
         image=image,
-        mode=MODES[mode],
+        mode=MODES[mode.lower()],
         resolution_m=resolution,
         origin_xy_m=(x, y),
         origin_yaw_rad=yaw,
@@ -97,6 +97,19 @@ def _number(path: Path, key: str, value: Any) -> float:
         if math.isfinite(number):
             return number
     raise MapError(f"{path}: {key}: expected a finite number, got {short(value)}")
+
+
+def _threshold(path: Path, document: dict[str, Any], key: str) -> float:
+    """An occupancy from 0 to 1. Percent and grey values would load as a map without obstacles."""
+    value = _number(path, key, _get(path, document, key))
+    if 0.0 <= value <= 1.0:
+        return value
+    message = f"{path}: {key}: expected a number from 0 to 1, got {value:g}"
+    if 1.0 < value <= 100.0:
+        message += f"; if it is in percent, write {value / 100.0:.4g}"
+    elif 100.0 < value <= 255.0:
+        message += f"; if it is a grey value of 255, write {value / 255.0:.4g}"
+    raise MapError(message)
 
 
 def _negate(path: Path, document: dict[str, Any]) -> bool:

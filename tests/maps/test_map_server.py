@@ -280,13 +280,69 @@ def test_the_limit_counts_pixels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         load_map(write_map(tmp_path, grey_ramp()))
 
 
-def test_a_threshold_that_turns_unknown_into_free_is_reported(
+@pytest.mark.parametrize(("mode", "free_thresh"), [("trinary", 0.25), ("scale", 0.196), ("scale", 0.25)])
+def test_grey_205_of_a_map_saver_is_unknown_for_any_threshold(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, mode: str, free_thresh: float
+) -> None:
+    pixels = Image.fromarray(np.array([[205, 205, 254, 0]], np.uint8))
+    with caplog.at_level(logging.WARNING):
+        grid = load_map(write_map(tmp_path, pixels, mode, thresholds=(0.65, free_thresh)))
+    assert cells_of_grid(grid).tolist() == [[UNKNOWN, UNKNOWN, 0, 100]]
+    assert "2 cells of grey 205 are read as unknown" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("occupied", "free", "says"),
+    [
+        (65, 19.6, "occupied_thresh: expected a number from 0 to 1, got 65; if it is in percent, write 0.65"),
+        (166, 50, "if it is a grey value of 255, write 0.651"),
+        (0.65, -0.1, "free_thresh: expected a number from 0 to 1, got -0.1"),
+        (1e9, 0.1, "expected a number from 0 to 1, got 1e+09"),
+    ],
+)
+def test_thresholds_that_make_every_cell_free_are_refused(
+    tmp_path: Path, occupied: float, free: float, says: str
+) -> None:
+    with pytest.raises(MapError, match="thresh") as error:
+        load_map(write_map(tmp_path, grey_ramp(), thresholds=(occupied, free)))
+    assert says in str(error.value)
+
+
+def test_the_mode_is_read_in_any_case(tmp_path: Path) -> None:
+    read = cells_of_grid(load_map(write_map(tmp_path, grey_ramp(), "Trinary")))
+    assert np.array_equal(read, cells_of_grid(load_map(write_map(tmp_path, grey_ramp()))))
+
+
+def test_a_trinary_image_read_in_raw_mode_gets_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    pixels = Image.fromarray(np.array([[205, 205, 254]], np.uint8))
+    pixels = Image.fromarray(np.array([[0, 0, 205, 254]], np.uint8))
     with caplog.at_level(logging.WARNING):
-        load_map(write_map(tmp_path, pixels, thresholds=(0.65, 0.25)))
-    assert "makes 2 cells of grey 205 free" in caplog.text
+        load_map(write_map(tmp_path, pixels, "raw"))
+    assert "mode raw makes 2 cells of grey 0 free" in caplog.text
+
+
+def test_an_origin_in_degrees_gets_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write_map(tmp_path, grey_ramp())
+    path.write_text(path.read_text().replace("[1, 2, 0]", "[1, 2, 90]"))
+    with caplog.at_level(logging.WARNING):
+        load_map(path)
+    assert "the yaw 90 is read as radians; if it is in degrees, write 1.571" in caplog.text
+
+
+def test_translucent_pixels_get_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    pixels = np.array([[[254, 254, 254, 250], [254, 254, 254, 0], [0, 0, 0, 255]]], np.uint8)
+    with caplog.at_level(logging.WARNING):
+        load_map(write_map(tmp_path, Image.fromarray(pixels)))
+    assert "1 cells are unknown because their pixels have an alpha" in caplog.text
+
+
+def test_an_ordinary_map_gets_no_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    pixels = Image.fromarray(np.array([[0, 254, 205]], np.uint8))
+    with caplog.at_level(logging.WARNING):
+        grid = load_map(write_map(tmp_path, pixels))
+        load_map(save_map(grid, tmp_path / "scaled", "scale"))
+    assert not caplog.text
 
 
 @pytest.mark.real_data
@@ -298,6 +354,7 @@ def test_public_maps_equal_a_pixel_by_pixel_reader(data_dir: Path, name: str) ->
     keys = dict(line.split(":", 1) for line in path.read_text().splitlines() if ":" in line)
     occupied, free = float(keys["occupied_thresh"]), float(keys["free_thresh"])
     table = np.array([cell_by_map_server(level, "trinary", False, occupied, free) for level in range(256)])
+    table[205] = UNKNOWN
     pixels = np.asarray(Image.open(path.with_suffix(".pgm")))
     grid = load_map(path)
     assert np.array_equal(cells_of_grid(grid), table[pixels][::-1])

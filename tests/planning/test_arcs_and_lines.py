@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.maps.load import load_any_map
@@ -175,6 +176,23 @@ def test_unknown_cells_block_unless_the_options_free_them() -> None:
     assert plan_path(grid, START, GOAL, PlanOptions(unknown_blocks=False)).path.length_m > 4.0
     with pytest.raises(MethodError, match="lies in an unknown cell"):
         plan_path(grid, np.array([2.5, 3.5, 0.0]), GOAL)
+
+
+def test_unknown_space_around_a_building_blocks_although_its_map_has_an_old_free_threshold(
+    tmp_path: Path,
+) -> None:
+    pixels = np.full((80, 120), 205, np.uint8)
+    pixels[20:60, 20:100] = 254
+    Image.fromarray(pixels).save(tmp_path / "map.png")
+    (tmp_path / "map.yaml").write_text(
+        "image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    grid = load_any_map(tmp_path / "map.yaml")
+    assert plan_path(
+        grid, np.array([1.5, 2.0, 0.0]), np.array([4.5, 2.0, 0.0])
+    ).path.length_m == pytest.approx(3.0)
+    with pytest.raises(MethodError, match=r"goal 5\.5,2: lies in an unknown cell"):
+        plan_path(grid, np.array([1.5, 2.0, 0.0]), np.array([5.5, 2.0, 0.0]))
 
 
 def test_a_robot_that_turns_on_the_spot_gets_a_candidate_with_turns_at_corners() -> None:
