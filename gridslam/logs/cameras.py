@@ -1,4 +1,4 @@
-"""Names of cameras, and pixels from their encodings."""
+"""Names of cameras, depths from their encodings, and pictures opened with care."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ _LEAVES = frozenset(
         "image_color",
         "image_mono",
         "image_rect_color",
+        "image_rect_raw",
+        "compressedDepth",
         "compressed",
         "camera_info",
         "calibration",
@@ -35,8 +37,7 @@ _LEAVES = frozenset(
         "disparity",
     }
 )
-_CHANNELS = {"mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "8UC3": 3, "rgba8": 4, "bgra8": 4}
-DEPTH_ENCODINGS = frozenset({"16UC1", "mono16", "32FC1"})
+DEPTH_ENCODINGS = frozenset({"16UC1", "32FC1"})
 
 
 def camera_of(topic: str) -> str:
@@ -45,18 +46,6 @@ def camera_of(topic: str) -> str:
     while len(parts) > 1 and parts[-1] in _LEAVES:
         parts.pop()
     return "/".join(parts)
-
-
-def pixels_of(encoding: str, height: int, width: int, step: int, data: bytes) -> NDArray[np.uint8]:
-    """Grey `(rows, cols)` or RGB `(rows, cols, 3)` pixels. Raises UnusableMessageError: another encoding."""
-    channels = _CHANNELS.get(encoding)
-    if channels is None:
-        raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING)
-    rows = _rows(height, width * channels, step, data)
-    if channels == 1:
-        return rows
-    pixels = rows.reshape(height, width, channels)
-    return pixels[:, :, 2::-1] if encoding.startswith(("bgr", "8UC3")) else pixels[:, :, :3]
 
 
 def depth_of(
@@ -69,14 +58,7 @@ def depth_of(
         return np.where(raw == 0, np.float32(np.nan), raw.astype(np.float32) / np.float32(1000.0))
     if encoding == "32FC1":
         return _rows(height, width * 4, step, data).view(f"{order}f4").astype(np.float32)
-    raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING)
-
-
-def unpack_picture(data: bytes, max_pixels: int = MAX_PIXELS) -> NDArray[np.uint8]:
-    """Pixels of a PNG or JPEG. Raises ValueError where it is none, or is absurdly large."""
-    with opened_picture(data, ("PNG", "JPEG"), max_pixels) as picture:
-        mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
-        return np.asarray(picture.convert(mode))
+    raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING, encoding)
 
 
 @contextmanager

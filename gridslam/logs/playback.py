@@ -108,14 +108,16 @@ def _checked(
             event = checks[index].repaired(event)
         number = numbers[index] = numbers[index] + 1
         fault: SkipReason | None
+        detail = ""
         if isinstance(event, Skip):
-            fault, where = event.reason, event.where
+            fault, where, detail = event.reason, event.where, event.detail
         else:
             fault, where = fault_of(event), ""
             if number - 1 in outliers[index]:
                 fault = SkipReason.OUTLIER_STAMP
         if fault:
-            yield index, Skip(fault, where or f"{source.streams[index].label} message {number}")
+            where = where or f"{source.streams[index].label} message {number}"
+            yield index, Skip(fault, f"{where}: {detail!r}" if detail else where)
         else:
             yield index, event
 

@@ -39,15 +39,17 @@ class SkipReason(str, Enum):
 
 @dataclass(frozen=True, slots=True)
 class Skip:
-    """Stands in the place of an event that cannot be used: the reason, and where the message is in the log."""
+    """Stands in the place of an event that cannot be used: the reason, the place in the log, and what the message has instead."""
 
     reason: SkipReason
     where: str = ""
+    detail: str = ""
 
 
 class UnusableMessageError(ValueError):
-    """A message or row that cannot be used for a known reason."""
+    """A message or row that cannot be used for a known reason; `detail` says what it has, like its encoding."""
 
-    def __init__(self, reason: SkipReason) -> None:
+    def __init__(self, reason: SkipReason, detail: str = "") -> None:
         super().__init__(reason.value)
         self.reason = reason
+        self.detail = detail

@@ -18,7 +18,8 @@ from PIL import Image
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Image as ImageEvent
-from gridslam.logs.cameras import MAX_PIXELS, unpack_picture
+from gridslam.logs.cameras import MAX_PIXELS
+from gridslam.logs.image_encodings import unpacked
 from gridslam.logs.open import open_log
 from gridslam.simulation import floor_plan as plans
 from gridslam.simulation.floor_plan import plan_segments
@@ -44,12 +45,12 @@ def png_of(width: int, height: int, rows: int = 0) -> bytes:
 )
 def test_a_picture_that_says_it_is_huge_is_no_picture(width: int, height: int) -> None:
     with pytest.raises(ValueError, match="not a picture"):
-        unpack_picture(png_of(width, height))
+        unpacked(png_of(width, height))
 
 
 def test_a_large_picture_below_the_limit_is_read() -> None:
     assert MAX_PIXELS > 5000 * 4000
-    assert unpack_picture(png_of(5000, 4000, 4000)).shape == (4000, 5000)
+    assert unpacked(png_of(5000, 4000, 4000)).shape == (4000, 5000)
 
 
 def test_bombs_in_a_csv_folder_are_counted_and_cost_no_memory(tmp_path: Path) -> None:
@@ -124,6 +125,6 @@ def test_a_plan_that_is_no_harmless_picture_is_refused(
     tmp_path: Path, name: str, data: bytes, message: str
 ) -> None:
     (tmp_path / name).write_bytes(data)
-    assert plans.MOST_PIXELS == 25_000_000
+    assert plans.MAX_PIXELS == 25_000_000
     with pytest.raises(ConfigError, match=message):
         plan_segments(FloorPlan(file=name, resolution_m=0.05), tmp_path)

@@ -435,7 +435,7 @@ def test_depths_are_metres_with_nan_for_none(tmp_path: Path) -> None:
 def test_unknown_encodings_and_wrong_sizes_are_counted(tmp_path: Path) -> None:
     messages = [
         ("/cam/image", picture("mono8", 2, 2, 2, bytes(4))),
-        ("/cam/image", picture("yuv422", 2, 2, 4, bytes(8))),
+        ("/cam/image", picture("yuv411p", 2, 2, 4, bytes(8))),
         ("/cam/image", picture("mono8", 2000, 2000, 2000, bytes(4))),
     ]
     with open_log(write_mcap(tmp_path / "a.mcap", messages)) as log:

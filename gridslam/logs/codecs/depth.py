@@ -12,14 +12,26 @@ from gridslam.logs.codecs.image import write_picture
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter, read_floats
 from gridslam.logs.csv.row import Row
+from gridslam.logs.image_encodings import compressed_depth
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
 from gridslam.logs.ros.foxglove_fields import base64_bytes
 
 
-def is_depth(message: Any) -> bool:
-    """Whether an image message holds depths rather than colours."""
-    return str(message.encoding) in DEPTH_ENCODINGS
+def is_depth(message: Any, topic: str) -> bool:
+    """Whether an image message, raw or compressed, holds depths rather than colours.
+
+    Depths are 16UC1 or 32FC1; 16-bit grey (mono16) is depth if the topic says so.
+    """
+    described = str(getattr(message, "encoding", "") or getattr(message, "format", ""))
+    encoding = described.split(";")[0].strip()
+    return encoding in DEPTH_ENCODINGS or (encoding == "mono16" and "depth" in topic.lower())
+
+
+def from_compressed(message: Any, topic: str) -> DepthImage:
+    """The depths of a decoded sensor_msgs/CompressedImage."""
+    depth = compressed_depth(bytes(message.data), str(message.format))
+    return DepthImage(*valid_head(message), readonly(depth, np.float32), camera_of(topic))
 
 
 def from_ros(message: Any, topic: str) -> DepthImage:

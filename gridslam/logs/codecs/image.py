@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import Image, StereoPair, readonly
-from gridslam.logs.cameras import camera_of, pixels_of, unpack_picture
+from gridslam.logs.cameras import camera_of
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter, read_pixels
 from gridslam.logs.csv.row import Row
+from gridslam.logs.image_encodings import RawImage, compressed_pixels, pixels_of
 from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
@@ -19,37 +20,40 @@ from gridslam.logs.ros.foxglove_fields import base64_bytes
 
 def from_ros(message: Any, topic: str) -> Image:
     """The pixels of a decoded sensor_msgs/Image in grey or colour."""
-    pixels = pixels_of(
+    raw = RawImage(
         str(message.encoding),
         height=int(message.height),
         width=int(message.width),
         step=int(message.step),
         data=bytes(message.data),
+        is_bigendian=bool(message.is_bigendian),
     )
+    pixels = pixels_of(raw)
     return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
 
 
 def from_compressed(message: Any, topic: str) -> Image:
     """The pixels of a decoded sensor_msgs/CompressedImage."""
-    pixels = unpack_picture(bytes(message.data))
+    pixels = compressed_pixels(bytes(message.data), str(message.format))
     return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
     """The pixels of a foxglove.RawImage."""
-    pixels = pixels_of(
+    raw = RawImage(
         str(message.encoding),
         height=int(message.height),
         width=int(message.width),
         step=int(message.step),
         data=base64_bytes(message.data),
     )
+    pixels = pixels_of(raw)
     return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
 
 
 def from_foxglove_compressed(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
     """The pixels of a foxglove.CompressedImage."""
-    pixels = unpack_picture(base64_bytes(message.data))
+    pixels = compressed_pixels(base64_bytes(message.data), str(getattr(message, "format", "")))
     return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
 from gridslam.core.numpy_files import damage_as_value_error
-from gridslam.logs.cameras import opened_picture, unpack_picture
+from gridslam.logs.cameras import opened_picture
+from gridslam.logs.image_encodings import unpacked
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 _MAX_BYTES = 1 << 28
@@ -20,7 +21,7 @@ _MAX_BYTES = 1 << 28
 def read_pixels(path: Path) -> NDArray[np.uint8]:
     """Grey or RGB pixels of a PNG or JPEG. Raises UnusableMessageError: the file is none."""
     try:
-        return unpack_picture(_bytes_of(path))
+        return unpacked(_bytes_of(path))
     except (OSError, ValueError) as error:
         raise UnusableMessageError(SkipReason.UNREADABLE_IMAGE) from error
 

@@ -10,6 +10,7 @@ from gridslam.core.messages import Event, Transform
 from gridslam.logs.codecs import depth, ranger, transform
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import kind_of_foxglove_type, kind_of_ros_type, ros_converter
+from gridslam.logs.message_kind import FromRos
 from gridslam.logs.ros import fast_cdr, foxglove
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.joints import JointState, Servos, joint_state, wheel_places, wheels_of
@@ -34,6 +35,10 @@ _FAST: dict[str, Callable[[bytes], Event]] = {
     "sensor_msgs/msg/Imu": fast_cdr.imu,
 }
 _LITTLE = b"\x00\x01"
+_DEPTH_CONVERTERS: dict[str, FromRos] = {
+    "sensor_msgs/msg/Image": depth.from_ros,
+    "sensor_msgs/msg/CompressedImage": depth.from_compressed,
+}
 _NO_SERVOS = Servos()
 
 
@@ -91,14 +96,14 @@ class ChannelDecoder:
         """Settle the kind by the first message, where the type leaves it open."""
         if self.fault:
             return
-        if self.type == "sensor_msgs/msg/Image" and depth.is_depth(self._decode(data)):
-            self.kind, self._convert = "depth", depth.from_ros
+        if self.type in _DEPTH_CONVERTERS and depth.is_depth(self._decode(data), self.topic):
+            self.kind, self._convert = "depth", _DEPTH_CONVERTERS[self.type]
         elif self.type == "sensor_msgs/msg/JointState":
             self.joint_names = tuple(self.joints(data).names)
             if wheel_places(self.joint_names, self._config.wheels) is None:
                 self.kind = "joints"
         elif self.is_json and self.kind != "other":
-            self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data))
+            self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data), self.topic)
 
     def head(self, data: bytes) -> tuple[int, str] | None:
         """(stamp_ns, frame) without decoding the rest; None without a valid stamp."""

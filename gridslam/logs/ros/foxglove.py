@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
-from gridslam.logs.cameras import DEPTH_ENCODINGS
 from gridslam.logs.codecs import depth
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.kinds import foxglove_converter
@@ -26,11 +25,11 @@ def parse(data: bytes) -> Any:
     return message
 
 
-def kind_of_message(type_name: str, kind: str, message: Any) -> str:
+def kind_of_message(type_name: str, kind: str, message: Any, topic: str) -> str:
     """A pose in an odometry frame is odometry; a raw image may hold depths."""
     if type_name == "foxglove.PoseInFrame" and "odom" in str(message.frame_id):
         return "odom"
-    if kind == "image" and getattr(message, "encoding", "") in DEPTH_ENCODINGS:
+    if kind == "image" and hasattr(message, "encoding") and depth.is_depth(message, topic):
         return "depth"
     return kind
 

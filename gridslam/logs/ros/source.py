@@ -235,6 +235,6 @@ def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip
     try:
         return decoder.event(data, servos)
     except UnusableMessageError as error:
-        return Skip(error.reason)
+        return Skip(error.reason, detail=printable(error.detail))
     except DECODING_ERRORS:
         return Skip(SkipReason.UNDECODABLE)
