@@ -80,7 +80,7 @@ def log_events(path: Path) -> Iterator[bytes]:
     with open_log(path) as log:
         for event in log.events():
             yield b"\n"
-            for field in dataclasses.fields(event):
+            for field in (f for f in dataclasses.fields(event) if f.compare):
                 yield from value_bytes(getattr(event, field.name))
 
 
