@@ -1,4 +1,4 @@
-"""Tells that kernels are being compiled, and how long it took: once per installation, afterwards they come from numba's cache."""
+"""Reports that kernels are being compiled, and for how long: once per installation, as numba keeps them in its cache."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from numba.core import event
 
 
 class _FirstStart(event.Listener):
-    """Calls `tell` when the first kernel is compiled."""
+    """Calls `report` when the first kernel is compiled."""
 
-    def __init__(self, tell: Callable[[], None]) -> None:
-        self.tell = tell
-        self.told = False
+    def __init__(self, report: Callable[[], None]) -> None:
+        self.report = report
+        self.has_reported = False
 
     def on_start(self, event: event.Event) -> None:
-        if not self.told:
-            self.told = True
-            self.tell()
+        if not self.has_reported:
+            self.has_reported = True
+            self.report()
 
     def on_end(self, event: event.Event) -> None:
         pass
 
 
 @contextmanager
-def announcing_compilation(tell: Callable[[], None]) -> Iterator[None]:
-    """Within the block `tell` is called once, when a kernel is compiled that numba's cache does not hold."""
-    with event.install_listener("numba:compile", _FirstStart(tell)):
+def announcing_compilation(report: Callable[[], None]) -> Iterator[None]:
+    """Within the block `report` is called once, when a kernel is compiled that numba's cache does not hold."""
+    with event.install_listener("numba:compile", _FirstStart(report)):
         yield
 
 

@@ -99,8 +99,8 @@ def _extend(
 def _largest_variance(covariance: NDArray[np.float64]) -> float:
     """The larger eigenvalue of the position's part."""
     half = 0.5 * (covariance[XX] + covariance[YY])
-    spread = np.sqrt(0.25 * (covariance[XX] - covariance[YY]) ** 2 + covariance[XY] ** 2)
-    return float(half + spread)
+    projected = np.sqrt(0.25 * (covariance[XX] - covariance[YY]) ** 2 + covariance[XY] ** 2)
+    return float(half + projected)
 
 
 @compiled

@@ -73,18 +73,18 @@ def measure_columns(
         if matched < criteria.min_matched_ratio * rows * bin_px:
             continue
         status[b] = NONE
-        most_frequent = 0.0
+        max_frequent = 0.0
         for step in range(steps - 1, -1, -1):
             low, high = max(step - 1, 0), min(step + 2, steps)
             count = counts[low:high].sum()
-            if counts[step] > 0.0 and count >= criteria.min_extent_px[step] and count > most_frequent:
+            if counts[step] > 0.0 and count >= criteria.min_extent_px[step] and count > max_frequent:
                 if (
                     criteria.take_nearest
                     and status[b] == MATCHED
                     and step < int(found[b] * STEPS_PER_PX) - PEAK_STEPS
                 ):
                     break  # the peak of the nearest obstacle has been passed
-                most_frequent = count
+                max_frequent = count
                 found[b] = sums[low:high].sum() / count
                 status[b] = MATCHED
     return found, status

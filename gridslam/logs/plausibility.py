@@ -14,7 +14,7 @@ from gridslam.core.stamps import NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
 
 CODE_FRACTION = 0.97  # a reading this near to range_max that comes again and again is a code for no return
-CODE_BEAMS = 5  # so many equal readings in one scan, and they are its largest
+CODE_BEAMS = 5  # a code is the largest reading of a scan, on at least this many beams
 MAX_SWEEP_PERIODS = 1.1  # a sweep that lasts longer would overlap the next
 MIN_STAMPS = 3  # fewer give no period
 
@@ -49,7 +49,7 @@ class ScanPlausibility:
             return scan
         if abs(span) > 2.0 * math.pi * 1.01:
             return scan
-        self._tell(
+        self._note(
             "angles",
             f"angle_increment {increment:.6g} contradicts angle_min, angle_max and {count} beams: "
             f"{expected:.6g} is used",
@@ -60,7 +60,7 @@ class ScanPlausibility:
         """A range_max of 0 states nothing."""
         if scan.range_max_m != 0.0:
             return scan
-        self._tell("range_max", "range_max is 0: taken as not stated")
+        self._note("range_max", "range_max is 0: taken as not stated")
         return replace(scan, range_max_m=math.inf)
 
     def _sweep(self, scan: LaserScan) -> LaserScan:
@@ -68,7 +68,7 @@ class ScanPlausibility:
         sweep_s = abs(scan.time_increment_s) * max(len(scan.ranges_m) - 1, 0)
         if sweep_s <= MAX_SWEEP_PERIODS * self._period_s:
             return scan
-        self._tell(
+        self._note(
             "time_increment",
             f"time_increment makes a sweep of {sweep_s:.3g} s, and scans come every {self._period_s:.3g} s: "
             "it is not used, so motion within a scan is not undone",
@@ -85,14 +85,14 @@ class ScanPlausibility:
         largest = inside.max() if len(inside) else np.float32(0.0)
         if not largest >= CODE_FRACTION * limit or np.count_nonzero(ranges == largest) < CODE_BEAMS:
             return scan
-        self._tell(
+        self._note(
             "no_return_code",
             f"{CODE_BEAMS} beams and more read exactly {float(largest):.6g} m, just below range_max "
             f"{limit:.6g}: taken as no return",
         )
         return replace(scan, ranges_m=readonly(np.where(ranges == largest, np.inf, ranges), np.float32))
 
-    def _tell(self, what: str, line: str) -> None:
+    def _note(self, what: str, line: str) -> None:
         if not self._message_counts.counters[f"repaired.scan.{what}"]:
             self._message_counts.note(f"{self._label}: {line}")
         self._message_counts.count(f"repaired.scan.{what}")

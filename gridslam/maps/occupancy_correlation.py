@@ -104,7 +104,7 @@ def fit_correlation(
     runs = _sample(state, known, seed, samples, diagonals)
     if not runs.changed.any():
         raise MethodError("occupancy changes nowhere between known cells: their correlation cannot be fitted")
-    r0 = _most_likely(runs, ratio)
+    r0 = _likeliest(runs, ratio)
     resolution_m = occupancy.geometry.resolution_m
     travelled = float((runs.step_cells * (runs.steps + runs.changed)).sum())
     return CorrelationFit(
@@ -142,7 +142,7 @@ def _log_likelihood(r0: float, runs: _Runs, ratio: float) -> Floats:
     return np.asarray(runs.steps * np.log(persists) + runs.changed * np.log1p(-persists))
 
 
-def _most_likely(runs: _Runs, ratio: float) -> float:
+def _likeliest(runs: _Runs, ratio: float) -> float:
     """The r0 with the largest likelihood; the search is in log(1 - r0), so that it is equally accurate near 1."""
 
     def cost(x: float) -> float:

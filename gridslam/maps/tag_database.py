@@ -5,11 +5,11 @@ version: 1
 objects:
   - id: bin-1
     class: bin
-    outline: [[-0.2, -0.25], [0.2, -0.25], [0.2, 0.25], [-0.2, 0.25]]   # m, in the object's own frame
+    footprint: [[-0.2, -0.25], [0.2, -0.25], [0.2, 0.25], [-0.2, 0.25]]   # m, in the object's own frame
     tags: [{id: tag-bin-1, position: [0.2, 0], facing_deg: 0}]           # facing: direction of the tag's normal
   - id: door-1
     class: door
-    outline: [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
+    footprint: [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
     hinge: [0, 0]                       # makes it a door: a leaf that rotates about this point
     closed_pose: [3.0, 1.5, 0]          # x, y, yaw in degrees in the map frame, if the hinge's position is known
     tags: [{id: tag-door-1, position: [0.3, -0.02], facing_deg: -90}]
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
@@ -44,11 +44,13 @@ class ObjectTag(StrictModel):
 class TaggedObject(StrictModel):
     """An object: its class, its footprint in the plane of the lidar, its tags, and the hinge of a door."""
 
+    former_keys: ClassVar[Mapping[str, str]] = {"outline": "footprint"}
+
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
     id: str = Field(min_length=1)
     category: str = Field(min_length=1, alias="class")
-    outline: Annotated[tuple[Point, ...], Field(min_length=3, max_length=100)]
+    footprint: Annotated[tuple[Point, ...], Field(min_length=3, max_length=100)]
     tags: Annotated[tuple[ObjectTag, ...], Field(min_length=1)]
     hinge: Point | None = None
     closed_pose: tuple[float, float, float] | None = None
@@ -60,11 +62,11 @@ class TaggedObject(StrictModel):
 
     @model_validator(mode="after")
     def _check_geometry(self) -> TaggedObject:
-        if abs(_signed_area(self.outline)) < MIN_AREA_M2:
-            raise ValueError(f"object {self.id!r}: the outline has no area")
-        if max(abs(value) for point in self.outline for value in point) > MAX_SIZE_M:
+        if abs(_signed_area(self.footprint)) < MIN_AREA_M2:
+            raise ValueError(f"object {self.id!r}: the footprint has no area")
+        if max(abs(value) for point in self.footprint for value in point) > MAX_SIZE_M:
             raise ValueError(
-                f"object {self.id!r}: the outline is given in metres; this one exceeds {MAX_SIZE_M:g} m"
+                f"object {self.id!r}: the footprint is given in metres; this one exceeds {MAX_SIZE_M:g} m"
             )
         if self.closed_pose is not None and self.hinge is None:
             raise ValueError(f"object {self.id!r}: closed_pose is for doors, and there is no hinge")
@@ -101,6 +103,6 @@ def _refuse_duplicates(kind: str, names: list[str]) -> None:
         raise ValueError(f"the {kind} {repeated[0]!r} is given twice")
 
 
-def _signed_area(outline: tuple[Point, ...]) -> float:
-    following = (*outline[1:], outline[0])
-    return 0.5 * sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(outline, following, strict=True))
+def _signed_area(footprint: tuple[Point, ...]) -> float:
+    following = (*footprint[1:], footprint[0])
+    return 0.5 * sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(footprint, following, strict=True))

@@ -29,7 +29,7 @@ def point_to_plane(
     former: Floats,
     normals: Floats,
     start: Floats,
-    reach_m: float,
+    max_correspondence_m: float,
     sigma_m: float,
     prior_information: Floats,
     iterations: int = 15,
@@ -52,8 +52,8 @@ def point_to_plane(
     dims = 3 if solve_yaw else 2
     for index in range(iterations):
         moved = se2.transform_points(pose, points)
-        reach = reach_m if index < iterations // 2 else 0.5 * reach_m
-        distance, partner = tree.query(moved, distance_upper_bound=reach)
+        max_correspondence = max_correspondence_m if index < iterations // 2 else 0.5 * max_correspondence_m
+        distance, partner = tree.query(moved, distance_upper_bound=max_correspondence)
         found = np.isfinite(distance)
         matches = int(found.sum())
         if matches < 3:

@@ -12,7 +12,7 @@ from gridslam.maps.occupancy import GridGeometry
 
 Floats = NDArray[np.float64]
 
-MOST_FAILURES = 3  # draws whose best line falls apart into runs that are too short
+MAX_FAILURES = 3  # draws whose best line falls apart into runs that are too short
 _ANGLE_STEP_RAD = np.pi / 180.0
 
 
@@ -47,8 +47,8 @@ class Segments:
         along = self.ends - self.starts
         squared = np.maximum((along**2).sum(axis=1), 1e-12)
         off = points[:, None] - self.starts
-        share = np.clip((off * along).sum(axis=2) / squared, 0.0, 1.0)
-        return np.asarray(np.hypot(*np.moveaxis(off - share[..., None] * along, 2, 0)))
+        fraction = np.clip((off * along).sum(axis=2) / squared, 0.0, 1.0)
+        return np.asarray(np.hypot(*np.moveaxis(off - fraction[..., None] * along, 2, 0)))
 
     @staticmethod
     def none() -> Segments:
@@ -64,8 +64,8 @@ def difference_modulo_pi(a: Floats | float, b: Floats | float) -> Floats:
 def ransac_lines(
     points: Floats,
     tolerance_m: float,
-    least_points: int,
-    most_lines: int,
+    min_points: int,
+    max_lines: int,
     hypotheses: int,
     rng: np.random.Generator,
     gap_m: float = 1.0,
@@ -80,18 +80,18 @@ def ransac_lines(
     starts: list[Floats] = []
     ends: list[Floats] = []
     tries = 0
-    while len(starts) < most_lines and len(left) >= least_points:
+    while len(starts) < max_lines and len(left) >= min_points:
         inliers = _best_support(left, tolerance_m, hypotheses, rng)
-        if int(inliers.sum()) < least_points:
+        if int(inliers.sum()) < min_points:
             break
         centre, direction = _fitted(left[inliers])
         off = left - centre
         along = off @ direction
         inliers = np.abs(off[:, 0] * direction[1] - off[:, 1] * direction[0]) < tolerance_m
         inliers[inliers] = _longest_run(along[inliers], gap_m)
-        if int(inliers.sum()) < least_points:
+        if int(inliers.sum()) < min_points:
             tries += 1
-            if tries > MOST_FAILURES:
+            if tries > MAX_FAILURES:
                 break
             continue
         starts.append(centre + along[inliers].min() * direction)
@@ -103,7 +103,7 @@ def ransac_lines(
 def _best_support(
     points: Floats, tolerance_m: float, hypotheses: int, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """The points `(m,)` near the best of so many lines through two random points."""
+    """The points `(m,)` near the best of `tries` lines through two random points each."""
     n = len(points)
     first = rng.integers(0, n, hypotheses)
     second = (first + rng.integers(1, n, hypotheses)) % n
@@ -133,7 +133,7 @@ def _fitted(points: Floats) -> tuple[Floats, Floats]:
 
 
 def hough_segments(
-    walls: NDArray[np.bool_], geometry: GridGeometry, least_length_m: float, gap_m: float, votes: int
+    walls: NDArray[np.bool_], geometry: GridGeometry, min_length_m: float, gap_m: float, votes: int
 ) -> Segments:
     """Line segments in drawn walls `(rows, cols)` by OpenCV's probabilistic Hough transform, in the drawing's frame."""
     step = geometry.resolution_m
@@ -142,7 +142,7 @@ def hough_segments(
         1.0,
         _ANGLE_STEP_RAD,
         votes,
-        minLineLength=least_length_m / step,
+        minLineLength=min_length_m / step,
         maxLineGap=gap_m / step,
     )
     if found is None:

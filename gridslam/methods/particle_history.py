@@ -22,16 +22,16 @@ class Snapshot:
 
 
 class ParticleHistory:
-    """A method that is looked at as it goes: once a second of the log's time, `most_particles` of its particles.
+    """A method that is looked at as it goes: once a second of the log's time, `max_particles` of its particles.
 
-    A log of more than `most_snapshots` seconds is looked at more seldom, so that memory is bounded. What is kept
+    A log of more than `max_snapshots` seconds is looked at more seldom, so that memory is bounded. What is kept
     depends on the log alone, not on how fast it is read.
     """
 
-    def __init__(self, method: Method, most_snapshots: int = 2000, most_particles: int = 500) -> None:
+    def __init__(self, method: Method, max_snapshots: int = 2000, max_particles: int = 500) -> None:
         self._method = method
-        self._most_snapshots = most_snapshots
-        self._most_particles = most_particles
+        self._max_snapshots = max_snapshots
+        self._max_particles = max_particles
         self._interval_ns = NS_PER_S
         self._last_ns: int | None = None
         self._kept: list[Snapshot] = []
@@ -63,9 +63,9 @@ class ParticleHistory:
         if self._last_ns is not None and estimate.stamp_ns < self._last_ns + self._interval_ns:
             return  # the event told nothing new
         self._last_ns = estimate.stamp_ns
-        step = -(-len(estimate.particles) // self._most_particles)
+        step = -(-len(estimate.particles) // self._max_particles)
         particles = np.asarray(estimate.particles[::step], dtype=np.float32)
         self._kept.append(Snapshot(estimate.stamp_ns, particles))
-        if len(self._kept) > self._most_snapshots:
+        if len(self._kept) > self._max_snapshots:
             self._kept = self._kept[::2]
             self._interval_ns *= 2

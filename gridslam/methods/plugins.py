@@ -49,7 +49,7 @@ class WithPlugins(Mapping[str, Entry], Generic[Entry]):
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             if point.name in self._own or point.name in found:
                 raise ConfigError(
-                    f"{_told(point)}: there is a method of this name already; rename it in the package's entry points"
+                    f"{_named(point)}: there is a method of this name already; rename it in the package's entry points"
                 )
             found[point.name] = point
         return found
@@ -59,11 +59,11 @@ class WithPlugins(Mapping[str, Entry], Generic[Entry]):
             entry = point.load()
         except (ImportError, AttributeError) as error:
             raise ConfigError(
-                f"{_told(point)}: cannot be loaded ({error}); repair or uninstall the package"
+                f"{_named(point)}: cannot be loaded ({error}); repair or uninstall the package"
             ) from error
         if not isinstance(entry, self._kind):
             raise ConfigError(
-                f"{_told(point)}: {point.value} is a {type(entry).__name__}, expected a {self._kind.__name__}"
+                f"{_named(point)}: {point.value} is a {type(entry).__name__}, expected a {self._kind.__name__}"
             )
         return entry
 
@@ -78,6 +78,6 @@ def plugin_sources() -> list[Path]:
     return sorted(Path(path) for path in found)
 
 
-def _told(point: EntryPoint) -> str:
+def _named(point: EntryPoint) -> str:
     package = f" of the package {point.dist.name} {point.dist.version}" if point.dist else ""
     return f"method {point.name!r}{package}"

@@ -21,8 +21,8 @@ def _entry(obj: Door | MovableObject) -> dict[str, object]:
     if isinstance(obj, Door):
         half = 0.5 * obj.thickness_m
         corners = [[0.0, -half], [obj.width_m, -half], [obj.width_m, half], [0.0, half]]
-        entry = {"id": obj.id, "class": obj.kind, "outline": corners, "hinge": [0.0, 0.0]}
+        entry = {"id": obj.id, "class": obj.kind, "footprint": corners, "hinge": [0.0, 0.0]}
     else:
         x, y = 0.5 * obj.size[0], 0.5 * obj.size[1]
-        entry = {"id": obj.id, "class": obj.kind, "outline": [[-x, -y], [x, -y], [x, y], [-x, y]]}
+        entry = {"id": obj.id, "class": obj.kind, "footprint": [[-x, -y], [x, -y], [x, y], [-x, y]]}
     return {**entry, "tags": [tag]}

@@ -53,7 +53,7 @@ def round_rows() -> Iterator[Row]:
     rng = np.random.default_rng(0)
     poses = draw_free_poses(free_cells(grid, 0.3), grid, PARTICLES, rng)
     noise = OdometryNoise(
-        alpha1=0.1, alpha2=0.01, alpha3=0.03, alpha4=0.005, wild_share=0.05, wild_factor=3.0
+        alpha1=0.1, alpha2=0.01, alpha3=0.03, alpha4=0.005, wild_fraction=0.05, wild_factor=3.0
     )
     step = np.array([0.2, 0.0, 0.02])
     yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")

@@ -83,9 +83,9 @@ def normals_of_walls(rng: np.random.Generator) -> Pair:
     return lambda: scan_points.surface_normals(*scan), lambda: scan_reference.surface_normals(*scan)
 
 
-def around(rng: np.random.Generator, n: int, reach_m: float) -> Floats:
+def around(rng: np.random.Generator, n: int, max_correspondence_m: float) -> Floats:
     """Points all around the origin."""
-    angle, range_m = np.linspace(-np.pi, np.pi, n, endpoint=False), rng.uniform(1.0, reach_m, n)
+    angle, range_m = np.linspace(-np.pi, np.pi, n, endpoint=False), rng.uniform(1.0, max_correspondence_m, n)
     return np.stack([range_m * np.cos(angle), range_m * np.sin(angle)], axis=1)
 
 

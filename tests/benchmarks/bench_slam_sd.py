@@ -1,4 +1,4 @@
-"""slam-sd on the public logs: accuracy on five seeds, with and without the final stage; time, split by stage; memory.
+"""slam-sd on the public logs: accuracy on five seeds, with and without the loop closure; time, split by stage; memory.
 
 Each run is the command itself in a process of its own, as a user starts it. The seeds were not used for tuning.
 """
@@ -51,7 +51,7 @@ def rows() -> Iterator[Row]:
         errors = [
             evaluated(run, "--truth", reference, "--align", "se2")["ape"]["trans"]["rmse"] for run in runs
         ]
-        say(f"mit-csail, final stage: ape.trans.rmse (m) of seeds 0 to 4: {rounded(errors)}")
+        say(f"mit-csail, loop closure: ape.trans.rmse (m) of seeds 0 to 4: {rounded(errors)}")
         yield Row("slam_sd.mit_csail.ape", max(errors), "m", 0.15)
 
 

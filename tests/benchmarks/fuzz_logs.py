@@ -148,14 +148,14 @@ def through_the_command_line(folder: Path, count: int) -> Counter[int]:
 
 
 def main(count: int) -> None:
-    """Run everything and print what came of it."""
+    """Run everything and print the results."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for title, fuzzer in FUZZERS.items():
-            outcomes: Counter[str] = Counter()
+            results: Counter[str] = Counter()
             for reading in fuzzer(folder, count):
-                outcomes["refused" if reading.error else "lossy" if reading.is_lossy else "whole"] += 1
-            print(f"{title:24} {dict(sorted(outcomes.items()))}", flush=True)  # noqa: T201
+                results["refused" if reading.error else "lossy" if reading.is_lossy else "whole"] += 1
+            print(f"{title:24} {dict(sorted(results.items()))}", flush=True)  # noqa: T201
         codes = through_the_command_line(folder, max(count // 50, 2))
         print(f"{'command line':24} exit codes {dict(codes)}")  # noqa: T201
 

@@ -58,18 +58,18 @@ def benchmarks() -> list[str]:
 
 
 def read_bounds(path: Path) -> dict[str, Bounds]:
-    """For each benchmark `row: {at_most: x}` or `row: {at_least: x}`."""
+    """For each benchmark `row: {limit: x}` or `row: {at_least: x}`."""
     document = yaml.safe_load(path.read_text()) or {}
     for benchmark, bounds in document.items():
         for name, bound in bounds.items():
             if (
                 not isinstance(bound, dict)
                 or len(bound) != 1
-                or not {"at_most", "at_least"} >= set(bound)
+                or not {"limit", "at_least"} >= set(bound)
                 or not all(isinstance(value, int | float) for value in bound.values())
             ):
                 raise ValueError(
-                    f"{path}: {benchmark}: {name}: expected {{at_most: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
+                    f"{path}: {benchmark}: {name}: expected {{limit: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
                 )
     return document
 
@@ -98,7 +98,7 @@ def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str
 def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Row]]:
     """The rows of the named benchmarks, each with its benchmark's name; of all benchmarks without names.
 
-    First those that run alone, then the others on so many processes.
+    First those that run alone, then the others on several processes.
     """
     known = benchmarks()
     chosen = [name.removeprefix("bench_") for name in names] or known

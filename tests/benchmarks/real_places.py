@@ -18,7 +18,7 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of
 from tests.benchmarks.harness import say
 
 CELL_M = 0.05
-REACH_M = 25.0
+MAX_WALL_DISTANCE_M = 25.0
 HIT, MISS, LIMIT = 0.9, -0.4, 6.0
 
 
@@ -64,17 +64,24 @@ def place(folder: Path, name: str) -> Place:
 
 def map_of(scans: list[LaserScan], poses: NDArray[np.float64]) -> OccupancyGrid:
     """Log-odds of beams sampled at half a cell; the lidar sits at the robot's centre in these logs."""
-    corner = poses[:, :2].min(axis=0) - REACH_M - 1.0
-    cols, rows = (int(n) for n in np.ceil((poses[:, :2].max(axis=0) + REACH_M + 1.0 - corner) / CELL_M))
+    corner = poses[:, :2].min(axis=0) - MAX_WALL_DISTANCE_M - 1.0
+    cols, rows = (
+        int(n) for n in np.ceil((poses[:, :2].max(axis=0) + MAX_WALL_DISTANCE_M + 1.0 - corner) / CELL_M)
+    )
     hits, misses = np.zeros(rows * cols), np.zeros(rows * cols)
-    shares = np.arange(int(2 * REACH_M / CELL_M)) / (2 * REACH_M / CELL_M)
+    fractions = np.arange(int(2 * MAX_WALL_DISTANCE_M / CELL_M)) / (2 * MAX_WALL_DISTANCE_M / CELL_M)
     for scan, pose in zip(scans, poses, strict=True):
-        ends = se2.transform_points(pose, beams_of(scan, LidarExtrinsics(np.zeros(3)), 0.1, REACH_M).points)
+        ends = se2.transform_points(
+            pose, beams_of(scan, LidarExtrinsics(np.zeros(3)), 0.1, MAX_WALL_DISTANCE_M).points
+        )
         lengths = np.hypot(*(ends - pose[:2]).T)
-        ways = pose[:2] + (ends - pose[:2])[:, None] * (shares * REACH_M / lengths[:, None])[..., None]
-        inside = shares * REACH_M < (lengths - CELL_M)[:, None]
+        paths = (
+            pose[:2]
+            + (ends - pose[:2])[:, None] * (fractions * MAX_WALL_DISTANCE_M / lengths[:, None])[..., None]
+        )
+        inside = fractions * MAX_WALL_DISTANCE_M < (lengths - CELL_M)[:, None]
         at_end = _flat(ends, corner, cols)
-        crossed = np.unique(_flat(ways[inside], corner, cols))
+        crossed = np.unique(_flat(paths[inside], corner, cols))
         misses[np.setdiff1d(crossed, at_end)] += 1.0
         hits[np.unique(at_end)] += 1.0
     log_odds = np.clip(HIT * hits + MISS * misses, -LIMIT, LIMIT)

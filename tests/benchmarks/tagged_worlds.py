@@ -56,7 +56,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ObjectScore:
     """One run against its truth."""
 
     judged: tuple[Judged, ...]
@@ -70,7 +70,7 @@ class Outcome:
     @property
     def right(self) -> int:
         """How many objects are right."""
-        return sum(thing.is_right for thing in self.judged)
+        return sum(tagged_object.is_right for tagged_object in self.judged)
 
 
 def simulated(world: str, seed: int, overrides: Sequence[str] = (), name: str = "") -> Path:
@@ -83,7 +83,9 @@ def simulated(world: str, seed: int, overrides: Sequence[str] = (), name: str = 
     return log
 
 
-def mapped(log: Path, config: str, seed: int, overrides: Sequence[str] = (), tags: bool = True) -> Outcome:
+def mapped(
+    log: Path, config: str, seed: int, overrides: Sequence[str] = (), tags: bool = True
+) -> ObjectScore:
     """Map a log and judge the result."""
     truth = truth_folder(log)
     inputs = read_inputs({"tags": truth / "tags.yaml"}, "slam-sd") if tags else {}
@@ -93,7 +95,7 @@ def mapped(log: Path, config: str, seed: int, overrides: Sequence[str] = (), tag
     scans = max(len(run.result.trajectory), 1)
     T_truth_map, ape = aligned(run.result.trajectory, read_trajectory(truth / "trajectory.tum"))
     database = load_tag_database(truth / "tags.yaml")
-    return Outcome(
+    return ObjectScore(
         judged(run.result, truth / "objects.csv", T_truth_map),
         ape,
         ghosts(run.result, truth, T_truth_map, database),
@@ -117,7 +119,10 @@ def judged(result: RunResult, truth: Path, T_truth_map: Floats) -> tuple[Judged,
     """All true objects with what the run says of them."""
     true = read_objects(truth)
     found = objects_of(result.tables.get("objects"))
-    return tuple(_judge(name, thing, found.get(name), true, T_truth_map) for name, thing in true.items())
+    return tuple(
+        _judge(name, tagged_object, found.get(name), true, T_truth_map)
+        for name, tagged_object in true.items()
+    )
 
 
 def objects_of(table: Table | None) -> dict[str, MapObject]:
@@ -137,13 +142,17 @@ def objects_of(table: Table | None) -> dict[str, MapObject]:
 
 
 def _judge(
-    name: str, thing: MapObject, found: MapObject | None, true: dict[str, MapObject], T_truth_map: Floats
+    name: str,
+    tagged_object: MapObject,
+    found: MapObject | None,
+    true: dict[str, MapObject],
+    T_truth_map: Floats,
 ) -> Judged:
-    category = thing.category or ""
+    category = tagged_object.category or ""
     if found is None:
-        return Judged(name, category, np.nan, np.nan, False, bool(thing.moved), None, "missed")
+        return Judged(name, category, np.nan, np.nan, False, bool(tagged_object.moved), None, "missed")
     here = se2.compose(T_truth_map, np.array(found.pose))
-    error = se2.between(np.array(thing.pose), here)
+    error = se2.between(np.array(tagged_object.pose), here)
     away = {other: float(np.hypot(*(np.array(o.pose) - here)[:2])) for other, o in true.items()}
     nearest = min(away, key=away.__getitem__)
     return Judged(
@@ -151,8 +160,8 @@ def _judge(
         category,
         float(np.hypot(error[0], error[1])),
         float(np.degrees(abs(error[2]))),
-        found.state == thing.state,
-        bool(thing.moved),
+        found.state == tagged_object.state,
+        bool(tagged_object.moved),
         found.moved,
         (true[nearest].category or "") if away[nearest] < BESIDE_M else "nothing",
     )
@@ -165,14 +174,16 @@ def ghosts(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDat
         return float("nan")
     now = read_objects(truth / "objects.csv")
     world, _ = load_world(str(truth / "world.yaml"))
-    outlines = {thing.id: np.array(thing.outline) for thing in database.objects}
+    footprints = {tagged_object.id: np.array(tagged_object.footprint) for tagged_object in database.objects}
     occupied = cells = 0
-    for thing in world.objects:
-        if not thing.tag or not thing.moves:
+    for tagged_object in world.objects:
+        if not tagged_object.tag or not tagged_object.moves:
             continue
-        before = np.array([*thing.pose[:2], np.radians(thing.pose[2])])
-        inside = _cells_of(static, T_truth_map, before, outlines[thing.id])
-        inside &= ~_cells_of(static, T_truth_map, np.array(now[thing.id].pose), outlines[thing.id])
+        before = np.array([*tagged_object.pose[:2], np.radians(tagged_object.pose[2])])
+        inside = _cells_of(static, T_truth_map, before, footprints[tagged_object.id])
+        inside &= ~_cells_of(
+            static, T_truth_map, np.array(now[tagged_object.id].pose), footprints[tagged_object.id]
+        )
         cells += int(inside.sum())
         occupied += int((inside & (np.nan_to_num(static.probability) > 0.65)).sum())
     return occupied / cells if cells else float("nan")
@@ -184,24 +195,24 @@ def shown(result: RunResult, truth: Path, T_truth_map: Floats, database: TagData
     if composed is None:
         return float("nan")
     now = read_objects(truth / "objects.csv")
-    boxes = [thing for thing in database.objects if not thing.is_door]
+    boxes = [tagged_object for tagged_object in database.objects if not tagged_object.is_door]
     inside = np.zeros(composed.probability.shape, np.bool_)
     for box in boxes:
-        inside |= _cells_of(composed, T_truth_map, np.array(now[box.id].pose), np.array(box.outline))
+        inside |= _cells_of(composed, T_truth_map, np.array(now[box.id].pose), np.array(box.footprint))
     return float((np.nan_to_num(composed.probability[inside]) > 0.65).mean())
 
 
-def _cells_of(grid: OccupancyGrid, T_truth_map: Floats, pose: Floats, outline: Floats) -> NDArray[np.bool_]:
+def _cells_of(grid: OccupancyGrid, T_truth_map: Floats, pose: Floats, footprint: Floats) -> NDArray[np.bool_]:
     """The cells whose centres a rectangle at a pose of the true frame covers."""
     inside = np.zeros(grid.probability.shape, np.bool_)
     middle = se2.transform_points(se2.inverse(T_truth_map), pose[None, :2])
-    reach = int(np.ceil(np.hypot(*outline.T).max() / grid.geometry.resolution_m)) + 2
+    radius = int(np.ceil(np.hypot(*footprint.T).max() / grid.geometry.resolution_m)) + 2
     row, col = (int(v) for v in grid.geometry.cells(middle)[0])
-    rows = np.arange(max(row - reach, 0), min(row + reach, inside.shape[0]))
-    cols = np.arange(max(col - reach, 0), min(col + reach, inside.shape[1]))
+    rows = np.arange(max(row - radius, 0), min(row + radius, inside.shape[0]))
+    cols = np.arange(max(col - radius, 0), min(col + radius, inside.shape[1]))
     cells = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1).reshape(-1, 2)
     centres = se2.transform_points(T_truth_map, grid.geometry.centres(cells))
     local = se2.transform_points(se2.inverse(pose), centres)
-    covered = ((local > outline.min(axis=0)) & (local < outline.max(axis=0))).all(axis=1)
+    covered = ((local > footprint.min(axis=0)) & (local < footprint.max(axis=0))).all(axis=1)
     inside[cells[covered, 0], cells[covered, 1]] = True
     return inside

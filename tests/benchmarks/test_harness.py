@@ -27,9 +27,9 @@ def test_the_file_sets_bounds_by_name() -> None:
 
 def test_a_malformed_bound_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "bounds.yaml"
-    for bound in ("3", "{at_most: 3, at_least: 1}", "{most: 3}", "{at_most: three}"):
+    for bound in ("3", "{limit: 3, at_least: 1}", "{most: 3}", "{limit: three}"):
         file.write_text(f"b:\n  a: {bound}\n")
-        with pytest.raises(ValueError, match="at_most"):
+        with pytest.raises(ValueError, match="limit"):
             read_bounds(file)
 
 
@@ -40,11 +40,11 @@ def test_the_stored_bounds_are_well_formed_and_belong_to_benchmarks() -> None:
 
 
 def test_a_bound_without_its_row_is_told_where_the_benchmark_gave_others() -> None:
-    bounds = {"cli": {"a": {"at_most": 1.0}, "b": {"at_most": 1.0}}, "plan": {"c": {"at_most": 1.0}}}
+    bounds = {"cli": {"a": {"limit": 1.0}, "b": {"limit": 1.0}}, "plan": {"c": {"limit": 1.0}}}
     assert without_row(bounds, {"cli": {"a"}}) == ["cli: b"]
     assert without_row(bounds, {"cli": {"a", "b"}}) == []
     assert without_row(bounds, {"cli": {"a", "b"}, "plan": set()}) == []
-    assert without_row({"gone": {"a": {"at_most": 1.0}}}, {}) == ["gone: a"]
+    assert without_row({"gone": {"a": {"limit": 1.0}}}, {}) == ["gone: a"]
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
     code: int,
     says: str,
 ) -> None:
-    (tmp_path / "bounds.yaml").write_text("cli:\n  cli.help: {at_most: 0.8}\nplan:\n  x: {at_most: 1}\n")
+    (tmp_path / "bounds.yaml").write_text("cli:\n  cli.help: {limit: 0.8}\nplan:\n  x: {limit: 1}\n")
     (tmp_path / "bench_cli.py").touch()
     (tmp_path / "bench_plan.py").touch()
     monkeypatch.setattr(harness, "HERE", tmp_path)

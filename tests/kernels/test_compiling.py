@@ -16,14 +16,14 @@ def test_compilation_is_told_once_and_only_when_it_happens() -> None:
     def two(x: float) -> float:
         return x + 2.0
 
-    told: list[str] = []
-    with announcing_compilation(lambda: told.append("compiling")):
+    reports: list[str] = []
+    with announcing_compilation(lambda: reports.append("compiling")):
         assert one(1.0) == 2.0
         assert two(1.0) == 3.0
-    assert told == ["compiling"]
-    with announcing_compilation(lambda: told.append("again")):
+    assert reports == ["compiling"]
+    with announcing_compilation(lambda: reports.append("again")):
         assert one(2.0) == 3.0
-    assert told == ["compiling"]
+    assert reports == ["compiling"]
 
 
 def test_the_clock_stands_still_while_kernels_are_compiled() -> None:

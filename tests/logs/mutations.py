@@ -92,7 +92,7 @@ class Reading:
 
 def read(path: Path) -> Reading:
     """Read all of a log. Only a GridslamError of one line may come out, and that within seconds."""
-    with at_most(SECONDS):
+    with limit(SECONDS):
         try:
             with open_log(path) as log:
                 events = [e for e in log.events() if not isinstance(e, Transform)]
@@ -122,7 +122,7 @@ def whole_chunk_messages(data: bytes, cut: int) -> int:
 
 
 @contextmanager
-def at_most(seconds: float) -> Iterator[None]:
+def limit(seconds: float) -> Iterator[None]:
     """TimeoutError when the block takes longer."""
 
     def stop(number: int, frame: object) -> None:

@@ -29,7 +29,7 @@ ADDRESS_SPACE = 1_500_000_000  # of the reading process; the bombs would take mo
 
 
 def png_of(width: int, height: int, rows: int = 0) -> bytes:
-    """A grey PNG that says so many pixels; only the first `rows` are there, all black."""
+    """A grey PNG whose header states `rows` x `cols` pixels; only the first `rows` are there, all black."""
 
     def chunk(kind: bytes, body: bytes) -> bytes:
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))

@@ -190,7 +190,7 @@ def test_streams_are_merged_by_stamp_with_odometry_before_the_scan_of_the_same_m
     messages = moving(scan(S), scan(2 * S), odometry(2 * S), odometry(S), scan(3 * S), odometry(3 * S))
     path = write_mcap(tmp_path / "a.mcap", messages)
     seen = [(type(e).__name__, e.stamp_ns // S) for e in events(path)]
-    # odometry was recorded with a step back (2, 1): its recorded order holds
+    # odometry was recorded with a stamp out of order (2, 1): its recorded order holds
     assert seen == [
         ("LaserScan", 1),
         ("Odometry", 2),

@@ -10,13 +10,13 @@ from gridslam.maps.tag_database import TagDatabase, load_tag_database
 BIN = """
   - id: bin-1
     class: bin
-    outline: [[-0.2, -0.25], [0.2, -0.25], [0.2, 0.25], [-0.2, 0.25]]
+    footprint: [[-0.2, -0.25], [0.2, -0.25], [0.2, 0.25], [-0.2, 0.25]]
     tags: [{id: t1, position: [0.2, 0]}, {id: t2, position: [-0.2, 0], facing_deg: 180}]
 """
 DOOR = """
   - id: door-1
     class: door
-    outline: [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
+    footprint: [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
     hinge: [0, 0]
     tags: [{id: t3}]
 """
@@ -41,10 +41,10 @@ def test_boxes_and_doors_with_several_tags_are_read(tmp_path: Path) -> None:
     [
         (BIN + BIN, "the object id 'bin-1' is given twice"),
         (BIN + DOOR.replace("t3", "t1"), "the tag id 't1' is given twice"),
-        (BIN.replace("outline", "outlin"), r"objects\.0\.outlin: no such key \(did you mean 'outline'\?\)"),
+        (BIN.replace("footprint", "footprin"), r"objects\.0\.footprin: no such key \(did you mean 'footprint'\?\)"),
         (BIN.replace("[0.2, -0.25], [0.2, 0.25]", "[0.4, -0.25], [0.6, -0.25]").replace("[-0.2, 0.25]", "[1, -0.25]"),
-         "the outline has no area"),
-        (BIN.replace("0.25", "250"), "the outline is given in metres"),
+         "the footprint has no area"),
+        (BIN.replace("0.25", "250"), "the footprint is given in metres"),
         (BIN + "    closed_pose: [0, 0, 0]\n", "closed_pose is for doors"),
         (BIN.replace("0.2, 0]", ".nan, 0]"), "finite"),
     ],

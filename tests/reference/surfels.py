@@ -37,10 +37,10 @@ def insert(surfaces: Surfaces, points: Floats, normals: Floats, resolution_m: fl
 
 
 def nearest(
-    surfaces: Surfaces, point: Floats, normal: Floats, reach_m: float
+    surfaces: Surfaces, point: Floats, normal: Floats, max_correspondence_m: float
 ) -> tuple[Floats, Floats] | None:
-    """Mean point and normal of the nearest surface in reach that faces the same way."""
-    found, best = None, reach_m
+    """Mean point and normal of the nearest surface in max_correspondence that faces the same way."""
+    found, best = None, max_correspondence_m
     for count, mean, direction in surfaces.values():
         distance = float(np.hypot(*(mean - point)))
         if count > 0.0 and distance < best and (not normal.any() or direction @ normal >= AGREEMENT):
@@ -49,14 +49,19 @@ def nearest(
 
 
 def log_likelihood(
-    surfaces: Surfaces, points: Floats, normals: Floats, sigma_m: float, reach_m: float, random_share: float
+    surfaces: Surfaces,
+    points: Floats,
+    normals: Floats,
+    sigma_m: float,
+    max_correspondence_m: float,
+    random_fraction: float,
 ) -> float:
-    """With nothing known about free space: a point with no surface in reach counts as one at distance sigma."""
+    """With nothing known about free space: a point with no surface in max_correspondence counts as one at distance sigma."""
     total = 0.0
     for point, normal in zip(points, normals, strict=True):
-        found = nearest(surfaces, point, normal, reach_m)
+        found = nearest(surfaces, point, normal, max_correspondence_m)
         e = sigma_m if found is None else float(found[1] @ (point - found[0]))
-        total += math.log((1.0 - random_share) * math.exp(-0.5 * (e / sigma_m) ** 2) + random_share)
+        total += math.log((1.0 - random_fraction) * math.exp(-0.5 * (e / sigma_m) ** 2) + random_fraction)
     return total
 
 
@@ -74,19 +79,19 @@ def register(
     start: Floats,
     prior_information: Floats,
     sigma_m: float,
-    reach_m: float,
-    final_reach_m: float,
+    max_correspondence_m: float,
+    final_correspondence_m: float,
     iterations: int,
 ) -> tuple[Floats, int]:
     """Gauss-Newton on the distances of points from the lines of their nearest surfaces; the prior's mean is the start.
 
-    Weights after Geman and McClure; the reach is halved in every iteration. Returns the pose and how many points have counted.
+    Weights after Geman and McClure; the max_correspondence is halved in every iteration. Returns the pose and the number of points used.
     """
-    pose, reach, used = start.copy(), reach_m, 0
+    pose, max_correspondence, used = start.copy(), max_correspondence_m, 0
     for _ in range(iterations):
         rows, errors = [], []
         for point, normal in zip(*placed(pose, points, normals), strict=True):
-            found = nearest(surfaces, point, normal, reach)
+            found = nearest(surfaces, point, normal, max_correspondence)
             if found is not None:
                 mean, n = found
                 arm = point - pose[:2]
@@ -97,9 +102,13 @@ def register(
         hessian = J.T @ (weights[:, None] * J) + prior_information
         step = np.linalg.solve(hessian, -J.T @ (weights * e) - prior_information @ (pose - start))
         pose = pose + step
-        if np.abs(step[:2]).max() < 1e-4 and abs(step[2]) < 1e-5 and reach <= final_reach_m:
+        if (
+            np.abs(step[:2]).max() < 1e-4
+            and abs(step[2]) < 1e-5
+            and max_correspondence <= final_correspondence_m
+        ):
             break
-        reach = max(0.5 * reach, final_reach_m)
+        max_correspondence = max(0.5 * max_correspondence, final_correspondence_m)
     return pose, used
 
 
@@ -110,7 +119,7 @@ def yaw_scores(
     pose: Floats,
     turns: Floats,
     sigma_m: float,
-    reach_m: float,
+    max_correspondence_m: float,
 ) -> list[float]:
     """How much of a scan lies on surfaces when the robot is turned by each of the angles."""
     scores = []
@@ -118,7 +127,7 @@ def yaw_scores(
         total = 0.0
         turned = np.array([pose[0], pose[1], pose[2] + turn])
         for point, normal in zip(*placed(turned, points, normals), strict=True):
-            found = nearest(surfaces, point, normal, reach_m)
+            found = nearest(surfaces, point, normal, max_correspondence_m)
             if found is not None:
                 total += math.exp(-0.5 * float(((point - found[0]) ** 2).sum()) / sigma_m**2)
         scores.append(total)

@@ -218,7 +218,7 @@ def test_the_history_of_a_long_log_is_thinned() -> None:
         def result(self) -> RunResult:
             raise AssertionError
 
-    history = ParticleHistory(Still(), most_snapshots=50, most_particles=7)
+    history = ParticleHistory(Still(), max_snapshots=50, max_particles=7)
     empty = np.zeros(0, np.float32)
     for k in range(10_000):
         history.process(LaserScan(k * 100_000_000, "laser", empty, 0.0, 0.1, 0.1, 10.0))

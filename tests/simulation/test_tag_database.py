@@ -18,7 +18,7 @@ def test_a_world_gives_the_database_of_its_tagged_objects(tmp_path: Path) -> Non
     assert [obj.id for obj in database.objects] == [obj.id for obj in world.movable_objects]
     assert sum(obj.is_door for obj in database.objects) == len(world.doors)
     for door, entry in zip(world.doors, database.objects, strict=False):
-        assert np.ptp([x for x, _ in entry.outline]) == door.width_m
+        assert np.ptp([x for x, _ in entry.footprint]) == door.width_m
         assert entry.category == door.kind
 
 

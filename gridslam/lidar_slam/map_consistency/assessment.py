@@ -18,7 +18,7 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.graph.pose_graph import residuals as residual_poses
 from gridslam.lidar_slam.map_consistency.contradictions import Contradictions, find_contradictions
 from gridslam.lidar_slam.map_consistency.passages import distance_driven, find_passages, spaced_scans
-from gridslam.lidar_slam.map_consistency.tension import StretchedPath, loop_residuals, most_stretched
+from gridslam.lidar_slam.map_consistency.tension import StretchedPath, loop_residuals, max_stretched
 from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
@@ -132,7 +132,7 @@ def assess_map(
     chosen = [scans[row] for row in rows]
     passages = find_passages(poses[rows], distance_driven(poses)[rows])
     found = find_contradictions(chosen, poses[rows], passages)
-    stretched = most_stretched(track[rows], poses[rows], passages.travel_m)
+    stretched = max_stretched(track[rows], poses[rows], passages.travel_m)
     stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
     places = _contradicted_places(found, stamps) + _stretched_places(stretched, stamps)
     residuals = np.zeros(1)

@@ -25,7 +25,7 @@ class StretchedPath:
     scan: int
 
 
-def most_stretched(track: Floats, poses: Floats, travel_m: Floats) -> StretchedPath | None:
+def max_stretched(track: Floats, poses: Floats, travel_m: Floats) -> StretchedPath | None:
     """The part of the path of `STRETCH_M` whose chord in the map `(n, 3)` differs most from that in the track `(n, 3)`."""
     ends = np.searchsorted(travel_m, travel_m + STRETCH_M)
     starts = np.flatnonzero(ends < len(travel_m))

@@ -95,7 +95,7 @@ class Localizer:
         if config.search.enabled:
             self._relocalizer = Relocalizer(PoseSearch(field, free, SEARCH), visibility)
         self._noise = OdometryNoise(
-            **config.motion.model_dump(), wild_share=advanced.slip_fraction, wild_factor=SLIP_NOISE_FACTOR
+            **config.motion.model_dump(), wild_fraction=advanced.slip_fraction, wild_factor=SLIP_NOISE_FACTOR
         )
         self._size = AdaptiveSize(
             min=config.particles.min,

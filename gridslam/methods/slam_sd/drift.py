@@ -14,7 +14,7 @@ from gridslam.core import poses as se2
 Floats = NDArray[np.float64]
 
 MIN_STD = np.array([1e-3, 1e-3, 5e-4])  # added to the drift (x, y, yaw): keeps its covariance invertible
-ANCHORED_STD_M = 0.1  # a match that determines the position to this is the anchor of what follows
+MATCHED_STD_M = 0.1  # a match that determines the position to this is the anchor of what follows
 ITERATIONS = 2  # of the linearisation
 
 
@@ -47,13 +47,13 @@ class Drift:
     def add_match(self, is_matched: NDArray[np.bool_], information: Floats, key: int) -> None:
         """Update the matched particles `(n,)` with their matches' information `(n, 3, 3)` at key scan `key`.
 
-        A match that determines the position to `ANCHORED_STD_M` becomes the anchor.
+        A match that determines the position to `MATCHED_STD_M` becomes the anchor.
         """
         posterior = np.linalg.inv(self.information() + information)
         self.covariance[is_matched] = posterior[is_matched]
         self.unmatched_key_scans[is_matched] = 0
         largest_variance = np.linalg.eigvalsh(posterior[:, :2, :2])[:, 1]
-        self.anchor[is_matched & (largest_variance < ANCHORED_STD_M**2)] = key
+        self.anchor[is_matched & (largest_variance < MATCHED_STD_M**2)] = key
 
     def select(self, ancestors: NDArray[np.int64]) -> None:
         """Resampling: particle i becomes a copy of ancestors[i]."""

@@ -85,7 +85,7 @@ def _model_of(entry: TaggedObject) -> ObjectModel:
         id=entry.id,
         category=entry.category,
         is_door=entry.is_door,
-        footprint=np.array(entry.outline) - pivot,
+        footprint=np.array(entry.footprint) - pivot,
         tag_ids=tuple(tag.id for tag in entry.tags),
         tags=np.array(tags).reshape(-1, 3),
         pivot=pivot,

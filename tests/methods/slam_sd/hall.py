@@ -38,14 +38,14 @@ def path(laps: int) -> Floats:
     corners = np.array([[0.0, 0.0], [12.0, 0.0], [12.0, 7.0], [0.0, 7.0]])
     poses = [np.zeros(3)]
     for leg in range(4 * laps):
-        way = corners[(leg + 1) % 4] - corners[leg % 4]
-        heading = float(np.arctan2(way[1], way[0]))
+        path = corners[(leg + 1) % 4] - corners[leg % 4]
+        heading = float(np.arctan2(path[1], path[0]))
         turn = float(se2.wrap_angle(heading - poses[-1][2]))
         for _ in range(int(np.ceil(abs(turn) / 0.15))):
             poses.append(poses[-1] + [0.0, 0.0, turn / np.ceil(abs(turn) / 0.15)])
-        length = float(np.hypot(*way))
+        length = float(np.hypot(*path))
         for k in range(1, round(length / STEP_M) + 1):
-            xy = corners[leg % 4] + way * min(k * STEP_M / length, 1.0)
+            xy = corners[leg % 4] + path * min(k * STEP_M / length, 1.0)
             poses.append(np.array([xy[0], xy[1], poses[-1][2]]))
     return np.array(poses)
 

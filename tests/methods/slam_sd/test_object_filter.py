@@ -35,8 +35,8 @@ def bin_and_door() -> tuple[ObjectModel, ObjectModel]:
     front = {"id": "tag-bin", "position": [0.2, 0.0], "facing_deg": 0.0}
     leaf = {"id": "tag-door", "position": [0.3, -0.02], "facing_deg": -90.0}
     objects = [
-        {"id": "bin", "class": "bin", "outline": BOX, "tags": [front]},
-        {"id": "door", "class": "door", "outline": LEAF, "tags": [leaf], "hinge": [0.0, 0.0]},
+        {"id": "bin", "class": "bin", "footprint": BOX, "tags": [front]},
+        {"id": "door", "class": "door", "footprint": LEAF, "tags": [leaf], "hinge": [0.0, 0.0]},
     ]
     box, door = object_models(TagDatabase.model_validate({"objects": objects}))
     return box, door

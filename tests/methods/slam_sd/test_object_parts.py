@@ -27,7 +27,7 @@ SECOND = 1_000_000_000
 
 def entry(name: str, hinge: tuple[float, float] | None = None) -> dict[str, object]:
     corners = [[0, -0.02], [0.9, -0.02], [0.9, 0.02], [0, 0.02]]
-    return {"id": name, "class": "x", "outline": corners, "tags": [{"id": f"tag-{name}"}], "hinge": hinge}
+    return {"id": name, "class": "x", "footprint": corners, "tags": [{"id": f"tag-{name}"}], "hinge": hinge}
 
 
 def model_of(hinge: tuple[float, float] | None = None) -> ObjectModel:

@@ -169,7 +169,7 @@ def disturbed(events: Iterable[Event]) -> Iterator[Event]:
             if rounds % 50 == 0:
                 ids.append("somebody-else")
             if rounds % 199 == 0:
-                ids.append("tag-stray")
+                ids.append("tag-false_read")
             if 40 <= rounds < 60:
                 ids.append("tag-hanging")
             if "tag-bin-2" in ids:
@@ -182,12 +182,12 @@ def test_false_reads_put_no_object_into_the_map(events: list[Event], database: T
     box = next(entry for entry in database.objects if entry.id == "bin-2")
     second = ObjectTag(id="tag-bin-2-back", position=(0.2, 0.1))
     others = [entry for entry in database.objects if entry.id != "bin-2"]
-    hanging, stray = (
+    hanging, false_read = (
         box.model_copy(update={"id": name, "tags": (ObjectTag(id=f"tag-{name}", position=(0.2, 0.0)),)})
-        for name in ("hanging", "stray")
+        for name in ("hanging", "false_read")
     )
     both = box.model_copy(update={"tags": (*box.tags, second)})
-    result = run(disturbed(events), TagDatabase(objects=(*others, both, hanging, stray)))
+    result = run(disturbed(events), TagDatabase(objects=(*others, both, hanging, false_read)))
     assert_all_right(result)
     rounds = sum(isinstance(e, TagInventory) for e in events)
     assert result.counters["tags.unknown_id"] == rounds // 50
