@@ -21,7 +21,7 @@ class LogOddsUpdate(NamedTuple):
     limit: float
 
 
-class Beams(NamedTuple):
+class BeamBundle(NamedTuple):
     """Beams from `origin` (2,) to `endpoints` `(m, 2)`."""
 
     origin: NDArray[np.float64]
@@ -43,7 +43,9 @@ def _add(tile_map: TileMap, row: int, col: int, step: float, limit: float) -> No
 
 
 @compiled
-def insert_beams(tile_map: TileMap, pose: NDArray[np.float64], beams: Beams, update: LogOddsUpdate) -> None:
+def insert_beams(
+    tile_map: TileMap, pose: NDArray[np.float64], beams: BeamBundle, update: LogOddsUpdate
+) -> None:
     """Add `hit` to the cells of the endpoints and `miss` to the crossed cells, by exact cell traversal (Amanatides and Woo 1987).
 
     The beams are in the robot's frame and seen from `pose` (3,).
@@ -74,11 +76,13 @@ def insert_beams_of_scans(
     """`insert_beams` of many scans, seen from `poses` `(s, 3)`, into one map; `viewpoint` (2,) is the lidar's position."""
     for i in range(poses.shape[0]):
         own = scans.points[scans.first_point[i] : scans.first_point[i + 1]]
-        insert_beams(tile_map, poses[i], Beams(viewpoint, own), update)
+        insert_beams(tile_map, poses[i], BeamBundle(viewpoint, own), update)
 
 
 @compiled_parallel
-def insert_beams_all(maps: TileMaps, poses: NDArray[np.float64], beams: Beams, update: LogOddsUpdate) -> None:
+def insert_beams_all(
+    maps: TileMaps, poses: NDArray[np.float64], beams: BeamBundle, update: LogOddsUpdate
+) -> None:
     """`insert_beams` for every particle, at its pose `(n, 3)`, into its own map."""
     for k in prange(poses.shape[0]):
         insert_beams(map_of(maps, k), poses[k], beams, update)
@@ -89,7 +93,7 @@ def insert_scan_dense(
     log_odds: NDArray[np.float32],
     last_update: NDArray[np.int32],
     scan_number: int,
-    beams: Beams,
+    beams: BeamBundle,
     is_hit: NDArray[np.bool_],
     update: LogOddsUpdate,
 ) -> None:

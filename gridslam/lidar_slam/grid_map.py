@@ -57,7 +57,7 @@ def draw_map(
         if masked is not None:
             is_hit = ~masked[number - 1]
             points = _shortened(origin, points, ~is_hit)
-        beams = log_odds.Beams(origin / resolution_m - lo, points / resolution_m - lo)
+        beams = log_odds.BeamBundle(origin / resolution_m - lo, points / resolution_m - lo)
         log_odds.insert_scan_dense(values, last_update, number, beams, is_hit, UPDATE)
     probability = (1.0 / (1.0 + np.exp(-values))).astype(np.float32)
     probability[last_update == 0] = np.nan

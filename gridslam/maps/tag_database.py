@@ -19,6 +19,7 @@ objects:
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, ClassVar
 

@@ -17,7 +17,7 @@ _ANGLE_STEP_RAD = np.pi / 180.0
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
+class LineSegments:
     """Line segments: `starts` and `ends` `(k, 2)` in metres."""
 
     starts: Floats
@@ -37,10 +37,10 @@ class Segments:
         """Lengths `(k,)`."""
         return np.asarray(np.hypot(*(self.ends - self.starts).T))
 
-    def longer_than(self, length_m: float) -> Segments:
+    def longer_than(self, length_m: float) -> LineSegments:
         """The segments of at least this length."""
         kept = self.lengths_m >= length_m
-        return Segments(self.starts[kept], self.ends[kept])
+        return LineSegments(self.starts[kept], self.ends[kept])
 
     def distances_to(self, points: Floats) -> Floats:
         """Distances `(n, k)` of points `(n, 2)` to the segments."""
@@ -51,9 +51,9 @@ class Segments:
         return np.asarray(np.hypot(*np.moveaxis(off - fraction[..., None] * along, 2, 0)))
 
     @staticmethod
-    def none() -> Segments:
+    def none() -> LineSegments:
         """No segments."""
-        return Segments(np.zeros((0, 2)), np.zeros((0, 2)))
+        return LineSegments(np.zeros((0, 2)), np.zeros((0, 2)))
 
 
 def difference_modulo_pi(a: Floats | float, b: Floats | float) -> Floats:
@@ -69,7 +69,7 @@ def ransac_lines(
     hypotheses: int,
     rng: np.random.Generator,
     gap_m: float = 1.0,
-) -> Segments:
+) -> LineSegments:
     """Lines of a scan's points `(m, 2)`, the best supported first; each is fitted to its points by least squares.
 
     One after the other the line with most points within the tolerance is taken, and its points with it (Fischler and Bolles
@@ -97,7 +97,7 @@ def ransac_lines(
         starts.append(centre + along[inliers].min() * direction)
         ends.append(centre + along[inliers].max() * direction)
         left = left[~inliers]
-    return Segments(np.array(starts), np.array(ends)) if starts else Segments.none()
+    return LineSegments(np.array(starts), np.array(ends)) if starts else LineSegments.none()
 
 
 def _best_support(
@@ -134,7 +134,7 @@ def _fitted(points: Floats) -> tuple[Floats, Floats]:
 
 def hough_segments(
     walls: NDArray[np.bool_], geometry: GridGeometry, min_length_m: float, gap_m: float, votes: int
-) -> Segments:
+) -> LineSegments:
     """Line segments in drawn walls `(rows, cols)` by OpenCV's probabilistic Hough transform, in the drawing's frame."""
     step = geometry.resolution_m
     found = cv2.HoughLinesP(
@@ -146,7 +146,7 @@ def hough_segments(
         maxLineGap=gap_m / step,
     )
     if found is None:
-        return Segments.none()
+        return LineSegments.none()
     cells = np.asarray(found, dtype=np.float64).reshape(-1, 4)
     start, end = cells[:, :2][:, ::-1].astype(np.int64), cells[:, 2:][:, ::-1].astype(np.int64)
-    return Segments(geometry.centres(start), geometry.centres(end))
+    return LineSegments(geometry.centres(start), geometry.centres(end))

@@ -97,7 +97,7 @@ def beam_insertion(rng: np.random.Generator) -> Pair:
     in_cells: list[tuple[float, float]] = [(x / 0.05, y / 0.05) for x, y in points.tolist()]
 
     def kernel() -> object:
-        return log_odds.insert_beams(store.map(0), pose, log_odds.Beams(eye, points), UPDATE)
+        return log_odds.insert_beams(store.map(0), pose, log_odds.BeamBundle(eye, points), UPDATE)
 
     return kernel, lambda: log_odds_reference.insert({}, *(eye / 0.05), in_cells, HIT, MISS, LIMIT)
 
@@ -114,7 +114,7 @@ def dense_insertion(rng: np.random.Generator) -> Pair:
     numbers = itertools.count(1)
 
     def kernel() -> object:
-        beams = log_odds.Beams(eye, endpoints)
+        beams = log_odds.BeamBundle(eye, endpoints)
         return log_odds.insert_scan_dense(values, last_update, next(numbers), beams, hits, UPDATE)
 
     return kernel, lambda: log_odds_reference.insert_once({}, *eye.tolist(), in_cells, HIT, MISS, LIMIT)

@@ -24,7 +24,7 @@ def inserted(origin: tuple[float, float], points: list[tuple[float, float]]) -> 
     pose, viewpoint = np.zeros(3), np.array(origin)
     array = np.array(points)
     store.own_beams(np.array([0]), pose[None], viewpoint, array)
-    log_odds.insert_beams(store.map(0), pose, log_odds.Beams(viewpoint, array), UPDATE)
+    log_odds.insert_beams(store.map(0), pose, log_odds.BeamBundle(viewpoint, array), UPDATE)
     return store
 
 
@@ -65,7 +65,7 @@ def test_inserting_many_scans_equals_inserting_them_one_by_one() -> None:
     for pose, lo, hi in zip(poses, first_point, first_point[1:], strict=False):
         own = points[lo:hi]
         store.own_beams(np.array([1]), pose[None], viewpoint, own)
-        log_odds.insert_beams(store.map(1), pose, log_odds.Beams(viewpoint, own), UPDATE)
+        log_odds.insert_beams(store.map(1), pose, log_odds.BeamBundle(viewpoint, own), UPDATE)
     assert as_cells(store, 0) == as_cells(store, 1)
 
 
@@ -76,7 +76,7 @@ def test_a_scan_changes_a_cell_of_the_dense_map_at_most_once_and_a_hit_overrides
 ) -> None:
     values, last_update = np.zeros((90, 90), np.float32), np.zeros((90, 90), np.int32)
     origin, array = np.array([45.513, 45.487]), np.array(points) + 45.0
-    beams, is_hit = log_odds.Beams(origin, array), np.ones(len(array), np.bool_)
+    beams, is_hit = log_odds.BeamBundle(origin, array), np.ones(len(array), np.bool_)
     log_odds.insert_scan_dense(values, last_update, 1, beams, is_hit, UPDATE)
     cells: dict[tuple[int, int], float] = {}
     reference.insert_once(cells, *origin.tolist(), [(x, y) for x, y in array.tolist()], HIT, MISS, LIMIT)

@@ -19,7 +19,7 @@ def hit(store: TileStore, index: int, x: float, y: float) -> None:
     """Add 1 to one cell of one map."""
     pose, point = np.zeros(3), np.array([[x, y]])
     store.own_endpoints(np.array([index]), pose[None], point)
-    beams, update = log_odds.Beams(point[0], point), log_odds.LogOddsUpdate(1.0, -1.0, 100.0)
+    beams, update = log_odds.BeamBundle(point[0], point), log_odds.LogOddsUpdate(1.0, -1.0, 100.0)
     log_odds.insert_beams(store.map(index), pose, beams, update)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.maps.occupancy import GridGeometry
-from gridslam.matching.lines import Segments, difference_modulo_pi, hough_segments, ransac_lines
+from gridslam.matching.lines import LineSegments, difference_modulo_pi, hough_segments, ransac_lines
 
 
 def noisy_line(start, end, n, sigma, rng):
@@ -69,6 +69,6 @@ def test_directions_differ_modulo_pi():
 
 
 def test_distances_are_those_to_segments_not_to_lines():
-    line = Segments(np.array([[0.0, 0.0]]), np.array([[2.0, 0.0]]))
+    line = LineSegments(np.array([[0.0, 0.0]]), np.array([[2.0, 0.0]]))
     distances = line.distances_to(np.array([[1.0, 1.0], [5.0, 4.0], [-3.0, 0.0]]))
     assert distances[:, 0] == pytest.approx([1.0, 5.0, 3.0])

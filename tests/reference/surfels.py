@@ -85,7 +85,9 @@ def register(
 ) -> tuple[Floats, int]:
     """Gauss-Newton on the distances of points from the lines of their nearest surfaces; the prior's mean is the start.
 
-    Weights after Geman and McClure; the max_correspondence is halved in every iteration. Returns the pose and the number of points used.
+    Weights after Geman and McClure; the max_correspondence is halved in every iteration.
+
+    Returns the pose and the number of points used.
     """
     pose, max_correspondence, used = start.copy(), max_correspondence_m, 0
     for _ in range(iterations):

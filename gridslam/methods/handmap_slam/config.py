@@ -97,7 +97,7 @@ class ExplorationConfig(StrictModel):
     )
 
 
-class AdvancedConfig(StrictModel):
+class HandmapAdvancedConfig(StrictModel):
     """Settings that are rarely changed."""
 
     start_std: tuple[float, float, float] = Field(
@@ -151,4 +151,4 @@ class HandmapSlamConfig(StrictModel):
     scan: ScanConfig = ScanConfig(max_range_m=60.0)
     map: MapConfig = MapConfig()
     pose_graph: PoseGraphConfig = PoseGraphConfig()
-    advanced: AdvancedConfig = AdvancedConfig()
+    advanced: HandmapAdvancedConfig = HandmapAdvancedConfig()

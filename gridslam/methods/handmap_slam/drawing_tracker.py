@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.drawing import DrawnMap
-from gridslam.matching.lines import Segments, ransac_lines
+from gridslam.matching.lines import LineSegments, ransac_lines
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.line_observation import (
@@ -91,7 +91,7 @@ class DrawingTracker:
         """The particles `(n, 5)`."""
         return self._localizer.states
 
-    def lines_of(self, scan: PreparedScan) -> Segments:
+    def lines_of(self, scan: PreparedScan) -> LineSegments:
         """The scan's lines in the robot's frame."""
         return ransac_lines(
             scan.points,
@@ -103,7 +103,7 @@ class DrawingTracker:
             gap_m=LINE_MAX_GAP_M,
         )
 
-    def add_scan(self, tracked: TrackedScan, lines: Segments | None = None) -> None:
+    def add_scan(self, tracked: TrackedScan, lines: LineSegments | None = None) -> None:
         """Move the pose along with the front end, and update the particles if the robot has moved far enough.
 
         `lines` are the scan's lines, if they are known already.
@@ -128,7 +128,7 @@ class DrawingTracker:
             return
         self._finish_update(self._localizer.update(scan.points), tracked, lines)
 
-    def _finish_update(self, belief: DrawingBelief, tracked: TrackedScan, lines: Segments | None) -> None:
+    def _finish_update(self, belief: DrawingBelief, tracked: TrackedScan, lines: LineSegments | None) -> None:
         """Take the pose from the belief, observe the drawn lines from there, and correct the pose."""
         pose = _pose_of(belief, tracked.scan.stamp_ns)
         if lines is None:

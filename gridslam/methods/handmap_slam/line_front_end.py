@@ -17,7 +17,7 @@ from gridslam.lidar_slam.front_end import (
 from gridslam.lidar_slam.odometry_noise import odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.matching.icp import point_to_plane
-from gridslam.matching.lines import Segments, difference_modulo_pi
+from gridslam.matching.lines import LineSegments, difference_modulo_pi
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
@@ -58,7 +58,7 @@ class LineFrontEnd:
         self._step = np.zeros(3)
         self._heading_offset: float | None = None  # heading in the drawing minus heading in the map
         self.pose = np.zeros(3)
-        self.lines = Segments.none()
+        self.lines = LineSegments.none()
         self.drawing_pose: DrawingPose | None = None
 
     def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
@@ -129,7 +129,7 @@ class LineFrontEnd:
         return float(weights @ rotation / weights.sum())
 
 
-def heading_difference(lines: Segments, pose: DrawingPose, observer: LineObserver) -> float | None:
+def heading_difference(lines: LineSegments, pose: DrawingPose, observer: LineObserver) -> float | None:
     """theta = 1/M sum (theta_k - theta_i), angles modulo pi, over the scan's lines and the drawn lines they correspond to.
 
     A line corresponds to the nearest drawn line with about the same direction that a scan simulated at the pose meets.
@@ -141,9 +141,9 @@ def heading_difference(lines: Segments, pose: DrawingPose, observer: LineObserve
     visible = visible[visible >= 0]
     if not len(visible):
         return None
-    drawn = Segments(observer.lines.starts[visible], observer.lines.ends[visible])
+    drawn = LineSegments(observer.lines.starts[visible], observer.lines.ends[visible])
     # Directions are compared before the drawing is stretched: stretching rotates all but those along its axes.
-    unstretched = Segments(pose.from_drawing(drawn.starts), pose.from_drawing(drawn.ends))
+    unstretched = LineSegments(pose.from_drawing(drawn.starts), pose.from_drawing(drawn.ends))
     middles = pose.to_drawing(0.5 * (lines.starts + lines.ends))
     distance = drawn.distances_to(middles) / pose.mean_scale
     difference = difference_modulo_pi(unstretched.directions_rad[None, :], lines.directions_rad[:, None])

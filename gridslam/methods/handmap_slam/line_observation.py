@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.raycast import cast_rays
 from gridslam.maps.drawing import DrawnMap
-from gridslam.matching.lines import Segments, difference_modulo_pi, hough_segments
+from gridslam.matching.lines import LineSegments, difference_modulo_pi, hough_segments
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.sensors.range_caster import range_caster
 
@@ -62,7 +62,7 @@ class _ScanInDrawing(NamedTuple):
     """
 
     position: Floats
-    lines: Segments
+    lines: LineSegments
     is_long: NDArray[np.bool_]
     endpoints: Floats
 
@@ -95,7 +95,7 @@ class LineObserver:
         on_line &= ranges < NO_RETURN * self._max_range
         return np.where(on_line, nearest, NO_LINE), endpoints
 
-    def observe(self, lines: Segments, endpoints: Floats, pose: DrawingPose) -> list[ObservedLine]:
+    def observe(self, lines: LineSegments, endpoints: Floats, pose: DrawingPose) -> list[ObservedLine]:
         """The drawn lines near a pose that the scan confirms or contradicts.
 
         `lines` are the scan's lines and `endpoints` `(m, 2)` those of its beams (robot's frame, m). A drawn line without a
@@ -104,7 +104,7 @@ class LineObserver:
         """
         visible, simulated = self.visible(pose)
         in_drawing = (
-            Segments(pose.to_drawing(lines.starts), pose.to_drawing(lines.ends)) if len(lines) else lines
+            LineSegments(pose.to_drawing(lines.starts), pose.to_drawing(lines.ends)) if len(lines) else lines
         )
         is_long = lines.lengths_m >= MIN_LENGTH_M if len(lines) else np.zeros(0, np.bool_)
         position = np.array([pose.x, pose.y])
@@ -193,7 +193,7 @@ def correction_of(lines: list[ObservedLine], step_m: float) -> Floats:
     return step
 
 
-def _distances_along(lines: Segments, position: Floats, axis: int) -> Floats:
+def _distances_along(lines: LineSegments, position: Floats, axis: int) -> Floats:
     """Signed distances `(k,)` along an axis to the midpoints of lines."""
     if not len(lines):
         return np.zeros(0)

@@ -14,7 +14,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.drawing import Drawing, drawn_map
-from gridslam.matching.lines import Segments
+from gridslam.matching.lines import LineSegments
 from gridslam.methods.base import Estimate, RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
@@ -120,7 +120,7 @@ class HandmapSlam:
         with self._stopwatch.stage("front_end"):
             endpoints = self._endpoints(placed)
             scan = tracker.prepare(placed)
-            lines: Segments | None = None
+            lines: LineSegments | None = None
             if self._line_front_end is not None:
                 lines = self._drawing_tracker.lines_of(scan)
                 self._line_front_end.lines = lines

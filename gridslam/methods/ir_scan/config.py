@@ -156,7 +156,7 @@ class AdvancedMotion(StrictModel):
     )
 
 
-class AdvancedConfig(StrictModel):
+class IrScanAdvancedConfig(StrictModel):
     """Settings that rarely need a change."""
 
     memory_limit_mb: Positive = Field(
@@ -185,4 +185,4 @@ class IrScanConfig(StrictModel):
     matching: MatchingConfig = MatchingConfig()
     adjustment: AdjustmentConfig = AdjustmentConfig()
     drawing: DrawingConfig = DrawingConfig()
-    advanced: AdvancedConfig = AdvancedConfig()
+    advanced: IrScanAdvancedConfig = IrScanAdvancedConfig()

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ir_scan.shift_matching import ShiftSettings, match_by_shift
-from gridslam.methods.ir_scan.stops import ScanMatch
+from gridslam.methods.ir_scan.stops import StopMatch
 from gridslam.methods.ir_scan.wall_matching import SearchSettings, WallMatcher
 from gridslam.sensors.infrared import RangeNoise, ReliableReadings
 
@@ -27,7 +27,7 @@ class GivenShiftMap:
         self._values: Floats = np.where(np.isnan(p), 0.0, pos)
         self._geometry, self._settings = occupancy.geometry, settings
 
-    def match(self, readings: ReliableReadings, prior: ScanMatch) -> ScanMatch:
+    def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         """The match of a scan by whole-cell shifts near the predicted pose `prior`."""
         return match_by_shift(self._values, self._geometry, readings, prior, self._settings)
 
@@ -46,7 +46,7 @@ class GivenWallMap:
         walls = np.argwhere(occupancy.probability >= MIN_OCCUPIED)
         self._walls.add(occupancy.geometry.centres(walls), np.ones(len(walls)))
 
-    def match(self, readings: ReliableReadings, prior: ScanMatch) -> ScanMatch:
+    def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         """The match of a scan by search and refinement near the predicted pose `prior`."""
         found = self._walls.match(readings, prior)
-        return ScanMatch(prior.pose, prior.covariance, "no_match") if found.verdict == "first" else found
+        return StopMatch(prior.pose, prior.covariance, "no_match") if found.verdict == "first" else found

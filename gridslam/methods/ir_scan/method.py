@@ -22,7 +22,7 @@ from gridslam.methods.ir_scan.pos_grid import PosGrid
 from gridslam.methods.ir_scan.record import measures, series, stops_table, trajectory
 from gridslam.methods.ir_scan.scale import scans_of, window_of
 from gridslam.methods.ir_scan.shift_matching import ShiftSettings, match_by_shift
-from gridslam.methods.ir_scan.stops import ScanMatch, Stop
+from gridslam.methods.ir_scan.stops import Stop, StopMatch
 from gridslam.methods.ir_scan.surfaces import draw_surfaces
 from gridslam.methods.ir_scan.tracker import StopTracker
 from gridslam.methods.ir_scan.wall_matching import SearchSettings, WallMatcher
@@ -34,7 +34,7 @@ Floats = NDArray[np.float64]
 class ScanMatcher(Protocol):
     """Finds the pose of a scan near a predicted one."""
 
-    def match(self, readings: ReliableReadings, prior: ScanMatch) -> ScanMatch:
+    def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         """The corrected pose, or the predicted one with the verdict that says why."""
 
 
@@ -105,7 +105,7 @@ class IrScanMapper:
                     readings.in_map(stop.pose), readings.bel / self._noise.variances(readings.ranges_m)[0]
                 )
 
-    def _match(self, readings: ReliableReadings, prior: ScanMatch) -> ScanMatch:
+    def _match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         kind = self._config.matching.kind
         if kind == "none":
             return prior
@@ -184,9 +184,9 @@ class IrScanLocalizer:
         self._tracker.apply_match(stop, match)
 
 
-def predicted_at(stop: Stop) -> ScanMatch:
+def predicted_at(stop: Stop) -> StopMatch:
     """The predicted pose of a stop, as a match that has not been tried."""
-    return ScanMatch(stop.pose, stop.covariance, "off")
+    return StopMatch(stop.pose, stop.covariance, "off")
 
 
 def noise_of(config: IrScanConfig) -> RangeNoise:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels.infrared import shifted_changes, shifted_sums
 from gridslam.maps.occupancy import GridGeometry
-from gridslam.methods.ir_scan.stops import ScanMatch
+from gridslam.methods.ir_scan.stops import StopMatch
 from gridslam.sensors.infrared import ReliableReadings
 
 Floats = NDArray[np.float64]
@@ -70,29 +70,29 @@ def match_by_shift(
     values: Floats,
     geometry: GridGeometry,
     readings: ReliableReadings,
-    prior: ScanMatch,
+    prior: StopMatch,
     settings: ShiftSettings,
-) -> ScanMatch:
+) -> StopMatch:
     """The match of a scan on the grid pos `values` `(rows, cols)`; `prior` is the predicted pose, at the window's centre.
 
     A match without a shift keeps the covariance of the prior.
     """
     if len(readings) < settings.min_points:
-        return ScanMatch(prior.pose, prior.covariance, "too_few_points")
+        return StopMatch(prior.pose, prior.covariance, "too_few_points")
     cells = geometry.cells(readings.in_map(prior.pose))
     sums = shifted_sums(values, cells, settings.window_cells)
     best = best_shift(sums)
     inliers = _count_occupied(values, cells + np.array([best.rows, best.cols]))
     if best.total <= 0.0 or inliers < settings.min_inlier_ratio * len(readings):
-        return ScanMatch(prior.pose, prior.covariance, "no_match", best.total / len(readings))
+        return StopMatch(prior.pose, prior.covariance, "no_match", best.total / len(readings))
     shift = smallest_shift(sums, shifts_that_tie(best, sums, values, cells, settings.tie_sigmas))
     score = shift.total / len(readings)
     if not (shift.rows or shift.cols):
-        return ScanMatch(prior.pose, prior.covariance, "matched", score)
+        return StopMatch(prior.pose, prior.covariance, "matched", score)
     offset = geometry.resolution_m * np.array([shift.cols, shift.rows])
     pose = prior.pose + np.append(se2.transform_points([0.0, 0.0, geometry.yaw_rad], offset[None])[0], 0.0)
     cell = np.array([geometry.resolution_m**2, geometry.resolution_m**2, prior.covariance[2, 2]])
-    return ScanMatch(pose, np.diag(cell), "matched", score)
+    return StopMatch(pose, np.diag(cell), "matched", score)
 
 
 def _count_occupied(values: Floats, cells: Ints) -> int:

@@ -16,7 +16,7 @@ Verdict = Literal["matched", "first", "too_few_points", "no_match", "ambiguous",
 
 
 @dataclass(frozen=True, slots=True)
-class ScanMatch:
+class StopMatch:
     """The pose of a stop after matching `(3,)`, its covariance `(3, 3)`, the verdict, and the best sum per reading."""
 
     pose: Floats

@@ -14,7 +14,7 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import AbsolutePose, Event, Imu, Odometry, Range, Transform, WheelTicks
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.methods.ir_scan.stops import MeasuredPose, ScanMatch, Stop
+from gridslam.methods.ir_scan.stops import MeasuredPose, Stop, StopMatch
 from gridslam.motion.wheel_gyro import MotionLimits, WheelGyro, WheelGyroNoise
 from gridslam.sensors.infrared import InfraredScan, reliability, reliable_readings
 from gridslam.sensors.infrared_sweeps import CompleteScan, SweepAssembler, SweepLimits
@@ -86,7 +86,7 @@ class StopTracker:
         complete = self._sweeps.flush()
         return None if complete is None else self._add_stop(complete)
 
-    def apply_match(self, stop: Stop, match: ScanMatch) -> None:
+    def apply_match(self, stop: Stop, match: StopMatch) -> None:
         """Correct a stop by the match of its scan."""
         stop.pose, stop.covariance = match.pose, match.covariance
         stop.pose[2] = float(se2.wrap_angle(stop.pose[2]))

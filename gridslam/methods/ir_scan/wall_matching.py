@@ -13,7 +13,7 @@ from gridslam.kernels.infrared import shifted_sums, splat_maximum
 from gridslam.kernels.wall_lines import MapPoints
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.methods.ir_scan.lines import WallMoments
-from gridslam.methods.ir_scan.stops import MeasuredPose, ScanMatch
+from gridslam.methods.ir_scan.stops import MeasuredPose, StopMatch
 from gridslam.sensors.infrared import RangeNoise, ReliableReadings
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ class SearchSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class SearchResult:
+class PoseSearchResult:
     """The best pose of the window `(3,)`, the position's standard deviation over the window (m), and the best sum per reading."""
 
     pose: Floats
@@ -80,25 +80,25 @@ class WallMatcher:
         splat_maximum(self._blurred.values, cells, self._kernel, np.ones(len(points)))
         self._walls.add(points, weights)
 
-    def match(self, readings: ReliableReadings, prior: ScanMatch) -> ScanMatch:
+    def match(self, readings: ReliableReadings, prior: StopMatch) -> StopMatch:
         """The match of a scan near the predicted pose `prior`; an ambiguous one is refused."""
         pose, covariance = prior.pose, prior.covariance
         if len(readings) < self._settings.min_points:
-            return ScanMatch(pose, covariance, "too_few_points")
+            return StopMatch(pose, covariance, "too_few_points")
         if not self._blurred.values.size:
-            return ScanMatch(pose, covariance, "first")
+            return StopMatch(pose, covariance, "first")
         widened = MeasuredPose(pose, covariance + np.diag(MIN_PRIOR_VARIANCE))
         found = self.search(readings, widened)
         if found.score <= 0.0:
-            return ScanMatch(pose, covariance, "no_match")
+            return StopMatch(pose, covariance, "no_match")
         if found.position_std_m > self._settings.max_position_std_m:
-            return ScanMatch(pose, covariance, "ambiguous", found.score)
+            return StopMatch(pose, covariance, "ambiguous", found.score)
         refined, on_walls = self.refine(readings, found.pose, widened)
         if on_walls < self._settings.min_points:
-            return ScanMatch(pose, covariance, "no_match", found.score)
-        return ScanMatch(refined.pose, refined.covariance, "matched", found.score)
+            return StopMatch(pose, covariance, "no_match", found.score)
+        return StopMatch(refined.pose, refined.covariance, "matched", found.score)
 
-    def search(self, readings: ReliableReadings, prior: MeasuredPose) -> SearchResult:
+    def search(self, readings: ReliableReadings, prior: MeasuredPose) -> PoseSearchResult:
         """The most likely pose of the window of shifts and rotations."""
         settings, resolution = self._settings, self._blurred.resolution_m
         max_range = max(float(np.hypot(*readings.points.T).max()), resolution)
@@ -119,7 +119,7 @@ class WallMatcher:
         weight = np.exp(score - score[best]).sum(axis=0)  # of each shift, over all rotations
         weight /= weight.sum()
         offset = np.array([shifts[best[2]], shifts[best[1]], rotations[best[0]]])
-        return SearchResult(
+        return PoseSearchResult(
             prior.pose + offset, _position_std(weight, shifts), float(sums[best]) / len(readings)
         )
 

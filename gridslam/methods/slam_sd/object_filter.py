@@ -19,7 +19,7 @@ from gridslam.kernels import object_weights
 from gridslam.kernels.object_weights import EndpointMixture
 from gridslam.methods.slam_sd.object_model import ObjectModel
 from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.pose_prior import PosePrior, PriorEstimate
+from gridslam.methods.slam_sd.pose_prior import ObjectPosePrior, PriorEstimate
 from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
 
 Floats = NDArray[np.float64]
@@ -70,7 +70,7 @@ class ObjectFilter:
     ) -> None:
         self._model = model
         self._evidence = evidence
-        self._prior = PosePrior(model, earlier, evidence.walls, settings)
+        self._prior = ObjectPosePrior(model, earlier, evidence.walls, settings)
         self._settings = settings
         self._antenna = settings.antenna
 

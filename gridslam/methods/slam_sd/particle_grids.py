@@ -51,7 +51,7 @@ class ParticleGrids:
         self.surfaces.own_endpoints(maps, poses, scan.surface)
         surfels.insert_surfels_all(self.surfaces.maps, poses, scan.surfaces)
         self.cells.own_beams(maps, poses, scan.viewpoint, scan.points)
-        beams = log_odds.Beams(scan.viewpoint, scan.points)
+        beams = log_odds.BeamBundle(scan.viewpoint, scan.points)
         log_odds.insert_beams_all(self.cells.maps, poses, beams, UPDATE)
 
     def redraw(self, particle: int, scans: Sequence[PreparedScan], poses: Floats) -> None:

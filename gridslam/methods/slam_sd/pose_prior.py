@@ -36,7 +36,7 @@ class PriorEstimate:
 
 
 @dataclass(frozen=True, slots=True)
-class PosePrior:
+class ObjectPosePrior:
     """The prior of an object's pose in one visit."""
 
     model: ObjectModel

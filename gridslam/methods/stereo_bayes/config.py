@@ -141,7 +141,7 @@ class AdvancedPose(StrictModel):
     )
 
 
-class AdvancedConfig(StrictModel):
+class StereoBayesAdvancedConfig(StrictModel):
     """Settings that rarely need a change."""
 
     disparity: AdvancedDisparity = AdvancedDisparity()
@@ -190,4 +190,4 @@ class StereoBayesConfig(StrictModel):
     observation: ObservationConfig = ObservationConfig()
     correlation: CorrelationConfig = CorrelationConfig()
     pose: MotionSourceConfig = MotionSourceConfig()
-    advanced: AdvancedConfig = AdvancedConfig()
+    advanced: StereoBayesAdvancedConfig = StereoBayesAdvancedConfig()

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gridslam.methods.handmap_slam.config import AdvancedConfig, HandmapSlamConfig
+from gridslam.methods.handmap_slam.config import HandmapAdvancedConfig, HandmapSlamConfig
 from gridslam.runs.run_config import load_run_config
 
 MAX_KEYS = 15
@@ -31,7 +31,7 @@ def test_there_are_at_most_15_keys_and_15_advanced_ones() -> None:
     advanced = [key for key in KEYS if key.startswith("advanced.")]
     assert len(advanced) <= MAX_KEYS
     assert len(KEYS) - len(advanced) <= MAX_KEYS
-    assert len(advanced) == len(list(leaves(AdvancedConfig)))
+    assert len(advanced) == len(list(leaves(HandmapAdvancedConfig)))
 
 
 @pytest.mark.parametrize("key", KEYS)

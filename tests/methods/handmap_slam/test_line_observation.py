@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
-from gridslam.matching.lines import Segments
+from gridslam.matching.lines import LineSegments
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.line_front_end import heading_difference
 from gridslam.methods.handmap_slam.line_observation import (
@@ -29,10 +29,10 @@ def corridor() -> DrawnMap:
     return drawn_map(Drawing(levels, "corridor"))
 
 
-def scan_of(length_m: float, x_m: float, y_m: float = 2.0) -> tuple[Segments, np.ndarray]:
+def scan_of(length_m: float, x_m: float, y_m: float = 2.0) -> tuple[LineSegments, np.ndarray]:
     """Lines and points of a corridor of this length, seen from (x, y) in it with heading 0."""
     corners = np.array([(0, 0), (length_m, 0), (length_m, WIDTH_M), (0, WIDTH_M)]) - (x_m, y_m)
-    lines = Segments(corners, np.roll(corners, -1, axis=0))
+    lines = LineSegments(corners, np.roll(corners, -1, axis=0))
     fraction = np.linspace(0.0, 1.0, 80)[:, None]
     points = np.concatenate([a + fraction * (b - a) for a, b in zip(lines.starts, lines.ends, strict=True)])
     return lines, points
@@ -74,7 +74,7 @@ def test_the_position_moves_forwards_if_the_drawing_is_too_long_and_backwards_if
     x = length - 5.0
     lines, points = scan_of(length, x)
     ahead = lines.ends[:, 0] > 0.0
-    lines = Segments(lines.starts[ahead], lines.ends[ahead])
+    lines = LineSegments(lines.starts[ahead], lines.ends[ahead])
     points = points[points[:, 0] > -3.0]
     offset = 25.0 - length
     observed = observer.observe(lines, points, pose_at(x + offset - 1.5 * towards))
@@ -85,7 +85,7 @@ def test_the_position_moves_forwards_if_the_drawing_is_too_long_and_backwards_if
 
 
 def test_without_beams_no_line_is_judged(observer):
-    observed = observer.observe(Segments.none(), np.zeros((0, 2)), pose_at(8.0))
+    observed = observer.observe(LineSegments.none(), np.zeros((0, 2)), pose_at(8.0))
     assert not observed
     assert not correction_of(observed, 0.1).any()
 
@@ -99,7 +99,7 @@ def beams(max_range_m: float) -> np.ndarray:
 
 def test_beams_beyond_a_drawn_end_contradict_it_and_short_beams_do_not(observer):
     sides, _ = scan_of(100.0, 50.0)
-    sides = Segments(sides.starts[[0, 2]], sides.ends[[0, 2]])
+    sides = LineSegments(sides.starts[[0, 2]], sides.ends[[0, 2]])
     # The drawn end is 5 m ahead: a lidar of 8 m sees that it is not there, one of 4 m cannot.
     far, near = (observer.observe(sides, beams(max_range), pose_at(20.0)) for max_range in (8.0, 4.0))
     assert families_observed(far) == {"x": False, "y": True}
@@ -125,7 +125,7 @@ def test_lines_correct_the_heading(observer):
 
 
 def test_without_lines_there_is_no_heading_correction(observer):
-    assert heading_difference(Segments.none(), pose_at(8.0), observer) is None
+    assert heading_difference(LineSegments.none(), pose_at(8.0), observer) is None
 
 
 def test_points_transform_into_the_drawing_and_back():

@@ -9,7 +9,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ir_scan.given_map import GivenShiftMap, GivenWallMap
 from gridslam.methods.ir_scan.pos_grid import PosGrid
 from gridslam.methods.ir_scan.shift_matching import CellShift, ShiftSettings, best_shift, match_by_shift
-from gridslam.methods.ir_scan.stops import ScanMatch
+from gridslam.methods.ir_scan.stops import StopMatch
 from gridslam.methods.ir_scan.wall_matching import SearchSettings, WallMatcher
 from gridslam.sensors.infrared import RangeNoise, ReliableReadings, reliability, reliable_readings
 from tests.methods.ir_scan.room import SEGMENTS, STOPS, scan_from
@@ -27,8 +27,8 @@ def readings_at(
     return reliable_readings(scan, reliability(scan, 0.1))
 
 
-def prior_at(pose: Floats, covariance: Floats = COVARIANCE) -> ScanMatch:
-    return ScanMatch(pose, covariance, "off")
+def prior_at(pose: Floats, covariance: Floats = COVARIANCE) -> StopMatch:
+    return StopMatch(pose, covariance, "off")
 
 
 def matcher_of(settings: SearchSettings | None = None) -> WallMatcher:
