@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gridslam.runs.run import Progress
 
 UPDATE_EVERY_S = 0.1
+MAX_LINE = 2000  # characters of a message
 
 
 @dataclass(slots=True)
@@ -63,10 +64,25 @@ def complain(line: str) -> None:
     if sys.stderr is None:
         return
     try:
-        sys.stderr.write(f"gridslam: {line}\n")
+        sys.stderr.write(f"gridslam: {shortened(escaped(line))}\n")
         sys.stderr.flush()
     except OSError:  # closed, or on a full disk: only the exit code remains
         sys.stderr = None
+
+
+def escaped(text: str) -> str:
+    """The text with control and other invisible characters, which may come from a file, as Python's escapes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def shortened(line: str) -> str:
+    """The line without its middle, where it is longer than a screen."""
+    if len(line) <= MAX_LINE:
+        return line
+    half = MAX_LINE // 2
+    return f"{line[:half]} ... {line[-half:]}"
 
 
 def emit(text: str) -> None:
@@ -88,9 +104,9 @@ def silence_stdout() -> None:
 
 
 def emit_json(document: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Print the result as one JSON document. If it cannot be encoded as UTF-8, JSON escapes are used."""
+    """Print the result as one JSON document. JSON escapes are used for what stdout or a terminal cannot take."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    if not _is_utf8(text):
+    if not _is_utf8(text) or not text.replace("\n", "").isprintable():
         text = json.dumps(document, indent=2, allow_nan=False)
     emit(text)
 
@@ -108,7 +124,7 @@ def _is_utf8(text: str) -> bool:
 
 def emit_table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print the result as aligned columns, numbers right-aligned. Empty column names: no header."""
-    texts = [[str(cell) for cell in row] for row in rows]
+    texts = [[escaped(str(cell)) for cell in row] for row in rows]
     lines = [list(columns), *texts] if any(columns) else texts
     if not lines:
         return

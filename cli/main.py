@@ -111,7 +111,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def _fail(message: str, code: int) -> int:
     if console.settings.debug:
-        console.complain(traceback.format_exc())
+        for line in traceback.format_exc().splitlines():
+            console.complain(line)
     console.complain(f"error: {' '.join(message.split())}")
     return code
 

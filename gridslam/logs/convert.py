@@ -9,9 +9,10 @@ from pathlib import Path
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
-from gridslam.core.messages import Transform
+from gridslam.core.messages import Event, Transform
 from gridslam.core.stamps import NS_PER_S
-from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
+from gridslam.logs.cameras import camera_of
+from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE
 from gridslam.logs.log import Log
 from gridslam.logs.streams import StreamInfo
 from gridslam.logs.write import open_writer
@@ -56,19 +57,17 @@ def convert_log(
     origin = min((i.first_stamp_ns for i in streams if i.first_stamp_ns is not None), default=0)
     first = None if start_s is None else origin + round(start_s * NS_PER_S)
     last = None if end_s is None else origin + round(end_s * NS_PER_S)
-    truth = {info.topic for info in streams if info.kind == "truth"}
     written: Counter[str] = Counter()
     with open_writer(output, force) as writer:
-        for topic, event in log.events_by_topic(with_truth=True):
+        for kind, topic, event in log.events_by_stream(with_truth=True):
             if isinstance(event, Transform) and event.is_static:
                 writer.write(event)
                 continue
-            kind = "truth" if topic in truth else kind_of_event(event).name
             if (kind, topic) not in names or (first is not None and event.stamp_ns < first):
                 continue
             if last is not None and event.stamp_ns > last:
                 continue
-            writer.write(event, names[kind, topic])
+            writer.write(event, _topic_of(event, names[kind, topic]))
             written[topic] += 1
         if not written and (start_s is not None or end_s is not None):
             raise ConfigError(
@@ -80,6 +79,12 @@ def convert_log(
         if i.count and i.kind != "truth" and (not i.used or (i in streams and i not in wanted and not topics))
     ]
     return Conversion(dict(sorted(written.items())), left_out)
+
+
+def _topic_of(event: Event, topic: str | None) -> str | None:
+    """The topic of an event; None, for the usual one, where the topic would give a camera's event another camera."""
+    camera = getattr(event, "camera", None)
+    return None if camera and topic is not None and camera_of(topic) != camera else topic
 
 
 def _names(streams: list[StreamInfo]) -> dict[tuple[str, str], str | None]:
@@ -95,7 +100,7 @@ def _names(streams: list[StreamInfo]) -> dict[tuple[str, str], str | None]:
 def _name(kind: str, topic: str, is_only: bool) -> str | None:
     if kind == "truth":
         return TRUTH_TOPIC
-    if topic.startswith("/"):
+    if topic.startswith("/") and topic != TRUTH_TOPIC:
         return topic
     if is_only or KINDS[kind].is_named_by_camera:
         return None

@@ -16,7 +16,7 @@ from gridslam.logs import extrinsics, ordering
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS, fault_of
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.playback import events_of, true_pose_of
+from gridslam.logs.playback import events_of, file_states, true_pose_of
 from gridslam.logs.selection import select_streams
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import RecordedStream, Source, StreamInfo
@@ -42,6 +42,7 @@ class Log:
         self._truth = MessageCounts()
         self._lidars: dict[str, VirtualLidar] = {}
         self._static = self._with_virtual_lidars(self._mount())
+        self._file_states = file_states(source.files)
         self._note_disorder()
 
     def __enter__(self) -> Log:
@@ -113,15 +114,20 @@ class Log:
         for _, event in self.events_by_topic():
             yield event
 
-    def events_by_topic(self, with_truth: bool = False) -> Iterator[tuple[str, Event]]:
-        """As `events`, each with the topic of its stream (static transforms: `/tf_static`).
+    def events_by_topic(self) -> Iterator[tuple[str, Event]]:
+        """As `events`, each with the topic of its stream (static transforms: `/tf_static`)."""
+        for _, topic, event in self.events_by_stream():
+            yield topic, event
 
-        `with_truth` adds the true poses, for writing the log anew.
+    def events_by_stream(self, with_truth: bool = False) -> Iterator[tuple[str, str, Event]]:
+        """As `events`, each with the kind and the topic of its stream (static transforms: `tf`, `/tf_static`).
+
+        `with_truth` adds the true poses, of kind `truth`, for writing the log anew.
         """
         self._playback = message_counts = MessageCounts()
         for transform in self._static:
             message_counts.counters["read.extrinsics"] += 1
-            yield "/tf_static", transform
+            yield "tf", "/tf_static", transform
         kind_of = dict(self._selection.kind_of)
         if with_truth and self._selection.truth is not None:
             kind_of[self._selection.truth] = "truth"
@@ -130,9 +136,10 @@ class Log:
             self.path,
             self._source,
             kind_of,
-            self._is_sorted,
-            limit_bytes,
-            message_counts,
+            by_stamp=self._is_sorted,
+            limit_bytes=limit_bytes,
+            message_counts=message_counts,
+            states=self._file_states,
             lidars=self._lidars,
             with_repairs=self._for_a_method,
         )

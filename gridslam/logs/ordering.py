@@ -2,7 +2,8 @@
 
 All stamps are known before the first event (8 bytes each), so the place of every event in the merged order is
 computed beforehand, and reading needs no look-ahead. The key of an event is the largest stamp that its stream has had
-so far: within a stream the recorded order wins over out-of-order stamps.
+so far: within a stream the recorded order wins over out-of-order stamps. Where the clock itself steps back, so that
+several streams do, the merge starts anew (`gridslam.logs.clock_steps`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.stamps import NS_PER_S
+from gridslam.logs.clock_steps import clock_epochs
 
 T = TypeVar("T")
 OUTLIER_S = 60
@@ -58,9 +60,15 @@ def merge_plan(
     if not stamps_by_stream:
         return {}, array("q")
     stamps = [_without_outliers(s) for s in stamps_by_stream.values()]
-    keys = np.concatenate(stamps if by_stamp else [np.maximum.accumulate(s) if len(s) else s for s in stamps])
     owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int64), [len(s) for s in stamps])
-    order = np.argsort(keys, kind="stable")
+    if by_stamp:
+        keys = np.concatenate(stamps)
+        order = np.argsort(keys, kind="stable")
+    else:
+        epochs = clock_epochs(stamps)
+        parts = [_keys_in_epochs(s, e) for s, e in zip(stamps, epochs, strict=True)]
+        keys, detours = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.lexsort((detours, keys, np.concatenate(epochs)))
     place = np.empty(len(keys), dtype=np.int64)
     place[order] = np.arange(len(keys))
     ends = np.cumsum([len(s) for s in stamps])
@@ -77,6 +85,29 @@ def _without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
     places = np.array(sorted(outlier_places(stamps_ns)), dtype=np.int64)
     stamps[places] = stamps[places - 1]
     return stamps
+
+
+def _keys_in_epochs(
+    stamps: NDArray[np.int64], epochs: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The key of each event of a stream, and what sorts events of one key.
+
+    The key is the largest stamp of the epoch so far. The second number is 0 up to the first out-of-order stamp of a
+    key, then the largest stamp since: out-of-order stamps of several streams are merged as well.
+    """
+    keys = np.empty_like(stamps)
+    detours = np.zeros_like(stamps)
+    starts = np.flatnonzero(np.diff(epochs, prepend=-1)).tolist()
+    for start, end in zip(starts, [*starts[1:], len(stamps)], strict=False):
+        keys[start:end] = np.maximum.accumulate(stamps[start:end])
+    changes = (np.diff(keys) != 0) | (np.diff(epochs) != 0)
+    group_ends = np.append(np.flatnonzero(changes) + 1, len(stamps))
+    end = 0
+    for first in np.flatnonzero(stamps < keys).tolist():
+        if first >= end:
+            end = int(group_ends[np.searchsorted(group_ends, first, side="right")])
+            detours[first:end] = np.maximum.accumulate(stamps[first:end])
+    return keys, detours
 
 
 def in_planned_order(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeAlias
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import AbsolutePose, Event, Image, LaserScan, Odometry, PointCloud, Transform
@@ -18,6 +19,8 @@ from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
 from gridslam.logs.virtual_scan import VirtualLidar
 
+FileStates: TypeAlias = list[tuple[int, int]]  # size and time of change of each file
+
 
 def events_of(
     path: Path,
@@ -26,17 +29,18 @@ def events_of(
     by_stamp: bool,
     limit_bytes: int,
     message_counts: MessageCounts,
+    states: FileStates,
     lidars: Mapping[str, VirtualLidar] = MappingProxyType({}),
     with_repairs: bool = True,
-) -> Iterator[tuple[str, Event]]:
-    """(topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
+) -> Iterator[tuple[str, str, Event]]:
+    """(kind, topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
     `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
-    earlier ones. `lidars` make scans of point clouds, by the clouds' frame;
-    `with_repairs` removes contradictions within scans.
+    earlier ones. `states` are those of the files when the log was opened. `lidars` make scans of point clouds, by the
+    clouds' frame; `with_repairs` removes contradictions within scans.
 
-    Raises LogError: the log is no longer what it was when it was opened.
+    Raises LogError: the files have changed since the log was opened.
     """
     streams = source.streams
     ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
@@ -66,11 +70,26 @@ def events_of(
                 continue
             event = converted
         count[keys[index]] += 1
-        yield topic, event
+        yield kind_of[index], topic, event
     for image in pairing.unpaired():
         _skip_unpaired(message_counts, image, image.camera)
     if remaining > 0:
-        raise LogError(f"{path}: changed while it was read ({remaining} messages are gone); run again")
+        if file_states(source.files) != states:
+            raise LogError(f"{path}: changed while it was read ({remaining} messages are gone); run again")
+        message_counts.lose("messages", f"the end of {path.name}", remaining)
+
+
+def file_states(files: Iterable[Path]) -> FileStates:
+    """Size and time of change of each file, 0 for a file that is gone."""
+    return [_state_of(file) for file in files]
+
+
+def _state_of(file: Path) -> tuple[int, int]:
+    try:
+        state = file.stat()
+    except OSError:
+        return 0, 0
+    return state.st_size, state.st_mtime_ns
 
 
 def _note_late(message_counts: MessageCounts, kind: str) -> None:

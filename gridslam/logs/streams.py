@@ -33,11 +33,6 @@ class RecordedStream:
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
-def printable(name: str) -> str:
-    """A name from a file, with `?` for characters that a terminal would not print."""
-    return name if name.isprintable() else "".join(c if c.isprintable() else "?" for c in name)
-
-
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
     """One stream as shown to people.

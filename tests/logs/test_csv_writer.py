@@ -182,7 +182,6 @@ def tags(antenna: str = "left", *ids: str, stamp_s: int = 1, frame: str = "base"
         ([Image(S, "cam ", np.zeros((2, 2), np.uint8), "left")], "'cam '"),
         ([Transform(S, "a\r\nb", "c", (0, 0, 0), (1, 0, 0, 0))], r"'a\\r\\nb'"),
         ([Imu(S, "a", 0.5), Imu(S, " b", 0.5)], "' b'"),
-        ([Imu(S, "a", 0.5), Imu(S, "", 0.5)], "with and without a frame"),
     ],
 )
 def test_what_a_row_cannot_hold_is_refused_by_its_value_and_leaves_nothing(

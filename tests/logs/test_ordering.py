@@ -3,6 +3,7 @@ from __future__ import annotations
 import heapq
 import random
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -17,14 +18,25 @@ streams = st.dictionaries(st.integers(0, 3), st.lists(st.integers(0, 40), max_si
 def merged(stamps: Streams, by_stamp: bool) -> list[tuple[int, int]]:
     """The slow reference: (stream, place in it), merged by heapq with the key written out."""
 
-    def keyed(precedence: int, stream: int) -> Iterator[tuple[int, int, int, tuple[int, int]]]:
-        largest = 0
+    def keyed(precedence: int, stream: int) -> Iterator[tuple[int, int, int, int, tuple[int, int]]]:
+        largest = detour = 0
+        is_behind = False
         entries = list(enumerate(stamps[stream]))
         if by_stamp:
             entries.sort(key=lambda entry: entry[1])
         for order, (place, stamp) in enumerate(entries):
-            largest = max(largest, stamp)
-            yield stamp if by_stamp else largest, precedence, order, (stream, place)
+            if stamp > largest:
+                largest, detour, is_behind = stamp, 0, False
+            is_behind = is_behind or stamp < largest
+            if is_behind:
+                detour = max(detour, stamp)
+            yield (
+                stamp if by_stamp else largest,
+                0 if by_stamp else detour,
+                precedence,
+                order,
+                (stream, place),
+            )
 
     return [entry[-1] for entry in heapq.merge(*(keyed(p, s) for p, s in enumerate(stamps)))]
 
@@ -91,3 +103,39 @@ def test_a_pause_is_no_outlier_stamp(stamps: list[int]) -> None:
 
 def test_equal_stamps_are_counted() -> None:
     assert ordering.repeated_stamps([1, 1, 2, 2, 2, 1]) == 3
+
+
+SECOND = 10**9
+
+
+def test_where_the_clock_steps_back_the_streams_stay_interleaved() -> None:
+    scans = [*range(0, 10 * SECOND, SECOND // 10), *range(4 * SECOND, 12 * SECOND, SECOND // 10)]
+    odometry = [
+        *range(SECOND // 50, 10 * SECOND, SECOND // 50),
+        *range(4 * SECOND, 12 * SECOND, SECOND // 50),
+    ]
+    _, schedule = ordering.merge_plan({0: odometry, 1: scans}, False)
+    places = [i for i, stream in enumerate(schedule) if stream == 1]
+    assert max(b - a for a, b in pairwise(places)) <= 6
+
+
+def test_a_stream_that_is_too_slow_to_show_a_clock_step_stays_after_it() -> None:
+    fast = [*range(0, 10 * SECOND, SECOND // 10), *range(5 * SECOND, 30 * SECOND, SECOND // 10)]
+    other = [stamp + 1 for stamp in fast]
+    slow = [2 * SECOND, 8 * SECOND, 14 * SECOND, 20 * SECOND]
+    _, schedule = ordering.merge_plan({0: fast, 1: other, 2: slow}, False)
+    places = [i for i, stream in enumerate(schedule) if stream == 2]
+    assert places[2] > 200 + 2 * 85
+
+
+def test_one_stream_that_steps_back_alone_does_not_reorder_the_others() -> None:
+    steady = list(range(0, 20 * SECOND, SECOND // 10))
+    stepping = [*range(0, 10 * SECOND, SECOND), *range(5 * SECOND, 20 * SECOND, SECOND)]
+    _, schedule = ordering.merge_plan({0: steady, 1: stepping}, False)
+    places = [i for i, stream in enumerate(schedule) if stream == 1]
+    assert places[-1] > len(schedule) - 15
+
+
+def test_out_of_order_stamps_of_two_streams_are_merged_too() -> None:
+    _, schedule = ordering.merge_plan({0: [100, 98, 99, 101], 1: [100, 98, 99, 101]}, False)
+    assert list(schedule) == [0, 1] * 4

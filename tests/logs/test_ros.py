@@ -29,6 +29,7 @@ from gridslam.logs import LogConfig, open_log, require_streams
 from gridslam.logs.convert import convert_log
 from gridslam.logs.ros.container import Schema
 from gridslam.logs.ros.types import is_standard
+from tests.conftest import Program
 from tests.logs.mutations import fingerprint
 from tests.logs.ros_samples import HUMBLE, header, make, odometry, scan, tf, transform, write_json, write_mcap
 
@@ -190,12 +191,12 @@ def test_streams_are_merged_by_stamp_with_odometry_before_the_scan_of_the_same_m
     messages = moving(scan(S), scan(2 * S), odometry(2 * S), odometry(S), scan(3 * S), odometry(3 * S))
     path = write_mcap(tmp_path / "a.mcap", messages)
     seen = [(type(e).__name__, e.stamp_ns // S) for e in events(path)]
-    # odometry was recorded with a stamp out of order (2, 1): its recorded order holds
+    # The recorded order of the odometry holds; its out-of-order stamp comes after all that have the stamp before it.
     assert seen == [
         ("LaserScan", 1),
         ("Odometry", 2),
-        ("Odometry", 1),
         ("LaserScan", 2),
+        ("Odometry", 1),
         ("Odometry", 3),
         ("LaserScan", 3),
     ]
@@ -592,11 +593,17 @@ def test_a_outlier_stamp_is_skipped_and_counted(tmp_path: Path) -> None:
         assert any("/scan message 3" in line for line in log.problems)
 
 
-def test_names_cannot_steer_a_terminal(tmp_path: Path) -> None:
-    path = write_mcap(tmp_path / "a.mcap", [("/\x1b[2Jscan\n", scan(S, frame="la\x07ser"))])
+def test_names_with_control_characters_stay_as_they_are_and_reach_people_escaped(
+    tmp_path: Path, program: Program
+) -> None:
+    path = write_mcap(tmp_path / "a.mcap", [("/\x1b[2Jscan\n", scan(S, frame="la\x07ser\u202e"))])
     with open_log(path) as log:
-        assert log.streams[0].topic == "/?[2Jscan?"
-        assert log.streams[0].frame == "la?ser"
+        assert (log.streams[0].topic, log.streams[0].frame) == ("/\x1b[2Jscan\n", "la\x07ser\u202e")
+    for options in ([], ["--json"]):
+        shown = program("info", path, *options)
+        assert shown.returncode == 0
+        assert all(line.isprintable() for text in (shown.stdout, shown.stderr) for line in text.split("\n"))
+    assert "la\\x07ser\\u202e" in program("info", path).stderr
 
 
 def test_memory_for_early_messages_is_bounded_and_what_comes_late_is_said(tmp_path: Path) -> None:

@@ -92,11 +92,13 @@ class CarmenSource:
             elif scan is not None and (scan in wanted or odometry in wanted):
                 if laser is None or isinstance(laser, SkipReason):
                     continue
-                where = f"{self._lines.path.name} line {number}"
                 if odometry is not None and odometry in wanted:
                     yield odometry, odometry_in(laser)
                 if scan in wanted:
-                    yield scan, self._scan(word, laser, where)
+                    yield scan, self._scan(word, laser, self._place(number))
+
+    def _place(self, number: int) -> str:
+        return f"{self._lines.path.name} line {number}"
 
     def _index(self) -> None:
         """First pass: stamps, the value that means "no return", and where the laser sits."""
@@ -105,9 +107,8 @@ class CarmenSource:
         front_offset: float | None = None
         readings = 0
         for number, word, line, laser in self._taken_apart():
-            where = f"{self._lines.path.name} line {number}"
             if isinstance(laser, SkipReason):
-                self.message_counts.skip("scan", laser.value, where)
+                self.message_counts.skip("scan", laser.value, self._place(number))
             elif laser is not None:
                 _note_laser(found.setdefault(word, _LaserIndex()), laser)
                 readings += len(laser.ranges)
@@ -116,12 +117,12 @@ class CarmenSource:
             elif word == b"ODOM":
                 read = odom_line(line)
                 if isinstance(read, SkipReason):
-                    self.message_counts.skip("odom", read.value, where)
+                    self.message_counts.skip("odom", read.value, self._place(number))
                 else:
                     odom.append(read.stamp_ns)
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
-            elif word and not word.startswith(b"#") and word not in OTHERS:
+            elif word and word not in OTHERS:
                 self.message_counts.count("unused.other")
         for word, index in found.items():
             self._add_laser(word, index, front_offset)
@@ -129,7 +130,7 @@ class CarmenSource:
 
     def _taken_apart(self) -> Iterator[tuple[int, bytes, bytes, LaserLine | SkipReason | None]]:
         """(number, first word, line, what a laser line holds) of every line; laser lines are parsed in batches."""
-        for batch in _batches(self._lines):
+        for batch in _batches((number, line) for number, line in self._lines if line[:1] != b"#"):
             words = [line[:12].split(b" ", 1)[0] for _, line in batch]
             at = [i for i, word in enumerate(words) if word in LASERS and batch[i][0] not in self._parsed]
             together = [i for i in at if not words[i].startswith(b"ROBOTLASER")]

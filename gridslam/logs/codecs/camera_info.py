@@ -14,8 +14,18 @@ from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.skips import SkipReason
 
+MAX_SIDE_PX = 1 << 20
 MAX_DISTORTION = 14  # coefficients that OpenCV's longest model has, and columns of a table
+
+
+def fault(info: CameraInfo) -> SkipReason | None:
+    """The reason why no method can use the calibration; None where it can."""
+    if not (0 < info.width_px <= MAX_SIDE_PX and 0 < info.height_px <= MAX_SIDE_PX):
+        return SkipReason.BAD_IMAGE_SIZE
+    is_finite = all(np.isfinite(values).all() for values in (info.K, info.P, info.D))
+    return None if is_finite else SkipReason.NOT_FINITE
 
 
 def from_ros(message: Any, topic: str) -> CameraInfo:

@@ -90,10 +90,5 @@ def from_csv(rows: list[Row]) -> Odometry:
 
 
 def to_csv(o: Odometry, pictures: PictureWriter) -> list[list[str]]:
-    """One row with velocities."""
+    """One row; velocities that are unknown are empty fields."""
     return [[number_field(v) for v in (o.x_m, o.y_m, o.yaw_rad, o.vx_mps, o.wz_radps)]]
-
-
-def to_truth_csv(o: Odometry, pictures: PictureWriter) -> list[list[str]]:
-    """One row of truth.csv, which has no velocities."""
-    return [[number_field(v) for v in (o.x_m, o.y_m, o.yaw_rad)]]

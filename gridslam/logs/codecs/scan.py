@@ -51,7 +51,7 @@ def from_ros(message: Any, topic: str) -> LaserScan:
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserScan:
     """The scan of a foxglove.LaserScan: its angles include the last beam's; the type has no range limits."""
-    ranges = np.array([np.nan if r is None else r for r in message.ranges], dtype=np.float32)
+    ranges = np.array([np.nan if r is None else r for r in message.ranges], dtype=np.float64)
     span = float(message.end_angle) - float(message.start_angle)
     return LaserScan(
         stamp_ns,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from gridslam.core.errors import LogError
@@ -59,7 +59,7 @@ class CsvTable:
             folder,
             frame=self._kind.default_frame if stream.frame is None else stream.frame,
             frame_column=self._kind.frame_column,
-            child_frame=stream.child_frame or "base_link",
+            child_frame="base_link" if stream.child_frame is None else stream.child_frame,
             range_divisor=_RANGE_DIVISORS.get(stream.units.get("r", "m")),
             invalid=tuple(stream.invalid),
             invalid_from=stream.invalid_from,
@@ -143,6 +143,8 @@ class CsvTable:
             if first not in names:
                 raise LogError(f"{self.path}: no column {first!r} where the ranges begin")
             columns.first_range = names.index(first)
+            end = _end_of_ranges(names, columns.first_range, first.removesuffix("0"))
+            columns.range_end = None if end == len(names) else end
 
     def _add_constant(self, name: str, value: float | str) -> None:
         if name in _TEXT_COLUMNS:
@@ -159,8 +161,8 @@ class CsvTable:
                 break
         stamp_place = self._columns.places.get("stamp")
         stamp_unit = self.stream.units.get("stamp", "s")
-        open_ended = self._kind.has_ranges
-        min_width = self._columns.first_range if open_ended else self._width
+        open_ended = self._kind.has_ranges and self._columns.range_end is None
+        min_width = max(self._columns.places.values(), default=0) + 1 if open_ended else self._width
         count = 0
         for number, line in lines:
             if not line.strip():
@@ -219,3 +221,11 @@ def _split(line: bytes, delimiter: str) -> list[str] | None:
         return next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error:
         return None
+
+
+def _end_of_ranges(names: Sequence[str], start: int, prefix: str) -> int:
+    """The place after the last of the columns r0, r1, ... that follow each other from `start` on."""
+    end = start
+    while end < len(names) and names[end] == f"{prefix}{end - start}":
+        end += 1
+    return end

@@ -139,7 +139,7 @@ class CsvFolderWriter:
         for fields in CSV_KINDS[kind].to_rows(event, self._pictures):
             row = [format_stamp(event.stamp_ns), *fields]
             if file.rows_name_frames:
-                row[file.place : file.place] = map(_frame_field, frames.values())
+                row[file.place : file.place] = map(name_field, frames.values())
             file.writer.writerow(row)
 
     def _open(self, kind: str, event: Any, topic: str | None) -> _TableFile:
@@ -153,7 +153,7 @@ class CsvFolderWriter:
             self._base_frame = event.child_frame_id
         path = self._folder / name
         stream = self._aside.enter_context(path.open("w", encoding="utf-8", newline=""))
-        layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), **frames}
+        layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), "frame": "", **frames}
         table = CSV_KINDS[kind]
         columns = ["stamp", *table.required, *(c for c in table.optional if c not in _FRAMES)]
         file = _TableFile(path, stream, csv.writer(stream, lineterminator="\n"), layout, frames, len(columns))
@@ -175,8 +175,9 @@ class CsvFolderWriter:
             for row in csv.reader(rows):
                 row[file.place : file.place] = fields
                 file.writer.writerow(row)
-                fields = [_frame_field(frame) for frame in file.frames.values()]
+                fields = [name_field(frame) for frame in file.frames.values()]
         before.unlink()
+        file.layout.update(dict.fromkeys(file.frames, ""))  # of the rows whose field is empty
         file.rows_name_frames = True
 
 
@@ -216,16 +217,6 @@ def _frames(kind: str, event: Any) -> dict[str, str]:
         return {}
     frames = {"frame": event.frame_id}
     return {**frames, "child_frame": event.child_frame_id} if kind in ("odom", "truth") else frames
-
-
-def _frame_field(frame: str) -> str:
-    """A frame where each row of a stream names its own. LogError for one that would not read back."""
-    if not frame:
-        raise LogError(
-            "messages with and without a frame in one stream cannot be written to a CSV file; "
-            "name the output OUT.mcap"
-        )
-    return name_field(frame)
 
 
 def _refuse_to_join(file: _TableFile, inventory: TagInventory) -> None:

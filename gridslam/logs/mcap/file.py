@@ -1,19 +1,21 @@
-"""An MCAP file, read so that damage costs as little as possible.
+"""An MCAP file, read so that damage costs as few messages as possible.
 
-Records lie in chunks, or bare. A chunk is used when it unpacks and its checksum is right; after a part that
-is no record reading goes on with the next chunk, which the index names or a search finds.
+Records lie in chunks, or bare. A chunk is used if it can be unpacked and its checksum is right. After bytes that are no
+record, reading continues at the next chunk, which the index names or a search finds.
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
 from gridslam.core.errors import LogError
+from gridslam.logs.mcap.definitions import Definitions
 from gridslam.logs.mcap.records import (
     CHANNEL,
     CHUNK,
@@ -40,20 +42,30 @@ from gridslam.logs.mcap.records import (
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
-_SEARCH_BLOCK = 1 << 20
+_FIRST_SEARCH_BLOCK, _MAX_SEARCH_BLOCK = 1 << 12, 1 << 20
+_MAX_EXPANSION = (
+    1000  # of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
+)
+_ALWAYS_UNPACKED = 64 << 20
+_MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
+_MAX_OTHER_RECORDS = 1000  # of one chunk, which should hold schemas, channels and messages only
 
 
 @dataclass(slots=True)
 class McapFile:
-    """An MCAP file. `messages` goes through it from start to end; the first time it keeps the account."""
+    """An MCAP file. `messages` reads it from start to end; the first time it counts the damage.
+
+    The number of a channel or schema is its id in the file; one that is defined again with another content gets a number of
+    its own, which the messages after that definition carry.
+    """
 
     path: Path
     message_counts: MessageCounts
     limit_bytes: int
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
     compressions: dict[str, int] = field(default_factory=dict)
-    _chunk_offsets: list[int] = field(default_factory=list)
+    _chunk_offsets: list[int] = field(default_factory=list)  # ascending
+    _channels: Definitions[Channel] = field(default_factory=lambda: Definitions())
+    _schemas: Definitions[Schema] = field(default_factory=lambda: Definitions())
     _bad_chunks: set[int] = field(default_factory=set)
     _resumed: dict[int, int] = field(default_factory=dict)
     _expected: int | None = None
@@ -67,12 +79,29 @@ class McapFile:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise LogError(f"{self.path}: not an MCAP file (its first bytes are wrong)")
             self._read_summary(stream)
+        self._chunk_offsets.sort()
+
+    @property
+    def channels(self) -> Mapping[int, Channel]:
+        """Channels by number."""
+        return self._channels.by_number
+
+    @property
+    def schemas(self) -> Mapping[int, Schema]:
+        """Schemas by number."""
+        return self._schemas.by_number
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
-        """(channel id, data) of every readable message in recorded order. The same messages on every call."""
+        """(channel number, data) of every readable message in recorded order. The same messages on every call."""
         number = 0
+        limit = max(self._size, _MIN_MESSAGE_LIMIT)
+        self._channels.present.clear()
+        self._schemas.present.clear()
         for message in self._messages():
             number += 1
+            if number > limit:
+                self._lose("messages_beyond_one_per_byte", self._size)
+                break
             yield message
         if not self._is_indexed and self._expected is not None and number < self._expected:
             missing = self._expected - number
@@ -86,7 +115,11 @@ class McapFile:
             while at + RECORD.size <= self._size:
                 opcode, length = RECORD.unpack(exactly(stream, RECORD.size))
                 body = at + RECORD.size
-                if opcode == DATA_END and length == 4 and all(offset < at for offset in self._chunk_offsets):
+                if (
+                    opcode == DATA_END
+                    and length == 4
+                    and (not self._chunk_offsets or self._chunk_offsets[-1] < at)
+                ):
                     if not self._complete:
                         self.message_counts.note(
                             f"{self.path.name}: the index at its end is missing; no message is"
@@ -108,9 +141,9 @@ class McapFile:
                 self._note_end(at)
 
     def _belongs_here(self, stream: IO[bytes], opcode: int, length: int) -> bool:
-        """Whether such a record can stand at the stream's position in the data section.
+        """Whether a record of this opcode can be at the stream's position in the data section.
 
-        A chunk whose opcode was damaged does not pass as something to skip.
+        A chunk with a damaged opcode is not taken for a record to skip.
         """
         if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, HEADER):
             return True
@@ -131,14 +164,15 @@ class McapFile:
             yield from self._records(data, at)
 
     def _unpack(self, stream: IO[bytes], at: int, length: int) -> bytes | None:
-        """The chunk's records, or None (and a line in the message_counts) where they cannot be had."""
+        """The chunk's records; None, and counted, where it cannot be used."""
         data, fault = None, "chunk_of_impossible_size"
         if CHUNK_HEAD.size + 8 <= length <= self.limit_bytes:
             body = exactly(stream, length)
             _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(body)
             start = CHUNK_HEAD.size + name_length + 8
             packed_size = int.from_bytes(body[start - 8 : start], "little")
-            if start + packed_size <= length and size <= self.limit_bytes:
+            is_bomb = size > max(_ALWAYS_UNPACKED, _MAX_EXPANSION * packed_size)
+            if start + packed_size <= length and size <= self.limit_bytes and not is_bomb:
                 name = body[CHUNK_HEAD.size : start - 8].decode("utf-8", "replace")
                 fault = "chunk_that_cannot_be_unpacked"
                 data = unpack(name, body[start : start + packed_size], size)
@@ -151,8 +185,9 @@ class McapFile:
         return data
 
     def _records(self, data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
-        """The messages among the records in `data`; schemas and channels are noted."""
-        position, end = 0, len(data)
+        """The messages among the records in `data`; schemas and channels are entered."""
+        position, end, others = 0, len(data), 0
+        numbers = self._channels.present
         unpack_from = MESSAGE_RECORD.unpack_from
         while position + 11 <= end:
             opcode, length, channel = unpack_from(data, position)
@@ -165,11 +200,19 @@ class McapFile:
                 if length < MESSAGE_HEAD_BYTES:
                     self._lose("rest_of_damaged_chunk", at)
                     return
-                yield channel, data[start + MESSAGE_HEAD_BYTES : position]
+                yield (
+                    numbers.get(channel, channel) if numbers else channel,
+                    data[start + MESSAGE_HEAD_BYTES : position],
+                )
             elif opcode == SCHEMA:
                 self._note_schema(data[start:position], at)
             elif opcode == CHANNEL:
                 self._note_channel(data[start:position], at)
+            else:
+                others += 1
+                if opcode == 0 or others > _MAX_OTHER_RECORDS:
+                    self._lose("rest_of_damaged_chunk", at)
+                    return
 
     def _note_schema(self, body: bytes, at: int) -> None:
         try:
@@ -180,7 +223,7 @@ class McapFile:
         except (ValueError, UnicodeDecodeError):
             self._lose("damaged_schema", at)
             return
-        self.schemas.setdefault(identifier, Schema(name, encoding, data))
+        self._schemas.enter(identifier, Schema(name, encoding, data))
 
     def _note_channel(self, body: bytes, at: int) -> None:
         try:
@@ -190,7 +233,12 @@ class McapFile:
         except (ValueError, UnicodeDecodeError):
             self._lose("damaged_channel", at)
             return
-        self.channels.setdefault(identifier, Channel(topic, encoding, int.from_bytes(body[2:4], "little")))
+        schema = self._schemas.number_of(int.from_bytes(body[2:4], "little"))
+        if self._channels.enter(identifier, Channel(topic, encoding, schema)) and not self._is_indexed:
+            self.message_counts.note(
+                f"{self.path.name}: channel {identifier} is defined again as {topic}: its messages from there on count as "
+                "another stream"
+            )
 
     def _read_summary(self, stream: IO[bytes]) -> None:
         """Schemas, channels and chunk places from the file's end, if its checksum is right."""
@@ -228,15 +276,17 @@ class McapFile:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
-        """Where to go on after something at `at` that is no record: the next chunk of the index, else the
-        next place that looks like a record. The answer is the same on every pass.
+        """The place to continue after bytes at `at` that are no record, the same on every pass.
+
+        It is the next chunk of the index, else the next place that looks like a record.
         """
         if at in self._resumed:
             stream.seek(self._resumed[at])
             return self._resumed[at]
         stream.seek(at)
         chunked = bool(self.compressions or self._bad_chunks) or stream.read(1) == bytes([CHUNK])
-        place = next((offset for offset in sorted(self._chunk_offsets) if offset > at), None)
+        after = bisect_right(self._chunk_offsets, at)
+        place = self._chunk_offsets[after] if after < len(self._chunk_offsets) else None
         if place is None:
             place = self._search(stream, at + 1, (CHUNK,) if chunked else (MESSAGE, CHUNK))
         self._lose("damaged_part" if place is not None or self._complete else "last_record_of_cut_file", at)
@@ -246,15 +296,18 @@ class McapFile:
 
     def _search(self, stream: IO[bytes], start: int, opcodes: tuple[int, ...]) -> int | None:
         """The next offset at which a chunk whose lengths agree, or three records in a row, can be."""
-        for block_start in range(start, self._size, _SEARCH_BLOCK):
+        block_start, size = start, _FIRST_SEARCH_BLOCK
+        while block_start < self._size:
             stream.seek(block_start)
-            block = stream.read(_SEARCH_BLOCK)
+            block = stream.read(size)
             for opcode in opcodes:
                 found = block.find(opcode)
                 while found >= 0:
                     if self._plausible(stream, block_start + found):
                         return block_start + found
                     found = block.find(opcode, found + 1)
+            block_start += size
+            size = min(size * 4, _MAX_SEARCH_BLOCK)
         return None
 
     def _plausible(self, stream: IO[bytes], at: int) -> bool:
@@ -281,6 +334,6 @@ class McapFile:
             )
 
     def _lose(self, what: str, at: int) -> None:
-        """Enter damage in the message_counts, on the first pass only."""
+        """Count damage, on the first pass only."""
         if not self._is_indexed:
             self.message_counts.lose(what, f"{self.path.name} byte {at}")

@@ -16,7 +16,6 @@ from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.joints import JointState, Servos, joint_state, wheel_places, wheels_of
 from gridslam.logs.ros.types import decoder_of, full_name, is_standard
 from gridslam.logs.skips import SkipReason
-from gridslam.logs.streams import printable
 
 # What decoding a damaged message may raise.
 DECODING_ERRORS = (
@@ -50,8 +49,8 @@ class ChannelDecoder:
     """
 
     def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
-        self.topic = printable(channel.topic)
-        self.type = printable(full_name(schema.name)) if schema else ""
+        self.topic = channel.topic
+        self.type = full_name(schema.name) if schema else ""
         self.kind = kind_of_ros_type(self.type)
         self.fault: SkipReason | None = None
         self.stream: int | None = None

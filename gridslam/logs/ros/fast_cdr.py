@@ -18,7 +18,6 @@ from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
 from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
-from gridslam.logs.streams import printable
 
 _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id
 _SCAN = struct.Struct(
@@ -50,7 +49,7 @@ def head(data: bytes) -> tuple[int, bytes] | None:
 @lru_cache(maxsize=1024)
 def frame_text(frame: bytes) -> str:
     """frame_id as text, without the leading slash of old tf."""
-    return printable(frame.decode().lstrip("/"))
+    return frame.decode().lstrip("/")
 
 
 @lru_cache(maxsize=1024)

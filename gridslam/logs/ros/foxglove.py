@@ -19,7 +19,7 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 def parse(data: bytes) -> Any:
     """The JSON document as an object with fields. Raises ValueError where it is none."""
-    message = json.loads(data, object_hook=lambda fields: SimpleNamespace(**fields))
+    message = json.loads(data, object_hook=_object)
     if not isinstance(message, SimpleNamespace):
         raise ValueError("not a JSON object")
     return message
@@ -75,3 +75,13 @@ def event(type_name: str, kind: str, message: Any, topic: str) -> Event:
     if converter is None:
         raise ValueError("no conversion")
     return converter(stamp, frame, message, topic)
+
+
+def _object(fields: dict[str, Any]) -> SimpleNamespace:
+    """The fields as attributes. Raises ValueError (UnicodeEncodeError): a text that is no Unicode, such as half a character."""
+    for value in fields.values():
+        if isinstance(value, str) and not value.isascii():
+            value.encode()
+        elif isinstance(value, list) and value and isinstance(value[0], str):
+            "".join(map(str, value)).encode()
+    return SimpleNamespace(**fields)

@@ -17,7 +17,7 @@ from gridslam.logs.ros.decoder import DECODING_ERRORS, ChannelDecoder
 from gridslam.logs.ros.joints import Servos
 from gridslam.logs.rotations import normalise
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
-from gridslam.logs.streams import RecordedStream, printable
+from gridslam.logs.streams import RecordedStream
 
 _MAX_FRAMES = 1000
 _MAX_EDGES = 10_000
@@ -62,6 +62,11 @@ class RosSource:
     def static_edges(self) -> list[Transform]:
         """The last static transform to each frame."""
         return list(self._static.values())
+
+    @property
+    def message_count(self) -> int:
+        """Messages of the container, the skipped ones too."""
+        return len(self._assignment)
 
     def close(self) -> None:
         """Nothing stays open between passes."""
@@ -110,9 +115,7 @@ class RosSource:
     def _note_unused_servos(self) -> None:
         """Note rangers that nothing turns, where the log has servos that turn no ranger."""
         rangers = sorted({frame for s in self.streams if s.kind == "range" for frame in s.frames})
-        servos = sorted(
-            {printable(n) for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names}
-        )
+        servos = sorted({n for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names})
         fixed = [frame for frame in rangers if frame not in self._servos]
         unused = [name for name in servos if name not in rangers]
         if fixed and unused:
@@ -235,6 +238,6 @@ def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip
     try:
         return decoder.event(data, servos)
     except UnusableMessageError as error:
-        return Skip(error.reason, detail=printable(error.detail))
+        return Skip(error.reason, detail=error.detail)
     except DECODING_ERRORS:
         return Skip(SkipReason.UNDECODABLE)

@@ -8,8 +8,9 @@ from functools import cache
 from typing import Any
 
 from gridslam.logs.ros.container import Schema
+from gridslam.logs.ros.definitions import checked_types, is_type_name
 
-_LARGEST_SCHEMA_BYTES = 1_000_000
+MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
 TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
 
 # The fields that the hand-written decoders in ros_fast expect.
@@ -53,8 +54,8 @@ def full_name(name: str) -> str:
 
 
 def is_standard(schema: Schema) -> bool:
-    """Whether all types in a ros2msg schema that we know have exactly the standard fields in order."""
-    if schema.encoding != "ros2msg":
+    """Whether the types of a ros2msg schema that `ros/fast_cdr.py` reads have exactly the standard fields in order."""
+    if schema.encoding != "ros2msg" or len(schema.data) > MAX_SCHEMA_BYTES:
         return False
     try:
         text = schema.data.decode()
@@ -84,9 +85,9 @@ def _fields(text: str) -> str:
 
 
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
-    """A function from CDR bytes to a message object; it raises ValueError for bytes that are no such message.
+    """The decoder of a type: from CDR bytes to a message object; it raises ValueError for bytes that are no such message.
 
-    Raises ValueError for a schema that cannot be understood.
+    Raises ValueError: the schema cannot be understood, or has names that no ROS definition has.
     """
     from rosbags.typesys import Stores, TypesysError, get_typestore
 
@@ -94,12 +95,15 @@ def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
         if name not in ros2_types().fielddefs:
             raise ValueError(f"{name}: the log has no definition of this type")
         return _decoder(ros2_types(), name)
-    if len(schema.data) > _LARGEST_SCHEMA_BYTES:
+    if not is_type_name(name):
+        raise ValueError("not the name of a message type")
+    if len(schema.data) > MAX_SCHEMA_BYTES:
         raise ValueError(f"{name}: its definition is larger than any real one")
     store = get_typestore(Stores.EMPTY)
     try:
-        store.register({**_time_types(), **_types_of(schema.data.decode(), schema.encoding, name)})
-    except (TypesysError, KeyError, ValueError, RecursionError) as error:
+        parsed = _types_of(schema.data.decode(), schema.encoding, name)
+        store.register({**_time_types(), **checked_types(parsed)})
+    except (TypesysError, KeyError, ValueError, RecursionError, MemoryError) as error:
         raise ValueError(f"{name}: its definition cannot be understood ({error})") from error
     return _decoder(store, name)
 

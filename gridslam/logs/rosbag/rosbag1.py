@@ -1,4 +1,4 @@
-"""ROS 1 bags, through rosbags; their messages are turned into CDR and then treated as those of ROS 2."""
+"""ROS 1 bags, read by the library rosbags; their messages are converted to CDR and then decoded as those of ROS 2."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
+from gridslam.logs.ros.definitions import is_valid
 from gridslam.logs.ros.source import RosSource
-from gridslam.logs.ros.types import ros2_types
+from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, ros2_types
 
+_UNREADABLE = (("", (0, "")),)  # fields that are no valid ones
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 
 
@@ -57,27 +59,48 @@ class Ros1Bag:
         self._is_indexed = True
 
     def _to_cdr(self, raw: bytes, name: str) -> bytes:
-        """The message in CDR; no bytes (which count as undecodable) where it cannot be had."""
+        """The message in CDR; empty, which counts as undecodable, where it cannot be converted."""
         from rosbags.serde import SerdeError
+        from rosbags.typesys import TypesysError
 
         try:
             return bytes(self._store.ros1_to_cdr(raw, name))
-        except (SerdeError, *_DAMAGE):
+        except (SerdeError, TypesysError, MemoryError, *_DAMAGE):
             return b""
 
 
 def _types_of(connections: Iterable[Any]) -> Any:
-    """The bag's own types, with ROS 2's header: in CDR there is no `seq`."""
-    from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+    """The bag's own types, with ROS 2's header: in CDR there is no `seq`.
+
+    A type whose definition in the bag is wrong is missing: its messages cannot be converted to CDR, and are counted then.
+    """
+    from rosbags.typesys import Stores, get_typestore
 
     types = dict(get_typestore(Stores.ROS1_NOETIC).fielddefs)
+    wrong: set[str] = set()
+    valid: dict[str, Any] = {}
     for connection in connections:
-        with suppress(TypesysError):  # a message of such a type cannot be turned into CDR and is counted then
-            types.update(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        for name, (_, fields) in _definitions(connection).items():
+            if is_valid(name, fields):
+                valid[name] = ([], fields)
+            else:
+                wrong.add(name)
+    types = {name: definition for name, definition in types.items() if name not in wrong} | valid
     types["std_msgs/msg/Header"] = ros2_types().fielddefs["std_msgs/msg/Header"]
     store = get_typestore(Stores.EMPTY)
     store.register(types)
     return store
+
+
+def _definitions(connection: Any) -> dict[str, Any]:
+    """The types in the definition of a connection; the connection's own without fields where it cannot be parsed."""
+    from rosbags.typesys import TypesysError, get_types_from_msg
+
+    text = connection.msgdef.data
+    if len(text) <= MAX_SCHEMA_BYTES:
+        with suppress(TypesysError, KeyError, ValueError, RecursionError):
+            return dict(get_types_from_msg(text, connection.msgtype))
+    return {connection.msgtype: ([], _UNREADABLE)}
 
 
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:

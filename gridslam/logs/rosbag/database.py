@@ -1,0 +1,159 @@
+"""A rosbag2 database: a .db3 file of SQLite, read without trusting what it holds."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import tempfile
+import weakref
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from gridslam.core.errors import LogError
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.ros.container import Channel, Schema
+from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, full_name
+
+_TICK_INSTRUCTIONS = 100_000  # of SQLite's machine, after which signals are looked at
+_MAX_TOPICS = 100_000
+_MAX_NAME = 10_000  # bytes of a topic, a type and an encoding
+_MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
+_DAMAGE = (sqlite3.Error, UnicodeDecodeError, OverflowError)
+
+
+class DatabaseFile:
+    """The messages of a .db3 file, in the order in which they were written.
+
+    Messages that a killed recorder left in the write-ahead log `FILE-wal` are read as well, from a copy of both files.
+    Views, virtual tables and computed columns are refused: they can hold more than any disk.
+    """
+
+    def __init__(self, path: Path, message_counts: MessageCounts, limit_bytes: int) -> None:
+        self.path = path
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.files = [path]
+        self._message_counts = message_counts
+        self._limit = limit_bytes
+        self._is_indexed = False
+        self._copy: Path | None = None
+        self._message_limit = path.stat().st_size
+        self._use_write_ahead_log(Path(f"{path}-wal"))
+        try:
+            with closing(self._connect()) as database:
+                _refuse_computed_tables(database, path)
+                self._read_topics(database)
+        except _DAMAGE as error:
+            raise _interrupt_or(
+                LogError(f"{path}: not a readable rosbag2 database ({error})"), error
+            ) from error
+
+    def messages(self) -> Iterator[tuple[int, bytes]]:
+        """(topic id, data) of every readable message."""
+        number = 0
+        query = (
+            "SELECT topic_id, CASE WHEN typeof(data) = 'blob' AND length(data) <= ? THEN data END FROM messages "
+            "ORDER BY rowid"
+        )
+        try:
+            with closing(self._connect()) as database:
+                for channel, data in database.execute(query, (self._limit,)):
+                    number += 1
+                    if number > max(self._message_limit, _MIN_MESSAGE_LIMIT):
+                        self._lose("messages_beyond_one_per_byte", number)
+                        break
+                    if data is not None and isinstance(channel, int):
+                        yield channel, data
+                    else:
+                        self._lose("unreadable_row", number)
+        except _DAMAGE as error:
+            self._lose("rest_of_database", number, f" ({error})")
+            _interrupt_or(error, error)
+        self._is_indexed = True
+
+    def _lose(self, what: str, number: int, why: str = "") -> None:
+        if not self._is_indexed:
+            self._message_counts.lose(what, f"{self.path.name} message {number}{why}")
+
+    def _use_write_ahead_log(self, log: Path) -> None:
+        """Copy the database and its log, where it has one: reading them in place would write beside them."""
+        try:
+            if not log.is_file() or log.stat().st_size == 0:
+                return
+            size = self.path.stat().st_size + log.stat().st_size
+            folder = Path(tempfile.mkdtemp(prefix="gridslam-"))
+            weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+            if shutil.disk_usage(folder).free < 2 * size:
+                raise OSError(f"{folder} has no room for a copy")
+            self._copy = folder / "recording.db3"
+            shutil.copyfile(self.path, self._copy)
+            shutil.copyfile(log, f"{self._copy}-wal")
+        except OSError as error:
+            raise LogError(
+                f"{self.path}: the recorder left messages in {log.name}, which cannot be read ({error}); write them into "
+                f"the database with `sqlite3 {self.path.name} 'PRAGMA wal_checkpoint'`"
+            ) from error
+        self._message_limit = size
+        self.files.append(log)
+        self._message_counts.note(f"{self.path.name}: read together with {log.name}, which its recorder left")
+
+    def _connect(self) -> sqlite3.Connection:
+        path, options = (self.path, "mode=ro&immutable=1") if self._copy is None else (self._copy, "mode=rw")
+        database = sqlite3.connect(f"{path.resolve().as_uri()}?{options}", uri=True)
+        database.text_factory = lambda text: text.decode("utf-8", "replace")
+        database.set_progress_handler(lambda: 0, _TICK_INSTRUCTIONS)
+        return database
+
+    def _read_topics(self, database: sqlite3.Connection) -> None:
+        definitions = self._definitions(database)
+        query = (
+            "SELECT id, name, type, serialization_format FROM topics WHERE typeof(id) = 'integer' "
+            f"AND length(name) + length(type) + length(serialization_format) < {_MAX_NAME} ORDER BY id LIMIT {_MAX_TOPICS}"
+        )
+        for number, name, kind, encoding in database.execute(query):
+            self.channels[number] = Channel(str(name), str(encoding), number)
+            text_encoding, text = definitions.get(str(kind), ("", ""))
+            self.schemas[number] = Schema(full_name(str(kind)), text_encoding, text.encode())
+
+    @staticmethod
+    def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+        """Definitions by type: newer recorders store them, older ones do not."""
+        if "message_definitions" not in _tables(database):
+            return {}
+        rows = database.execute(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions "
+            f"WHERE length(encoded_message_definition) <= {MAX_SCHEMA_BYTES} LIMIT {_MAX_TOPICS}"
+        )
+        return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows}
+
+
+def _tables(database: sqlite3.Connection) -> dict[str, str]:
+    """The tables of a database with the statement that made each; no views."""
+    return dict(
+        database.execute("SELECT name, sql FROM sqlite_master WHERE type = 'table' AND length(sql) < 100000")
+    )
+
+
+def _refuse_computed_tables(database: sqlite3.Connection, path: Path) -> None:
+    """Raises LogError unless topics and messages are real tables of stored columns."""
+    tables = _tables(database)
+    for name in ("topics", "messages", "message_definitions"):
+        if name not in tables:
+            entry = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (name,)).fetchone()
+            if name == "message_definitions" and entry is None:
+                continue
+            what = f"is a {entry[0]}" if entry else "is missing"
+            raise LogError(f"{path}: not a readable rosbag2 database (the table {name!r} {what})")
+        columns: list[tuple[Any, ...]] = database.execute(f"PRAGMA table_xinfo({name})").fetchall()
+        is_computed = any(column[6] in (2, 3) for column in columns)
+        if is_computed or tables[name].lstrip().upper().startswith("CREATE VIRTUAL"):
+            raise LogError(f"{path}: not a readable rosbag2 database (the table {name!r} is computed)")
+
+
+def _interrupt_or(otherwise: Exception, error: Exception) -> Exception:
+    """KeyboardInterrupt where a signal stopped SQLite, which reports it as an error of its own; else the other error."""
+    if isinstance(error, sqlite3.OperationalError) and str(error) == "interrupted":
+        raise KeyboardInterrupt from None
+    return otherwise

@@ -1,0 +1,292 @@
+"""Files made to contradict themselves, to look changed, or to cost far more than their size."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sqlite3
+import struct
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zstandard
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import Imu, LaserScan, Odometry
+from gridslam.logs import open_log, open_writer
+from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA
+from gridslam.logs.ros.encode import encode
+from gridslam.logs.ros.types import ros2_types
+from tests.conftest import REPOSITORY
+from tests.logs.mutations import at_most, sample_events
+from tests.logs.test_rosbag import rosbag2
+
+S = 10**9
+ODOMETRY, SCAN, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Imu"
+
+
+def record(opcode: int, body: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value.encode())) + value.encode()
+
+
+def schema(number: int, name: str, definition: str | None = None) -> bytes:
+    if definition is None:
+        definition, _ = ros2_types().generate_msgdef(name, ros_version=2)
+    return record(SCHEMA, struct.pack("<H", number) + text(name) + text("ros2msg") + text(definition))
+
+
+def channel(number: int, schema_number: int, topic: str, encoding: str = "cdr") -> bytes:
+    return record(
+        CHANNEL, struct.pack("<HH", number, schema_number) + text(topic) + text(encoding) + text("")
+    )
+
+
+def message(number: int, data: bytes) -> bytes:
+    return record(MESSAGE, struct.pack("<HIQQ", number, 0, 0, 0) + data)
+
+
+def cdr(event: object) -> bytes:
+    (encoded,) = encode(event)  # type: ignore[arg-type]
+    return encoded.data
+
+
+def odometry(i: int) -> bytes:
+    return cdr(Odometry(i * S, "odom", float(i), 0.0, 0.0))
+
+
+def mcap(path: Path, *records: bytes) -> Path:
+    path.write_bytes(MAGIC + record(HEADER, text("ros2") + text("test")) + b"".join(records))
+    return path
+
+
+def read(path: Path) -> tuple[Counter[str], dict[str, int]]:
+    with open_log(path) as log:
+        kinds = Counter(type(event).__name__ for event in log.events())
+        return kinds, log.counters
+
+
+def test_messages_before_their_channel_are_counted_and_the_others_all_read(tmp_path: Path) -> None:
+    path = mcap(
+        tmp_path / "a.mcap",
+        schema(1, ODOMETRY),
+        message(1, odometry(1)),
+        channel(1, 1, "/odom"),
+        *(message(1, odometry(i)) for i in range(2, 6)),
+    )
+    with open_log(path) as log:
+        assert [e.stamp_ns // S for e in log.events() if isinstance(e, Odometry)] == [2, 3, 4, 5]
+        assert log.counters["skipped.unknown.no_channel"] == 1
+
+
+def test_a_channel_that_is_defined_again_is_another_stream_from_there_on(tmp_path: Path) -> None:
+    path = mcap(
+        tmp_path / "a.mcap",
+        schema(1, ODOMETRY),
+        schema(2, IMU),
+        channel(1, 1, "/odom"),
+        *(message(1, odometry(i)) for i in range(1, 4)),
+        channel(1, 2, "/imu"),
+        *(message(1, cdr(Imu(i * S, "imu", 0.5))) for i in range(1, 4)),
+        channel(1, 1, "/odom"),
+        message(1, odometry(4)),
+    )
+    for _ in range(2):
+        with open_log(path) as log:
+            kinds = Counter(type(event).__name__ for event in log.events())
+            assert (kinds["Odometry"], kinds["Imu"]) == (4, 3)
+            assert any("channel 1 is defined again as /imu" in line for line in log.problems)
+            assert log.counters["read.odom"] == 4
+
+
+@pytest.mark.parametrize(
+    ("definition", "encoding", "reason"),
+    [
+        ("%%%", "cdr", "unreadable_schema"),
+        ("NoSuchType field\n", "cdr", "undecodable"),
+        ("float64 x\nfloat64 x\n", "cdr", "unreadable_schema"),
+        (None, "ros1", "unknown_encoding"),
+    ],
+)
+def test_a_stream_that_cannot_be_decoded_is_counted_and_the_others_all_read(
+    tmp_path: Path, definition: str | None, encoding: str, reason: str
+) -> None:
+    records = [
+        schema(1, ODOMETRY),
+        schema(2, IMU, definition),
+        channel(1, 1, "/odom"),
+        channel(2, 2, "/imu", encoding),
+    ]
+    for i in range(1, 6):
+        records += [message(1, odometry(i)), message(2, cdr(Imu(i * S, "imu", 0.5)))]
+    kinds, counters = read(mcap(tmp_path / "a.mcap", *records))
+    assert kinds["Odometry"] == 5
+    assert kinds["Imu"] == 0
+    assert counters[f"skipped.imu.{reason}"] == 5
+
+
+def test_only_a_file_that_did_change_is_said_to_have_changed(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with open_writer(path) as writer:
+        for event in sample_events(200, 90):
+            writer.write(event)
+    whole = path.read_bytes()
+    with open_log(path) as log:
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(LogError, match=r"log\.mcap.*while it was read"):
+            list(log.events())
+
+
+BOMBS: dict[str, Callable[[], bytes]] = {
+    "a chunk of zeros": lambda: chunk(bytes(400_000_000)),
+    "a chunk of empty records": lambda: chunk(record(0x90, b"") * 3_000_000),
+    "twenty thousand damaged parts": lambda: (
+        b"\x03" + b"".join(record(MESSAGE, b"\x01\x00" + bytes(20)) + b"\xff" * 60 for _ in range(20_000))
+    ),
+    "an enormous definition": lambda: (
+        schema(3, SCAN, "float32 a\n" * 60_000) + channel(3, 3, "/big") + message(3, cdr_of_scan()) * 3
+    ),
+    "a channel that is defined again and again": lambda: b"".join(
+        channel(7, 1, f"/odom{i}") + message(7, odometry(i)) for i in range(2000)
+    ),
+}
+
+
+def chunk(data: bytes) -> bytes:
+    packed = zstandard.ZstdCompressor().compress(data)
+    head = CHUNK_HEAD.pack(0, 0, len(data), 0, 4)
+    return record(CHUNK, head + b"zstd" + struct.pack("<Q", len(packed)) + packed)
+
+
+def cdr_of_scan() -> bytes:
+    import numpy as np
+
+    return cdr(LaserScan(S, "laser", np.ones(3, np.float32), -1.0, 0.5, 0.125, 30.0))
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_a_small_mcap_file_costs_little_time_and_the_rest_of_it_is_read(tmp_path: Path, bomb: str) -> None:
+    records = [schema(1, ODOMETRY), channel(1, 1, "/odom"), *(message(1, odometry(i)) for i in range(1, 6))]
+    path = mcap(tmp_path / "a.mcap", *records, BOMBS[bomb]())
+    assert path.stat().st_size < 4_000_000
+    with at_most(20):
+        kinds, _ = read(path)
+    assert kinds["Odometry"] >= 5
+
+
+def database(path: Path, *statements: str) -> Path:
+    with sqlite3.connect(path) as connection:
+        connection.execute(
+            "CREATE TABLE IF NOT EXISTS topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)"
+        )
+        for statement in statements:
+            connection.execute(statement)
+    connection.close()
+    return path
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        f"CREATE VIEW messages AS {ENDLESS} i AS id, 1 AS topic_id, i AS timestamp, zeroblob(1000000) AS data FROM n",
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INT, timestamp INT, "
+        "data BLOB GENERATED ALWAYS AS (zeroblob(900000000)))",
+        "CREATE VIRTUAL TABLE messages USING fts5(topic_id, data)",
+    ],
+)
+def test_a_database_whose_messages_are_computed_is_refused(tmp_path: Path, statement: str) -> None:
+    path = database(tmp_path / "a.db3", statement)
+    with at_most(10), pytest.raises(LogError, match=r"the table 'messages' is (a view|computed)"):
+        open_log(path)
+
+
+def test_a_database_whose_topics_are_a_view_or_missing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    with sqlite3.connect(path) as connection:
+        connection.execute(f"CREATE VIEW topics AS {ENDLESS} i AS id FROM n")
+    connection.close()
+    with at_most(10), pytest.raises(LogError, match="the table 'topics' is a view"):
+        open_log(path)
+
+
+def test_messages_that_a_killed_recorder_left_in_the_write_ahead_log_are_read(tmp_path: Path) -> None:
+    source = next(rosbag2(tmp_path / "bag").glob("*.db3"))
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    live = Path(shutil.copy(source, tmp_path / "live.db3"))
+    connection = sqlite3.connect(live)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA wal_autocheckpoint = 0")
+    kept = connection.execute("SELECT count(*) FROM messages").fetchone()[0]
+    connection.execute(
+        "INSERT INTO messages(topic_id, timestamp, data) SELECT topic_id, timestamp, data FROM messages"
+    )
+    connection.commit()
+    for name in ("live.db3", "live.db3-wal"):
+        shutil.copy(tmp_path / name, folder / name)
+    connection.close()
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    with open_log(folder / "live.db3") as log:
+        delivered = sum(1 for event in log.events() if isinstance(event, LaserScan | Odometry))
+        assert set(log.input_hashes()) == {"live.db3", "live.db3-wal"}
+        assert any("live.db3-wal" in line for line in log.problems)
+    assert delivered == 2 * (kept - 1)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_messages_that_metadata_counts_and_the_file_lacks_are_a_loss(tmp_path: Path) -> None:
+    bag = rosbag2(tmp_path / "bag")
+    connection = sqlite3.connect(next(bag.glob("*.db3")))
+    with connection:
+        connection.execute("DELETE FROM messages WHERE id % 2 = 0")
+        missing = connection.execute("SELECT changes()").fetchone()[0]
+    connection.close()
+    _, counters = read(bag)
+    assert counters["lost.messages"] == missing
+
+
+def test_a_file_that_metadata_names_many_times_is_read_once_and_said(tmp_path: Path) -> None:
+    bag = rosbag2(tmp_path / "bag")
+    expected, _ = read(bag)
+    metadata = bag / "metadata.yaml"
+    name = next(bag.glob("*.db3")).name
+    lines = re.sub(rf"\n( *- ){name}", rf"\n\1{name}" + rf"\n\1./{name}" * 50, metadata.read_text(), count=1)
+    metadata.write_text(lines)
+    with open_log(bag) as log:
+        assert Counter(type(event).__name__ for event in log.events()) == expected
+        assert any("names 51 files, of which 1 differ" in line for line in log.problems)
+
+
+def test_reading_a_database_ends_on_an_interruption(tmp_path: Path) -> None:
+    path = database(
+        tmp_path / "a.db3",
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INT, timestamp INT, data BLOB)",
+        f"INSERT INTO messages(topic_id, timestamp, data) {ENDLESS} 1, i, zeroblob(100) FROM n LIMIT 300000",
+    )
+    code = (
+        "import sys; from gridslam.logs import open_log\n"
+        f"print('reading', flush=True)\nfor _ in range(1000): open_log({str(path)!r}).close()"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=REPOSITORY,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.readline()
+    time.sleep(1.0)
+    process.send_signal(2)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode != 0
+    assert "KeyboardInterrupt" in errors
