@@ -1,7 +1,7 @@
-"""Steps of the recorder's clock: places where several streams step back by the same amount at the same time.
+"""Steps of the recorder's clock: places where several streams jump back by the same amount at the same time.
 
-A clock that is set back, or a recording that was played in a loop, makes every stream step back. The streams after the
-step belong together, and so do those before it. A step back of one stream alone is disorder within that stream.
+A clock that is set back, or a recording that was played in a loop, makes every stream jump back. The streams after the
+step belong together, and so do those before it. A jump back of one stream alone is disorder within that stream.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core.stamps import NS_PER_S
 
 MIN_STEP_NS = NS_PER_S // 5  # smaller ones are jitter, or cannot be told apart from the period of a stream
-_MIN_OVERLAP = 0.5  # of the spans that two streams step back over, relative to the longer
+_MIN_OVERLAP = 0.5  # of the spans that two streams jump back over, relative to the longer
 _MAX_STEPS = 1000  # of one stream; one with more is in disorder
 
 Stamps = NDArray[np.int64]
@@ -29,7 +29,7 @@ def clock_epochs(streams: Sequence[Stamps]) -> list[Stamps]:
 
 
 def _steps_of(stamps: Stamps) -> list[Step]:
-    """The steps back of one stream."""
+    """The jumps back of one stream."""
     places = np.flatnonzero(np.diff(stamps) < -MIN_STEP_NS) + 1
     if len(places) > _MAX_STEPS:
         return []
@@ -74,6 +74,6 @@ def _epochs_of(stamps: Stamps, own: list[Step], common: list[Step]) -> Stamps:
 
 
 def _overlap(a: Step, b: Step) -> bool:
-    """Whether two streams step back over the same span of time."""
+    """Whether two streams jump back over the same span of time."""
     common = min(a[2], b[2]) - max(a[1], b[1])
     return common >= _MIN_OVERLAP * max(a[2] - a[1], b[2] - b[1])

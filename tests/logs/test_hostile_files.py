@@ -24,7 +24,7 @@ from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.types import ros2_types
 from tests.conftest import REPOSITORY
-from tests.logs.mutations import at_most, sample_events
+from tests.logs.mutations import limit, sample_events
 from tests.logs.test_rosbag import rosbag2
 
 S = 10**9
@@ -178,7 +178,7 @@ def test_a_small_mcap_file_costs_little_time_and_the_rest_of_it_is_read(tmp_path
     records = [schema(1, ODOMETRY), channel(1, 1, "/odom"), *(message(1, odometry(i)) for i in range(1, 6))]
     path = mcap(tmp_path / "a.mcap", *records, BOMBS[bomb]())
     assert path.stat().st_size < 4_000_000
-    with at_most(20):
+    with limit(20):
         kinds, _ = read(path)
     assert kinds["Odometry"] >= 5
 
@@ -208,7 +208,7 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 )
 def test_a_database_whose_messages_are_computed_is_refused(tmp_path: Path, statement: str) -> None:
     path = database(tmp_path / "a.db3", statement)
-    with at_most(10), pytest.raises(LogError, match=r"the table 'messages' is (a view|computed)"):
+    with limit(10), pytest.raises(LogError, match=r"the table 'messages' is (a view|computed)"):
         open_log(path)
 
 
@@ -217,7 +217,7 @@ def test_a_database_whose_topics_are_a_view_or_missing_is_refused(tmp_path: Path
     with sqlite3.connect(path) as connection:
         connection.execute(f"CREATE VIEW topics AS {ENDLESS} i AS id FROM n")
     connection.close()
-    with at_most(10), pytest.raises(LogError, match="the table 'topics' is a view"):
+    with limit(10), pytest.raises(LogError, match="the table 'topics' is a view"):
         open_log(path)
 
 
@@ -239,10 +239,10 @@ def test_messages_that_a_killed_recorder_left_in_the_write_ahead_log_are_read(tm
     connection.close()
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
     with open_log(folder / "live.db3") as log:
-        delivered = sum(1 for event in log.events() if isinstance(event, LaserScan | Odometry))
+        found = sum(1 for event in log.events() if isinstance(event, LaserScan | Odometry))
         assert set(log.input_hashes()) == {"live.db3", "live.db3-wal"}
         assert any("live.db3-wal" in line for line in log.problems)
-    assert delivered == 2 * (kept - 1)
+    assert found == 2 * (kept - 1)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
