@@ -1,14 +1,18 @@
-"""Camera geometry: rotations of optical frames, and the stereo camera."""
+"""Camera geometry: rotations of optical frames, the stereo camera, and the side of a camera by its name."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+
+_NUMBERED = {"infra1": "left", "infra2": "right", "cam0": "left", "cam1": "right"}
+_NUMBERED_NAME = re.compile(r"(?<![a-z0-9])(infra[12]|cam[01])(?![0-9])")
 
 
 def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
@@ -21,6 +25,21 @@ def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def side_of(names: Iterable[str]) -> str:
+    """`left` or `right` where one of the names (topic, camera, frame) says so, else empty.
+
+    Numbered cameras of stereo heads are infra1 and infra2 (RealSense), cam0 and cam1 (EuRoC).
+    """
+    for name in names:
+        lowered = name.lower()
+        if ("left" in lowered) != ("right" in lowered):
+            return "left" if "left" in lowered else "right"
+        numbers = {_NUMBERED[found] for found in _NUMBERED_NAME.findall(lowered)}
+        if len(numbers) == 1:
+            return numbers.pop()
+    return ""
 
 
 @dataclass(frozen=True, slots=True)

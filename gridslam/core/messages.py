@@ -162,12 +162,13 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class StereoPair:
-    """Rectified grey images of one moment, left and right, `(rows, cols)` uint8."""
+    """Grey images of one moment, left and right, `(rows, cols)` uint8; rectified unless `is_raw`."""
 
     stamp_ns: int
     frame_id: str
     left: NDArray[np.uint8]
     right: NDArray[np.uint8]
+    is_raw: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +195,10 @@ class DepthImage:
 
 @dataclass(frozen=True, slots=True)
 class CameraInfo:
-    """Calibration: K `(3, 3)`, projection P `(3, 4)`, distortion coefficients D `(n,)` in OpenCV's order."""
+    """Calibration: K `(3, 3)`, projection P `(3, 4)`, distortion coefficients D `(n,)` in OpenCV's order.
+
+    R `(3, 3)` is the rectifying rotation, `distortion_model` as in ROS (plumb_bob, rational_polynomial, equidistant).
+    """
 
     stamp_ns: int
     frame_id: str
@@ -204,6 +208,8 @@ class CameraInfo:
     P: NDArray[np.float64]
     D: NDArray[np.float64]
     camera: str = ""
+    R: NDArray[np.float64] = field(default_factory=lambda: readonly(np.eye(3), np.float64))
+    distortion_model: str = "plumb_bob"
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+from gridslam.core.cameras import side_of
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import EVENT_KINDS, KINDS, PRECEDENCE
-from gridslam.logs.stereo import side_of
+from gridslam.logs.stereo import is_rectified
 from gridslam.logs.streams import RecordedStream
 
 _ROBOT_FRAMES = ("base_link", "base_footprint")
@@ -51,6 +52,7 @@ def select_streams(
         candidates = [i for i in listed if i not in (truth, *kind_of) and streams[i].kind == recorded]
         if kind == "stereo":
             candidates = [i for i in candidates if kinds is not None and _is_sided(streams[i])]
+            candidates = _rectified_if_both(candidates, streams)
         if kind == "scan" and kinds is not None:
             clouds = [i for i in listed if streams[i].kind == "cloud" and len(streams[i].stamps_ns)]
             candidates += clouds if not candidates or kind in config.topics else []
@@ -71,6 +73,13 @@ def select_streams(
 def _is_sided(stream: RecordedStream) -> bool:
     """Whether a stream of images belongs to a stereo head."""
     return bool(side_of((stream.topic,)) or any(side_of((frame,)) for frame in stream.frames))
+
+
+def _rectified_if_both(candidates: list[int], streams: Sequence[RecordedStream]) -> list[int]:
+    """The rectified streams of both sides if there are any, without the raw ones beside them."""
+    rectified = [i for i in candidates if is_rectified(streams[i].topic)]
+    sides = {side_of((streams[i].topic, *streams[i].frames)) for i in rectified}
+    return rectified if sides == {"left", "right"} else candidates
 
 
 def _precedence(stream: RecordedStream) -> tuple[int, str, str]:

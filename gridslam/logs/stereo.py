@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import side_of
 from gridslam.core.messages import Image, StereoPair, readonly
 
 SAME_MOMENT_NS = 5_000_000
 _GREY_OF_RGB = np.array([299, 587, 114], dtype=np.uint32)  # ITU-R BT.601, in thousandths
 
 
-def side_of(names: Iterable[str]) -> str:
-    """`left` or `right` where one of the names (topic, camera, frame) says so, else empty."""
-    for name in names:
-        lowered = name.lower()
-        if ("left" in lowered) != ("right" in lowered):
-            return "left" if "left" in lowered else "right"
-    return ""
+def is_rectified(topic: str) -> bool:
+    """Whether a topic of images says that they are rectified, as image_rect and image_rect_raw do."""
+    return "rect" in topic.lower().rsplit("/image", 1)[-1]
+
+
+def is_raw(topic: str) -> bool:
+    """Whether a topic of images says that they are as the camera took them, like image_raw."""
+    return "raw" in topic.lower().rsplit("/image", 1)[-1] and not is_rectified(topic)
 
 
 class Pairing:
@@ -39,7 +39,8 @@ class Pairing:
             left, right = (image, other) if side == "left" else (other, image)
             if left.pixels.shape[:2] != right.pixels.shape[:2]:
                 return None, image
-            return StereoPair(left.stamp_ns, left.frame_id, grey(left.pixels), grey(right.pixels)), None
+            pixels = grey(left.pixels), grey(right.pixels)
+            return StereoPair(left.stamp_ns, left.frame_id, *pixels, is_raw(topic)), None
         unpaired = self._waiting.get(side)
         self._waiting[side] = image
         return None, unpaired

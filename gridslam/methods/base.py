@@ -69,6 +69,9 @@ class RunResult:
     counters: Mapping[str, int] = field(default_factory=dict)
     timings_s: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json
+    notes: Sequence[
+        str
+    ] = ()  # repairs and doubts about the log, a line each, told like the log's own problems
 
 
 class Method(Protocol):

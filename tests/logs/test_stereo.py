@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from gridslam.core.cameras import side_of
 from gridslam.core.messages import Event, Image, StereoPair
 from gridslam.logs import open_log, write_log
+from tests.logs.ros_samples import header, make, write_mcap
 
 MS = 1_000_000
 
@@ -56,3 +59,34 @@ def test_a_written_pair_reads_back(tmp_path: Path) -> None:
         assert (found[0].stamp_ns, found[0].frame_id) == (pair.stamp_ns, "head")
         np.testing.assert_array_equal(found[0].left, pair.left)
         np.testing.assert_array_equal(found[0].right, pair.right)
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("/stereo/left/image_rect", "/stereo/right/image_rect"),
+        ("/camera/camera/infra1/image_rect_raw", "/camera/camera/infra2/image_rect_raw"),
+        ("/cam0/image_raw", "/cam1/image_raw"),
+    ],
+)
+def test_sides_are_known_by_the_names_that_drivers_use(left: str, right: str) -> None:
+    assert side_of((left, "")) == "left"
+    assert side_of((right, "")) == "right"
+    assert side_of(("/camera/color/image_raw", "camera_1")) == ""
+
+
+def test_rectified_pictures_are_taken_where_raw_ones_lie_beside_them(tmp_path: Path) -> None:
+    def picture(stamp_ms: int, value: int) -> Any:
+        pixels = np.full(6, value, np.uint8)
+        head = header(stamp_ms * MS, "optical")
+        return make(
+            "sensor_msgs/msg/Image", header=head, encoding="mono8", height=2, width=3, step=3, data=pixels
+        )
+
+    names = [f"/stereo/{side}/{kind}" for side in ("left", "right") for kind in ("image_raw", "image_rect")]
+    messages = [(name, picture(100, 10 * k)) for k, name in enumerate(names)]
+    for chosen, values, raw in ((messages, (10, 30), False), (messages[::2], (0, 20), True)):
+        with open_log(write_mcap(tmp_path / "a.mcap", chosen), kinds=["stereo"]) as log:
+            (pair,) = [e for e in log.events() if isinstance(e, StereoPair)]
+        assert (int(pair.left[0, 0]), int(pair.right[0, 0])) == values
+        assert pair.is_raw is raw

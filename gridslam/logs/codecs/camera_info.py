@@ -38,6 +38,8 @@ def from_ros(message: Any, topic: str) -> CameraInfo:
         P=readonly(np.asarray(message.p).reshape(3, 4), np.float64),
         D=readonly(message.d, np.float64),
         camera=camera_of(topic),
+        R=readonly(np.asarray(message.r).reshape(3, 3), np.float64),
+        distortion_model=str(message.distortion_model),
     )
 
 
@@ -52,15 +54,16 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Camera
         P=readonly(np.reshape(message.P, (3, 4)), np.float64),
         D=readonly(message.D, np.float64),
         camera=camera_of(topic),
+        R=readonly(np.reshape(message.R, (3, 3)) if hasattr(message, "R") else np.eye(3), np.float64),
+        distortion_model=str(getattr(message, "distortion_model", "plumb_bob")),
     )
 
 
 def to_ros(info: CameraInfo, topic: str | None) -> list[Encoded]:
     """sensor_msgs/CameraInfo."""
-    body = with_header(info).uint32(info.height_px, info.width_px).text("plumb_bob")
+    body = with_header(info).uint32(info.height_px, info.width_px).text(info.distortion_model)
     body.sequence(np.asarray(info.D, dtype=np.float64), 8)
-    rectification = np.eye(3)
-    for matrix in (info.K, rectification, info.P):
+    for matrix in (info.K, info.R, info.P):
         body.float64(*(float(v) for v in np.ravel(matrix)))
     body.uint32(0, 0).uint32(0, 0, 0, 0).uint8(0)  # no binning; the region of interest is the whole image
     name = topic or f"/{info.camera or 'camera'}/camera_info"
@@ -73,6 +76,7 @@ def from_csv(rows: list[Row]) -> CameraInfo:
     distortion = [row.number(f"d{i}", math.nan) for i in range(MAX_DISTORTION)]
     while distortion and math.isnan(distortion[-1]):
         distortion.pop()
+    rotation = [row.number(f"r{i}", float(i % 4 == 0)) for i in range(9)]
     return CameraInfo(
         row.stamp_ns,
         row.frame,
@@ -82,6 +86,8 @@ def from_csv(rows: list[Row]) -> CameraInfo:
         P=readonly(np.array([row.number(f"p{i}") for i in range(12)]).reshape(3, 4), np.float64),
         D=readonly(np.array(distortion), np.float64),
         camera=row.text("camera"),
+        R=readonly(np.array(rotation).reshape(3, 3), np.float64),
+        distortion_model=row.text("model", "plumb_bob"),
     )
 
 
@@ -90,5 +96,17 @@ def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:
     numbers = [number_field(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
     distortion = [number_field(float(v)) for v in info.D[:MAX_DISTORTION]]
     distortion += [""] * (MAX_DISTORTION - len(distortion))
+    rotation = [number_field(float(v)) for v in np.ravel(info.R)]
     size = [str(info.width_px), str(info.height_px)]
-    return [[name_field(info.camera), *size, *numbers, *distortion, name_field(info.frame_id)]]
+    model = name_field(info.distortion_model)
+    return [
+        [
+            name_field(info.camera),
+            *size,
+            *numbers,
+            *distortion,
+            *rotation,
+            model,
+            name_field(info.frame_id),
+        ]
+    ]

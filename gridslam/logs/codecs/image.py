@@ -78,7 +78,10 @@ def stereo_to_ros(pair: StereoPair, topic: str | None) -> list[Encoded]:
     for side, pixels in (("left", pair.left), ("right", pair.right)):
         body = write_picture(with_header(pair), "mono8", pixels, 1)
         messages += single_message(
-            f"{topic or '/stereo'}/{side}/image_rect", "sensor_msgs/msg/Image", pair, body
+            f"{topic or '/stereo'}/{side}/image_{'raw' if pair.is_raw else 'rect'}",
+            "sensor_msgs/msg/Image",
+            pair,
+            body,
         )
     return messages
 

@@ -36,7 +36,7 @@ _FACTORS: dict[str, Callable[[float], float]] = {
 }
 _RANGE_DIVISORS = {"cm": 100.0, "mm": 1000.0}
 _TEXT_COLUMNS = frozenset(
-    {"sensor", "antenna", "tag_id", "camera", "file", "frame", "child_frame", "parent", "child"}
+    {"sensor", "antenna", "tag_id", "camera", "file", "frame", "child_frame", "parent", "child", "model"}
 )
 _MAX_FRAMES = 1000
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.cameras import StereoHead
+from gridslam.core.cameras import StereoHead, side_of
 from gridslam.core.messages import CameraInfo, Disparity, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.motion.visual_odometry import VisualOdometry
 from gridslam.sensors.stereo_head import BLOCK_PX, StereoMatcher
+from gridslam.sensors.stereo_rig import StereoRig, stereo_rig
 
 Floats = NDArray[np.float64]
 
@@ -42,12 +44,15 @@ class FrameBuilder:
         self._right: dict[str, CameraInfo] = {}
         self._sensor_extrinsics: dict[str, Transform] = {}
         self._heads: dict[str, StereoHead] = {}
+        self._rigs: dict[str, StereoRig] = {}
         self._odometry: dict[str, VisualOdometry] = {}
         self.counters: Counter[str] = Counter()
 
     def add_info(self, info: CameraInfo) -> None:
-        """Add a calibration. That of the right camera is recognised by the baseline in its projection matrix."""
-        side = self._right if info.P[0, 3] < 0.0 else self._left
+        """Add a calibration. That of the right camera is recognised by its name, or by the baseline in P."""
+        named = side_of((info.camera, info.frame_id))
+        is_right = named == "right" if named else info.P[0, 3] < 0.0
+        side = self._right if is_right else self._left
         side.setdefault(info.frame_id, info)
         self.counters["used.camera_info"] += 1
 
@@ -57,8 +62,8 @@ class FrameBuilder:
 
     def of_pair(self, pair: StereoPair, with_motion: bool) -> StereoFrame | None:
         """The frame of two images; None if they cannot be used."""
-        head = self._head(pair.frame_id, "stereo")
-        if head is None:
+        rig = self._rig(pair)
+        if rig is None:
             return None
         if pair.left.shape != pair.right.shape or min(pair.left.shape) < BLOCK_PX:
             self.counters["skipped.stereo.size"] += 1
@@ -66,11 +71,13 @@ class FrameBuilder:
         if pair.left.shape[1] <= self._config.disparity.disparities:
             self.counters["skipped.stereo.narrower_than_disparities"] += 1
             return None
-        disparity = self._matcher.disparity(pair.left, pair.right)
+        head = self._heads[pair.frame_id]
+        left, right = rig.rectified(pair)
+        disparity = self._matcher.disparity(left, right)
         step = None
         if with_motion:
             odometry = self._odometry.setdefault(pair.frame_id, VisualOdometry(head))
-            step = odometry.step(np.ascontiguousarray(pair.left), disparity)
+            step = odometry.step(np.ascontiguousarray(left), disparity)
         self.counters["used.stereo"] += 1
         return StereoFrame(pair.stamp_ns, disparity, head, step)
 
@@ -89,20 +96,36 @@ class FrameBuilder:
         self.counters["used.disparity"] += 1
         return StereoFrame(image.stamp_ns, image.disparity_px, self._heads[image.frame_id], None)
 
-    def _head(self, frame: str, kind: str) -> StereoHead | None:
-        if frame in self._heads:
-            return self._heads[frame]
-        left = self._left.get(frame) or (next(iter(self._left.values())) if len(self._left) == 1 else None)
-        right = self._right.get(frame) or (
-            next(iter(self._right.values())) if len(self._right) == 1 else None
-        )
-        if left is None or right is None or not right.P[0, 0] > 0.0:
-            self.counters[f"skipped.{kind}.no_calibration"] += 1
+    @property
+    def notes(self) -> list[str]:
+        """What was repaired or is doubtful in calibrations and pictures, one line each."""
+        return [note for rig in self._rigs.values() for note in rig.notes]
+
+    @property
+    def is_rectified_here(self) -> bool:
+        """Whether any pictures were raw and had to be rectified."""
+        return any(rig.maps is not None for rig in self._rigs.values())
+
+    @property
+    def row_offsets_px(self) -> dict[str, float]:
+        """Measured row offset between the pictures of each head, by frame."""
+        measured = {frame: rig.row_offset_px for frame, rig in self._rigs.items()}
+        return {frame: round(offset, 2) for frame, offset in measured.items() if offset is not None}
+
+    def _rig(self, pair: StereoPair) -> StereoRig | None:
+        """The rig of a pair; None, and a count, if the log has no calibration of both cameras."""
+        frame = pair.frame_id
+        if frame in self._rigs:
+            return self._rigs[frame]
+        left = self._left.get(frame) or _only(self._left)
+        right = self._right.get(frame) or _only(self._right)
+        if left is None or right is None:
+            self.counters["skipped.stereo.no_calibration"] += 1
             return None
-        P = left.P
-        baseline = float((P[0, 3] - right.P[0, 3]) / right.P[0, 0])
-        self._add_head(frame, float(P[0, 0]), (float(P[0, 2]), float(P[1, 2])), baseline)
-        return self._heads[frame]
+        rig = self._rigs[frame] = stereo_rig(pair, left, right)
+        c = rig.calibration
+        self._add_head(frame, c.focal_px, c.centre_px, c.baseline_m)
+        return rig
 
     def _add_head(
         self, frame: str, focal_px: float, centre_px: tuple[float, float], baseline_m: float
@@ -116,3 +139,8 @@ class FrameBuilder:
             self.counters["stereo.frame_is_not_optical"] += 1
             head = StereoHead.mounted(focal_px, centre_px, baseline_m, OPTICAL_FORWARD, position)
         self._heads[frame] = head
+
+
+def _only(infos: Mapping[str, CameraInfo]) -> CameraInfo | None:
+    """The calibration of a side that has only one."""
+    return next(iter(infos.values())) if len(infos) == 1 else None

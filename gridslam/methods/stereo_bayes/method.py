@@ -175,7 +175,12 @@ class StereoBayes(PoseTrack):
             series=series,
             counters=self._all_counters(),
             timings_s=dict(self._stopwatch.seconds),
-            measures={"correlation_r0": self._map.correlation.r0},
+            measures={
+                "correlation_r0": self._map.correlation.r0,
+                "stereo_row_offset_px": self._frames.row_offsets_px,
+                "stereo_rectified_from_raw": self._frames.is_rectified_here,
+            },
+            notes=self._frames.notes,
         )
 
     def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
@@ -212,6 +217,7 @@ class StereoBayesPose(PoseTrack):
             series=self._series(),
             counters=self._all_counters(),
             timings_s=dict(self._stopwatch.seconds),
+            notes=self._frames.notes,
         )
 
     def _on_odometry(self, stamp_ns: int) -> None:
