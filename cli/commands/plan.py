@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from gridslam.planning.arcs_and_lines import PlannedPath
 
 
+FIRST_NOTICE_POSES = 150_000
+
+
 class Unknown(str, Enum):
     """Whether the robot may enter unknown cells."""
 
@@ -136,13 +139,25 @@ def run(
     with announcing_compilation(
         lambda: console.say("compiling the planner, once per installation: half a minute")
     ):
-        plan = plan_path(occupancy, start_pose, goal_pose, options)
+        plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())
     if output is not None:
         write_plan(output, plan, occupancy, discs, map_path, force)
     if as_json:
         console.emit_json(plan_document(plan, map_path))
     else:
         _show(plan)
+
+
+class _SearchNotice:
+    """Says on stderr that a search takes long, each time the number of poses has doubled."""
+
+    def __init__(self) -> None:
+        self._next = FIRST_NOTICE_POSES
+
+    def __call__(self, poses: int) -> None:
+        if poses >= self._next:
+            console.say(f"searching: {poses} poses so far")
+            self._next *= 2
 
 
 def _show(plan: PlannedPath) -> None:

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,8 @@ from gridslam.kernels.planning.circles import parts_are_free
 from gridslam.kernels.planning.clearance import pose_clearance
 from gridslam.kernels.planning.drive_limits import LENGTH
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.planning.motion_search import FIRST_SEARCH_STATES, Costs, MotionSearch
+from gridslam.planning.large_maps import MAX_CELLS, coarsened, window_around
+from gridslam.planning.motion_search import FIRST_SEARCH_STATES, Costs, MotionSearch, Report, no_report
 from gridslam.planning.options import PlanOptions
 from gridslam.planning.path import ArcLinePath
 from gridslam.planning.refinement import Refiner
@@ -29,6 +31,8 @@ from gridslam.planning.space import MIN_DISC_RADIUS_M, Space, make_space
 from gridslam.planning.travel_time import timed_path, travel_time_of
 
 Floats = NDArray[np.float64]
+
+logger = logging.getLogger(__name__)
 
 OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)  # extra cost of a metre right beside an obstacle, one guide path each
 SAME_GUIDE_PATH_M = 1e-3
@@ -55,25 +59,56 @@ class PlannedPath:
 
 
 def plan_path(
-    occupancy: OccupancyGrid, start: Floats, goal: Floats, options: PlanOptions | None = None
+    occupancy: OccupancyGrid,
+    start: Floats,
+    goal: Floats,
+    options: PlanOptions | None = None,
+    report: Report = no_report,
 ) -> PlannedPath:
     """The fastest path of lines and arcs found from `start` to `goal` (x, y, yaw; m, rad; map frame).
 
-    A goal yaw of NaN is free. Raises MethodError, which names the cause: a pose is blocked or off the map, obstacles
-    separate the two, or a heading cannot be met.
+    A goal yaw of NaN is free. `report` is called with the number of poses searched, several times a second. A map with more than
+    `large_maps.MAX_CELLS` cells is planned over in the window around start and goal, or, without a path there, in coarser cells.
+
+    Raises MethodError, which names the cause: a pose is blocked or off the map, obstacles separate the two, or a heading
+    cannot be met.
     """
     options = options or PlanOptions()
+    start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    if occupancy.probability.size <= MAX_CELLS:
+        return _plan_over(occupancy, start, goal, options, report)
+    window = window_around(occupancy, start, goal)
+    if window is not None:
+        try:
+            return _plan_over(window, start, goal, options, report)
+        except MethodError as error:
+            logger.info("no path in the window around start and goal: %s", error)
+    coarse = coarsened(occupancy, options.occupied_from)
+    try:
+        return _plan_over(coarse, start, goal, options, report)
+    except MethodError as error:
+        raise MethodError(
+            f"{error} (planned in cells of {coarse.geometry.resolution_m:g} m, because the map has more than {MAX_CELLS} cells; "
+            "crop the map to plan over its own)"
+        ) from None
+
+
+def _plan_over(
+    occupancy: OccupancyGrid, start: Floats, goal: Floats, options: PlanOptions, report: Report
+) -> PlannedPath:
+    """The path over all cells of a map."""
     space = make_space(
         occupancy, options.discs, options.margin_m, options.occupied_from, options.unknown_blocks
     )
-    start_local, goal_local = space.to_local(np.array([start, goal], dtype=np.float64))
+    start_local, goal_local = space.to_local(np.array([start, goal]))
     for name, local, pose in (("start", start_local, start), ("goal", goal_local, goal)):
         if not _is_pose_free(space, local):
-            raise blocked_pose(occupancy, space, name, np.asarray(pose, float), local)
+            raise blocked_pose(occupancy, space, name, pose, local)
     difference = np.nan_to_num(goal_local - start_local)
     if np.hypot(*difference[:2]) < SAME_PLACE_M and abs(wrap_angle(difference[2])) < SAME_PLACE_M:
         raise MethodError("start and goal are the same pose: there is nothing to plan")
-    return _PathPlanner(occupancy, space, options, start_local, goal_local).plan()
+    search = MotionSearch(occupancy, space, options, start_local, goal_local, report=report)
+    return _PathPlanner(search, space, options, start_local, goal_local).plan()
 
 
 def _is_pose_free(space: Space, pose: Floats) -> bool:
@@ -88,11 +123,11 @@ class _PathPlanner:
     """Collects the candidates of every guide path between two poses."""
 
     def __init__(
-        self, occupancy: OccupancyGrid, space: Space, options: PlanOptions, start: Floats, goal: Floats
+        self, search: MotionSearch, space: Space, options: PlanOptions, start: Floats, goal: Floats
     ) -> None:
+        self.search = search
         self.space, self.options = space, options
         self.start, self.goal = start, goal
-        self.search = MotionSearch(occupancy, space, options, start, goal)
         self.refiner = Refiner(space, options.min_radius_m, self.search.radius_m, options.limits)
         self.found: list[tuple[PathCandidate, Floats]] = []
 

@@ -2,32 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
-from gridslam.kernels.planning.search import EXHAUSTED, FOUND, Query, search_poses
+from gridslam.kernels.planning.search import (
+    COUNT,
+    EXHAUSTED,
+    FOUND,
+    UNFINISHED,
+    Query,
+    continue_search,
+    motions_to_goal,
+    start_search,
+)
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.planning.guide_path import poses_along_polyline
+from gridslam.planning.guide_path import SPACING_M, poses_along_polyline
 from gridslam.planning.options import PlanOptions
-from gridslam.planning.refusals import no_path, search_limit_reached, unreachable_heading
+from gridslam.planning.refusals import no_path, path_too_long, search_limit_reached, unreachable_heading
 from gridslam.planning.space import MIN_DISC_RADIUS_M, Space
 
 Floats = NDArray[np.float64]
 Costs = NDArray[np.float32]
+Report = Callable[[int], None]
 
 INFLATION_RADIUS_M = 0.6
 SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more than the start
 FIRST_SEARCH_STATES = 100_000
 BACKWARD_SEARCH_STATES = 1_000_000
 LAST_SEARCH_STATES = 3_000_000
+EXPANSIONS_PER_SLICE = 5_000  # well below a second
+MAX_GUIDE_POSES = 50_000  # 20 km
 COARSE_STEP_M, FINE_STEP_M = 0.15, 0.05  # length of an arc
 YAW_BINS, FINE_YAW_BINS = 64, 240
 COARSE_BIN, FINE_BIN = 0.5, 0.2  # width of a bin, in steps
 MIN_SEARCH_RADIUS_M = 0.1  # for robots that turn on the spot, whose smallest radius may be 0
 HALF_TURN = np.array([0.0, 0.0, np.pi])
+
+
+def no_report(states: int) -> None:
+    """Ignore the progress."""
 
 
 class SearchResult(NamedTuple):
@@ -39,11 +56,21 @@ class SearchResult(NamedTuple):
 
 
 class MotionSearch:
-    """Searches between two poses of one space (its own frame); a goal yaw of NaN is free."""
+    """Searches between two poses of one space (its own frame); a goal yaw of NaN is free.
+
+    `report` is called several times a second with the number of states found by the current search.
+    """
 
     def __init__(
-        self, occupancy: OccupancyGrid, space: Space, options: PlanOptions, start: Floats, goal: Floats
+        self,
+        occupancy: OccupancyGrid,
+        space: Space,
+        options: PlanOptions,
+        start: Floats,
+        goal: Floats,
+        report: Report = no_report,
     ) -> None:
+        self._report = report
         self._occupancy, self._space, self._options = occupancy, space, options
         self._start, self._goal = start, goal
         smallest = options.min_radius_m
@@ -79,8 +106,11 @@ class MotionSearch:
         row, col = space.nearest_open_cell(self._start, self._clearance_m)
         cells = descend(cost, row * cost.shape[1] + col)
         points = np.vstack([self._start[:2], (cells[:, ::-1] + 0.5) * space.resolution_m, self._goal[:2]])
-        world = space.world_for_disc(self._clearance_m - space.margin_m)
-        return poses_along_polyline(pull_string(world, points))
+        corners = np.asarray(pull_string(space.world_for_disc(self._clearance_m - space.margin_m), points))
+        length_m = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+        if length_m > MAX_GUIDE_POSES * SPACING_M:
+            raise path_too_long(length_m, MAX_GUIDE_POSES * SPACING_M)
+        return poses_along_polyline(corners)
 
     def motions(
         self, start: Floats, goals: Floats, guide_path: Floats, cost: Costs, is_required: bool
@@ -151,5 +181,10 @@ class MotionSearch:
             bin_yaws=FINE_YAW_BINS if is_fine else YAW_BINS,
             reverse_cost=options.reverse_cost_s if options.reverse else np.inf,
         )
-        status, motions, states = search_poses(self._space.world, query, start, max_states)
-        return SearchResult(int(status), np.asarray(motions), int(states))
+        states = start_search(query, start, max_states)
+        status = UNFINISHED
+        while status == UNFINISHED:  # in slices, so that the search can be interrupted
+            status = int(continue_search(self._space.world, query, states, EXPANSIONS_PER_SLICE))
+            self._report(int(states.size[COUNT]))
+        motions = np.asarray(motions_to_goal(states)) if status == FOUND else np.zeros((0, 2))
+        return SearchResult(status, motions, int(states.size[COUNT]))

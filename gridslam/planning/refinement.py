@@ -19,6 +19,7 @@ RADIUS_FACTORS = (1.0, 2.0, 4.0)  # radii of shortcuts, in units of the smallest
 SPACING_M = 0.5  # of the joints that shortcuts connect
 MAX_JOINTS_AHEAD = 40
 INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # of the local search over circles
+MAX_MOTIONS = 120  # improved at once: the local search takes time with the square of their number
 MAX_PASSES = 2  # of shortcuts and local search
 SAME_YAW_RAD = 1e-6
 
@@ -43,7 +44,7 @@ class Refiner:
         differ, and at the goal if the last pose of the motions and `goal` do. A goal yaw of NaN is free.
         """
         refined = []
-        runs = _split_by_direction(motions)
+        runs = _split_into_runs(motions)
         for i, run in enumerate(runs):
             end = _end_pose(first_pose, run)
             first = start if i == 0 else first_pose
@@ -151,9 +152,10 @@ def _circle(part: Floats, radius_m: float, side: float) -> list[float]:
     return [x - side * radius_m * np.sin(yaw), y + side * radius_m * np.cos(yaw), radius_m, side]
 
 
-def _split_by_direction(motions: Floats) -> list[Floats]:
-    """The motions in runs of one driving direction each."""
-    return list(np.split(motions, np.flatnonzero(np.diff(np.sign(motions[:, 0]))) + 1))
+def _split_into_runs(motions: Floats) -> list[Floats]:
+    """The motions in runs of one driving direction and at most MAX_MOTIONS motions each."""
+    runs = np.split(motions, np.flatnonzero(np.diff(np.sign(motions[:, 0]))) + 1)
+    return [run[first : first + MAX_MOTIONS] for run in runs for first in range(0, len(run), MAX_MOTIONS)]
 
 
 def _end_pose(first_pose: Floats, motions: Floats) -> Floats:

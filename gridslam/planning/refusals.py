@@ -32,7 +32,7 @@ def blocked_pose(
                 f"{where}: lies in an unknown cell; choose a free place, or let unknown cells be free"
             )
         return MethodError(f"{where}: lies inside an obstacle; choose a free place")
-    cells = np.argwhere(space.blocked)
+    cells = _blocked_cells_near(space, local)
     centres = (cells[:, ::-1] + 0.5) * space.resolution_m
     gaps = np.maximum(np.abs(centres - local[:2]) - 0.5 * space.resolution_m, 0.0)
     distances = np.hypot(*gaps.T)
@@ -43,6 +43,16 @@ def blocked_pose(
         f"{where}: the robot does not fit there: {kind} at {x:.2f},{y:.2f} is {distances[nearest]:.2f} m from its origin; "
         "choose another place or a smaller robot"
     )
+
+
+def _blocked_cells_near(space: Space, local: Floats) -> NDArray[np.int64]:
+    """Blocked cells `(k, 2)` (row, col) around a pose, the nearest one among them."""
+    row, col = space.cell(local)
+    distance_m = float(space.field[2 * row + 1, 2 * col + 1])  # from the centre of the pose's cell
+    radius = int(distance_m / space.resolution_m) + 3
+    r0, c0 = max(row - radius, 0), max(col - radius, 0)
+    window = space.blocked[r0 : row + radius + 1, c0 : col + radius + 1]
+    return np.asarray(np.argwhere(window) + np.array([r0, c0]))
 
 
 def no_path(
@@ -79,6 +89,14 @@ def search_limit_reached(radius_m: float, states: int) -> MethodError:
     return MethodError(
         f"no path found among {states} poses: there may be one, but it needs many turns of {radius_m:g} m in narrow places; "
         "allow a smaller radius, turns on the spot or driving backwards"
+    )
+
+
+def path_too_long(length_m: float, max_length_m: float) -> MethodError:
+    """The error for a path longer than the planner's limit."""
+    return MethodError(
+        f"the path would be {length_m / 1000.0:.0f} km long, at most {max_length_m / 1000.0:.0f} km are planned: "
+        "plan it in parts, or check the map's resolution"
     )
 
 

@@ -31,6 +31,8 @@ SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
+MAX_PICTURE_CELLS = 4_000_000
+UNKNOWN_SHADE = 0.18
 BORDER_M = 1.5
 MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
 
@@ -105,7 +107,7 @@ def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> 
     width, height = np.maximum(extent * scale, MIN_SIDE_IN)
     figure = Figure(figsize=(width + 1.2, height), dpi=90, layout="constrained")
     axes = figure.add_subplot()
-    _draw_map(axes, occupancy)
+    _draw_map(axes, occupancy, low, high)
     _draw_robot(axes, path, discs)
     lines = LineCollection(
         list(np.stack([poses[:-1, :2], poses[1:, :2]], axis=1)),
@@ -124,12 +126,17 @@ def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> 
     return buffer.getvalue()
 
 
-def _draw_map(axes: Axes, occupancy: OccupancyGrid) -> None:
+def _draw_map(axes: Axes, occupancy: OccupancyGrid, low: Floats, high: Floats) -> None:
+    """Draw the cells of the map between the corners `low` and `high` (m, map frame), every n-th of them if they are many."""
     from matplotlib.transforms import Affine2D
 
-    rows, cols = occupancy.probability.shape
     geometry = occupancy.geometry
-    shades = np.where(np.isnan(occupancy.probability), 0.18, occupancy.probability)
+    corners = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
+    cells = np.clip(geometry.cells(corners), 0, occupancy.probability.shape)
+    (r0, c0), (r1, c1) = cells.min(axis=0), np.minimum(cells.max(axis=0) + 1, occupancy.probability.shape)
+    step = math.ceil(max((r1 - r0) * (c1 - c0) / MAX_PICTURE_CELLS, 1.0) ** 0.5)
+    part = occupancy.probability[r0:r1:step, c0:c1:step]
+    shades = np.where(np.isnan(part), UNKNOWN_SHADE, part)
     grid_to_map = (
         Affine2D().scale(geometry.resolution_m).rotate(geometry.yaw_rad).translate(*geometry.origin_xy_m)
     )
@@ -139,7 +146,7 @@ def _draw_map(axes: Axes, occupancy: OccupancyGrid) -> None:
         vmin=0.0,
         vmax=1.0,
         origin="lower",
-        extent=(0, cols, 0, rows),
+        extent=(c0, c0 + part.shape[1] * step, r0, r0 + part.shape[0] * step),
         interpolation="nearest",
         transform=grid_to_map + axes.transData,
     )

@@ -7,7 +7,6 @@ grid of arcs would hit. Costs are driving times at the speed that each curvature
 
 from __future__ import annotations
 
-import heapq
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
 from gridslam.kernels.planning.drive_limits import YAW, DriveLimits, X, Y, speed_on
 from gridslam.kernels.planning.dubins import connect
 
-FOUND, EXHAUSTED, TOO_MANY = 0, 1, 2  # results of a search
+FOUND, EXHAUSTED, TOO_MANY, UNFINISHED = 0, 1, 2, 3  # results of a search
 HEURISTIC_WEIGHT = 1.3  # above 1: a weighted A*, which expands fewer states and may miss the cheapest path
 GOAL_CONNECTION_M = 3.0  # every state with less than this left to go is connected to the goals
 CONNECT_EVERY = 16  # of the states farther away, every 16th is
@@ -28,7 +27,7 @@ GUIDE_OFFSETS = np.array(
 )  # poses ahead on the guide path that a state is connected to
 RELATIVE_CURVATURES = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])  # in units of 1 / radius
 ON_GRID, AT_GOAL = -1, -2  # marks of states that lie on no guide pose
-COUNT, BEST_GOAL = 0, 1  # entries of States.size
+COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT = 0, 1, 2, 3  # entries of States.size
 MAX_NEW_STATES = 64  # that one expansion can add, rounded up
 
 
@@ -60,10 +59,12 @@ class Query(NamedTuple):
 class States(NamedTuple):
     """The states found so far, and the lowest costs of the bins (a hash table) and of the guide path's poses.
 
-    size: The number of states (COUNT) and the index of the cheapest one at a goal (BEST_GOAL), -1 if there is none.
+    size: Numbers of states (COUNT), of queued states (QUEUED) and of expansions left after a goal was reached
+        (EXPANSIONS_LEFT); index of the cheapest state at a goal (BEST_GOAL), -1 if there is none.
     parts: Motions `(n, 3, 2)` from the parent: length (m, negative: backwards), curvature (1/m).
     mark: ON_GRID, AT_GOAL or the index of a pose of the guide path.
     direction: +1, or -1 if the robot arrived backwards.
+    queue_priority, queue_node: A binary heap of the states to expand, lowest priority first, then lowest index.
     """
 
     size: NDArray[np.int64]
@@ -76,24 +77,18 @@ class States(NamedTuple):
     keys: NDArray[np.int64]
     best: NDArray[np.float64]
     guide_best: NDArray[np.float64]
+    queue_priority: NDArray[np.float64]
+    queue_node: NDArray[np.int64]
 
 
 @compiled
-def search_poses(
-    world: CollisionWorld, query: Query, start: NDArray[np.float64], max_states: int
-) -> tuple[int, NDArray[np.float64], int]:
-    """Drivable motions `(n, 2)` from the start to one of the goals: length (m, negative: backwards) and curvature (1/m).
-
-    The path is not the cheapest: after a goal is reached, the search continues for a bounded number of states only.
-    Returns FOUND, EXHAUSTED (there is no path) or TOO_MANY (more than `max_states` states), the motions, and the number of
-    states.
-    """
-    directions = 2 if np.isfinite(query.reverse_cost) else 1
+def start_search(query: Query, start: NDArray[np.float64], max_states: int) -> States:
+    """The states of a search that has not expanded its start pose `(3,)` yet."""
     slots = 1
     while slots < 2 * max_states:
         slots *= 2
     states = States(
-        np.array([1, -1]),  # COUNT, BEST_GOAL
+        np.array([1, -1, 0, MAX_EXPANSIONS_AFTER_GOAL]),  # COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT
         np.empty((max_states, 3)),
         np.empty(max_states),
         np.empty(max_states, np.int64),
@@ -103,36 +98,56 @@ def search_poses(
         np.full(slots, -1, np.int64),
         np.full(slots, np.inf),
         np.full(query.guide_path.shape[0], np.inf),
+        np.empty(max_states),
+        np.empty(max_states, np.int64),
     )
     states.pose[0] = start
     states.cost[0], states.parent[0], states.mark[0], states.direction[0] = 0.0, -1, ON_GRID, 1
     states.parts[0] = 0.0
-    queue = [(0.0, 0)]
-    expansions_left = MAX_EXPANSIONS_AFTER_GOAL
-    while len(queue) > 0:
-        _, node = heapq.heappop(queue)
+    _queue_state(states, 0.0, 0)
+    return states
+
+
+@compiled
+def continue_search(world: CollisionWorld, query: Query, states: States, max_expansions: int) -> int:
+    """Expand at most `max_expansions` states, the cheapest first.
+
+    Returns FOUND, EXHAUSTED (there is no path), TOO_MANY (there is no room for more states) or UNFINISHED. The path found is
+    not the cheapest: after a goal is reached, the search continues for a bounded number of states only.
+    """
+    directions = 2 if np.isfinite(query.reverse_cost) else 1
+    expansions = 0
+    while states.size[QUEUED] > 0:
+        if expansions == max_expansions:
+            return UNFINISHED
+        expansions += 1
+        node = _next_state(states)
         mark, cost = states.mark[node], states.cost[node]
         if states.size[BEST_GOAL] >= 0:
-            expansions_left -= 1
-        if mark == AT_GOAL or expansions_left == 0:
-            return FOUND, _extract_motions(states, states.size[BEST_GOAL]), states.size[COUNT]
+            states.size[EXPANSIONS_LEFT] -= 1
+        if mark == AT_GOAL or states.size[EXPANSIONS_LEFT] == 0:
+            return FOUND
         if mark >= 0:
             if cost > states.guide_best[mark]:
                 continue
-        elif (
-            node > 0
-            and cost > states.best[_hash_slot(query, states, states.pose[node], states.direction[node])[0]]
-        ):
-            continue
-        if states.size[COUNT] + MAX_NEW_STATES > max_states:
-            if states.size[BEST_GOAL] < 0:
-                return TOO_MANY, states.parts[0, :0].copy(), states.size[COUNT]
-            return FOUND, _extract_motions(states, states.size[BEST_GOAL]), states.size[COUNT]
-        _connect_to_guide_path(world, query, states, queue, node)
+        elif node > 0:
+            slot = _hash_slot(query, states, states.pose[node], states.direction[node])[0]
+            if cost > states.best[slot]:
+                continue
+        if states.size[COUNT] + MAX_NEW_STATES > states.cost.shape[0]:
+            return FOUND if states.size[BEST_GOAL] >= 0 else TOO_MANY
+        _connect_to_guide_path(world, query, states, node)
         for index in range(directions):
-            _connect_to_goals(world, query, states, queue, node, 1 - 2 * index)
-            _steer(world, query, states, queue, node, 1 - 2 * index)
-    return EXHAUSTED, states.parts[0, :0].copy(), states.size[COUNT]
+            _connect_to_goals(world, query, states, node, 1 - 2 * index)
+            _steer(world, query, states, node, 1 - 2 * index)
+    return EXHAUSTED
+
+
+@compiled
+def motions_to_goal(states: States) -> NDArray[np.float64]:
+    """The motions `(n, 2)` to the cheapest state at a goal: length (m, negative: backwards) and curvature (1/m)."""
+    motions: NDArray[np.float64] = _extract_motions(states, states.size[BEST_GOAL])
+    return motions
 
 
 @compiled
@@ -140,7 +155,6 @@ def _connect_to_goals(
     world: CollisionWorld,
     query: Query,
     states: States,
-    queue: list[tuple[float, int]],
     node: int,
     direction: int,
 ) -> None:
@@ -168,13 +182,11 @@ def _connect_to_goals(
             )
             if direction < 0:
                 cost += found / query.limits.top_speed
-            _push_state(states, queue, node, goal, cost, cost, AT_GOAL, direction, connection)
+            _push_state(states, node, goal, cost, cost, AT_GOAL, direction, connection)
 
 
 @compiled
-def _connect_to_guide_path(
-    world: CollisionWorld, query: Query, states: States, queue: list[tuple[float, int]], node: int
-) -> None:
+def _connect_to_guide_path(world: CollisionWorld, query: Query, states: States, node: int) -> None:
     """Add Dubins paths to poses of the guide path ahead of the nearest one."""
     here = states.pose[node]
     near = states.mark[node] if states.mark[node] >= 0 else _nearest_on_guide_path(query.guide_path, here)
@@ -195,7 +207,7 @@ def _connect_to_guide_path(
         if cost < states.guide_best[k]:
             states.guide_best[k] = cost
             priority = cost + HEURISTIC_WEIGHT * _cost_to_go_at(world, query, pose) / query.limits.top_speed
-            _push_state(states, queue, node, pose, cost, priority, k, 1, connection)
+            _push_state(states, node, pose, cost, priority, k, 1, connection)
 
 
 @compiled
@@ -209,7 +221,6 @@ def _steer(
     world: CollisionWorld,
     query: Query,
     states: States,
-    queue: list[tuple[float, int]],
     node: int,
     direction: int,
 ) -> None:
@@ -234,7 +245,6 @@ def _steer(
         motion[0, 0], motion[0, 1] = length, curvature
         _push_state(
             states,
-            queue,
             node,
             pose,
             cost,
@@ -248,7 +258,6 @@ def _steer(
 @compiled
 def _push_state(
     states: States,
-    queue: list[tuple[float, int]],
     parent: int,
     pose: NDArray[np.float64],
     cost: float,
@@ -264,7 +273,59 @@ def _push_state(
     states.size[COUNT] = n + 1
     if mark == AT_GOAL and (states.size[BEST_GOAL] < 0 or cost < states.cost[states.size[BEST_GOAL]]):
         states.size[BEST_GOAL] = n
-    heapq.heappush(queue, (priority, n))
+    _queue_state(states, priority, n)
+
+
+@compiled
+def _queue_state(states: States, priority: float, node: int) -> None:
+    """Add a state to the heap."""
+    at = states.size[QUEUED]
+    states.size[QUEUED] = at + 1
+    while at > 0:
+        above = (at - 1) // 2
+        if states.queue_priority[above] < priority or (
+            states.queue_priority[above] == priority and states.queue_node[above] < node
+        ):
+            break
+        states.queue_priority[at], states.queue_node[at] = (
+            states.queue_priority[above],
+            states.queue_node[above],
+        )
+        at = above
+    states.queue_priority[at], states.queue_node[at] = priority, node
+
+
+@compiled
+def _next_state(states: States) -> int:
+    """Remove the state with the lowest priority from the heap; there must be one."""
+    first = states.queue_node[0]
+    last = states.size[QUEUED] - 1
+    states.size[QUEUED] = last
+    priority, node = states.queue_priority[last], states.queue_node[last]
+    at = 0
+    while True:
+        below = 2 * at + 1
+        if below >= last:
+            break
+        if below + 1 < last and (
+            states.queue_priority[below + 1] < states.queue_priority[below]
+            or (
+                states.queue_priority[below + 1] == states.queue_priority[below]
+                and states.queue_node[below + 1] < states.queue_node[below]
+            )
+        ):
+            below += 1
+        if priority < states.queue_priority[below] or (
+            priority == states.queue_priority[below] and node < states.queue_node[below]
+        ):
+            break
+        states.queue_priority[at], states.queue_node[at] = (
+            states.queue_priority[below],
+            states.queue_node[below],
+        )
+        at = below
+    states.queue_priority[at], states.queue_node[at] = priority, node
+    return int(first)
 
 
 @compiled

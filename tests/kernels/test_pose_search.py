@@ -1,0 +1,109 @@
+"""The search over poses against its reference implementation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gridslam.kernels.planning.clearance import CollisionWorld, advance
+from gridslam.kernels.planning.drive_limits import DriveLimits
+from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
+from gridslam.kernels.planning.search import (
+    COUNT,
+    EXHAUSTED,
+    FOUND,
+    TOO_MANY,
+    UNFINISHED,
+    Query,
+    continue_search,
+    motions_to_goal,
+    start_search,
+)
+from gridslam.planning.guide_path import poses_along_polyline
+from gridslam.planning.space import distance_field
+from tests.reference.pose_search import PoseSearch
+
+RESOLUTION, RADIUS, MARGIN = 0.1, 0.15, 0.005
+LIMITS = DriveLimits(
+    top_speed=1.0,
+    lateral_acceleration=0.5,
+    yaw_rate=1.5,
+    acceleration=0.5,
+    deceleration=0.5,
+    yaw_acceleration=2.0,
+)
+
+
+def world_with_wall(gap_cells: int = 8) -> CollisionWorld:
+    """3 x 2 m with a wall in the middle that leaves a gap at its upper end."""
+    blocked = np.zeros((20, 30), bool)
+    blocked[[0, -1]] = blocked[:, [0, -1]] = True
+    blocked[: 19 - gap_cells, 15] = True
+    discs = np.array([[0.0, 0.0, RADIUS]])
+    return CollisionWorld(distance_field(blocked, RESOLUTION), blocked, RESOLUTION, discs, MARGIN)
+
+
+def query(world: CollisionWorld, start: np.ndarray, goal: np.ndarray, reverse: bool) -> Query:
+    cols = world.blocked.shape[1]
+    first, last = (int(p[1] / RESOLUTION) * cols + int(p[0] / RESOLUTION) for p in (start, goal))
+    cost = cost_to_go(world.field, RESOLUTION, RADIUS + MARGIN, 1.0, 0.3, last, first, np.inf)
+    cells = descend(cost, first)
+    points = np.vstack([start[:2], (cells[:, ::-1] + 0.5) * RESOLUTION, goal[:2]])
+    return Query(
+        goals=goal[None],
+        guide_path=poses_along_polyline(pull_string(world, points)),
+        cost_to_go=cost,
+        limits=LIMITS,
+        radius=0.3,
+        step=0.15,
+        bin_size=0.075,
+        bin_yaws=64,
+        reverse_cost=2.0 if reverse else np.inf,
+    )
+
+
+def searched(
+    world: CollisionWorld, asked: Query, start: np.ndarray, max_states: int = 20_000, slice_size: int = 10**9
+) -> tuple[int, np.ndarray, int]:
+    states = start_search(asked, start, max_states)
+    status = UNFINISHED
+    while status == UNFINISHED:
+        status = continue_search(world, asked, states, slice_size)
+    return status, motions_to_goal(states) if status == FOUND else np.zeros((0, 2)), int(states.size[COUNT])
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_motions_equal_those_of_the_reference(seed: int, reverse: bool) -> None:
+    rng = np.random.default_rng(seed)
+    world = world_with_wall()
+    start = np.array([rng.uniform(0.4, 1.1), rng.uniform(0.4, 1.5), rng.uniform(-np.pi, np.pi)])
+    goal = np.array([rng.uniform(1.9, 2.5), rng.uniform(0.4, 1.5), rng.uniform(-np.pi, np.pi)])
+    asked = query(world, start, goal, reverse)
+    expected = PoseSearch(world, asked, start).motions()
+    status, motions, _ = searched(world, asked, start)
+    assert status == (FOUND if expected is not None else EXHAUSTED)
+    np.testing.assert_allclose(motions, np.array(expected or np.zeros((0, 2))), atol=1e-9)
+    if expected is not None:
+        pose = tuple(start)
+        for motion in motions:
+            pose = advance(*pose, *motion)
+        np.testing.assert_allclose(pose[:2], goal[:2], atol=1e-6)
+
+
+def test_slices_of_any_size_give_the_same_motions() -> None:
+    world = world_with_wall()
+    start, goal = np.array([0.6, 0.5, 0.0]), np.array([2.4, 0.5, -1.5])
+    asked = query(world, start, goal, False)
+    whole = searched(world, asked, start)
+    for size in (1, 7, 500):
+        status, motions, count = searched(world, asked, start, slice_size=size)
+        assert (status, count) == (whole[0], whole[2])
+        np.testing.assert_array_equal(motions, whole[1])
+
+
+def test_a_search_without_room_for_more_states_says_so() -> None:
+    world = world_with_wall()
+    start, goal = np.array([0.6, 0.5, 0.0]), np.array([2.4, 0.5, -1.5])
+    asked = query(world, start, goal, False)
+    assert searched(world, asked, start, max_states=100)[0] == TOO_MANY
