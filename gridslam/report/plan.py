@@ -31,7 +31,7 @@ SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
-MAX_PICTURE_CELLS = 4_000_000
+MAX_PICTURE_CELLS = 1_000_000
 UNKNOWN_SHADE = 0.18
 BORDER_M = 1.5
 MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
