@@ -88,7 +88,7 @@ def _with_unknown_grey(
     Map savers write 205 for unknown cells. With a free_thresh of 0.25, which old savers wrote beside it, or in scale mode, a
     robot that must not enter unknown cells would drive out of the building.
     """
-    is_read_as_free = 1.0 - PIXEL_UNKNOWN / 255 <= meta.free_thresh or meta.mode == "scale"
+    is_read_as_free = meta.free_thresh >= 1.0 - PIXEL_UNKNOWN / 255 or meta.mode == "scale"
     if meta.negate or meta.mode == "raw" or not is_read_as_free:
         return cells
     is_free = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1] & (cells == 0)
