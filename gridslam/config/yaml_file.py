@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import read_plain_file
 
 MAX_BYTES = 1_000_000
 MAX_REPEATED = 100_000  # values repeated by aliases
@@ -99,7 +100,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ConfigError(f"{path}: larger than {MAX_BYTES} bytes: not a config file")
-        data = path.read_bytes()
+        data = read_plain_file(path, MAX_BYTES)
     except IsADirectoryError:
         raise ConfigError(f"{path}: a folder, expected a YAML file") from None
     except OSError as error:

@@ -216,6 +216,7 @@ _KINDS = (
             rows_name_frames=True,
             has_pictures=True,
         ),
+        fault=disparity.fault,
         is_sensor=True,
         is_named_by_camera=True,
     ),

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import codecs
 import math
+from array import array
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from gridslam.core.errors import InputError
+from gridslam.core.files import open_plain_file
 from gridslam.core.poses import yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.trajectory import Trajectory
 
-MAX_BYTES = 1 << 30
+MAX_BYTES = 1 << 28  # three million poses
+MAX_LINE_BYTES = 100_000
+_HEAD_BYTES = 1 << 16
 LARGEST_M = 1e9  # beyond it no centimetre is left in the arithmetic
 _TUM_WORDS, _PLANAR_WORDS = 8, 4
 _TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
@@ -24,8 +30,7 @@ def read_trajectory(path: Path) -> Trajectory:
 
     Raises InputError: the file is unreadable or has no pose, or a line is wrong (the message names it).
     """
-    stamps: list[int] = []
-    numbers: list[list[float]] = []
+    stamps, numbers = array("q"), array("d")
     width = 0
     for place, words in lines_of(path, _TRAJECTORY_LINE):
         width = width or len(words)
@@ -35,10 +40,10 @@ def read_trajectory(path: Path) -> Trajectory:
         values = numbers_in(place, words[1:])
         if width == _TUM_WORDS and not math.hypot(*values[3:]) > 0.0:
             raise InputError(f"{place}: the quaternion is zero; expected a rotation")
-        numbers.append(values)
+        numbers.extend(values)
     if not stamps:
         raise InputError(f"{path}: no pose in it; expected lines {_TRAJECTORY_LINE}")
-    table = np.array(numbers)
+    table = np.array(numbers).reshape(len(stamps), width - 1)
     yaw = table[:, 2]
     if width == _TUM_WORDS:
         yaw = yaw_of_quaternion(table[:, [6, 3, 4, 5]])
@@ -48,18 +53,31 @@ def read_trajectory(path: Path) -> Trajectory:
 def lines_of(path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
     """The place (file and line number) and the words of each line that is not empty; `#` begins a comment.
 
-    Raises InputError: the file cannot be read.
+    Raises InputError: the file cannot be read, is no text, or is too large.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB; expected lines {expected}")
-        text = path.read_bytes().decode("utf-8-sig")
+        with open_plain_file(path) as stream:
+            if path.stat().st_size > MAX_BYTES:
+                raise InputError(f"{path}: larger than {MAX_BYTES >> 20} MB; expected lines {expected}")
+            yield from _words_of(stream, path, expected)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file; expected lines {expected}") from None
-    for number, line in enumerate(text.split("\n"), start=1):
-        words = line.partition("#")[0].replace(",", " ").split()
+
+
+def _words_of(stream: BinaryIO, path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
+    codecs.getincrementaldecoder("utf-8")().decode(stream.read(_HEAD_BYTES))  # a binary file shows here
+    stream.seek(0)
+    number = 0
+    while line := stream.readline(MAX_LINE_BYTES):
+        number += 1
+        if len(line) == MAX_LINE_BYTES:
+            raise InputError(
+                f"{path}:{number}: a line of more than {MAX_LINE_BYTES} bytes; expected lines {expected}"
+            )
+        text = line.decode("utf-8-sig" if number == 1 else "utf-8")
+        words = text.partition("#")[0].replace(",", " ").split()
         if words:
             yield f"{path}:{number}", words
 
@@ -73,7 +91,7 @@ def stamp_in(place: str, word: str) -> int:
 
 
 def numbers_in(place: str, words: list[str]) -> list[float]:
-    """The numbers of words, none infinite or beyond reason. Raises InputError with their place."""
+    """The numbers of words. Raises InputError with their place: one is no number, infinite or beyond LARGEST_M."""
     values = []
     for word in words:
         try:

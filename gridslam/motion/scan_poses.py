@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 
 MAX_SCAN_GAP_S = 1.0  # no velocity is derived from scans farther apart
 MAX_ODOMETRY_GAP_S = 1.0  # longer gaps are counted
+MIN_CLOCK_JUMP_NS = 200_000_000  # odometry that jumps back by more is on a clock that was set back
 MAX_WAITING_SCANS = 1000  # bounds memory when the odometry ends before the scans
 
 
@@ -71,6 +72,8 @@ class ScanPoses:
             self.counters["skipped.odom.not_finite"] += 1
             return
         stamp = odometry.stamp_ns
+        if self._last is not None and stamp < self._last[0] - MIN_CLOCK_JUMP_NS:
+            yield from self.flush()  # scans of the time before would wait until the new clock has caught up
         if self._last is None:
             self._continuous = pose
         else:
@@ -79,7 +82,7 @@ class ScanPoses:
         yield from self._ready()
 
     def flush(self) -> Iterator[PlacedScan]:
-        """Yields the scans after the last odometry, with its pose."""
+        """Yields the waiting scans, which are later than the last odometry, with its pose."""
         while self._waiting and self._last is not None:
             self.counters["scan.after_last_odometry"] += 1
             yield self._placed(self._waiting.popleft(), self._continuous)

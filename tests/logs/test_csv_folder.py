@@ -188,7 +188,7 @@ def test_the_infrared_log_is_read_with_a_layout_from_the_config(data_dir: Path) 
         ("2,0,0", "wrong_number_of_fields"),
         ("2,0,0,0,0", "wrong_number_of_fields"),
         ("2,0,zero,0", "unreadable_row"),
-        ("2,0,,0", "unreadable_row"),
+        ("2,0,,0", "not_finite"),
         ("2,0,inf,0", "not_finite"),
         ('2,"0,0,0', "wrong_number_of_fields"),
     ],

@@ -10,19 +10,27 @@ import struct
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zstandard
+from rosbags.typesys import Stores, get_typestore
 
-from gridslam.core.errors import LogError
-from gridslam.core.messages import Imu, LaserScan, Odometry
+from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import ConfigError, InputError, LogError
+from gridslam.core.messages import Imu, LaserScan, Odometry, Transform
 from gridslam.logs import open_log, open_writer
+from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.ros.definitions import BadDefinitionError, checked_types, is_valid
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.types import ros2_types
+from gridslam.logs.tum import read_trajectory
 from tests.conftest import REPOSITORY
 from tests.logs.mutations import limit, sample_events
 from tests.logs.test_rosbag import rosbag2
@@ -168,8 +176,6 @@ def chunk(data: bytes) -> bytes:
 
 
 def cdr_of_scan() -> bytes:
-    import numpy as np
-
     return cdr(LaserScan(S, "laser", np.ones(3, np.float32), -1.0, 0.5, 0.125, 30.0))
 
 
@@ -290,3 +296,97 @@ def test_reading_a_database_ends_on_an_interruption(tmp_path: Path) -> None:
     _, errors = process.communicate(timeout=20)
     assert process.returncode != 0
     assert "KeyboardInterrupt" in errors
+
+
+def test_an_endless_device_is_refused_as_trajectory_and_as_configuration() -> None:
+    with limit(5):
+        with pytest.raises(InputError, match=r"/dev/zero: cannot be read \(a device or a pipe"):
+            read_trajectory(Path("/dev/zero"))
+        with pytest.raises(ConfigError, match=r"/dev/zero: cannot be read \(a device or a pipe"):
+            read_yaml(Path("/dev/zero"))
+
+
+def test_a_trajectory_of_nothing_but_line_ends_costs_no_memory(tmp_path: Path) -> None:
+    path = tmp_path / "truth.tum"
+    path.write_bytes(b"\n" * 1_000_000)
+    tracemalloc.start()
+    with limit(30), pytest.raises(InputError, match="no pose in it"):
+        read_trajectory(path)
+    assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("sensor_msgs/msg/Laser; import os", [("x", (1, ("float64", 0)))]),
+        ("3ensor_msgs/msg/LaserScan", [("x", (1, ("float64", 0)))]),
+        ("../msg/Scan", [("x", (1, ("float64", 0)))]),
+        ("a/msg/B", [("x\n    y: int = exit()", (1, ("float64", 0)))]),
+        ("a/msg/B", [("__class__", (1, ("float64", 0)))]),
+        ("a/msg/B", [("x", (1, ("float64'''", 0)))]),
+        ("a/msg/B", [("x", (2, "c/msg/D']; exit() #"))]),
+        ("a/msg/B", [("x", (3, ((1, ("float64", 0)), "9**9**9")))]),
+        ("a/msg/B", [("x", (3, ((1, ("float64", 0)), 10**12)))]),
+        ("a/msg/B", [("x", (1, ("float64", 0))), ("x", (1, ("float32", 0)))]),
+        ("a/msg/B", [("class", (1, ("float64", 0))), ("class_", (1, ("float64", 0)))]),
+        ("a/msg/B", [("x", (7, ("float64", 0)))]),
+        ("é/msg/B", [("x", (1, ("float64", 0)))]),
+    ],
+)
+def test_no_name_of_a_definition_becomes_code(name: str, fields: list[object]) -> None:
+    with pytest.raises(BadDefinitionError):
+        checked_types({name: ([], fields)})
+    assert not is_valid(name, fields)
+
+
+def test_constants_of_a_definition_never_reach_the_type_library() -> None:
+    types = checked_types({"a/msg/B": ([("X", "string", "'); exit(")], [("x", (1, ("float64", 0)))])})
+    assert types == {"a/msg/B": ([], [("x", (1, ("float64", 0)))])}
+
+
+@pytest.mark.parametrize("name", ["ros2", "ros1"])
+def test_every_definition_of_the_distributions_is_a_valid_one(name: str) -> None:
+    store = get_typestore({"ros2": Stores.ROS2_HUMBLE, "ros1": Stores.ROS1_NOETIC}[name])
+    assert all(is_valid(kind, fields) for kind, (_, fields) in store.fielddefs.items())
+
+
+def test_the_same_damage_is_counted_alike_in_every_format(tmp_path: Path) -> None:
+    nan = float("nan")
+    events = [
+        Transform(0, "base_link", "laser", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True),
+        *(Odometry(i * S, "odom", nan if i == 3 else float(i), 0.0, 0.0) for i in range(1, 8)),
+        *(
+            LaserScan(i * S + 1, "laser", np.ones(3, np.float32), -1.0, 0.0 if i == 4 else 0.5, 0.125, 30.0)
+            for i in range(1, 8)
+        ),
+        Imu(9 * S, "imu", nan),
+    ]
+    counts = {}
+    for name in ("log.mcap", "log"):
+        with open_writer(tmp_path / name) as writer:
+            for event in events:
+                writer.write(event)
+        counts[name] = read(tmp_path / name)[1]
+    counts["db3"] = read(as_database(tmp_path / "log.mcap", tmp_path / "log.db3"))[1]
+    assert counts["log.mcap"] == counts["log"] == counts["db3"]
+    assert counts["db3"]["skipped.scan.bad_angles"] == 1
+
+
+def as_database(source: Path, target: Path) -> Path:
+    """The messages of an MCAP file as a rosbag2 database."""
+    file = McapFile(source, MessageCounts(), 1 << 29)
+    messages = list(file.messages())
+    with sqlite3.connect(target) as connection:
+        connection.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)"
+        )
+        connection.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INT, timestamp INT, data BLOB)"
+        )
+        for number, described in file.channels.items():
+            row = (number, described.topic, file.schemas[described.schema_id].name, described.encoding)
+            connection.execute("INSERT INTO topics VALUES(?, ?, ?, ?)", row)
+        connection.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, 0, ?)", messages)
+    connection.close()
+    return target

@@ -105,3 +105,11 @@ def test_the_twist_is_motion_over_time_and_zero_after_a_gap():
         (placed(2.0, 0.0), placed(1.0, 1.0)),
     ):
         assert not twist_between(last, now).any()
+
+
+def test_a_scan_before_the_clock_was_set_back_does_not_wait_for_the_new_clock():
+    _, placed = _join(
+        _odometry(7.3, 1.0), _odometry(7.4, 1.1), _scan(7.45), _odometry(1.5, 1.2), _scan(1.5), _odometry(1.6, 1.3), _scan(1.6)
+    )  # fmt: skip
+    assert [p.scan.stamp_ns for p in placed] == [int(t * NS) for t in (7.45, 1.5, 1.6)]
+    np.testing.assert_allclose([p.odometry[0] for p in placed], [1.1, 1.2, 1.3])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
 from gridslam.logs.skips import SkipReason, UnusableMessageError
+
+
+def fault(disparity: Disparity) -> SkipReason | None:
+    """The reason why no method can use the disparities; None where it can."""
+    is_finite = math.isfinite(disparity.focal_px) and math.isfinite(disparity.baseline_m)
+    return None if is_finite else SkipReason.NOT_FINITE
 
 
 def from_ros(message: Any, topic: str) -> Disparity:

@@ -82,7 +82,10 @@ class Row:
         return value or default
 
     def number(self, name: str, default: float | None = None) -> float:
-        """A numeric column in our units. ValueError where it has no value and there is no `default`."""
+        """A numeric column in our units; NaN for an empty field, unless there is a `default`.
+
+        Raises ValueError: the field is no number, or there is neither a column nor a constant nor a default.
+        """
         place = self._columns.places.get(name)
         if place is None:
             constant = self._columns.numbers.get(name, default)
@@ -90,8 +93,8 @@ class Row:
                 raise ValueError(name)
             return constant
         field = self._fields[place]
-        if default is not None and not field.strip():
-            return default
+        if not field.strip():
+            return math.nan if default is None else default
         return self._columns.convert[name](float(field))
 
     def yaw(self) -> float:
