@@ -177,7 +177,7 @@ def test_a_run_that_holds_an_input_of_the_new_one_is_not_replaced(tmp_path: Path
 
 
 def test_a_place_that_takes_no_files_is_refused_before_the_run() -> None:
-    with pytest.raises(ConfigError, match=r"/proc/run: cannot be written .*; give another output folder"):
+    with pytest.raises(ConfigError, match=r"/proc/run: cannot be written .*; choose another output folder"):
         check_free(Path("/proc/run"), force=False)
 
 
