@@ -15,10 +15,13 @@ from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, Alignment, find_alignment
 from gridslam.evaluation.association import DEFAULT_MAX_DIFFERENCE_NS, Pairs, Sync, associate
+from gridslam.evaluation.kitti_errors import kitti_errors
 from gridslam.evaluation.localization import judge_localization
 from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wall_distances
+from gridslam.evaluation.map_registration import MapRegistration, register_maps
 from gridslam.evaluation.object_errors import MapObject, object_errors
 from gridslam.evaluation.pose_errors import Delta, PoseErrors, absolute_errors, relative_errors
+from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.evaluation.statistics import statistics
 from gridslam.maps.occupancy import OccupancyGrid
@@ -29,6 +32,7 @@ NEEDS: Mapping[str, str] = {
     "ape": "a trajectory and --truth",
     "rpe": "a trajectory and --truth",
     "final": "a trajectory and --truth",
+    "kitti": "a trajectory and --truth with a path of more than 100 m",
     "localization": "a trajectory, --truth and --align none",
     "relations": "a trajectory and --relations",
     "map": "a run directory with a map, and --truth-map (or a --truth folder with a map)",
@@ -46,6 +50,7 @@ class Result:
     occupancy: OccupancyGrid | None = None
     probability: OccupancyGrid | None = None
     objects: Mapping[str, MapObject] | None = None
+    series: PoseSeries | None = None  # the trajectory as its file states it, for remarks
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,7 @@ class Truth:
     relations: Relations | None = None
     occupancy: OccupancyGrid | None = None
     objects: Mapping[str, MapObject] | None = None
+    series: PoseSeries | None = None  # the trajectory as its file states it, for remarks
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +72,7 @@ class EvaluationOptions:
     with_scale: bool = False
     sync: Sync = "nearest"
     max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS
+    time_offset_ns: int = 0  # added to the stamps of the estimate
     delta: Delta = field(default_factory=Delta)
     completeness_radius_m: float | None = None
     max_position_m: float = 0.5  # bound for a successful localization and a correct object
@@ -75,7 +82,8 @@ class EvaluationOptions:
 def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Document:
     """All measures for which both result and ground truth are given, as a nested document.
 
-    Map and objects are in the frame of the trajectory, so its alignment is applied to them too.
+    Map and objects are in the frame of the trajectory, so its alignment is applied to them too. Without a true trajectory a
+    map is aligned by registration of its walls where `options.align` is `se2`.
     Raises InputError: the trajectories have no stamps in common, or cannot be aligned.
     """
     document: Document = {}
@@ -86,13 +94,34 @@ def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Docume
     if result.trajectory is not None and truth.relations is not None:
         document["relations"] = _relation_measures(result.trajectory, truth.relations)
     T_truth_map = alignment.T_truth_estimate
+    registration = _registration(result, truth, options)
+    if registration is not None and registration.is_reliable:
+        T_truth_map = registration.T_truth_map
     if result.occupancy is not None and truth.occupancy is not None:
         document["map"] = _map_measures(
             result.occupancy, result.probability, truth.occupancy, T_truth_map, options.completeness_radius_m
         )
+        if registration is not None:
+            document["map"]["alignment"] = _registration_facts(registration)
     if result.objects is not None and truth.objects is not None:
         document |= _object_measures(result.objects, truth.objects, T_truth_map, options.max_position_m)
     return document
+
+
+def _registration(result: Result, truth: Truth, options: EvaluationOptions) -> MapRegistration | None:
+    """The registration of the maps, if nothing else relates their frames and an alignment is wanted."""
+    if result.occupancy is None or truth.occupancy is None or options.align != "se2":
+        return None
+    if result.trajectory is not None and truth.trajectory is not None:
+        return None
+    return register_maps(result.occupancy, truth.occupancy)
+
+
+def _registration_facts(registration: MapRegistration) -> Document:
+    x, y, yaw = registration.T_truth_map.tolist()
+    kind = "registration" if registration.is_reliable else "none"
+    facts = {"kind": kind, "x": x, "y": y, "yaw": yaw, "inlier_ratio": registration.inlier_ratio}
+    return {**facts, "ambiguous": registration.is_ambiguous}
 
 
 def without_nan(document: Document) -> Document:
@@ -107,7 +136,7 @@ def _json_value(value: Any) -> Any:
 
 
 def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> tuple[Pairs, Alignment]:
-    pairs = associate(estimate.sorted(), truth.sorted(), options.sync, options.max_difference_ns)
+    pairs = pairs_of(estimate, truth, options)
     if not len(pairs):
         raise InputError(
             f"estimate ({_span(estimate)}) and truth ({_span(truth)}) have no stamps within "
@@ -120,6 +149,18 @@ def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) 
             "use --align origin or --align none"
         )
     return pairs, alignment
+
+
+def pairs_of(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:
+    """The paired poses, not aligned, after the estimate's stamps were shifted by the time offset."""
+    shifted = Trajectory(estimate.stamps_ns + options.time_offset_ns, estimate.poses)
+    return associate(shifted.sorted(), truth.sorted(), options.sync, options.max_difference_ns)
+
+
+def aligned_pairs(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:
+    """The paired poses, the estimate's aligned with the ground truth. Raises InputError as `evaluate`."""
+    pairs, alignment = _align(estimate, truth, options)
+    return Pairs(pairs.stamps_ns, alignment.apply(pairs.estimate), pairs.truth)
 
 
 def _span(trajectory: Trajectory) -> str:
@@ -151,8 +192,14 @@ def _trajectory_measures(
         },
         "final": {"trans": float(errors.translation_m[-1]), "rot": float(errors.rotation_deg[-1])},
     }
+    if (kitti := kitti_errors(aligned.estimate, aligned.truth)) is not None:
+        document["kitti"] = {
+            "t_rel": kitti.t_rel_percent,
+            "r_rel": kitti.r_rel_deg_per_100m,
+            "count": kitti.count,
+        }
     if options.align == "none":
-        start_ns = int(estimate.stamps_ns.min())
+        start_ns = int(estimate.stamps_ns.min()) + options.time_offset_ns
         found = judge_localization(
             aligned.stamps_ns, errors, start_ns, options.max_position_m, options.max_heading_deg
         )

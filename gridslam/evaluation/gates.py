@@ -75,6 +75,16 @@ def check_keys(gates: Sequence[Gate], document: Mapping[str, Any], needs: Mappin
         raise ConfigError(f"--require {gate}: no measure {gate.key!r}{nearest(gate.key, flat)}")
 
 
+def answers(gates: Sequence[Gate], document: Mapping[str, Any]) -> list[str]:
+    """A line for each gate: the measure, the bound, and whether it holds."""
+    flat = measures_of(document)
+    return [
+        f"{gate.key} {_short(flat[gate.key], gate)} {gate.comparison} {_text(gate.bound)}: "
+        + ("holds" if _holds(gate, flat[gate.key]) else "fails")
+        for gate in gates
+    ]
+
+
 def failures(gates: Sequence[Gate], document: Mapping[str, Any]) -> list[str]:
     """A line for each gate that fails. A measure without a value (NaN, null) fails every gate."""
     flat = measures_of(document)
@@ -90,6 +100,14 @@ def _holds(gate: Gate, value: Value) -> bool:
 def _failure(gate: Gate, value: Value) -> str:
     bound = f"{gate.comparison} {_text(gate.bound)}"
     return f"gate failed: {gate.key} = {_text(value)}, required {bound}"
+
+
+def _short(value: Value, gate: Gate) -> str:
+    """A measure with three significant digits, or as many as show on which side of the bound it is."""
+    if not isinstance(value, float) or not math.isfinite(value):
+        return _text(value)
+    texts = (f"{value:.{digits}g}" for digits in range(3, 18))
+    return next((t for t in texts if _holds(gate, float(t)) == _holds(gate, value)), repr(value))
 
 
 def _text(value: Value) -> str:

@@ -88,6 +88,11 @@ def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.fl
     return values
 
 
+def wall_points(grid: OccupancyGrid) -> NDArray[np.float64]:
+    """Centres `(n, 2)` (m) of the wall cells."""
+    return _centres(grid, _walls(grid))
+
+
 def _walls(grid: OccupancyGrid) -> NDArray[np.bool_]:
     return np.asarray(grid.probability > OCCUPIED_FROM)
 

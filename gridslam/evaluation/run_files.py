@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import damage_as_value_error
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.files import read_trajectory
+from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.pose_topics import read_topic
+from gridslam.evaluation.trajectory_formats import read_poses
 from gridslam.maps.map_yaml import MAX_ORIGIN
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
@@ -69,16 +71,25 @@ def truth_paths(path: Path) -> Paths:
 
 
 def read_truth(path: Path) -> Trajectory:
-    """A trajectory from a text file, or the true poses in a log. Raises InputError."""
+    """The planar poses of `read_truth_series`."""
+    return read_truth_series(path).trajectory
+
+
+def read_truth_series(path: Path, topic: str | None = None) -> PoseSeries:
+    """The poses of a trajectory file, of a topic of a log, or without `topic` the true poses in a log. Raises InputError."""
+    if topic is not None:
+        return read_topic(path, topic)
     if path.is_file() and _looks_like_trajectory(path):
-        return read_trajectory(path)
+        return read_poses(path)
     from gridslam.logs.open import open_log
 
     with open_log(path) as log:
         truth = log.truth()
     if truth is None or not len(truth):
-        raise InputError(f"{path}: this log holds no true poses; give a trajectory (t x y z qx qy qz qw)")
-    return truth
+        raise InputError(
+            f"{path}: this log holds no true poses; name a topic with --truth-topic, or give a trajectory"
+        )
+    return PoseSeries.of(path.name, truth)
 
 
 def _looks_like_trajectory(path: Path) -> bool:

@@ -73,6 +73,11 @@ class Log:
         return list(self._static)
 
     @property
+    def static_transforms(self) -> list[Transform]:
+        """All static transforms of the log."""
+        return list(self._source.static_edges)
+
+    @property
     def event_count(self) -> int:
         """How many events `events()` delivers at most, for progress."""
         return len(self._static) + sum(

@@ -143,7 +143,7 @@ def test_what_has_no_value_is_null_and_passes_no_gate(cli: Cli, run_dir: Path, t
         (["RUN", "--truth", "nowhere"], 3, "nowhere"),
         (["RUN", "--truth", "LATE"], 3, "no stamps within"),
         (["RUN", "--truth-map", "LATE"], 3, "late.tum"),
-        (["LATE", "--truth-map", "TRUTH/map.yaml"], 2, "nothing that"),
+        (["LATE", "--truth-map", "TRUTH/map.yaml"], 2, "nothing to compare with this"),
     ],
 )
 def test_an_error_is_one_line_with_the_right_exit_code(
@@ -192,3 +192,100 @@ def test_damaged_files_end_with_a_result_or_with_one_line_about_the_input(
             assert code in (0, 3), err
             assert code == 0 or (out == "" and err.count("\n") == 1)
         file.write_bytes(whole)
+
+
+def lines_after_table(out: str) -> list[str]:
+    return [line for line in out.splitlines() if ": " in line]
+
+
+def test_ten_lines_by_default_and_all_of_them_on_request(cli: Cli, run_dir: Path, truth_dir: Path) -> None:
+    _, short, _ = cli(run_dir, "--truth", truth_dir)
+    _, full, _ = cli(run_dir, "--truth", truth_dir, "--all")
+    assert len([line for line in short.splitlines() if "." in line.split()[0]]) == 10
+    assert "more with --all" in short
+    assert "ape.trans.median" in full
+    assert "more with --all" not in full
+
+
+def test_gates_are_answered_whether_they_hold_or_not(cli: Cli, run_dir: Path, truth_dir: Path) -> None:
+    gates = ("--require", "ape.trans.rmse<=0.1", "--require", "map.iou>=1.5")
+    code, out, err = cli(run_dir, "--truth", truth_dir, *gates)
+    assert code == 1
+    assert "ape.trans.rmse" in out
+    assert any(line.endswith("<= 0.1: holds") for line in lines_after_table(out))
+    assert any(
+        line.startswith("map.iou") and line.endswith(">= 1.5: fails") for line in lines_after_table(out)
+    )
+    assert "gate failed: map.iou" in err
+
+
+def test_several_results_are_compared_in_one_table(
+    cli: Cli, run_dir: Path, truth_dir: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.tum"
+    write_tum(other, trajectory(0.1))
+    code, out, _ = cli(run_dir, other, "--truth", truth_dir, "--require", "ape.trans.rmse<=0.2")
+    assert code == 0
+    assert out.splitlines()[0].split() == ["measure", "run", "other.tum", "unit"]
+    assert "other.tum: ape.trans.rmse 0.1 <= 0.2: holds" in out
+    document = json.loads(cli(run_dir, other, "--truth", truth_dir, "--json")[1])
+    assert [item["result"] for item in document["results"]] == [str(run_dir), str(other)]
+    assert document["results"][1]["ape"]["trans"]["rmse"] == pytest.approx(0.1)
+
+
+def test_a_topic_of_a_log_is_the_truth(cli: Cli, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    rows = [
+        f"{stamp / 1e9:.9f},{x},{y},{yaw},0,0,odom,base_link"
+        for stamp, (x, y, yaw) in zip(
+            trajectory().stamps_ns.tolist(), trajectory().poses.tolist(), strict=True
+        )
+    ]
+    (log / "odom.csv").write_text("stamp,x,y,yaw,vx,wz,frame,child_frame\n" + "\n".join(rows) + "\n")
+    write_tum(tmp_path / "est.tum", trajectory(0.25))
+    code, out, err = cli(tmp_path / "est.tum", "--truth", log, "--truth-topic", "odom.csv", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["ape"]["trans"]["rmse"] == pytest.approx(0.25)
+    code, _, err = cli(tmp_path / "est.tum", "--truth", log, "--truth-topic", "/pose")
+    assert code == 2
+    assert "--truth-topic" in err
+
+
+def test_a_time_offset_shifts_the_stamps_of_the_result(cli: Cli, truth_dir: Path, tmp_path: Path) -> None:
+    late = trajectory(0.2)
+    write_tum(tmp_path / "late.tum", Trajectory(late.stamps_ns + 7_000_000_000, late.poses))
+    assert cli(tmp_path / "late.tum", "--truth", truth_dir)[0] == 3
+    code, out, _ = cli(tmp_path / "late.tum", "--truth", truth_dir, "--time-offset", "-7", "--json")
+    document = json.loads(out)
+    assert code == 0
+    assert document["ape"]["trans"]["rmse"] == pytest.approx(0.2)
+    assert document["localization"]["time_to_convergence"] == 0.0
+
+
+def test_plots_and_a_page_are_written_at_once_or_not_at_all(
+    cli: Cli, run_dir: Path, truth_dir: Path, tmp_path: Path
+) -> None:
+    write_tum(tmp_path / "other.tum", trajectory(0.1))
+    output = tmp_path / "plots"
+    arguments = (run_dir, tmp_path / "other.tum", "--truth", truth_dir, "-o", output)
+    assert cli(*arguments)[0] == 0
+    stems = ("trajectories", "errors", "path_errors_1", "path_errors_2", "relative_errors")
+    assert sorted(file.name for file in output.iterdir()) == sorted(
+        [f"{stem}.{kind}" for stem in stems for kind in ("png", "svg")]
+        + ["evaluation.html", "evaluation.json"]
+    )
+    page = (output / "evaluation.html").read_text()
+    assert page.count("<svg") == len(stems)
+    assert "other.tum" in page
+    assert "ape.trans.rmse" in page
+    first = {file.name: file.read_bytes() for file in output.iterdir()}
+    code, _, err = cli(*arguments)
+    assert code == 2
+    assert "--force" in err
+    assert cli(*arguments, "--force")[0] == 0
+    assert {file.name: file.read_bytes() for file in output.iterdir()} == first
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("keep")
+    assert cli(run_dir, "--truth", truth_dir, "-o", tmp_path / "mine", "--force")[0] == 2
+    assert (tmp_path / "mine" / "notes.txt").read_text() == "keep"

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gridslam.core.errors import ConfigError
-from gridslam.evaluation.gates import Gate, check_keys, failures, parse_gate
+from gridslam.evaluation.gates import Gate, answers, check_keys, failures, parse_gate
 
 DOCUMENT = {
     "ape": {"trans": {"rmse": 0.1, "max": math.nan}, "count": 5, "alignment": {"kind": "none"}},
@@ -53,3 +53,17 @@ def test_an_unknown_key_is_answered_with_the_nearest_and_a_missing_truth_with_th
         check_keys([parse_gate("ape.trans.rsme<=1")], DOCUMENT, {})
     with pytest.raises(ConfigError, match="it needs --relations"):
         check_keys([parse_gate("relations.count>=1")], DOCUMENT, {"relations": "--relations"})
+
+
+@pytest.mark.parametrize(
+    ("gate", "value", "answer"),
+    [
+        ("ape<=0.10", 0.0187, "ape 0.0187 <= 0.1: holds"),
+        ("ape<=0.1", 0.10004, "ape 0.10004 <= 0.1: fails"),
+        ("ape<=0.1", math.nan, "ape no value <= 0.1: fails"),
+        ("ape==true", True, "ape true == true: holds"),
+        ("ape>=3", 2, "ape 2 >= 3: fails"),
+    ],
+)
+def test_every_gate_is_answered_with_digits_that_show_why(gate: str, value: object, answer: str) -> None:
+    assert answers([parse_gate(gate)], {"ape": value}) == [answer]

@@ -1,0 +1,66 @@
+"""All remarks on one result: its files, its pairs with the ground truth, and the registration of its map."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gridslam.core.errors import InputError
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.document import EvaluationOptions, Result, Truth, pairs_of
+from gridslam.evaluation.remarks import no_pairs_hint, pair_remarks, series_remarks
+
+
+def remarks_of(
+    result: Result, truth: Truth, options: EvaluationOptions, document: dict[str, Any]
+) -> list[str]:
+    """What a person should know before believing the measures of a document, one line each; often nothing."""
+    remarks = [
+        remark
+        for series in (result.series, truth.series)
+        if series is not None
+        for remark in series_remarks(series)
+    ]
+    if result.trajectory is not None and truth.trajectory is not None:
+        estimate = Trajectory(result.trajectory.stamps_ns + options.time_offset_ns, result.trajectory.poses)
+        pairs = pairs_of(result.trajectory, truth.trajectory, options)
+        remarks += pair_remarks(pairs, estimate, truth.trajectory, options.align, options.with_scale)
+    return remarks + _registration_remarks(document)
+
+
+def check_pairs(result: Result, truth: Truth, options: EvaluationOptions) -> None:
+    """Raise InputError, with the likely cause, if the trajectories have no stamps in common."""
+    if result.series is None or truth.series is None:
+        return
+    assert result.trajectory is not None
+    assert truth.trajectory is not None
+    if len(pairs_of(result.trajectory, truth.trajectory, options)):
+        return
+    spans = [
+        f"{series.name}: {len(series)} poses, {series.stamps_ns.min() / 1e9:.3f} to {series.stamps_ns.max() / 1e9:.3f} s"
+        for series in (result.series, truth.series)
+    ]
+    hint = no_pairs_hint(result.series, truth.series)
+    raise InputError(
+        f"estimate ({spans[0]}) and truth ({spans[1]}) have no stamps within {options.max_difference_ns / 1e9:g} s of each "
+        f"other: {hint}"
+    )
+
+
+def _registration_remarks(document: dict[str, Any]) -> list[str]:
+    facts = document.get("map", {}).get("alignment")
+    if facts is None:
+        return []
+    if facts["kind"] == "none":
+        return [
+            f"the maps could not be registered: at best {facts['inlier_ratio']:.0%} of the mapped walls are near true walls; "
+            "they are compared without alignment. Are they maps of one place?"
+        ]
+    place = f"x {facts['x']:.3f} m, y {facts['y']:.3f} m, yaw {np.degrees(facts['yaw']):.2f} deg"
+    remark = (
+        f"no trajectory relates the frames of the maps: they were aligned by registration of their walls ({place}; "
+        f"{facts['inlier_ratio']:.0%} of the mapped walls agree)"
+    )
+    ambiguous = "the registration is ambiguous: another pose fits as well" if facts["ambiguous"] else ""
+    return [remark, *([ambiguous] if ambiguous else [])]

@@ -1,0 +1,125 @@
+"""The output folder of an evaluation: plots as PNG and SVG, one HTML page with everything, and the document as JSON."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.files import check_name, making, partial_folder, put_folder, write_atomic
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.gates import measures_of
+from gridslam.evaluation.headline import text_of, unit_of
+from gridslam.report.document import json_bytes
+from gridslam.report.evaluation_plots import (
+    EvaluatedTrajectory,
+    error_figure,
+    files_of,
+    overlay_figure,
+    path_error_figure,
+    relative_figure,
+)
+from gridslam.report.plots import STYLE
+
+TEMPLATE = "evaluation.html.j2"
+DOCUMENT_NAME, PAGE_NAME = "evaluation.json", "evaluation.html"
+
+
+def check_evaluation_free(directory: Path, force: bool) -> None:
+    """Raise ConfigError unless an evaluation may be written here: a new path, an empty folder, or with `force` an earlier one."""
+    check_name(directory)
+    if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
+        return
+    if not (directory / DOCUMENT_NAME).is_file() or not (directory / PAGE_NAME).is_file():
+        raise ConfigError(f"{directory}: exists and is not an evaluation; choose another output folder")
+    if not force:
+        raise ConfigError(
+            f"{directory}: exists; choose another output folder, or --force to replace the evaluation in it"
+        )
+
+
+def write_evaluation(
+    directory: Path,
+    documents: Mapping[str, dict[str, Any]],
+    trajectories: Sequence[EvaluatedTrajectory],
+    truth: Trajectory | None,
+    output: Mapping[str, Any],
+    answers: Sequence[str] = (),
+    force: bool = False,
+) -> None:
+    """Write the folder; it appears when it is complete.
+
+    `documents` are the measures (with `remarks`) of each result by name, `trajectories` those with a true trajectory `truth`,
+    `output` is what evaluation.json holds, `answers` are the lines about gates.
+    """
+    check_evaluation_free(directory, force)
+    target = directory.resolve()
+    with making(directory):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    with partial_folder(target) as folder:
+        plots = []
+        with mpl.rc_context(STYLE):
+            figures = list(_figures(trajectories, truth))
+        for stem, figure in figures:
+            png, svg = files_of(figure)
+            write_atomic(folder / f"{stem}.png", png)
+            write_atomic(folder / f"{stem}.svg", svg.encode())
+            plots.append(Markup(_unique_ids(svg, stem)))
+        write_atomic(folder / DOCUMENT_NAME, json_bytes(output))
+        page = (
+            _environment()
+            .get_template(TEMPLATE)
+            .render(
+                names=list(documents),
+                rows=_rows(documents),
+                remarks={name: document.get("remarks", []) for name, document in documents.items()},
+                answers=answers,
+                plots=plots,
+            )
+        )
+        write_atomic(folder / PAGE_NAME, page.encode(errors="replace"))
+        put_folder(folder, target)
+
+
+def _figures(
+    trajectories: Sequence[EvaluatedTrajectory], truth: Trajectory | None
+) -> Iterator[tuple[str, Figure]]:
+    if not trajectories or truth is None:
+        return
+    yield "trajectories", overlay_figure(trajectories, truth.sorted().poses)
+    yield "errors", error_figure(trajectories)
+    for number, trajectory in enumerate(trajectories, start=1):
+        suffix = f"_{number}" if len(trajectories) > 1 else ""
+        yield f"path_errors{suffix}", path_error_figure(trajectory)
+    relative = relative_figure(trajectories)
+    if relative is not None:
+        yield "relative_errors", relative
+
+
+def _rows(documents: Mapping[str, dict[str, Any]]) -> list[tuple[str, str, list[str]]]:
+    """Dotted key, unit and the values of all results, for each measure that any of them has."""
+    flat = [measures_of(document) for document in documents.values()]
+    keys = list(dict.fromkeys(key for measures in flat for key in measures))
+    return [(key, unit_of(key), [text_of(measures.get(key)) for measures in flat]) for key in keys]
+
+
+def _unique_ids(svg: str, stem: str) -> str:
+    """The SVG with ids that differ from those of the page's other plots."""
+    return re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{stem}-", svg)
+
+
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("gridslam.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,128 @@
+"""Every usual mistake in trajectory files gets a remark that names its likely cause; a sound pair gets none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gridslam.core.errors import InputError
+from gridslam.core.poses import compose, quaternion_of_yaw
+from gridslam.evaluation.alignment import Align
+from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
+from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.sanity import check_pairs, remarks_of
+
+N = 200
+TIME = 0.1 * np.arange(N)
+START_NS = 1_311_875_572_000_000_000
+
+
+def loop(noise_m: float = 0.0, name: str = "truth.tum") -> PoseSeries:
+    """A figure of eight in the plane, with quaternions."""
+    rng = np.random.default_rng(0)
+    angle = 2.0 * np.pi * TIME / TIME[-1]
+    x, y = 3.0 + 5.0 * np.cos(angle), 3.0 * np.sin(2.0 * angle)
+    yaw = np.arctan2(np.gradient(y), np.gradient(x))
+    positions = np.column_stack([x, y, np.zeros(N)]) + noise_m * rng.standard_normal((N, 3)) * [1, 1, 0]
+    stamps = START_NS + np.round(TIME * 1e9).astype(np.int64)
+    return PoseSeries(name, stamps, positions, quaternion_of_yaw(yaw))
+
+
+TRUTH, ESTIMATE = loop(), loop(0.02, "est.tum")
+W, X, Y, Z = ESTIMATE.quat_wxyz.T
+YAW = ESTIMATE.trajectory.poses[:, 2]
+
+
+def moved(pose: tuple[float, float, float]) -> PoseSeries:
+    poses = compose(np.array(pose), ESTIMATE.trajectory.poses)
+    return PoseSeries("est.tum", ESTIMATE.stamps_ns, np.pad(poses[:, :2], ((0, 0), (0, 1))), yaw=poses[:, 2])
+
+
+def remarks(estimate: PoseSeries, align: Align = "none", truth: PoseSeries = TRUTH) -> list[str]:
+    options = EvaluationOptions(align=align)
+    result = Result(trajectory=estimate.trajectory, series=estimate)
+    true = Truth(trajectory=truth.trajectory, series=truth)
+    return remarks_of(result, true, options, evaluate(result, true, options))
+
+
+@pytest.mark.parametrize("align", ["none", "se2", "origin"])
+def test_a_sound_estimate_gets_no_remark(align: Align) -> None:
+    assert remarks(ESTIMATE, align) == []
+
+
+MISTAKES = {
+    "w first": (replace(ESTIMATE, quat_wxyz=np.column_stack([Z, W, X, Y])), ["w first"]),
+    "degrees": (replace(ESTIMATE, quat_wxyz=None, yaw=np.degrees(YAW)), ["degrees"]),
+    "millimetres": (replace(ESTIMATE, positions_m=1000.0 * ESTIMATE.positions_m), ["millimetres"]),
+    "feet": (replace(ESTIMATE, positions_m=ESTIMATE.positions_m / 0.3048), ["feet"]),
+    "mirrored": (
+        replace(ESTIMATE, positions_m=ESTIMATE.positions_m * [1, -1, 1], quat_wxyz=quaternion_of_yaw(-YAW)),
+        ["mirrored"],
+    ),
+    "other clock": (replace(ESTIMATE, stamps_ns=ESTIMATE.stamps_ns + 2_000_000_000), ["--time-offset -2.00"]),
+    "no heading": (replace(ESTIMATE, quat_wxyz=quaternion_of_yaw(np.zeros(N))), ["heading is the same"]),
+    "out of the plane": (
+        replace(
+            ESTIMATE,
+            positions_m=np.column_stack(
+                [-ESTIMATE.positions_m[:, 1], np.zeros(N), ESTIMATE.positions_m[:, 0]]
+            ),
+        ),
+        ["leaves the plane", "camera frame"],
+    ),
+    "unpaired": (
+        replace(ESTIMATE, stamps_ns=ESTIMATE.stamps_ns + 15_000_000_000),
+        ["only 50 of 200", "--time-offset -15.00"],
+    ),
+    "heading offset": (
+        replace(ESTIMATE, quat_wxyz=quaternion_of_yaw(YAW + np.pi / 2)),
+        ["constant -90 degrees"],
+    ),
+    "other frame": (moved((10.0, -4.0, 0.7)), ["different frames", "--align se2"]),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_a_remark_that_names_its_cause(name: str) -> None:
+    estimate, words = MISTAKES[name]
+    found = " | ".join(remarks(estimate))
+    for word in words:
+        assert word in found
+
+
+@pytest.mark.parametrize("name", ["millimetres", "mirrored", "other clock"])
+def test_the_cause_is_named_after_alignment_too(name: str) -> None:
+    estimate, words = MISTAKES[name]
+    assert words[0] in " | ".join(remarks(estimate, "se2"))
+
+
+def test_mistakes_in_the_truth_are_named_as_well() -> None:
+    wrong = replace(TRUTH, quat_wxyz=np.column_stack([Z, W, X, Y]))
+    assert any(
+        line.startswith("truth.tum: ") and "w first" in line for line in remarks(ESTIMATE, truth=wrong)
+    )
+
+
+def test_a_rotation_of_several_turns_in_radians_is_not_taken_for_degrees() -> None:
+    angle = np.linspace(0.0, 8.0 * np.pi, N)
+    positions = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(N)]) * 3.0
+    spiral = PoseSeries("est.txt", ESTIMATE.stamps_ns, positions, yaw=angle + np.pi / 2)
+    assert remarks(spiral, truth=spiral) == []
+
+
+@pytest.mark.parametrize(
+    ("stamps", "says"),
+    [
+        (np.round(TIME * 1e9).astype(np.int64), "--time-offset 1311875572.000"),
+        (np.full(N, 5_000_000_000, np.int64), "all stamps of est.tum are the same"),
+        (ESTIMATE.stamps_ns + 50_000_000, "--max-difference"),
+    ],
+)
+def test_series_without_a_stamp_in_common_are_an_error_with_advice(stamps: np.ndarray, says: str) -> None:
+    estimate = replace(ESTIMATE, stamps_ns=stamps)
+    result = Result(trajectory=estimate.trajectory, series=estimate)
+    with pytest.raises(InputError) as error:
+        check_pairs(result, Truth(trajectory=TRUTH.trajectory, series=TRUTH), EvaluationOptions())
+    assert says in str(error.value)
