@@ -7,6 +7,7 @@ import warnings
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,13 @@ _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error,
 
 @dataclass(frozen=True, slots=True)
 class ImageLevels:
-    """`levels` uint16 `(rows, cols)`, top row first: mean of the colour channels = levels / maximum.
+    """`levels` uint8 or uint16 `(rows, cols)`, top row first: mean of the colour channels = levels / maximum.
 
     `opaque` bool `(rows, cols)` is None for an image without an alpha channel; `translucent` is the number of pixels that are
     neither opaque nor fully transparent.
     """
 
-    levels: NDArray[np.uint16]
+    levels: NDArray[np.unsignedinteger[Any]]
     maximum: int
     opaque: NDArray[np.bool_] | None
     translucent: int = 0
@@ -82,5 +83,5 @@ def _levels(path: Path, image: Image.Image) -> ImageLevels:
         translucent = int(np.count_nonzero((alpha > 0) & (alpha < 255)))
         return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, alpha == 255, translucent)
     if image.mode in ("1", "L"):
-        return ImageLevels(np.asarray(image.convert("L")).astype(np.uint16), 255, None)
+        return ImageLevels(np.asarray(image.convert("L")), 255, None)
     return ImageLevels(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 765, None)

@@ -154,12 +154,13 @@ def cells_of_image(
             brightness if negate else 1.0 - brightness, occupied_thresh, free_thresh, graded=mode == "scale"
         )
     cells = np.empty(image.levels.shape, np.int8)
+    top_first = cells[::-1]
     for first in range(0, len(cells), ROWS_PER_BLOCK):
         rows = slice(first, first + ROWS_PER_BLOCK)
-        cells[rows] = table[image.levels[rows]]
+        top_first[rows] = table[image.levels[rows]]
     if mode != "raw" and image.opaque is not None:
-        cells[~image.opaque] = UNKNOWN
-    return np.ascontiguousarray(cells[::-1])
+        top_first[~image.opaque] = UNKNOWN
+    return cells
 
 
 def _threshold_cells(

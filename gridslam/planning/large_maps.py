@@ -11,9 +11,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 Floats = NDArray[np.float64]
 
-MAX_CELLS = (
-    6_500_000  # 127 m x 127 m at 5 cm; bounds the time of a plan (some seconds) and its memory (0.4 GB)
-)
+MAX_CELLS = 4_000_000  # 100 m x 100 m at 5 cm; bounds time and memory of a plan
 WINDOW_MARGIN_M = 30.0  # around start and goal
 OCCUPIED, FREE = 1.0, 0.0
 

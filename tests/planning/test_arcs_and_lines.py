@@ -13,6 +13,7 @@ from PIL import Image
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.planning import motion_search, refinement
 from gridslam.planning.arcs_and_lines import PlannedPath, plan_path
 from gridslam.planning.footprint import cover_polygon, disc
 from gridslam.planning.options import PlanOptions
@@ -243,6 +244,32 @@ def test_every_accepted_limit_gives_finite_times(name: str, limit: float) -> Non
 def test_a_limit_out_of_range_is_refused(name: str, limit: float) -> None:
     with pytest.raises(ConfigError, match=f"{name} .*: expected a number from 0.001 to 1000"):
         replace(SpeedLimits(), **{name: limit})
+
+
+def test_a_search_is_interrupted_by_whatever_its_report_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_search, "EXPANSIONS_PER_SLICE", 10)
+    reported: list[int] = []
+
+    def interrupt(poses: int) -> None:
+        reported.append(poses)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        plan_path(room(), START, GOAL, report=interrupt)
+    assert len(reported) == 1
+    assert 1 < reported[0] < 10 * motion_search.FIRST_SEARCH_STATES
+
+
+def test_a_path_beyond_the_limit_of_length_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_search, "MAX_GUIDE_POSES", 10)
+    with pytest.raises(MethodError, match="the path would be 0 km long, at most 0 km are planned"):
+        plan_path(room(), START, GOAL)
+
+
+def test_a_path_improved_in_pieces_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refinement, "MAX_MOTIONS", 2)
+    grid = room()
+    assert_valid(plan_path(grid, START, GOAL), grid, START, GOAL)
 
 
 def test_the_same_query_gives_the_same_plan() -> None:
