@@ -11,7 +11,8 @@ from gridslam.logs.log import Log
 from gridslam.logs.streams import Source
 
 READABLE = (
-    "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, a Wean Hall text log"
+    "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, a Wean Hall text log, "
+    "a folder of KITTI odometry, EuRoC or TUM RGB-D"
 )
 
 
@@ -39,8 +40,13 @@ def _source(path: Path, config: LogConfig) -> Source:
             from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
             return open_rosbag2(path, config)
-        from gridslam.logs.csv.source import CsvSource
+        from gridslam.logs.csv.source import LAYOUT_FILE, CsvSource
 
+        if config.csv is None and not (path / LAYOUT_FILE).is_file():
+            from gridslam.logs.datasets.open import open_dataset
+
+            if (dataset := open_dataset(path)) is not None:
+                return dataset
         return CsvSource(path, config)
     if not path.is_file():
         raise LogError(f"{path}: a pipe or a device; logs are read more than once: save it to a file first")

@@ -1,0 +1,1 @@
+"""Public datasets as they are downloaded: KITTI odometry, EuRoC, TUM RGB-D."""
