@@ -152,12 +152,13 @@ class AbsolutePose:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """Pixels `(rows, cols)` grey or `(rows, cols, 3)` RGB, uint8."""
+    """Pixels `(rows, cols)` grey or `(rows, cols, 3)` RGB, uint8; `is_raw`: as the camera took them, not rectified."""
 
     stamp_ns: int
     frame_id: str
     pixels: NDArray[np.uint8]
     camera: str = ""
+    is_raw: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -252,7 +252,7 @@ _KINDS = (
             image.from_csv,
             image.to_csv,
             required=("camera", "file"),
-            optional=("frame",),
+            optional=("raw", "frame"),
             default_frame="image",
             rows_name_frames=True,
             has_pictures=True,

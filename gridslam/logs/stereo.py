@@ -40,7 +40,7 @@ class Pairing:
             if left.pixels.shape[:2] != right.pixels.shape[:2]:
                 return None, image
             pixels = grey(left.pixels), grey(right.pixels)
-            return StereoPair(left.stamp_ns, left.frame_id, *pixels, is_raw(topic)), None
+            return StereoPair(left.stamp_ns, left.frame_id, *pixels, left.is_raw), None
         unpaired = self._waiting.get(side)
         self._waiting[side] = image
         return None, unpaired

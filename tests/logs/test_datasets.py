@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, Imu, StereoPair, Transform
-from gridslam.logs import open_log
+from gridslam.logs import open_log, write_log
 
 Floats = NDArray[np.float64]
 E = TypeVar("E")
@@ -231,3 +231,17 @@ def test_a_layout_of_ones_own_wins(tum: Path) -> None:
     (tum / "log.yaml").write_text("version: 1\nstreams:\n  - {kind: imu, file: imu.csv}\n")
     with open_log(tum) as log:
         assert log.format == "CSV folder"
+
+
+@pytest.mark.parametrize("name", ["log.mcap", "log"])
+def test_raw_pictures_and_their_calibration_survive_a_conversion(
+    euroc: Path, tmp_path: Path, name: str
+) -> None:
+    with open_log(euroc) as log:
+        write_log(tmp_path / name, log.events())
+    before, after = (events(path, "stereo", "camera_info") for path in (euroc, tmp_path / name))
+    assert [p.is_raw for p in of(after, StereoPair)] == [True, True]
+    for one, other in zip(of(before, CameraInfo), of(after, CameraInfo), strict=True):
+        for matrices in ((one.K, other.K), (one.P, other.P), (one.R, other.R), (one.D, other.D)):
+            np.testing.assert_array_equal(*matrices)
+        assert one.distortion_model == other.distortion_model

@@ -16,6 +16,7 @@ from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
 from gridslam.logs.ros.foxglove_fields import base64_bytes
+from gridslam.logs.stereo import is_raw
 
 
 def from_ros(message: Any, topic: str) -> Image:
@@ -29,13 +30,13 @@ def from_ros(message: Any, topic: str) -> Image:
         is_bigendian=bool(message.is_bigendian),
     )
     pixels = pixels_of(raw)
-    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
+    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
 
 def from_compressed(message: Any, topic: str) -> Image:
     """The pixels of a decoded sensor_msgs/CompressedImage."""
     pixels = compressed_pixels(bytes(message.data), str(message.format))
-    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic))
+    return Image(*valid_head(message), readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
@@ -48,13 +49,13 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
         data=base64_bytes(message.data),
     )
     pixels = pixels_of(raw)
-    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
+    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
 
 def from_foxglove_compressed(stamp_ns: int, frame: str, message: Any, topic: str) -> Image:
     """The pixels of a foxglove.CompressedImage."""
     pixels = compressed_pixels(base64_bytes(message.data), str(getattr(message, "format", "")))
-    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic))
+    return Image(stamp_ns, frame, readonly(pixels, np.uint8), camera_of(topic), is_raw(topic))
 
 
 def write_picture(body: CdrWriter, encoding: str, pixels: Any, bytes_per_pixel: int) -> CdrWriter:
@@ -69,7 +70,8 @@ def to_ros(image: Image, topic: str | None) -> list[Encoded]:
     """sensor_msgs/Image."""
     encoding, bytes_per_pixel = ("mono8", 1) if image.pixels.ndim == 2 else ("rgb8", 3)
     body = write_picture(with_header(image), encoding, image.pixels, bytes_per_pixel)
-    return single_message(topic or f"/{image.camera or 'camera'}/image", "sensor_msgs/msg/Image", image, body)
+    name = topic or f"/{image.camera or 'camera'}/{'image_raw' if image.is_raw else 'image'}"
+    return single_message(name, "sensor_msgs/msg/Image", image, body)
 
 
 def stereo_to_ros(pair: StereoPair, topic: str | None) -> list[Encoded]:
@@ -89,10 +91,11 @@ def stereo_to_ros(pair: StereoPair, topic: str | None) -> list[Encoded]:
 def from_csv(rows: list[Row]) -> Image:
     """The image whose file one row names."""
     (row,) = rows
-    return Image(row.stamp_ns, row.frame, readonly(read_pixels(row.file()), np.uint8), row.text("camera"))
+    pixels = readonly(read_pixels(row.file()), np.uint8)
+    return Image(row.stamp_ns, row.frame, pixels, row.text("camera"), bool(row.number("raw", 0.0)))
 
 
 def to_csv(image: Image, pictures: PictureWriter) -> list[list[str]]:
     """One row; the pixels become a PNG."""
     name = pictures.write_pixels("image", image, image.pixels)
-    return [[name_field(image.camera), name, name_field(image.frame_id)]]
+    return [[name_field(image.camera), name, str(int(image.is_raw)), name_field(image.frame_id)]]

@@ -15,6 +15,7 @@ from gridslam.logs.csv.pictures import read_pixels
 from gridslam.logs.csv.row import path_inside
 from gridslam.logs.datasets.source import DatasetStream
 from gridslam.logs.skips import SkipReason, UnusableMessageError
+from gridslam.logs.stereo import is_raw
 
 Floats = NDArray[np.float64]
 
@@ -78,10 +79,11 @@ def inside(folder: Path, name: str) -> Path:
 def image_stream(
     folder: Path, camera: str, topic: str, stamps_ns: Sequence[int], names: Sequence[str]
 ) -> DatasetStream:
-    """The pictures `names` in a folder, taken at `stamps_ns`."""
+    """The pictures `names` in a folder, taken at `stamps_ns`; the topic says whether they are raw."""
 
     def event(k: int) -> Event:
-        return Image(stamps_ns[k], camera, readonly(read_pixels(inside(folder, names[k])), np.uint8), camera)
+        pixels = readonly(read_pixels(inside(folder, names[k])), np.uint8)
+        return Image(stamps_ns[k], camera, pixels, camera, is_raw(topic))
 
     return DatasetStream("image", topic, camera, stamps_ns, event)
 
