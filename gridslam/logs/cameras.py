@@ -63,7 +63,7 @@ def depth_of(
 
 @contextmanager
 def opened_picture(data: bytes, formats: tuple[str, ...], max_pixels: int = MAX_PIXELS) -> Iterator[Any]:
-    """A Pillow image, whose size is known to be no bomb's before a pixel of it is unpacked.
+    """A Pillow image whose size is checked before any pixel is unpacked.
 
     Raises ValueError: it is damaged, of another format or too large, whether that shows here or inside the block.
     """

@@ -18,7 +18,7 @@ else:
 
 
 class ExtrinsicsConfig(StrictModel):
-    """T_base_sensor: a sensor's place on the robot (turned by roll, then pitch, then yaw, axes fixed)."""
+    """T_base_sensor: the pose of a sensor on the robot (rotated by roll, then pitch, then yaw about fixed axes)."""
 
     x: float = Field(0.0, description="forward of the base, m")
     y: float = Field(0.0, description="left of the base, m")

@@ -20,7 +20,7 @@ from gridslam.logs.write import open_writer
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What was written: messages by topic; and topics left out because no event stands for their type."""
+    """The result of a conversion: messages written by topic, and topics left out because nothing uses their type."""
 
     written: dict[str, int]
     left_out: list[str]
@@ -34,7 +34,7 @@ def convert_log(
     end_s: float | None = None,
     force: bool = False,
 ) -> Conversion:
-    """Write a log's streams, the truth too.
+    """Write the streams of a log, including the truth.
 
     `start_s` and `end_s` count from the log's first stamp, both included. Extrinsics are always written.
     Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists;
@@ -82,7 +82,7 @@ def convert_log(
 
 
 def _topic_of(event: Event, topic: str | None) -> str | None:
-    """The topic of an event; None, for the usual one, where the topic would give a camera's event another camera."""
+    """The topic to write an event on; None, the usual one, if the topic would change the camera of the event."""
     camera = getattr(event, "camera", None)
     return None if camera and topic is not None and camera_of(topic) != camera else topic
 

@@ -1,4 +1,4 @@
-"""A log as its users see it: streams, events in order, the truth, and the account of what was lost."""
+"""An open log: its streams, its events in order, its truth, and counts of what was lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
 
 
 class Log:
-    """An open log; use it as a context manager. `path` was opened, `format` is what it turned out to be."""
+    """An open log; use it as a context manager. `path` is the opened path, `format` the recognised format."""
 
     def __init__(self, path: Path, source: Source, config: LogConfig, kinds: Collection[str] | None) -> None:
         self.path = path
@@ -64,7 +64,7 @@ class Log:
 
     @property
     def base_frame(self) -> str:
-        """The robot's frame: what odometry moves and sensors are mounted on."""
+        """The robot's frame, which odometry moves and sensors are mounted on."""
         return self._selection.base_frame
 
     @property
@@ -79,7 +79,7 @@ class Log:
 
     @property
     def event_count(self) -> int:
-        """How many events `events()` delivers at most, for progress."""
+        """The largest number of events that `events()` yields, for progress."""
         return len(self._static) + sum(
             len(self._source.streams[i].stamps_ns) for i in self._selection.kind_of
         )
@@ -93,7 +93,7 @@ class Log:
 
     @property
     def problems(self) -> list[str]:
-        """What people should know about the log, one line each: what was lost and where, what was assumed."""
+        """Lines for people: what was lost, where it was lost first, and what was assumed."""
         return self._account().problems
 
     @property
@@ -115,7 +115,7 @@ class Log:
         return dict(sorted(hashes.items()))
 
     def events(self) -> Iterator[Event]:
-        """Static transforms first, then all used streams merged by stamp; each call begins anew."""
+        """Static transforms, then all used streams merged by stamp; each call starts at the beginning."""
         for _, event in self.events_by_topic():
             yield event
 
@@ -150,7 +150,7 @@ class Log:
         )
 
     def truth(self) -> Trajectory | None:
-        """The true path: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
+        """The true trajectory: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
 
         Poses of the topic that cannot be used are counted. Raises InputError: a line of the file is wrong.
         """

@@ -1,4 +1,4 @@
-"""The account of what was read, what was not, and why."""
+"""Counts of messages that were read, skipped and lost, with the reasons."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 
 class MessageCounts:
-    """Counters for the report and, for people, a line per kind of trouble with the place of the first."""
+    """Counters for the report and, for people, one line for each kind of fault with its first place."""
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
@@ -15,7 +15,7 @@ class MessageCounts:
         self._first: dict[str, str] = {}
 
     def count(self, key: str, number: int = 1) -> None:
-        """Count something that is no trouble."""
+        """Count something that is no fault."""
         self.counters[key] += number
 
     def skip(self, stream: str, reason: str, where: str, number: int = 1) -> None:
@@ -27,12 +27,12 @@ class MessageCounts:
         self._add(f"lost.{what}", where, number)
 
     def note(self, line: str) -> None:
-        """A line that the user should read, once."""
+        """Keep a line for the user, once."""
         self._notes.setdefault(line, line)
 
     @property
     def problems(self) -> list[str]:
-        """What people should know: notes first, then each kind of loss with its count and first place."""
+        """Lines for people: notes, then each kind of loss with its count and first place."""
         lines = list(self._notes)
         for key, where in self._first.items():
             verb, _, what = key.partition(".")
@@ -41,11 +41,11 @@ class MessageCounts:
 
     @property
     def is_lossy(self) -> bool:
-        """Whether anything in the log could not be used."""
+        """Whether something in the log could not be used."""
         return bool(self._first)
 
     def absorb(self, other: MessageCounts, streams: Collection[str] | None = None) -> None:
-        """Add another account to this one; given `streams`, only what was skipped of these."""
+        """Add the counts of another; given `streams`, skipped messages of these only."""
 
         def concerns(key: str) -> bool:
             return streams is None or not key.startswith("skipped.") or key.split(".")[1] in streams

@@ -1,4 +1,4 @@
-"""Why a message is left out: the reasons that counters and notes name."""
+"""Reasons for leaving out a message, as counters and notes name them."""
 
 from __future__ import annotations
 

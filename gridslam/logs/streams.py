@@ -1,4 +1,4 @@
-"""What a log holds: its streams, and what every reader of a file format offers to `Log`."""
+"""Streams of a log, and the interface that every reader of a file format offers to `Log`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RecordedStream:
 
     @property
     def label(self) -> str:
-        """Name for messages to people."""
+        """The name in messages to people."""
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
@@ -53,12 +53,12 @@ class StreamInfo:
 
     @property
     def label(self) -> str:
-        """Name for messages to people."""
+        """The name in messages to people."""
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
 class Source(Protocol):
-    """One file format. It is read through once when opened (stamps, frames, damage) and again by `read`."""
+    """A log in one file format. It is indexed when opened (stamps, frames, damage) and read again by `read`."""
 
     format: str
     compression: str

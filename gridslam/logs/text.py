@@ -87,7 +87,7 @@ class TextLines:
         self._read_before = True
 
     def _unpacked(self) -> Iterator[tuple[int, bytes]]:
-        """Lines out of blocks, so that millions of empty lines cost next to nothing."""
+        """The lines of all blocks; empty lines cost next to nothing."""
         number, rest, is_too_long = 0, b"", False
         for block in self._blocks():
             first, *lines = block.split(b"\n")

@@ -15,7 +15,7 @@ _READ_ONLY_FORMATS = (".bag", ".db3", ".clf", ".gz", ".bz2")
 
 
 class LogWriter(Protocol):
-    """What writes a log. It has its name only after `close`; an exception in `with` leaves nothing behind."""
+    """A writer of logs. The log gets its name when `close` succeeds; after an exception in `with` nothing remains."""
 
     def __enter__(self) -> LogWriter: ...
 
@@ -33,7 +33,7 @@ class LogWriter(Protocol):
         """Complete the log."""
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Remove what was written."""
 
 
 def open_writer(path: str | Path, force: bool = False) -> LogWriter:

@@ -199,3 +199,11 @@ def test_a_name_that_a_csv_row_cannot_hold_is_refused_aloud(tmp_path: Path) -> N
     ):
         convert_log(log, tmp_path / "log")
     assert not (tmp_path / "log").exists()
+
+
+def test_the_name_of_a_camera_may_be_longer_than_that_of_a_file(tmp_path: Path) -> None:
+    camera = "ü" * 300
+    with open_writer(tmp_path / "log") as writer:
+        writer.write(Image(S, "cam", np.zeros((2, 2), np.uint8), camera))
+    with open_log(tmp_path / "log") as log:
+        assert [e.camera for e in log.events() if isinstance(e, Image)] == [camera]

@@ -12,6 +12,7 @@ from gridslam.core.messages import Range, as_float32
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.csv.layout import CsvLayout
 from gridslam.logs.kinds import CSV_KINDS
+from gridslam.logs.skips import SkipReason
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 EXAMPLES = [
@@ -37,6 +38,11 @@ def test_the_table_of_streams_has_every_kind_with_its_columns() -> None:
         (row,) = [line for line in PAGE.splitlines() if re.match(rf"\| `?{kind}`? \|", line)]
         for column in () if kind in ("stereo", "camera_info") else CSV_KINDS[kind].required:
             assert re.search(rf"\b{column}\b", row), (kind, column)
+
+
+def test_every_reason_for_skipping_a_message_is_on_the_page() -> None:
+    for reason in SkipReason:
+        assert f"`{reason.value}`" in PAGE
 
 
 @pytest.mark.real_data

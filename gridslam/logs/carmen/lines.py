@@ -1,4 +1,4 @@
-"""Lines of CARMEN logs taken apart.
+"""The fields of CARMEN lines.
 
     FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
     ROBOTLASER1 type start_angle field_of_view resolution max_range accuracy remission_mode n r.. m rem..
@@ -38,7 +38,7 @@ _MAX_COUNT_DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class LaserLine:
-    """One laser line taken apart. `geometry` is (angle_min, increment, range_max) where the line says it."""
+    """The fields of one laser line. `geometry` is (angle_min, increment, range_max) where the line has them."""
 
     stamp_ns: int
     ranges: NDArray[np.float64]
@@ -72,7 +72,7 @@ def beam_angles(count: int, field_of_view_deg: float | None = None) -> tuple[flo
 
 
 def old_laser_lines(lines: Sequence[bytes]) -> list[LaserLine | None]:
-    """FLASER lines (or others of the same form) taken apart together, ten times as fast as one by one.
+    """The fields of FLASER lines (or others of the same form), parsed together: ten times as fast as one by one.
 
     None for a line that is not in the usual form, single spaces and all: `laser_line` says more about it.
     """
@@ -114,7 +114,7 @@ def _ends_of(line: bytes) -> tuple[int, int | None, bytes]:
 
 
 def laser_line(word: bytes, line: bytes) -> LaserLine | SkipReason:
-    """The line taken apart, or the reason why it cannot be."""
+    """The fields of a laser line, or the reason why it cannot be used."""
     words = line.split()
     try:
         return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
@@ -182,5 +182,5 @@ def odometry_in(laser: LaserLine) -> Odometry:
 
 
 def _yaw(yaw: float) -> float:
-    """Canonical and in (-pi, pi], as every format can keep it."""
+    """The yaw, canonical and in (-pi, pi], which every format keeps exactly."""
     return canonical_yaw(math.atan2(math.sin(yaw), math.cos(yaw))) if math.isfinite(yaw) else yaw

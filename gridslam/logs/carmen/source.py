@@ -45,7 +45,7 @@ _KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), ag
 
 @dataclass(slots=True)
 class _LaserIndex:
-    """What the first pass learns about one kind of laser line."""
+    """What the index pass finds out about one kind of laser line."""
 
     largest: float = 0.0
     at_largest: int = 0
@@ -79,7 +79,7 @@ class CarmenSource:
         self._index()
 
     def close(self) -> None:
-        """Nothing stays open between passes."""
+        """Do nothing: no file stays open between passes."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Odometry and scan of every line, in the file's order."""
@@ -101,7 +101,7 @@ class CarmenSource:
         return f"{self._lines.path.name} line {number}"
 
     def _index(self) -> None:
-        """First pass: stamps, the value that means "no return", and where the laser sits."""
+        """The index pass: stamps, the value that means "no return", and the laser's extrinsics."""
         found: dict[bytes, _LaserIndex] = {}
         odom = array("q")
         front_offset: float | None = None
@@ -129,7 +129,7 @@ class CarmenSource:
         self._add_odometry(found, odom)
 
     def _taken_apart(self) -> Iterator[tuple[int, bytes, bytes, LaserLine | SkipReason | None]]:
-        """(number, first word, line, what a laser line holds) of every line; laser lines are parsed in batches."""
+        """(number, first word, line, fields of a laser line) of every line; laser lines are parsed in batches."""
         for batch in _batches((number, line) for number, line in self._lines if line[:1] != b"#"):
             words = [line[:12].split(b" ", 1)[0] for _, line in batch]
             at = [i for i, word in enumerate(words) if word in LASERS and batch[i][0] not in self._parsed]
@@ -162,7 +162,7 @@ class CarmenSource:
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
 
     def _add_odometry(self, found: dict[bytes, _LaserIndex], odom: array[int]) -> None:
-        """The odometry in the lines of the main laser; ODOM lines without one, or when config names them."""
+        """Add the odometry: that of the main laser's lines, or ODOM lines if there is no laser or the config names them."""
         main = max(found, key=lambda word: len(found[word].stamps), default=None)
         if odom and (main is None or self._odometry_topic == "ODOM"):
             source, stamps = b"ODOM", odom
@@ -221,7 +221,7 @@ def _batches(lines: Iterable[tuple[int, bytes]]) -> Iterator[list[tuple[int, byt
 
 
 def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
-    """Add one line to the index: its stamp, its largest readings, the laser's place on the robot."""
+    """Add one line to the index: its stamp, its largest readings, the laser's pose on the robot."""
     index.stamps.append(laser.stamp_ns)
     index.readings += len(laser.ranges)
     largest = float(laser.ranges.max(initial=0.0))
@@ -241,7 +241,7 @@ def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
 
 
 def _offset(laser: LaserLine) -> tuple[float, float, float]:
-    """T_robot_laser, to the six decimals that the lines have."""
+    """T_robot_laser, rounded to the six decimals that the lines have."""
     (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose, laser.laser_pose
     cos, sin = math.cos(ryaw), math.sin(ryaw)
     dx, dy = lx - rx, ly - ry

@@ -61,7 +61,7 @@ class WeanHallSource:
         self._index()
 
     def close(self) -> None:
-        """Nothing stays open between passes."""
+        """Do nothing: no file stays open between passes."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Odometry of every line, and the scan of an L line, in the file's order."""
@@ -116,7 +116,7 @@ class WeanHallSource:
 
 
 def _line(words: list[bytes]) -> tuple[int, list[float]] | SkipReason:
-    """(stamp_ns, numbers between the letter and the stamp), or why the line cannot be used."""
+    """(stamp_ns, numbers between the letter and the stamp), or the reason why the line cannot be used."""
     if not words or words[0] not in (b"O", b"L"):
         return SkipReason.UNKNOWN_LINE
     if len(words) != 5 if words[0] == b"O" else len(words) <= _FIELDS_BEFORE_RANGES + 1:

@@ -29,7 +29,7 @@ def from_ros(message: Any, topic: str) -> AbsolutePose:
     pose = message.pose.pose
     full = np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     planar = full[_PLANAR]
-    planar = 0.5 * (planar + planar.T)  # publishers round the two halves differently
+    planar = 0.5 * planar + 0.5 * planar.T  # publishers round the two halves differently
     values = np.array([pose.position.x, pose.position.y, yaw_of_orientation(pose.orientation)])
     return AbsolutePose(*valid_head(message), readonly(values, np.float64), readonly(planar, np.float64))
 

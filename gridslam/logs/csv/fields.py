@@ -22,7 +22,7 @@ def single_field(value: float) -> str:
 
 
 def name_field(value: str) -> str:
-    """A name as it is. LogError for one that would not read back: a line is a row, and fields are stripped."""
+    """The name unchanged. Raises LogError for a name that would not read back: a line is a row, and fields are stripped."""
     if value.encode(errors="ignore").decode().strip() != value or not _UNREADABLE.isdisjoint(value):
         raise LogError(
             f"the name {value!r} cannot be written to a CSV file, which loses line breaks and blanks at the ends; "

@@ -1,4 +1,4 @@
-"""Picture files of a CSV folder: images in PNG or JPEG, depths in .npy (float32) or 16-bit PNG (mm)."""
+"""Image files of a CSV folder: images in PNG or JPEG, depths in .npy (float32) or 16-bit PNG (mm)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from gridslam.logs.image_encodings import unpacked
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 _MAX_BYTES = 1 << 28
+_MAX_FOLDER_NAME = 50  # characters of a camera; a file system takes 255 bytes
 
 
 def read_pixels(path: Path) -> NDArray[np.uint8]:
@@ -74,7 +75,7 @@ class PictureWriter:
 
     def _write(self, kind: str, event: Any, suffix: str, data: bytes) -> str:
         camera = "".join(c if c.isalnum() or c in "-_" else "_" for c in event.camera) or "camera"
-        folder = self._folder / f"{kind}_{camera}"
+        folder = self._folder / f"{kind}_{camera[:_MAX_FOLDER_NAME]}"
         folder.mkdir(exist_ok=True)
         name, number = f"{event.stamp_ns:019d}{suffix}", 1
         while (folder / name).exists():

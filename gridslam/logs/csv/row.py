@@ -16,7 +16,7 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 @dataclass(slots=True)
 class TableColumns:
-    """Where a table has its columns, what it gives once for all rows, and how its numbers become ours."""
+    """The columns of a table: their places, constants that hold for all rows, and the conversion of numbers to our units."""
 
     folder: Path
     frame: str = ""  # frame_id of rows that name none

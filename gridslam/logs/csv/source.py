@@ -27,7 +27,7 @@ _MAX_NAMED = 5
 
 
 class CsvSource:
-    """One stream per file, as log.yaml (in the folder, or given by config) or the default file names say."""
+    """One stream per file, by log.yaml (in the folder, or given by the config) or by the default file names."""
 
     format = "CSV folder"
     compression = "none"
@@ -46,7 +46,7 @@ class CsvSource:
         self._add_extrinsics(layout)
 
     def close(self) -> None:
-        """Nothing stays open between passes."""
+        """Do nothing: no file stays open between passes."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Events in the order of `schedule`; each file is read from its start, line by line."""

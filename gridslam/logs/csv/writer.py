@@ -1,4 +1,4 @@
-"""Write events as a folder of CSV files with a log.yaml that says how to read them."""
+"""Write events as a folder of CSV files, with a log.yaml that describes them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.
 
 @dataclass(slots=True)
 class _TableFile:
-    """One open CSV file and what log.yaml will say of it."""
+    """One open CSV file and its entry in log.yaml."""
 
     path: Path
     stream: IO[str]
@@ -41,7 +41,7 @@ class _TableFile:
 
 
 class CsvFolderWriter:
-    """Events in, one folder out, which has its name only when `close` succeeds; same events, same bytes.
+    """Writes events into a folder that gets its name when `close` succeeds; the same events give the same bytes.
 
     Raises ConfigError as `check_csv_free` does. LogError for an event that would not read back as it is.
     """
@@ -114,7 +114,7 @@ class CsvFolderWriter:
             put_folder(self._folder, self._path)
 
     def abandon(self) -> None:
-        """Leave nothing behind."""
+        """Remove what was written."""
         self._closed = True
         with suppress(OSError):  # what a full disk did not take is given up anyway
             self._aside.close()
@@ -165,7 +165,7 @@ class CsvFolderWriter:
         return file
 
     def _name_frames(self, file: _TableFile) -> None:
-        """Write a file anew with its frames as columns, for from here on they differ."""
+        """Write a file again with its frames as columns, since the frames of the stream differ from here on."""
         file.stream.close()
         before = file.path.rename(file.path.with_suffix(".before"))
         file.stream = self._aside.enter_context(file.path.open("w", encoding="utf-8", newline=""))
@@ -182,7 +182,7 @@ class CsvFolderWriter:
 
 
 def check_csv_free(path: Path, force: bool) -> None:
-    """ConfigError unless a folder may be written here: nothing there, or what this writer has written and `force`."""
+    """Raises ConfigError unless nothing is at the path, or `force` and a folder that this writer has written."""
     check_name(path)
     if not path.exists():
         return
@@ -212,7 +212,7 @@ def _is_part(entry: Path) -> bool:
 
 
 def _frames(kind: str, event: Any) -> dict[str, str]:
-    """An event's frames by column, where its row does not name them in any case."""
+    """The frames of an event by column; empty for kinds whose rows name their frames anyway."""
     if CSV_KINDS[kind].rows_name_frames:
         return {}
     frames = {"frame": event.frame_id}
@@ -220,7 +220,7 @@ def _frames(kind: str, event: Any) -> dict[str, str]:
 
 
 def _refuse_to_join(file: _TableFile, inventory: TagInventory) -> None:
-    """LogError for a second inventory that would read back as a part of the one before."""
+    """Raises LogError for a second inventory that would read back as a part of the one before."""
     this = (inventory.stamp_ns, inventory.antenna) if inventory.tag_ids else None
     if this is not None and this == file.last_round:
         raise LogError(

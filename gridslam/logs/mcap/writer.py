@@ -19,7 +19,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 class McapWriter:
-    """Events in, one MCAP file out, which has its name only when `close` succeeds; same events, same bytes."""
+    """Writes events into an MCAP file that gets its name when `close` succeeds; the same events give the same bytes."""
 
     def __init__(
         self,

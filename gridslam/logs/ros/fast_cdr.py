@@ -1,4 +1,4 @@
-"""CDR of the frequent message types read by hand: four to twenty times the speed of a general decoder.
+"""Hand-written decoders of frequent message types in CDR: four to twenty times as fast as a general decoder.
 
 Only for messages whose schema has the standard fields (`types.is_standard`). Little-endian; anything
 else goes the general way.
@@ -54,7 +54,7 @@ def frame_text(frame: bytes) -> str:
 
 @lru_cache(maxsize=1024)
 def plain_text(name: bytes) -> str:
-    """The name of a joint, or of the frame that it turns, as it stands: both must fit each other."""
+    """The name of a joint, or of the frame that the joint turns, unchanged: the two are compared."""
     return name.decode()
 
 

@@ -1,4 +1,4 @@
-"""Logs of ROS messages, whatever container they lie in: raw messages in, streams and events out."""
+"""Logs of ROS messages in any container: from raw messages to streams and events."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class RosSource:
         return len(self._assignment)
 
     def close(self) -> None:
-        """Nothing stays open between passes."""
+        """Do nothing: no file stays open between passes."""
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Events in the file's order."""

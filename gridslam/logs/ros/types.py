@@ -135,7 +135,7 @@ def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:
 
 @cache
 def _time_types() -> dict[str, Any]:
-    """Time and Duration, which definitions use without giving them."""
+    """The types Time and Duration, which definitions use without defining them."""
     return {
         name: fields
         for name, fields in ros2_types().fielddefs.items()

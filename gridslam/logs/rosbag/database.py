@@ -78,7 +78,7 @@ class DatabaseFile:
             self._message_counts.lose(what, f"{self.path.name} message {number}{why}")
 
     def _use_write_ahead_log(self, log: Path) -> None:
-        """Copy the database and its log, where it has one: reading them in place would write beside them."""
+        """Copy the database and its write-ahead log, if it has one: reading them in place would write beside them."""
         try:
             if not log.is_file() or log.stat().st_size == 0:
                 return
@@ -153,7 +153,7 @@ def _refuse_computed_tables(database: sqlite3.Connection, path: Path) -> None:
 
 
 def _interrupt_or(otherwise: Exception, error: Exception) -> Exception:
-    """KeyboardInterrupt where a signal stopped SQLite, which reports it as an error of its own; else the other error."""
+    """The error `otherwise`; raises KeyboardInterrupt instead if a signal has stopped SQLite."""
     if isinstance(error, sqlite3.OperationalError) and str(error) == "interrupted":
         raise KeyboardInterrupt from None
     return otherwise

@@ -1,0 +1,252 @@
+"""Fuzz logs by their structure: `python -m tests.fuzz.log_records [SECONDS [SEED]]`.
+
+Records of MCAP, CDR payloads, definitions, cells of SQLite and of CSV files are changed and put together again with right
+lengths, so that the damage reaches the decoders. Each log is read and converted there and back. What ends in anything but
+a result or a GridslamError, or takes longer than LONGEST_S, is printed with the seed that makes it again.
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import sqlite3
+import struct
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gridslam.core.errors import GridslamError
+from gridslam.core.messages import (
+    AbsolutePose,
+    CameraInfo,
+    DepthImage,
+    Disparity,
+    Event,
+    Image,
+    Imu,
+    LaserScan,
+    Odometry,
+    Range,
+    TagInventory,
+    Transform,
+    WheelTicks,
+)
+from gridslam.logs.config import LogConfig, LogLimits
+from gridslam.logs.convert import convert_log
+from gridslam.logs.kinds import TRUTH_TOPIC
+from gridslam.logs.mcap.file import McapFile
+from gridslam.logs.mcap.records import CHANNEL, HEADER, MAGIC, MESSAGE, SCHEMA
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.open import open_log
+from gridslam.logs.write import open_writer
+
+LONGEST_S = 10.0
+S = 10**9
+CONFIG = LogConfig(limits=LogLimits(chunk_mb=16, line_mb=1, reorder_mb=16))
+NUMBERS = ["nan", "inf", "-1", "0", "1e308", "-1e-320", "4294967296", "9223372036854775807", "", "x", "1_0"]
+NAMES = [
+    b"",
+    b"\x1b[31m",
+    b"a\nb",
+    b"/ground_truth",
+    b"left_wheel",
+    b"\xff\xfe",
+    "\u202e".encode(),
+    b"x" * 300,
+    b"base_link",
+]
+
+
+def sample_events() -> list[tuple[str | None, Event]]:
+    """Events of every kind, a few of each."""
+    events: list[tuple[str | None, Event]] = [
+        (None, Transform(S, "base_link", "laser", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True))
+    ]
+    for i in range(1, 5):
+        t = i * S
+        events += [
+            ("/scan", LaserScan(t, "laser", np.ones(5, np.float32), -1.0, 0.5, 0.125, 30.0)),
+            ("/odom", Odometry(t, "odom", float(i), 0.0, 0.1, 0.5, 0.1)),
+            (TRUTH_TOPIC, Odometry(t, "map", float(i), 0.0, 0.1)),
+            ("/imu", Imu(t, "imu", 0.25)),
+            ("/wheels", WheelTicks(t, "base_link", 0.5 * i, 0.25 * i)),
+            ("/ir", Range(t, "ir", 0.1 * i, 1.0, 0.125, 2.0)),
+            ("/tags", TagInventory(t, "ant", "left", ("a", "b"), (-40.0, -50.0))),
+            ("/pose", AbsolutePose(t, "map", np.array([1.0, 2.0, 0.5]), np.eye(3))),
+            ("/c/image", Image(t, "cam", np.zeros((3, 4), np.uint8), "c")),
+            ("/c/depth", DepthImage(t, "cam", np.ones((3, 4), np.float32), "c")),
+            ("/c/disparity", Disparity(t, "cam", np.ones((3, 4), np.float32), 100.0, 0.5, "c")),
+            ("/c/camera_info", CameraInfo(t, "cam", 4, 3, np.eye(3), np.eye(3, 4), np.zeros(5), "c")),
+            ("/tf", Transform(t, "odom", "wheel", (1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))),
+        ]
+    return events
+
+
+def write_sample(path: Path) -> Path:
+    with open_writer(path) as writer:
+        for topic, event in sample_events():
+            writer.write(event, topic)
+    return path
+
+
+def changed(data: bytes, rng: random.Random) -> bytes:
+    """A payload with a few bytes, words or names replaced, or cut, or longer."""
+    body = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        at = rng.randrange(len(body)) if body else 0
+        what = rng.randrange(6)
+        if what == 0 and body:
+            body[at] = rng.randrange(256)
+        elif what == 1:
+            word = struct.pack(rng.choice(["<d", "<f", "<I", "<q"]), *[rng.choice((0, 1, 2**31 - 1))])
+            body[at : at + len(word)] = word
+        elif what == 2:
+            body[at : at + 8] = struct.pack("<d", rng.choice((float("nan"), float("inf"), -1e300, 1e-320)))
+        elif what == 3:
+            body = body[:at]
+        elif what == 4:
+            name = rng.choice(NAMES)
+            body[at : at + len(name) + 4] = struct.pack("<I", len(name) + 1) + name
+        else:
+            body[at:at] = rng.randbytes(rng.randrange(8))
+    return bytes(body)
+
+
+def fuzz_mcap(path: Path, sample: Path, rng: random.Random) -> Path:
+    """An MCAP file without chunks whose records are changed, repeated, exchanged or left out."""
+    file = McapFile(sample, MessageCounts(), 1 << 29)
+    messages = list(file.messages())
+
+    def text(value: bytes) -> bytes:
+        return struct.pack("<I", len(value)) + value
+
+    records: list[tuple[int, bytes]] = []
+    for number, schema in file.schemas.items():
+        data = changed(schema.data, rng) if rng.random() < 0.05 else schema.data
+        name = rng.choice(list(file.schemas.values())).name if rng.random() < 0.03 else schema.name
+        records.append(
+            (SCHEMA, struct.pack("<H", number) + text(name.encode()) + text(b"ros2msg") + text(data))
+        )
+    for number, channel in file.channels.items():
+        topic = rng.choice(NAMES) if rng.random() < 0.05 else channel.topic.encode()
+        encoding = rng.choice((b"json", b"ros1", b"")) if rng.random() < 0.03 else b"cdr"
+        schema_id = rng.choice(list(file.schemas)) if rng.random() < 0.05 else channel.schema_id
+        records.append(
+            (CHANNEL, struct.pack("<HH", number, schema_id) + text(topic) + text(encoding) + text(b""))
+        )
+    for number, data in messages:
+        body = changed(data, rng) if rng.random() < 0.15 else data
+        number = rng.choice(list(file.channels)) if rng.random() < 0.03 else number
+        records.append((MESSAGE, struct.pack("<HIQQ", number, 0, 0, 0) + body))
+    for _ in range(rng.choice((0, 0, 1, 3))):
+        a, b = rng.randrange(len(records)), rng.randrange(len(records))
+        records[a], records[b] = records[b], rng.choice((records[a], records[b]))
+    parts = [MAGIC, struct.pack("<BQ", HEADER, 8) + text(b"") + text(b"")]
+    parts += [struct.pack("<BQ", opcode, len(body)) + body for opcode, body in records]
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def fuzz_database(path: Path, sample: Path, rng: random.Random) -> Path:
+    """A rosbag2 database whose cells are changed, also in type."""
+    file = McapFile(sample, MessageCounts(), 1 << 29)
+    messages = list(file.messages())
+    odd: tuple[object, ...] = (None, -1, 2**40, 1.5, "text", b"\xff\xfe", "", "\x1b[31m")
+
+    def cell(value: object, chance: float) -> object:
+        return rng.choice(odd) if rng.random() < chance else value
+
+    path.unlink(missing_ok=True)
+    connection = sqlite3.connect(path)
+    with connection:
+        connection.execute("CREATE TABLE topics(id, name, type, serialization_format)")
+        connection.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        for number, channel in file.channels.items():
+            kind = file.schemas[channel.schema_id].name
+            row = [cell(v, 0.03) for v in (number, channel.topic, kind, channel.encoding)]
+            connection.execute("INSERT INTO topics VALUES(?, ?, ?, ?)", row)
+        for number, data in messages:
+            body = changed(data, rng) if rng.random() < 0.1 else data
+            connection.execute(
+                "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, 0, ?)",
+                (cell(number, 0.03), cell(body, 0.03)),
+            )
+    connection.close()
+    return path
+
+
+def fuzz_folder(path: Path, sample: Path, rng: random.Random) -> Path:
+    """A CSV folder whose cells are changed, moved or left out."""
+    shutil.rmtree(path, ignore_errors=True)
+    shutil.copytree(sample, path)
+    for table in rng.sample(sorted(path.glob("*.csv")), 3):
+        lines = [line.split(",") for line in table.read_text().splitlines()]
+        for _ in range(rng.randrange(1, 4)):
+            row = rng.choice(lines)
+            at = rng.randrange(len(row))
+            row[at] = rng.choice((*NUMBERS, rng.choice(rng.choice(lines)), rng.choice(NAMES[:5]).decode()))
+            if rng.random() < 0.1:
+                row.pop(at)
+        table.write_text("\n".join(",".join(row) for row in lines) + "\n")
+    return path
+
+
+MAKERS: dict[str, Callable[[Path, Path, random.Random], Path]] = {
+    "mcap": fuzz_mcap,
+    "db3": fuzz_database,
+    "csv": fuzz_folder,
+}
+
+
+def check(path: Path, folder: Path) -> str:
+    """Read a log and convert it there and back; in a word what happened."""
+    try:
+        for number, suffix in enumerate((".mcap", "", ".mcap")):
+            with open_log(path, CONFIG) as log:
+                converted = folder / f"out{number}{suffix}"
+                convert_log(log, converted, force=True)
+                lines = log.problems
+            assert len(lines) < 200
+            path = converted
+    except GridslamError as error:
+        return type(error).__name__
+    return "read"
+
+
+def main(arguments: list[str]) -> int:
+    """Fuzz until the time is over; the number of logs that ended in a bug."""
+    seconds = float(arguments[0]) if arguments else 30.0
+    seed = int(arguments[1]) if len(arguments) > 1 else 0
+    counts: Counter[str] = Counter()
+    bugs = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        samples = {"csv": write_sample(folder / "sample")}
+        samples["mcap"] = samples["db3"] = write_sample(folder / "sample.mcap")
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            for kind, make in MAKERS.items():
+                path = make(folder / f"log.{kind}", samples[kind], random.Random(f"{kind} {seed}"))
+                started = time.monotonic()
+                try:
+                    result = check(path, folder)
+                except Exception:
+                    bugs += 1
+                    result = "bug"
+                    sys.stdout.write(f"{kind} seed {seed}: {traceback.format_exc(limit=-3)}\n")
+                if time.monotonic() - started > LONGEST_S:
+                    sys.stdout.write(f"{kind} seed {seed}: {time.monotonic() - started:.0f} s\n")
+                counts[f"{kind} {result}"] += 1
+            seed += 1
+    sys.stdout.write(f"{dict(sorted(counts.items()))}, up to seed {seed - 1}\n")
+    return bugs
+
+
+if __name__ == "__main__":
+    sys.exit(min(main(sys.argv[1:]), 1))
