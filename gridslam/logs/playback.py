@@ -8,9 +8,19 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from gridslam.core.errors import LogError
-from gridslam.core.messages import AbsolutePose, Event, Image, LaserScan, Odometry, PointCloud, Transform
+from gridslam.core.messages import (
+    AbsolutePose,
+    DepthImage,
+    Event,
+    Image,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    Transform,
+)
 from gridslam.logs import ordering
 from gridslam.logs.codecs import odometry
+from gridslam.logs.depth_units import DepthUnits
 from gridslam.logs.kinds import fault_of
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.plausibility import ScanPlausibility
@@ -122,9 +132,16 @@ def _checked(
         for i, kind in kind_of.items()
         if kind == "scan" and with_repairs
     }
+    units = {
+        i: DepthUnits(source.streams[i].label, message_counts)
+        for i, kind in kind_of.items()
+        if kind == "depth" and with_repairs
+    }
     for index, event in items:
         if isinstance(event, LaserScan) and index in checks:
             event = checks[index].repaired(event)
+        elif isinstance(event, DepthImage) and index in units:
+            event = units[index].repaired(event)
         number = numbers[index] = numbers[index] + 1
         fault: SkipReason | None
         detail = ""
