@@ -50,6 +50,25 @@ Strict = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 
+RunTruth = Annotated[
+    Path | None,
+    typer.Option(
+        "--truth",
+        metavar="PATH",
+        readable=False,
+        help="True poses for the error in the report: a trajectory, a log, or a folder NAME.truth. "
+        "Default: those in or beside the log.",
+    ),
+]
+TruthTopic = Annotated[
+    str | None,
+    typer.Option(
+        "--truth-topic",
+        metavar="TOPIC",
+        help="Topic of the true poses in the log that --truth names, or two tf frames: 'map->base_link'.",
+    ),
+]
+
 Drawing = Annotated[
     Path | None,
     typer.Option(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from gridslam.api import localize, map_log
 from gridslam.core.errors import ConfigError
 from gridslam.core.nested import flatten
 from gridslam.core.threads import limit_threads
+from gridslam.core.trajectory import Trajectory
 from gridslam.report.directory import check_free
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
@@ -41,18 +42,23 @@ class RunOptions:
     strict: bool
     as_json: bool
     inputs: Mapping[str, Path] = field(default_factory=dict)
+    truth: Path | None = None
+    truth_topic: str | None = None
 
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
     """Run, write the directory and print the summary. Exits with 130 if interrupted, 3 if the log is lossy with --strict."""
-    read = [options.log, *options.inputs.values(), *([map_path] if map_path else [])]
+    read = [options.log, *options.inputs.values(), *(p for p in (map_path, options.truth) if p)]
     check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:
         limit_threads(options.jobs)
+    truth = _read_truth(options)
     with stop_on_signals() as stop:
         run = _run(command, config, options, map_path, stop)
+        if truth is not None:
+            run = replace(run, truth=truth)
         _print_problems(run)
         document = write_run(run, options.output, options.force)
     if options.as_json:
@@ -60,6 +66,20 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
     else:
         console.emit_table(("", ""), summary(run, document, options.output))
     _exit_unless_complete(run, options)
+
+
+def _read_truth(options: RunOptions) -> Trajectory | None:
+    """The true poses that the command line names, read before the run. Raises ConfigError or InputError."""
+    if options.truth is None:
+        if options.truth_topic is not None:
+            raise ConfigError("--truth-topic: name the log with --truth")
+        return None
+    from gridslam.evaluation.from_files import load_truth
+
+    truth = load_truth(options.truth, topic=options.truth_topic).trajectory
+    if truth is None:
+        raise ConfigError(f"--truth {options.truth}: has no true poses")
+    return truth
 
 
 def _run(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..options import AsJson
+from ..options import AsJson, TruthTopic
 
 
 class AlignName(str, Enum):
@@ -50,14 +50,6 @@ TruthPath = Annotated[
         readable=False,
         help="True poses: a trajectory (as RESULT), a log that contains them, or a folder "
         "NAME.truth, whose map and objects are used too. Default: the folder DIR/truth of an exploration.",
-    ),
-]
-TruthTopic = Annotated[
-    str | None,
-    typer.Option(
-        "--truth-topic",
-        metavar="TOPIC",
-        help="Topic of the true poses in a log, such as /amcl_pose, or two tf frames: 'map->base_link'.",
     ),
 ]
 ResultTopic = Annotated[

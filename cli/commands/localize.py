@@ -16,8 +16,10 @@ from ..options import (
     LogPath,
     Output,
     Overrides,
+    RunTruth,
     Seed,
     Strict,
+    TruthTopic,
     methods_with,
 )
 
@@ -44,6 +46,8 @@ def run(
     map_path: MapPath = None,
     start: Start = None,
     further: Inputs = None,
+    truth: RunTruth = None,
+    truth_topic: TruthTopic = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -54,6 +58,18 @@ def run(
     """Localize the robot along a log on a given map."""
     from ..running import RunOptions, given, run_command, start_override
 
-    overrides = (*(override or ()), *([start_override(start)] if start else []))
-    options = RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json, given(further))
+    options = RunOptions(
+        log=log,
+        config=config,
+        output=output,
+        overrides=(*(override or ()), *([start_override(start)] if start else [])),
+        seed=seed,
+        jobs=jobs,
+        force=force,
+        strict=strict,
+        as_json=as_json,
+        inputs=given(further),
+        truth=truth,
+        truth_topic=truth_topic,
+    )
     run_command("localize", options, map_path)

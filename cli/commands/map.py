@@ -12,9 +12,11 @@ from ..options import (
     LogPath,
     Output,
     Overrides,
+    RunTruth,
     Seed,
     Strict,
     Tags,
+    TruthTopic,
 )
 
 
@@ -25,6 +27,8 @@ def run(
     drawing: Drawing = None,
     tags: Tags = None,
     further: Inputs = None,
+    truth: RunTruth = None,
+    truth_topic: TruthTopic = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -35,6 +39,18 @@ def run(
     """Build a map and a trajectory from a log."""
     from ..running import RunOptions, given, run_command
 
-    inputs = given(further, drawing=drawing, tags=tags)
-    overrides = tuple(override or ())
-    run_command("map", RunOptions(log, config, output, overrides, seed, jobs, force, strict, as_json, inputs))
+    options = RunOptions(
+        log=log,
+        config=config,
+        output=output,
+        overrides=tuple(override or ()),
+        seed=seed,
+        jobs=jobs,
+        force=force,
+        strict=strict,
+        as_json=as_json,
+        inputs=given(further, drawing=drawing, tags=tags),
+        truth=truth,
+        truth_topic=truth_topic,
+    )
+    run_command("map", options)

@@ -71,7 +71,7 @@ def test_json_is_one_document_the_same_as_in_the_report(
         (["map", "no.mcap", "-c", "CFG", "-o", "OUT"], 3, "no.mcap"),
         (["map", "CFG", "-c", "CFG", "-o", "OUT"], 3, "dr.yaml"),
         (["map", "LOG", "-c", "CFG", "-o", "CFG"], 2, "not a run"),
-        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "reported to fail"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "told to fail"),
         (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=bug"], 70, "ZeroDivisionError"),
         (["localize", "LOG", "-c", "CFG", "--map", "no.yaml", "-o", "OUT"], 3, "no.yaml"),
         (
@@ -320,3 +320,20 @@ def test_the_help_of_info_explains_every_column_that_it_prints(cli: Cli, small_l
     for column in ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order"):
         assert column in table
         assert f'"{column}"' in reported
+
+
+def test_the_truth_of_a_run_may_be_named(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    plain = tmp_path / "plain"
+    assert cli("map", small_log, "-c", config_file, "-o", plain)[0] == 0
+    truth = tmp_path / "truth.tum"
+    truth.write_bytes((plain / "trajectory.tum").read_bytes())
+    named = ("--truth", truth)
+    code, out, _ = cli("map", small_log, "-c", config_file, "-o", tmp_path / "out", *named)
+    assert code == 0
+    assert "0.000 m, 0.00 deg (rmse against ground truth)" in out
+    missing = ("--truth", tmp_path / "none.tum")
+    assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "no", *missing)[0] == 3
+    assert not (tmp_path / "no").exists()
+    assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "no", "--truth-topic", "/pose")[0] == 2
