@@ -297,7 +297,7 @@ def test_a_run_that_holds_what_the_next_one_reads_is_not_replaced_by_it(
         ("simulate", "robot.speed_mps=0.3"),
         ("explore", "can explore: handmap-slam."),
         ("map", "fixed to (slam-sd)."),
-        ("localize", "from outside: stereo-bayes."),
+        ("localize", "absolute poses as input: stereo-bayes."),
     ],
 )
 def test_the_help_of_a_command_is_about_that_command(cli: Cli, command: str, says: str) -> None:
