@@ -46,7 +46,11 @@ Jobs = Annotated[
     int | None, typer.Option("--jobs", min=1, help="Number of threads. The result does not depend on it.")
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit with 3 if any message of the log was damaged or lost.")
+    bool,
+    typer.Option(
+        "--strict",
+        help="Exit with 3 if any message of the log was damaged or lost, with 5 if the result is lost or inconsistent.",
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
 

@@ -24,7 +24,7 @@ from gridslam.runs.run_config import RunConfig, load_run_config
 from . import console
 from .interruption import stop_on_signals
 
-LOSSY, INTERRUPTED = 3, 130
+LOSSY, DOUBTFUL, INTERRUPTED = 3, 5, 130
 MAX_PROBLEMS = 10
 
 
@@ -47,7 +47,7 @@ class RunOptions:
 
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
-    """Run, write the directory and print the summary. Exits with 130 if interrupted, 3 if the log is lossy with --strict."""
+    """Run, write the directory, print the summary. Exits with 130 if interrupted; with --strict 5 if doubtful, 3 if lossy."""
     read = [options.log, *options.inputs.values(), *(p for p in (map_path, options.truth) if p)]
     check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
@@ -60,6 +60,8 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         if truth is not None:
             run = replace(run, truth=truth)
         _print_problems(run)
+        if run.result.doubt is not None and run.status != "interrupted":
+            console.say(f"warning: {run.status}: {run.result.doubt.reason}")
         document = write_run(run, options.output, options.force)
     if options.as_json:
         console.emit_json(document)
@@ -120,6 +122,9 @@ def _exit_unless_complete(run: Run, options: RunOptions) -> None:
     if run.status == "interrupted":
         console.complain(f"interrupted: {options.output} has the result so far")
         raise typer.Exit(INTERRUPTED)
+    if run.result.doubt is not None and options.strict:
+        console.complain(f"error: {options.output}: the result is {run.status}, which --strict forbids")
+        raise typer.Exit(DOUBTFUL)
     if run.is_lossy and options.strict:
         console.complain(
             f"error: {run.log_path}: messages were damaged or lost, an error with --strict; see report.json"
@@ -134,6 +139,8 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
         ("status", run.status),
         ("trajectory", f"{path['poses']} poses, {path['length_m']:.1f} m"),
     ]
+    if run.result.doubt is not None:
+        rows.insert(1, ("doubt", run.result.doubt.reason))
     if (facts := document["map"]) is not None:
         cells = f"{facts['cols']} x {facts['rows']} cells of {facts['resolution_m'] * 100:g} cm"
         rows.append(("map", f"{cells}, {facts['known_m2']:.0f} m2 known"))
@@ -146,7 +153,7 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
             )
         )
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
-    if run.occupancy is not None:
+    if run.occupancy is not None and run.occupancy.probability.size:
         rows.append(("picture", str(output / "map.png")))
     rows.append(("report", str(output / ("report.html" if run.config.output.html else "report.json"))))
     return rows

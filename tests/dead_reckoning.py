@@ -17,7 +17,7 @@ from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods import registry
-from gridslam.methods.base import Estimate, RunResult, Series, Table
+from gridslam.methods.base import Doubt, Estimate, RunResult, Series, Table
 from gridslam.methods.registry import MethodEntry
 
 
@@ -29,7 +29,7 @@ class DeadReckoningConfig(StrictModel):
     particles: int = Field(10, ge=1)
     sleep_s: float = Field(0.0, ge=0.0, description="per scan")
     announce: bool = Field(False, description="say so on stderr when the first scan arrives")
-    fail: Literal["no", "method", "bug"] = "no"
+    fail: Literal["no", "method", "bug", "lost", "no-pose", "empty-map"] = "no"
     start: tuple[float, float, float] | None = None
 
 
@@ -73,8 +73,8 @@ class DeadReckoning:
         self.points.append(se2.transform_points(self.pose, ends))
 
     def result(self) -> RunResult:
-        if not self.stamps:
-            return RunResult(Trajectory.empty())
+        if not self.stamps or self.config.fail == "no-pose":
+            return RunResult(Trajectory.empty(), counters={"skipped.scan.too_short": len(self.stamps)})
         stamps = np.array(self.stamps, np.int64)
         deviation = self.noise.random(len(stamps))
         grid = self._grid() if self.occupancy is None else None
@@ -93,9 +93,14 @@ class DeadReckoning:
             counters={"used.scan": len(stamps), "skipped.scan.too_short": 0},
             timings_s={"marking": 0.0},
             measures={"confidence": {"mean": float(deviation.mean())}},
+            doubt=Doubt("lost", "the test method does not believe its poses")
+            if self.config.fail == "lost"
+            else None,
         )
 
     def _grid(self) -> OccupancyGrid:
+        if self.config.fail == "empty-map":
+            return OccupancyGrid(np.zeros((0, 0), np.float32), GridGeometry(0.1, (0.0, 0.0)))
         points = np.concatenate(self.points)
         step = self.config.resolution_m
         origin = np.floor(points.min(axis=0) / step) * step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,19 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
+class Doubt:
+    """The reason why a finished result is not to be trusted.
+
+    `status` replaces `complete` as the status of the run: `lost` for poses that the method itself does not believe,
+    `inconsistent` for results whose parts contradict each other. `reason` is one line for the user that says what was observed
+    and what to check.
+    """
+
+    status: Literal["lost", "inconsistent"]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class RunResult:
     """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected.
 
@@ -71,7 +84,8 @@ class RunResult:
     measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json
     notes: Sequence[
         str
-    ] = ()  # repairs and doubts about the log, a line each, told like the log's own problems
+    ] = ()  # repairs and doubts about the log, one line each, reported like the log's own problems
+    doubt: Doubt | None = None  # None: the method has no reason to distrust its result
 
 
 class Method(Protocol):

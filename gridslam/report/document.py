@@ -30,6 +30,7 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
         "command": run.command,
         "method": run.config.method_name,
         "status": run.status,
+        "doubt": None if run.result.doubt is None else run.result.doubt.reason,
         "seed": run.config.seed,
         "inputs": [{"path": name, "sha256": digest} for name, digest in sorted(run.inputs.items())],
         "log": {

@@ -106,7 +106,12 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
 
     report = json.loads((job.directory / REPORT_NAME).read_bytes())
     path, skipped = report["trajectory"], report["counts"]["skipped_by_reason"]
-    facts = {"status": report["status"], "poses": path["poses"], "length_m": path["length_m"]}
+    facts = {
+        "status": report["status"],
+        "trusted": report.get("doubt") is None,
+        "poses": path["poses"],
+        "length_m": path["length_m"],
+    }
     measures = measures_of({"run": {**facts, "skipped": sum(skipped.values())}, "method": report["measures"]})
     if job.truth.is_there:
         options = job.options

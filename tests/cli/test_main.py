@@ -194,6 +194,35 @@ def test_a_lossy_log_ends_with_0_but_with_3_under_strict(
     assert json.loads((tmp_path / "b" / "report.json").read_text())["status"] == "lossy"
 
 
+def test_a_lost_run_is_said_in_a_line_and_ends_with_0_but_with_5_under_strict(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    lost = ("map", small_log, "-c", config_file, "--set", "method.fail=lost")
+    code, out, err = cli(*lost, "-o", tmp_path / "a")
+    assert code == 0
+    assert "lost" in out
+    assert "does not believe its poses" in out
+    assert "warning: lost: the test method does not believe its poses" in err
+    assert "does not believe" in (tmp_path / "a" / "report.html").read_text()
+    code, _, err = cli(*lost, "-o", tmp_path / "b", "--strict", "--quiet")
+    assert code == 5
+    assert "the result is lost, which --strict forbids" in err
+    report = json.loads((tmp_path / "b" / "report.json").read_text())
+    assert (report["status"], report["doubt"]) == ("lost", "the test method does not believe its poses")
+
+
+@pytest.mark.parametrize("fail", ["no-pose", "empty-map"])
+def test_an_empty_result_ends_with_4_and_leaves_no_folder(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path, fail: str
+) -> None:
+    code, out, err = cli(
+        "map", small_log, "-c", config_file, "--set", f"method.fail={fail}", "-o", tmp_path / "a", "--quiet"
+    )
+    assert (code, out) == (4, "")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "a").exists()
+
+
 def test_a_config_of_other_versions_is_remarked_upon(
     cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
 ) -> None:

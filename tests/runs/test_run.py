@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.core.errors import ConfigError, InputError, LogError
+from gridslam.core.errors import ConfigError, InputError, LogError, MethodError
 from gridslam.methods import registry
 from gridslam.methods.registry import MethodEntry
 from gridslam.runs.run import Progress, Run, run_localize, run_map
@@ -155,6 +155,28 @@ def test_a_log_with_bad_messages_is_lossy_and_says_what_was_skipped(
     assert run.counts.streams["odom"].skipped == 1
     assert sum(run.counts.skipped_by_reason.values()) == 1
     assert any("odom" in problem for problem in run.problems)
+
+
+def test_a_result_that_the_method_doubts_has_a_status_of_its_own(run_small: RunSmall) -> None:
+    run = run_small(fail="lost")
+    assert run.status == "lost"
+    assert run.result.doubt is not None
+
+
+def test_a_result_without_a_pose_is_an_error_that_names_what_was_skipped(run_small: RunSmall) -> None:
+    with pytest.raises(MethodError, match=r"found no pose \(skipped: 60 x scan\.too_short\)"):
+        run_small(fail="no-pose")
+
+
+def test_a_map_without_cells_is_an_error(run_small: RunSmall) -> None:
+    with pytest.raises(MethodError, match="found a map without cells"):
+        run_small(fail="empty-map")
+
+
+def test_an_interrupted_run_may_be_empty(run_small: RunSmall) -> None:
+    run = run_small(stop=lambda: True)
+    assert run.status == "interrupted"
+    assert not len(run.result.trajectory)
 
 
 def test_a_missing_stream_is_named_with_what_the_log_has(

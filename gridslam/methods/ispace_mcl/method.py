@@ -15,6 +15,7 @@ from gridslam.filters.free_space import free_cells
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, Picture, RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.doubt import doubt_of
 from gridslam.methods.ispace_mcl.fixed_cameras import (
     DENSITY_MAX_AGE_S,
     MAX_AGE_S,
@@ -136,6 +137,7 @@ class IspaceMcl:
             counters=dict(counters),
             timings_s=dict(self._localizer.stopwatch.seconds),
             measures={**self._history.measures(), **self._camera_measures()},
+            doubt=doubt_of(self._history.statuses, self._occupancy, self._config.advanced.occupied_threshold),
         )
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:

@@ -71,9 +71,14 @@ class LocalizationHistory:
         }
         return {name: Series(stamps, np.array(v, np.float64), unit) for name, (v, unit) in values.items()}
 
+    @property
+    def statuses(self) -> list[str]:
+        """The status (localized, uncertain or lost) of each scan."""
+        return [update.assessment.status for update in self._updates]
+
     def measures(self) -> Mapping[str, object]:
         """Fractions of the scans with each status, the seconds until the first localized one, and the last status."""
-        statuses = [u.assessment.status for u in self._updates]
+        statuses = self.statuses
         n = max(len(statuses), 1)
         first = statuses.index("localized") if "localized" in statuses else None
         seconds = None if first is None else (self._stamps[first] - self._stamps[0]) * 1e-9
