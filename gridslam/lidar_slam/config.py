@@ -74,23 +74,17 @@ class PoseGraphConfig(StrictModel):
 
 
 class LoopClosureConfig(StrictModel):
-    """Where loops are searched for."""
+    """Where loops are searched for: as far as the trajectory may have drifted."""
 
-    search_radius_m: float = Field(
-        8.0,
+    translation_drift_m: float = Field(
+        0.02,
         gt=0.0,
-        description="Loops are searched for between poses closer than this many metres; "
-        "raise it where the trajectory drifts far: the search takes longer.",
+        description="Standard deviation in metres of the tracked position after one metre of travel, growing with the square "
+        "root of the travel; raise it if loops are missed: they are searched for in wider windows, which takes longer.",
     )
-    window_m: float = Field(
-        3.0,
+    rotation_drift_rad: float = Field(
+        0.003,
         gt=0.0,
-        description="Half width in metres of the search window of a loop; "
-        "raise it where the trajectory drifts far: the search takes longer.",
-    )
-    window_rad: float = Field(
-        0.2,
-        gt=0.0,
-        description="Half width in radians of the search window of a loop; "
-        "raise it where the heading drifts: the search takes longer.",
+        description="Standard deviation in radians of the tracked heading after one metre of travel, growing with the square "
+        "root of the travel; raise it if loops are missed: they are searched for in wider windows, which takes longer.",
     )

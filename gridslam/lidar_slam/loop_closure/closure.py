@@ -80,6 +80,8 @@ def close_loops(
     `fixed` are the edges that hold whatever is found: the front end's motions and landmarks.
     """
     closed = ClosedLoops(track[segments.reference].copy())
+    if len(fixed) >= len(segments):  # landmarks, beyond the chain
+        closed.poses, _ = optimise(closed.poses, fixed, ROBUST_SCALE)
     tried: list[Candidate] = []
     max_std_m = FIRST_STD_M
     for _ in range(MAX_ROUNDS):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.lidar_slam.config import LoopClosureConfig
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +27,11 @@ class DriftModel:
     translation_m: float = 0.02
     rotation_rad: float = 0.003
     rotation_per_rad: float = 0.01
+
+    @staticmethod
+    def of(config: LoopClosureConfig) -> DriftModel:
+        """The drift that a config expects."""
+        return DriftModel(config.translation_drift_m, config.rotation_drift_rad)
 
     def cumulative_variances(self, track: Floats) -> Floats:
         """Sums over the steps up to each pose `(n, 3)`: variances of x, y and yaw in the frames of the steps."""

@@ -7,19 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.grid_map import draw_map
-from gridslam.lidar_slam.key_scans import StepNoise
+from gridslam.lidar_slam.loop_closure.drift import DriftModel
+from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory, close_trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker
-from gridslam.lidar_slam.trajectory_optimisation import (
-    OptimisedTrajectory,
-    TrajectoryOptimiser,
-    optimise_trajectory,
-)
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 
@@ -30,7 +23,7 @@ class MetricMap:
 
     trajectory: Trajectory
     occupancy: OccupancyGrid
-    optimised: OptimisedTrajectory | None
+    optimised: ClosedTrajectory | None
 
 
 def surface_front_end(config: HandmapSlamConfig) -> FrontEnd:
@@ -48,10 +41,9 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
     resolution = config.map.resolution_m
     memory_limit_mb = config.advanced.memory_limit_mb
     if config.pose_graph.enabled:
-        settings = TrajectoryOptimiser(config.advanced.loop_closure, StepNoise(), memory_limit_mb)
-        optimised = optimise_trajectory(tracker.key_scans, key_poses, key_poses, settings)
-        motion = se2.between(optimised.poses[0], optimised.poses)
-        key_poses = np.asarray(se2.compose(key_poses[0], motion))
+        drift = DriftModel.of(config.advanced.loop_closure)
+        optimised = close_trajectory(tracker.key_scans, key_poses, drift=drift)
+        key_poses = optimised.poses
         resolution = config.pose_graph.resolution_m or resolution
     occupancy = draw_map(tracker.key_scans, key_poses, resolution, memory_limit_mb)
     return MetricMap(tracker.corrected(key_poses), occupancy, optimised)

@@ -18,9 +18,10 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
+from gridslam.lidar_slam.loop_closure.drift import DriftModel
+from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.lidar_slam.trajectory_optimisation import TrajectoryOptimiser, optimise_trajectory
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -133,14 +134,16 @@ class SlamSd:
             self._objects.without_moved_objects(key, scan, key_poses)
             for key, scan in enumerate(self._tracker.key_scans)
         ]
-        settings = TrajectoryOptimiser(config.advanced.loop_closure, STEP_NOISE, config.memory_limit_mb)
-        optimised = optimise_trajectory(
-            scans, key_poses, self._tracker.key_poses, settings, self._objects.landmarks(key_poses)
+        closed = close_trajectory(
+            scans,
+            self._tracker.key_poses,
+            self._objects.landmarks(key_poses),
+            DriftModel.of(config.advanced.loop_closure),
         )
-        self._objects.update_history(optimised.poses)
-        moved_m = np.hypot(*(optimised.poses - key_poses)[:, :2].T)
+        self._objects.update_history(closed.poses)
+        moved_m = np.hypot(*(closed.poses - key_poses)[:, :2].T)
         largest = {"largest_correction_m": round(float(moved_m.max()), 4)}
-        return optimised.poses, {**optimised.measures, **largest}
+        return closed.poses, {**closed.measures, **largest}
 
     def _process_scan(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan also goes through the filter and to the objects."""
