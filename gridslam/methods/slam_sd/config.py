@@ -20,6 +20,11 @@ from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, Objects
 class FilterConfig(StrictModel):
     """The Rao-Blackwellised filter over the key scans."""
 
+    run: Literal["needed", "always"] = Field(
+        "needed",
+        description="When particles are used: 'needed' if there are tags or pose_graph.enabled is false, as loop closure "
+        "does not use them otherwise; 'always' to see them in the report all the same: it takes longer.",
+    )
     window_key_scans: int = Field(
         60,
         ge=0,

@@ -27,6 +27,7 @@ from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
+from gridslam.methods.slam_sd.single_track import SingleTrack
 from gridslam.motion.scan_poses import PlacedScan
 
 Floats = NDArray[np.float64]
@@ -53,12 +54,7 @@ class SlamSd:
         front_end = FrontEnd(odometry, config.memory_limit_mb)
         self._tracker = ScanTracker(front_end, config.scan, odometry, spacing)
         self._objects = self._object_layer(tags, seed)
-        self._filter = ParticleFilter(
-            config.particles,
-            config.advanced.filter,
-            config.memory_limit_mb,
-            random_stream(seed, "slam-sd.filter"),
-        )
+        self._filter = self._path_filter(seed)
         self._diagnostics: dict[str, list[float]] = defaultdict(list)
 
     @property
@@ -87,11 +83,11 @@ class SlamSd:
         key_poses = particles.best_trajectory
         self._objects.finish(key_poses)
         measures: dict[str, object] = {
-            "particles": config.particles,
+            "particles": len(particles.poses),
             "key_scans": len(self._tracker.keys),
             "resamplings": particles.resamplings,
             "maps_redrawn": particles.redrawn_maps,
-            "tiles_mb": round(particles.grids.memory_mb, 3),
+            "tiles_mb": round(particles.memory_mb, 3),
         }
         resolution_m = config.map.resolution_m
         if config.pose_graph.enabled:
@@ -126,6 +122,19 @@ class SlamSd:
             return NoObjects()
         rng = random_stream(seed, "slam-sd.objects")
         return TaggedObjects(database, config.objects, config.advanced.objects, rng, self._stopwatch)
+
+    def _path_filter(self, seed: int) -> ParticleFilter | SingleTrack:
+        """The particle filter, where its result is used: loop closure starts from the front end's track."""
+        config = self._config
+        is_needed = not config.pose_graph.enabled or isinstance(self._objects, TaggedObjects)
+        if not is_needed and config.advanced.filter.run == "needed":
+            return SingleTrack()
+        return ParticleFilter(
+            config.particles,
+            config.advanced.filter,
+            config.memory_limit_mb,
+            random_stream(seed, "slam-sd.filter"),
+        )
 
     def _optimised(self, key_poses: Floats) -> tuple[Floats, dict[str, object]]:
         """Poses `(k, 3)` of the key scans after loop closure, and its measures; moved objects give no constraint."""
@@ -179,10 +188,8 @@ class SlamSd:
                 self._filter.add_evidence(weights)
 
     def _record_diagnostics(self) -> None:
-        particles = self._filter
-        self._diagnostics["effective_sample_size"].append(particles.effective_sample_size)
-        self._diagnostics["particle_std"].append(particles.position_std_m)
-        self._diagnostics["matched_particles"].append(particles.matched_particles / len(particles.poses))
+        for name, value in self._filter.diagnostics.items():
+            self._diagnostics[name].append(value)
 
     def _series(self) -> dict[str, Series]:
         stamps = np.array(self._tracker.stamps_ns, np.int64)[self._tracker.keys]

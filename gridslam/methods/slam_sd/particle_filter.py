@@ -105,6 +105,20 @@ class ParticleFilter:
         """The particle with the largest weight; among equal ones the previous best, also after resampling."""
         return self._best
 
+    @property
+    def memory_mb(self) -> float:
+        """Memory of all maps in 10^6 bytes."""
+        return self.grids.memory_mb
+
+    @property
+    def diagnostics(self) -> dict[str, float]:
+        """What the report shows of every key scan."""
+        return {
+            "effective_sample_size": self.effective_sample_size,
+            "particle_std": self.position_std_m,
+            "matched_particles": self.matched_particles / len(self.poses),
+        }
+
     def add_key_scan(self, scan: PreparedScan, step: Floats, step_std: Floats) -> None:
         """One step of the filter: predict, match, weigh, resample, update the maps.
 
