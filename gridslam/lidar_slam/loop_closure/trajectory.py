@@ -88,9 +88,10 @@ def close_trajectory(
         edges = Edges.concatenate([_fixed_edges(track, fine, drift, landmarks), matches])
         at, _ = optimise(at, edges, ROBUST_SCALE)
         poses = deform_track(track, fine, at)
-    poses = se2.compose(se2.compose(track[0], se2.inverse(poses[0])), poses)
+    poses = np.asarray(se2.compose(se2.compose(track[0], se2.inverse(poses[0])), poses))
+    poses[0] = track[0]
     return ClosedTrajectory(
-        np.asarray(poses), closed.pairs_searched, len(matches), _diagnostics(closed, segments, len(track))
+        poses, closed.pairs_searched, len(matches), _diagnostics(closed, segments, len(track))
     )
 
 
