@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from gridslam.core.cameras import side_of
@@ -52,7 +52,6 @@ def select_streams(
         candidates = [i for i in listed if i not in (truth, *kind_of) and streams[i].kind == recorded]
         if kind == "stereo":
             candidates = [i for i in candidates if kinds is not None and _is_sided(streams[i])]
-            candidates = _rectified_if_both(candidates, streams)
         if kind == "scan" and kinds is not None:
             clouds = [i for i in listed if streams[i].kind == "cloud" and len(streams[i].stamps_ns)]
             candidates += clouds if not candidates or kind in config.topics else []
@@ -61,6 +60,8 @@ def select_streams(
             candidates = _named(
                 kind, [named] if isinstance(named, str) else named, candidates, streams, listed
             )
+        elif kind == "stereo":
+            candidates = _one_form(candidates, streams)
         elif kinds is not None and KINDS[kind].is_single and len(candidates) > 1:
             raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
         if kind == "odom" and not candidates and kinds is not None:
@@ -75,11 +76,17 @@ def _is_sided(stream: RecordedStream) -> bool:
     return bool(side_of((stream.topic,)) or any(side_of((frame,)) for frame in stream.frames))
 
 
-def _rectified_if_both(candidates: list[int], streams: Sequence[RecordedStream]) -> list[int]:
-    """The rectified streams of both sides if there are any, without the raw ones beside them."""
-    rectified = [i for i in candidates if is_rectified(streams[i].topic)]
-    sides = {side_of((streams[i].topic, *streams[i].frames)) for i in rectified}
-    return rectified if sides == {"left", "right"} else candidates
+def _one_form(candidates: list[int], streams: Sequence[RecordedStream]) -> list[int]:
+    """The stereo streams in one form only, where a log has several: rectified before raw, plain before compressed."""
+    forms: tuple[Callable[[RecordedStream], bool], ...] = (
+        lambda stream: is_rectified(stream.topic),
+        lambda stream: not stream.topic.endswith(("/compressed", "/theora", "/compressedDepth")),
+    )
+    for is_preferred in forms:
+        preferred = [i for i in candidates if is_preferred(streams[i])]
+        if {side_of((streams[i].topic, *streams[i].frames)) for i in preferred} == {"left", "right"}:
+            candidates = preferred
+    return candidates
 
 
 def _precedence(stream: RecordedStream) -> tuple[int, str, str]:

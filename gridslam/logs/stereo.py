@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,17 +11,18 @@ from gridslam.core.cameras import side_of
 from gridslam.core.messages import Image, StereoPair, readonly
 
 SAME_MOMENT_NS = 5_000_000
+_RECTIFIED, _RAW = re.compile(r"(?<![a-z])rect"), re.compile(r"(?<![a-z])raw")
 _GREY_OF_RGB = np.array([299, 587, 114], dtype=np.uint32)  # ITU-R BT.601, in thousandths
 
 
 def is_rectified(topic: str) -> bool:
     """Whether a topic of images says that they are rectified, as image_rect and image_rect_raw do."""
-    return "rect" in topic.lower().rsplit("/image", 1)[-1]
+    return bool(_RECTIFIED.search(topic.lower().rsplit("/image", 1)[-1]))
 
 
 def is_raw(topic: str) -> bool:
     """Whether a topic of images says that they are as the camera took them, like image_raw."""
-    return "raw" in topic.lower().rsplit("/image", 1)[-1] and not is_rectified(topic)
+    return bool(_RAW.search(topic.lower().rsplit("/image", 1)[-1])) and not is_rectified(topic)
 
 
 class Pairing:

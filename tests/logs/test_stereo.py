@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from gridslam.core.cameras import side_of
 from gridslam.core.messages import Event, Image, StereoPair
-from gridslam.logs import open_log, write_log
+from gridslam.logs import LogConfig, open_log, write_log
 from tests.logs.ros_samples import header, make, write_mcap
 
 MS = 1_000_000
@@ -90,3 +92,27 @@ def test_rectified_pictures_are_taken_where_raw_ones_lie_beside_them(tmp_path: P
             (pair,) = [e for e in log.events() if isinstance(e, StereoPair)]
         assert (int(pair.left[0, 0]), int(pair.right[0, 0])) == values
         assert pair.is_raw is raw
+
+
+def test_named_streams_are_taken_and_compressed_copies_are_not(tmp_path: Path) -> None:
+    png = io.BytesIO()
+    Pillow.fromarray(np.full((2, 3), 90, np.uint8)).save(png, format="PNG")
+    messages = []
+    for k, side in enumerate(("left", "right")):
+        pixels = np.full(6, 10 * k, np.uint8)
+        head = header(100 * MS, "optical")
+        plain = make(
+            "sensor_msgs/msg/Image", header=head, encoding="mono8", height=2, width=3, step=3, data=pixels
+        )
+        packed = np.frombuffer(png.getvalue(), np.uint8)
+        copy = make(
+            "sensor_msgs/msg/CompressedImage", header=head, format="mono8; png compressed", data=packed
+        )
+        messages += [(f"/{side}/image_raw", plain), (f"/{side}/image_raw/compressed", copy)]
+    path = write_mcap(tmp_path / "a.mcap", messages)
+    topics = {"stereo": ["/left/image_raw/compressed", "/right/image_raw/compressed"]}
+    for config, values in ((LogConfig(), (0, 10)), (LogConfig.model_validate({"topics": topics}), (90, 90))):
+        with open_log(path, config, kinds=["stereo"]) as log:
+            (pair,) = [e for e in log.events() if isinstance(e, StereoPair)]
+            assert log.problems == [] or all("extrinsics" in line for line in log.problems)
+        assert (int(pair.left[0, 0]), int(pair.right[0, 0])) == values

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.errors import MethodError
 from gridslam.core.messages import (
     AbsolutePose,
     CameraInfo,
@@ -32,6 +33,14 @@ from gridslam.planning.obstacles import ObstacleRegion, obstacle_regions
 Floats = NDArray[np.float64]
 
 MAX_WAITING = 200  # images
+SKIPPED_IMAGES = ("skipped.stereo.", "skipped.disparity.")
+ADVICE = {
+    "no_calibration": "the log needs camera_info of both cameras, or focal length and baseline in its disparity messages",
+    "no_motion": "disparity images need odometry",
+    "narrower_than_disparities": "set method.disparity.disparities below the width of the pictures",
+    "size": "the left and right pictures have different or tiny sizes",
+    "no_pose": "the log has no odometry or absolute poses at the stamps of the images",
+}
 WAIT_FOR_ODOMETRY_NS = 2_000_000_000  # without any odometry for this long the motion is visual
 
 
@@ -83,6 +92,19 @@ class PoseTrack:
         self._process_waiting(is_last=True)
         while self._waiting:
             self._skip(self._waiting.popleft(), "no_pose")
+
+    def _require_frames(self) -> None:
+        """Raise MethodError if the log has images and none of them could be used."""
+        skipped = {
+            key.split(".")[2]: n
+            for key, n in sorted(self._all_counters().items())
+            if key.startswith(SKIPPED_IMAGES)
+        }
+        if self._stamps or not skipped:
+            return
+        reasons = ", ".join(f"{n} x {reason.replace('_', ' ')}" for reason, n in skipped.items())
+        advice = next((text for reason, text in ADVICE.items() if reason in skipped), "see report.json")
+        raise MethodError(f"no stereo pair or disparity image could be used ({reasons}): {advice}")
 
     def _on_odometry(self, stamp_ns: int) -> None:
         """Called after each odometry message."""
@@ -162,6 +184,7 @@ class StereoBayes(PoseTrack):
     def result(self) -> RunResult:
         """The map, the poses of the frames, the obstacles, and the standard deviations of the pose."""
         self._finish()
+        self._require_frames()
         occupancy = self._map.occupancy()
         stamps = np.array(self._stamps, np.int64)
         series = self._series()

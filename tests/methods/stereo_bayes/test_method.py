@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gridslam.core.errors import MethodError
 from gridslam.core.messages import AbsolutePose, CameraInfo, Disparity, Odometry, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.method import StereoBayes, StereoBayesPose
@@ -83,17 +84,19 @@ def test_invalid_disparities_give_no_map(value: float) -> None:
     assert result.counters["rays.unknown"] > 0
 
 
-def test_disparities_without_odometry_or_calibration_are_counted() -> None:
+def test_a_log_without_a_usable_image_is_an_error_that_says_what_it_needs() -> None:
     still, blind = mapper(), mapper()
     for k in range(5):
         still.process(disparity(k * 10**9, np.full((40, 80), 5.0)))
         blind.process(Odometry(k * 10**9, "odom", 0.0, 0.0, 0.0))
         blind.process(disparity(k * 10**9, np.full((40, 80), 5.0), focal_px=0.0))
-    assert still.result().counters["skipped.disparity.no_motion"] == 5
-    assert blind.result().counters["skipped.disparity.no_calibration"] == 5
+    with pytest.raises(MethodError, match=r"5 x no motion.*need odometry"):
+        still.result()
+    with pytest.raises(MethodError, match=r"5 x no calibration.*focal length and baseline"):
+        blind.result()
 
 
-def test_pairs_without_calibration_or_too_small_are_counted() -> None:
+def test_pairs_without_calibration_or_too_small_are_not_used() -> None:
     method = mapper()
     small = np.zeros((3, 40), np.uint8)
     info = CameraInfo(0, "optical", 40, 3, np.eye(3), np.eye(3, 4), np.zeros(5))
@@ -107,9 +110,8 @@ def test_pairs_without_calibration_or_too_small_are_counted() -> None:
         method.process(calibration)
     method.process(Odometry(10**9, "odom", 0.0, 0.0, 0.0))
     method.process(StereoPair(10**9, "optical", small, small))
-    counters = method.result().counters
-    assert counters["skipped.stereo.no_calibration"] == 1
-    assert counters["skipped.stereo.size"] == 1
+    with pytest.raises(MethodError, match=r"1 x no calibration, 1 x size.*camera_info of both cameras"):
+        method.result()
 
 
 def test_no_events_give_an_empty_result() -> None:
