@@ -168,6 +168,25 @@ def test_a_robot_in_another_building_is_not_believed_to_be_localized():
     probability = np.where(rng.random((80, 120)) < 0.01, 0.95, 0.05).astype(np.float32)
     result = run(IspaceMclConfig(), LOG[:200], grid=OccupancyGrid(probability, MAP.geometry))
     assert np.median(result.series["confidence"].values) < 0.3
+    assert result.doubt is not None
+    assert "does this map belong to this place" in result.doubt.reason
+
+
+def test_a_map_of_half_the_resolution_makes_the_result_lost():
+    half = OccupancyGrid(MAP.probability, GridGeometry(0.05, MAP.geometry.origin_xy_m))
+    result = run(IspaceMclConfig(), LOG[:200], grid=half)
+    assert result.doubt is not None
+    assert result.doubt.status == "lost"
+
+
+def test_a_negated_map_makes_the_result_lost_and_is_named_as_the_cause():
+    result = run(IspaceMclConfig(), LOG[:200], grid=OccupancyGrid(1.0 - MAP.probability, MAP.geometry))
+    assert result.doubt is not None
+    assert "`negate`" in result.doubt.reason
+
+
+def test_a_robot_that_is_found_is_not_doubted():
+    assert run(IspaceMclConfig(start=START), LOG[:200]).doubt is None
 
 
 def test_beams_that_cannot_be_used_and_changing_beam_counts_are_counted():
