@@ -19,7 +19,7 @@ from gridslam.core import poses as se2
 from gridslam.kernels import surfel_registration, surfels
 from gridslam.kernels.surfel_registration import PosePrior, Registration, YawSearch
 from gridslam.lidar_slam.config import OdometryConfig
-from gridslam.lidar_slam.odometry_noise import odometry_std
+from gridslam.lidar_slam.odometry_noise import NO_MIN_STD, odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tiled import TileStore
 
@@ -67,8 +67,11 @@ class Tracking(Protocol):
     def pose(self) -> Floats:
         """T_track_base (3,) at the last scan."""
 
-    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
-        """The pose at a scan, given T_odom_base (3,) at its stamp; the first scan is at the origin."""
+    def track(self, scan: PreparedScan, odometry: Floats, min_std: Floats = NO_MIN_STD) -> ScanMatch:
+        """The pose at a scan, given T_odom_base (3,) at its stamp; the first scan is at the origin.
+
+        The odometry's motion since the last scan has standard deviations (x, y, yaw) of at least `min_std` (3,).
+        """
 
     def add_key_scan(self, scan: PreparedScan) -> None:
         """Insert the last tracked scan at its pose: later scans are matched against it."""
@@ -94,13 +97,13 @@ class FrontEnd:
         self._recent: deque[_TrackedPose] = deque(maxlen=RECENT_SCANS)
         self.pose = np.zeros(3)
 
-    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
+    def track(self, scan: PreparedScan, odometry: Floats, min_std: Floats = NO_MIN_STD) -> ScanMatch:
         """The pose at the scan, given T_odom_base `(3,)` at its stamp; the first scan is at the origin.
 
-        `odometry_jumped`: the motion since the last scan is uncertain.
+        The odometry's motion since the last scan has standard deviations (x, y, yaw) of at least `min_std` `(3,)`.
         """
         first = ScanMatch(self.pose, 1.0, True)
-        match = self._match(scan, odometry, odometry_jumped) if self._recent else first
+        match = self._match(scan, odometry, min_std) if self._recent else first
         self.pose = match.pose
         self._recent.append(_TrackedPose(scan.stamp_ns, odometry, match.pose))
         return match
@@ -116,11 +119,11 @@ class FrontEnd:
             self._key_scan_counts[active] = 0
             self._active = other
 
-    def _match(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool) -> ScanMatch:
+    def _match(self, scan: PreparedScan, odometry: Floats, min_std: Floats) -> ScanMatch:
         """Match the scan from the predicted pose, and from other predictions if that fails."""
         step = se2.between(self._recent[-1].odometry, odometry)
         steady = self._motion_at_constant_velocity(scan.stamp_ns, step)
-        std = odometry_std(step, steady, self._odometry, odometry_jumped)
+        std = odometry_std(step, steady, self._odometry, min_std)
         predicted = se2.compose(self.pose, step)
         start = self._with_best_yaw(scan, predicted, YAW_SEARCH_STDS * float(std[2]) - YAW_STEP_RAD)
         match = self._register(scan, start, predicted, std)

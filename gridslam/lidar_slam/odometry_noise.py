@@ -15,19 +15,20 @@ ROTATION_FLOOR_RAD = 0.005
 TRANSLATION_PER_RAD_M = 0.02  # a wheelbase that is not exact moves the robot as it turns
 ROTATION_PER_M_RAD = 0.1  # wheels of unequal diameter turn the robot as it drives
 ACCELERATION_NOISE = 0.3  # std per unit of change since the last step: odometry that stutters is trusted less
-JUMP_STD_M = 0.3  # motion during a jump of the odometry is unknown but short: scans follow each other quickly
-JUMP_STD_RAD = 0.3
+NO_MIN_STD: Floats = np.zeros(3)
+JUMP_STD: Floats = np.array(
+    [0.3, 0.3, 0.3]
+)  # (m, m, rad): the motion during a jump of the odometry is unknown but short
 JUMP_TOLERANCE_M = 0.5  # stamps may be off by a tenth of a second
 JUMP_TOLERANCE_RAD = 0.5
 
 
 def odometry_std(
-    step: Floats, expected_step: Floats, config: OdometryConfig, has_jumped: bool = False
+    step: Floats, expected_step: Floats, config: OdometryConfig, min_std: Floats = NO_MIN_STD
 ) -> Floats:
-    """Standard deviations (x, y, yaw) `(3,)` of an odometry step `(3,)` in the robot's frame.
+    """Standard deviations (x, y, yaw) `(3,)` of an odometry step `(3,)` in the robot's frame, at least `min_std` `(3,)`.
 
-    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity. After
-    a jump of the odometry they are at least `JUMP_STD_M` and `JUMP_STD_RAD`.
+    They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity.
     """
     distance_m, rotation_rad = float(np.hypot(step[0], step[1])), abs(float(step[2]))
     translation = (
@@ -37,8 +38,7 @@ def odometry_std(
     change = np.abs(step - expected_step)
     translation += ACCELERATION_NOISE * float(np.hypot(change[0], change[1]))
     rotation += ACCELERATION_NOISE * min(float(change[2]), np.pi)
-    std = np.array([translation, translation, rotation])
-    return np.maximum(std, (JUMP_STD_M, JUMP_STD_M, JUMP_STD_RAD)) if has_jumped else std
+    return np.maximum(np.array([translation, translation, rotation]), min_std)
 
 
 def odometry_limits(config: OdometryConfig) -> OdometryLimits:

@@ -9,17 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
+from gridslam.lidar_slam.motion_prediction import MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
-from gridslam.motion.scan_poses import PlacedScan, ScanPoses, twist_between
+from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
+
+MAX_WAIT_S = 10.0  # a scan that has waited longer for odometry is tracked without any
 
 
 class ScanTracker:
@@ -34,8 +37,8 @@ class ScanTracker:
         self._front_end = front_end
         self._scan_config = scan
         self._spacing = spacing
-        self._scan_poses = ScanPoses(odometry_limits(odometry))
-        self._previous: PlacedScan | None = None
+        self._scan_poses = ScanPoses(odometry_limits(odometry), max_wait_s=MAX_WAIT_S)
+        self._predictor = MotionPredictor()
         self._counters: Counter[str] = Counter()
         self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self.stamps_ns: list[int] = []
@@ -58,12 +61,19 @@ class ScanTracker:
         """The front end's poses `(k, 3)` of the key scans."""
         return np.array(self.track_poses)[self.keys]
 
+    @property
+    def motion_measures(self) -> dict[str, object]:
+        """What the motion between scans was predicted by, and how far that was off."""
+        return self._predictor.measures()
+
     def process(self, event: Event) -> Iterator[PlacedScan]:
-        """Take in odometry, a scan or extrinsics; yields the scans whose stamps odometry has reached."""
+        """Take in odometry, yaw rates, a scan or extrinsics; yields the scans that need not wait for odometry any more."""
         if isinstance(event, Odometry):
             yield from self._scan_poses.add_odometry(event)
         elif isinstance(event, LaserScan):
             yield from self._scan_poses.add_scan(event)
+        elif isinstance(event, Imu):
+            self._predictor.add_imu(event, self._is_flipped(event.frame_id))
         elif isinstance(event, Transform) and event.is_static:
             self.sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
 
@@ -75,9 +85,13 @@ class ScanTracker:
         """The lidar's pose in the robot's frame; the origin if the log has no extrinsics of it."""
         return self.sensor_extrinsics.get(scan.frame_id, LidarExtrinsics(np.zeros(3)))
 
+    def _is_flipped(self, frame_id: str) -> bool:
+        extrinsics = self.sensor_extrinsics.get(frame_id)
+        return extrinsics is not None and extrinsics.flipped
+
     def twist(self, placed: PlacedScan) -> Floats:
-        """Velocity (vx, vy, wz) `(3,)` by odometry since the last tracked scan."""
-        return twist_between(self._previous, placed)
+        """Velocity (vx, vy, wz) `(3,)` since the last tracked scan: by odometry, or as predicted where there is none."""
+        return self._predictor.twist(placed)
 
     def prepare(self, placed: PlacedScan) -> PreparedScan:
         """The scan's points, with the robot's motion during the sweep removed."""
@@ -88,11 +102,12 @@ class ScanTracker:
 
     def track(self, placed: PlacedScan, scan: PreparedScan) -> ScanMatch:
         """Match the scan and append its pose to the path."""
-        match = self._front_end.track(scan, placed.odometry, placed.odometry_jumped)
+        motion = self._predictor.predict(placed)
+        match = self._front_end.track(scan, motion.odometry, motion.min_std)
         self._counters["scan.unmatched"] += not match.is_matched
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
-        self._previous = placed
+        self._predictor.add_match(placed, self.pose, match.is_matched)
         return match
 
     @property

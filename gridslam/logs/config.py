@@ -80,7 +80,8 @@ class LogConfig(StrictModel):
     """How a log is read. Every field may be left out: streams are then found by their type."""
 
     topics: dict[StreamKind, str | list[str]] = Field(
-        default_factory=dict, description="topic of each stream; needed where a log has two of one type"
+        default_factory=dict,
+        description="topic of each stream; needed where a log has two of one type; [] leaves the kind out",
     )
     truth: str | None = Field(
         None,

@@ -64,7 +64,7 @@ def select_streams(
             candidates = _one_form(candidates, streams)
         elif kinds is not None and KINDS[kind].is_single and len(candidates) > 1:
             raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
-        if kind == "odom" and not candidates and kinds is not None:
+        if kind == "odom" and not candidates and named is None and kinds is not None:
             candidates = _odometry_from_tf(streams, listed, config.base_frame or base_frame)
         kind_of.update(dict.fromkeys(candidates, kind))
     base = config.base_frame or base_frame or _base_of(streams, kind_of, listed)

@@ -68,8 +68,8 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
         "slam-sd": MethodEntry(
             config="gridslam.methods.slam_sd.config:SlamSdConfig",
             mapper="gridslam.methods.slam_sd.method:SlamSd",
-            needs=("scan", "odom"),
-            uses=("tags",),
+            needs=("scan",),
+            uses=("odom", "imu", "tags"),
             inputs=(TAGS,),
         ),
         "stereo-bayes": MethodEntry(
@@ -97,7 +97,8 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",
             mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
             explorer="gridslam.methods.handmap_slam.mapping_explorer:MappingExplorer",
-            needs=("scan", "odom"),
+            needs=("scan",),
+            uses=("odom", "imu"),
             inputs=(DRAWING,),
         ),
     }

@@ -1,7 +1,8 @@
-"""Gives every scan the odometry pose at its stamp; a scan waits until odometry has reached its stamp."""
+"""Gives every scan the odometry pose at its stamp; a scan waits until odometry has reached its stamp, or is given up."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,21 +19,26 @@ Floats = NDArray[np.float64]
 MAX_SCAN_GAP_S = 1.0  # no velocity is derived from scans farther apart
 MAX_ODOMETRY_GAP_S = 1.0  # longer gaps are counted
 MIN_CLOCK_JUMP_NS = 200_000_000  # odometry that jumps back by more is on a clock that was set back
+MAX_INTERPOLATED_GAP_S = 2.0  # within longer gaps scans have no odometry, if they need none
 MAX_WAITING_SCANS = 1000  # bounds memory when the odometry ends before the scans
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedScan:
-    """A scan with T_odom_base `(3,)` at its stamp; `odometry_jumped` if the odometry has jumped since the previous scan."""
+    """A scan with T_odom_base `(3,)` at its stamp; `odometry_jumped` if the odometry has jumped since the previous scan.
+
+    Where the log has no odometry at the stamp, `has_odometry` is False and the pose says nothing.
+    """
 
     scan: LaserScan
     odometry: Floats
     odometry_jumped: bool
+    has_odometry: bool = True
 
 
 def twist_between(previous: PlacedScan | None, placed: PlacedScan) -> Floats:
     """Velocity (vx, vy, wz) `(3,)` by odometry since the previous scan; zero if there is none, or after a gap."""
-    if previous is None:
+    if previous is None or not (previous.has_odometry and placed.has_odometry):
         return np.zeros(3)
     elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
     if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
@@ -44,12 +50,19 @@ class ScanPoses:
     """Joins scans and odometry in the order in which they arrive.
 
     Odometry that jumps beyond the limits has restarted its frame: the jump is removed from the motion, and the next scan is
-    marked with `odometry_jumped`.
+    marked with `odometry_jumped`. A scan that has waited for `max_wait_s` (s, by the stamps of later scans) is placed without
+    odometry.
     """
 
-    def __init__(self, limits: OdometryLimits, max_waiting_scans: int = MAX_WAITING_SCANS) -> None:
+    def __init__(
+        self,
+        limits: OdometryLimits,
+        max_waiting_scans: int = MAX_WAITING_SCANS,
+        max_wait_s: float = math.inf,
+    ) -> None:
         self._limits = limits
         self._max_waiting_scans = max_waiting_scans
+        self._max_wait_s = max_wait_s
         self._waiting: deque[LaserScan] = deque()
         self._last: tuple[int, Floats] | None = None  # stamp and raw pose of the last odometry
         self._previous: tuple[int, Floats] | None = None  # stamp and continuous pose of the one before
@@ -58,12 +71,17 @@ class ScanPoses:
         self.counters: Counter[str] = Counter()
 
     def add_scan(self, scan: LaserScan) -> Iterator[PlacedScan]:
-        """Take in a scan; yields it at once if odometry has reached its stamp."""
+        """Take in a scan; yields it at once if odometry has reached its stamp, and scans that have waited too long."""
         self._waiting.append(scan)
         if len(self._waiting) > self._max_waiting_scans:
-            self._waiting.popleft()
-            self.counters["skipped.scan.no_odometry"] += 1
+            oldest = self._waiting.popleft()
+            if math.isinf(self._max_wait_s):
+                self.counters["skipped.scan.no_odometry"] += 1
+            else:
+                yield self._without_odometry(oldest)
         yield from self._ready()
+        while self._waiting and (scan.stamp_ns - self._waiting[0].stamp_ns) * 1e-9 > self._max_wait_s:
+            yield self._without_odometry(self._waiting.popleft())
 
     def add_odometry(self, odometry: Odometry) -> Iterator[PlacedScan]:
         """Take in odometry; yields the waiting scans up to its stamp."""
@@ -82,12 +100,17 @@ class ScanPoses:
         yield from self._ready()
 
     def flush(self) -> Iterator[PlacedScan]:
-        """Yields the waiting scans, which are later than the last odometry, with its pose."""
-        while self._waiting and self._last is not None:
-            self.counters["scan.after_last_odometry"] += 1
-            yield self._placed(self._waiting.popleft(), self._continuous)
-        self.counters["skipped.scan.no_odometry"] += len(self._waiting)
-        self._waiting.clear()
+        """Yields the scans after the last odometry: with its pose, or without odometry where scans do not wait for ever."""
+        waits_for_ever = math.isinf(self._max_wait_s)
+        while self._waiting:
+            scan = self._waiting.popleft()
+            if self._last is not None and (waits_for_ever or self._is_just_after_odometry(scan)):
+                self.counters["scan.after_last_odometry"] += 1
+                yield self._placed(scan, self._continuous)
+            elif waits_for_ever:
+                self.counters["skipped.scan.no_odometry"] += 1
+            else:
+                yield self._without_odometry(scan)
 
     def _add_step(self, step: Floats, elapsed_s: float, since_ns: int) -> None:
         """Move on by one odometry step, or leave it out if it is a jump."""
@@ -103,7 +126,19 @@ class ScanPoses:
     def _ready(self) -> Iterator[PlacedScan]:
         while self._waiting and self._last is not None and self._waiting[0].stamp_ns <= self._last[0]:
             scan = self._waiting.popleft()
-            yield self._placed(scan, self._pose_at(scan.stamp_ns, self._last[0]))
+            if self._is_far_from_odometry(scan.stamp_ns, self._last[0]):
+                yield self._without_odometry(scan)
+            else:
+                yield self._placed(scan, self._pose_at(scan.stamp_ns, self._last[0]))
+
+    def _is_far_from_odometry(self, stamp_ns: int, last_ns: int) -> bool:
+        """Whether a scan lies long before the first odometry, or in a long gap, and may be placed without odometry."""
+        if math.isinf(self._max_wait_s):
+            return False
+        if self._previous is None:
+            return last_ns - stamp_ns > MAX_INTERPOLATED_GAP_S * 1e9
+        gap_ns = last_ns - self._previous[0]
+        return self._previous[0] < stamp_ns < last_ns and gap_ns > MAX_INTERPOLATED_GAP_S * 1e9
 
     def _pose_at(self, stamp_ns: int, last_ns: int) -> Floats:
         """Pose interpolated between the last two odometry poses; the nearer one for a stamp outside of them."""
@@ -119,6 +154,13 @@ class ScanPoses:
             self.counters["scan.older_than_odometry"] += 1
         fraction = max((stamp_ns - previous_ns) / span_ns, 0.0)
         return se2.interpolate(previous, self._continuous, fraction)
+
+    def _is_just_after_odometry(self, scan: LaserScan) -> bool:
+        return self._last is not None and (scan.stamp_ns - self._last[0]) * 1e-9 < MAX_SCAN_GAP_S
+
+    def _without_odometry(self, scan: LaserScan) -> PlacedScan:
+        self.counters["scan.without_odometry"] += 1
+        return PlacedScan(scan, np.zeros(3), False, has_odometry=False)
 
     def _placed(self, scan: LaserScan, pose: Floats) -> PlacedScan:
         has_jumped, self._has_jumped = self._has_jumped, False

@@ -14,7 +14,7 @@ from gridslam.lidar_slam.front_end import (
     SIGMA_M,
     ScanMatch,
 )
-from gridslam.lidar_slam.odometry_noise import odometry_std
+from gridslam.lidar_slam.odometry_noise import NO_MIN_STD, odometry_std
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.matching.icp import point_to_plane
 from gridslam.matching.lines import LineSegments, difference_modulo_pi
@@ -61,13 +61,16 @@ class LineFrontEnd:
         self.lines = LineSegments.none()
         self.drawing_pose: DrawingPose | None = None
 
-    def track(self, scan: PreparedScan, odometry: Floats, odometry_jumped: bool = False) -> ScanMatch:
-        """The pose at the scan, given T_odom_base `(3,)` at its stamp; the first scan is at the origin."""
+    def track(self, scan: PreparedScan, odometry: Floats, min_std: Floats = NO_MIN_STD) -> ScanMatch:
+        """The pose at the scan, given T_odom_base `(3,)` at its stamp; the first scan is at the origin.
+
+        The odometry's motion since the last scan has standard deviations (x, y, yaw) of at least `min_std` `(3,)`.
+        """
         if self._odometry is None or self._reference is None:
             self._odometry = odometry
             return ScanMatch(self.pose, 1.0, True)
         step = se2.between(self._odometry, odometry)
-        std = odometry_std(step, self._step, self._odometry_config)
+        std = odometry_std(step, self._step, self._odometry_config, min_std)
         self._odometry, self._step = odometry, step
         predicted = se2.compose(self.pose, step)
         correction, from_lines = self._heading_correction(scan, predicted, step)

@@ -88,6 +88,7 @@ class SlamSd:
             "resamplings": particles.resamplings,
             "maps_redrawn": particles.redrawn_maps,
             "tiles_mb": round(particles.memory_mb, 3),
+            "motion": self._tracker.motion_measures,
         }
         resolution_m = config.map.resolution_m
         if config.pose_graph.enabled:

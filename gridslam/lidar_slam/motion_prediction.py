@@ -1,0 +1,174 @@
+"""Predicts the motion between scans: by odometry where there is any, otherwise at constant velocity and by a gyro."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Imu
+from gridslam.lidar_slam.odometry_noise import JUMP_STD, NO_MIN_STD
+from gridslam.motion.gyro_heading import GyroHeading
+from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
+
+Floats = NDArray[np.float64]
+
+# Standard deviations of the motion at constant velocity: a floor, and what robots and people accelerate by.
+TRANSLATION_FLOOR_M, ACCELERATION_MPS2, MAX_TRANSLATION_STD_M = 0.02, 2.0, 0.4
+ROTATION_FLOOR_RAD, ACCELERATION_RADPS2, MAX_ROTATION_STD_RAD = 0.02, 5.0, 0.6
+GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
+GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
+MIN_COMPARED_STEPS = 20  # the gyro is judged by its errors once it has been compared this often
+
+
+class MotionSource(Enum):
+    """What the motion since the last scan was predicted by."""
+
+    ODOMETRY = "odometry"
+    GYRO = "gyro_and_constant_velocity"
+    CONSTANT_VELOCITY = "constant_velocity"
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedMotion:
+    """T_odom_base `(3,)` at a scan in a frame without jumps, and the smallest standard deviations `(3,)` of the step to it."""
+
+    odometry: Floats
+    min_std: Floats
+
+
+class PredictionErrors:
+    """Root mean square differences between predicted and matched motions of one source."""
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self._squares = np.zeros(2)
+
+    def add(self, predicted: Floats, matched: Floats) -> None:
+        """Take in a step `(3,)` by the source and by matching, both in the robot's frame."""
+        error = predicted - matched
+        yaw = float(se2.wrap_angle(error[2]))
+        self._squares += (error[0] * error[0] + error[1] * error[1], yaw * yaw)
+        self.steps += 1
+
+    @property
+    def rms_rad(self) -> float:
+        """Root mean square error of the heading of a step (rad)."""
+        return float(np.sqrt(self._squares[1] / max(self.steps, 1)))
+
+    def measures(self) -> dict[str, object]:
+        """The errors for the report."""
+        rms_m = float(np.sqrt(self._squares[0] / max(self.steps, 1)))
+        return {
+            "compared_scans": self.steps,
+            "rms_error_m": round(rms_m, 4),
+            "rms_error_rad": round(self.rms_rad, 5),
+        }
+
+
+class MotionPredictor:
+    """Predicts every scan's pose from what the log has; learns the velocity, and each source's errors, from matched scans."""
+
+    def __init__(self) -> None:
+        self._gyro = GyroHeading()
+        self._errors = {source: PredictionErrors() for source in MotionSource}
+        self._used = dict.fromkeys(MotionSource, 0)
+        self._previous: PlacedScan | None = None
+        self._previous_pose = np.zeros(3)  # matched
+        self._previous_odometry = np.zeros(3)  # predicted, in the frame without jumps
+        self._T_continuous_odom: Floats | None = None  # None: the frames are the same
+        self._twist = np.zeros(3)
+        self._twist_ns = 0  # stamp of the scan whose matching gave the twist
+        self._steps: dict[MotionSource, Floats] = {}  # of the last prediction
+
+    def add_imu(self, imu: Imu, is_flipped: bool) -> None:
+        """Take in a yaw rate."""
+        self._gyro.add(imu, is_flipped)
+
+    def twist(self, placed: PlacedScan) -> Floats:
+        """Velocity (vx, vy, wz) `(3,)` at a scan that comes next, as well as it is known before matching."""
+        previous = self._previous
+        if previous is None or (previous.has_odometry and placed.has_odometry):
+            return twist_between(previous, placed)
+        elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
+        if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
+            return np.zeros(3)
+        _, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
+        return step / elapsed_s
+
+    def predict(self, placed: PlacedScan) -> PredictedMotion:
+        """The motion to a scan; the first scan has no motion."""
+        previous = self._previous
+        self._steps = {}
+        if placed.has_odometry and (previous is None or previous.has_odometry):
+            offset = self._T_continuous_odom
+            pose = placed.odometry if offset is None else se2.compose(offset, placed.odometry)
+            self._steps[MotionSource.ODOMETRY] = se2.between(self._previous_odometry, pose)
+            self._previous_odometry = pose
+            self._used[MotionSource.ODOMETRY] += 1
+            return PredictedMotion(pose, JUMP_STD if placed.odometry_jumped else NO_MIN_STD)
+        if previous is None:
+            self._used[MotionSource.CONSTANT_VELOCITY] += 1
+            return PredictedMotion(np.zeros(3), NO_MIN_STD)
+        elapsed_s = max((placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9, 0.0)
+        source, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
+        self._used[source] += 1
+        pose = np.asarray(se2.compose(self._previous_odometry, step))
+        if placed.has_odometry:
+            self._T_continuous_odom = se2.compose(pose, se2.inverse(placed.odometry))
+        self._previous_odometry = pose
+        return PredictedMotion(pose, _std_of(source, step, elapsed_s))
+
+    def add_match(self, placed: PlacedScan, pose: Floats, is_matched: bool) -> None:
+        """Learn from the pose `(3,)` that matching gave to the scan of the last prediction."""
+        previous = self._previous
+        if previous is not None and is_matched:
+            self._learn(previous.scan.stamp_ns, placed.scan.stamp_ns, se2.between(self._previous_pose, pose))
+        self._previous, self._previous_pose = placed, pose
+
+    def measures(self) -> dict[str, object]:
+        """How many scans each source predicted, and its errors, for the report."""
+        return {
+            source.value: {"predicted_scans": self._used[source], **self._errors[source].measures()}
+            for source in MotionSource
+            if self._used[source] or self._errors[source].steps
+        }
+
+    def _step_without_odometry(self, stamp_ns: int, elapsed_s: float) -> tuple[MotionSource, Floats]:
+        """The better source and its step `(3,)` since the previous scan; `_steps` gets the steps of all."""
+        is_recent = (stamp_ns - self._twist_ns) * 1e-9 < MAX_SCAN_GAP_S
+        steady = self._twist * elapsed_s if is_recent else np.zeros(3)
+        self._steps = {MotionSource.CONSTANT_VELOCITY: steady}
+        rotation = (
+            None if self._previous is None else self._gyro.rotation(self._previous.scan.stamp_ns, stamp_ns)
+        )
+        if rotation is None:
+            return MotionSource.CONSTANT_VELOCITY, steady
+        self._steps[MotionSource.GYRO] = np.array([steady[0], steady[1], rotation])
+        gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
+        is_poor = gyro.steps >= MIN_COMPARED_STEPS and gyro.rms_rad > constant.rms_rad + GYRO_TOLERANCE_RAD
+        source = MotionSource.CONSTANT_VELOCITY if is_poor else MotionSource.GYRO
+        return source, self._steps[source]
+
+    def _learn(self, start_ns: int, end_ns: int, matched: Floats) -> None:
+        """Take in the matched motion `(3,)` between two stamps."""
+        for source, step in self._steps.items():
+            self._errors[source].add(step, matched)
+        elapsed_s = (end_ns - start_ns) * 1e-9
+        if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
+            return
+        self._twist, self._twist_ns = matched / elapsed_s, end_ns
+        if MotionSource.GYRO in self._steps:
+            self._gyro.compare(float(self._steps[MotionSource.GYRO][2]), float(matched[2]), elapsed_s)
+
+
+def _std_of(source: MotionSource, step: Floats, elapsed_s: float) -> Floats:
+    """Standard deviations `(3,)` of a step `(3,)` predicted without odometry."""
+    translation = min(TRANSLATION_FLOOR_M + ACCELERATION_MPS2 * elapsed_s**2, MAX_TRANSLATION_STD_M)
+    rotation = min(ROTATION_FLOOR_RAD + ACCELERATION_RADPS2 * elapsed_s**2, MAX_ROTATION_STD_RAD)
+    if source is MotionSource.GYRO:
+        rotation = min(GYRO_FLOOR_RAD + GYRO_STD_PER_RAD * abs(float(step[2])), rotation)
+    return np.array([translation, translation, rotation])

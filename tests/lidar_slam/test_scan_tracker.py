@@ -1,0 +1,113 @@
+"""Tracking a whole log of events, with and without odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry
+from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
+from gridslam.lidar_slam.front_end import FrontEnd
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.motion.scan_poses import PlacedScan
+from tests.methods.slam_sd import hall
+
+Floats = NDArray[np.float64]
+
+
+def tracked(events: Iterable[Event]) -> ScanTracker:
+    """A tracker that has taken in all events."""
+    odometry = OdometryConfig()
+    tracker = ScanTracker(FrontEnd(odometry, 100.0), ScanConfig(), odometry, KeyScanSpacing(0.25, 0.25))
+
+    def track(placed_scans: Iterable[PlacedScan]) -> None:
+        for placed in placed_scans:
+            scan = tracker.prepare(placed)
+            tracker.track(placed, scan)
+            if tracker.is_key_scan_due:
+                tracker.add_key_scan(scan)
+
+    for event in events:
+        track(tracker.process(event))
+    track(tracker.flush())
+    return tracker
+
+
+def errors_of(tracker: ScanTracker, laps: int = 1) -> tuple[float, float]:
+    """Largest errors of the path's poses: m and rad."""
+    difference = se2.between(hall.path(laps), np.array(tracker.track_poses))
+    return float(np.hypot(*difference[:, :2].T).max()), float(np.abs(difference[:, 2]).max())
+
+
+def gyro(rates_of: Floats, bias_radps: float, sign: float = 1.0) -> list[Event]:
+    """Yaw rates at ten times the rate of the scans, constant between two scans."""
+    steps = se2.wrap_angle(np.diff(rates_of)) / (hall.PERIOD_NS * 1e-9)
+    period_ns = hall.PERIOD_NS // 10
+    start = 1_000_000_000
+    return [
+        Imu(start + k * period_ns, "imu", sign * float(steps[min(k // 10, len(steps) - 1)]) + bias_radps)
+        for k in range(10 * len(steps) + 1)
+    ]
+
+
+def by_stamp(*streams: Iterable[Event]) -> list[Event]:
+    return sorted((e for stream in streams for e in stream), key=lambda e: e.stamp_ns)
+
+
+def scans(laps: int = 1) -> list[Event]:
+    return [e for e in hall.events(laps) if isinstance(e, LaserScan)]
+
+
+def test_a_log_without_odometry_is_tracked_as_well_as_with_it() -> None:
+    with_odometry = tracked(hall.events(1))
+    without = tracked(scans())
+    assert len(without.track_poses) == len(hall.path(1))
+    assert errors_of(without)[0] < max(2.0 * errors_of(with_odometry)[0], 0.1)
+    assert without.counters["scan.without_odometry"] == len(hall.path(1))
+    assert list(without.motion_measures) == ["constant_velocity"]
+
+
+def test_scans_after_the_odometry_has_ended_are_tracked_without_it() -> None:
+    cut_ns = 1_000_000_000 + 100 * hall.PERIOD_NS
+    events = [e for e in hall.events(1) if isinstance(e, LaserScan) or e.stamp_ns < cut_ns]
+    tracker = tracked(events)
+    assert errors_of(tracker)[0] < 0.1
+    assert tracker.counters["scan.without_odometry"] > 100
+    assert {"odometry", "constant_velocity"} == set(tracker.motion_measures)
+
+
+def test_odometry_that_starts_late_is_joined_without_a_jump() -> None:
+    start_ns = 1_000_000_000 + 100 * hall.PERIOD_NS
+    events = [e for e in hall.events(1) if isinstance(e, LaserScan) or e.stamp_ns > start_ns]
+    assert errors_of(tracked(events))[0] < 0.1
+
+
+def test_a_gyro_predicts_the_heading_and_its_bias_is_found() -> None:
+    tracker = tracked(by_stamp(gyro(hall.path(1)[:, 2], bias_radps=0.05), scans()))
+    assert errors_of(tracker)[0] < 0.1
+    measures = tracker.motion_measures
+    assert measures["gyro_and_constant_velocity"]["predicted_scans"] > 0.9 * len(hall.path(1))
+    assert (
+        measures["gyro_and_constant_velocity"]["rms_error_rad"]
+        < 0.5 * measures["constant_velocity"]["rms_error_rad"]
+    )
+
+
+def test_a_gyro_of_the_wrong_sign_is_found_out_and_not_used() -> None:
+    tracker = tracked(by_stamp(gyro(hall.path(1)[:, 2], bias_radps=0.0, sign=-1.0), scans()))
+    assert errors_of(tracker)[0] < 0.1
+    measures = tracker.motion_measures
+    assert (
+        measures["constant_velocity"]["predicted_scans"]
+        > measures["gyro_and_constant_velocity"]["predicted_scans"]
+    )
+
+
+def test_good_odometry_is_used_for_every_scan() -> None:
+    tracker = tracked(hall.events(1))
+    assert tracker.motion_measures["odometry"]["predicted_scans"] == len(hall.path(1))
+    assert [isinstance(e, Odometry) for e in hall.events(1)].count(True) == len(hall.path(1))
