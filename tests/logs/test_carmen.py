@@ -174,3 +174,9 @@ def test_a_log_of_two_lasers_converts_to_two_topics(tmp_path: Path) -> None:
     with open_log(tmp_path / "both.mcap") as log:
         topics = {info.topic: (info.kind, info.count) for info in log.streams}
     assert topics == {"/scan_flaser": ("scan", 2), "/scan_robotlaser1": ("scan", 1), "/odom": ("odom", 2)}
+
+
+def test_an_empty_list_of_topics_leaves_the_odometry_out(tmp_path: Path) -> None:
+    chosen = LogConfig.model_validate({"topics": {"odom": []}})
+    with open_log(written(tmp_path, FLASER.format(time=1)), chosen, ["scan", "odom"]) as log:
+        assert not any(isinstance(e, Odometry) for e in log.events())
