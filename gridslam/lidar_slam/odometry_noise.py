@@ -38,7 +38,7 @@ def odometry_std(
     change = np.abs(step - expected_step)
     translation += ACCELERATION_NOISE * float(np.hypot(change[0], change[1]))
     rotation += ACCELERATION_NOISE * min(float(change[2]), np.pi)
-    return np.maximum(np.array([translation, translation, rotation]), min_std)
+    return np.asarray(np.maximum([translation, translation, rotation], min_std))
 
 
 def odometry_limits(config: OdometryConfig) -> OdometryLimits:
