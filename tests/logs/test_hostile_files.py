@@ -390,3 +390,16 @@ def as_database(source: Path, target: Path) -> Path:
         connection.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, 0, ?)", messages)
     connection.close()
     return target
+
+
+@pytest.mark.parametrize("name", ["log.yaml", "metadata.yaml", "odom.csv"])
+def test_a_link_that_leaves_the_folder_of_a_log_is_not_followed(tmp_path: Path, name: str) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("password: 1\n")
+    folder = tmp_path / "log"
+    folder.mkdir()
+    (folder / "imu.csv").write_text("stamp,wz\n1,0\n")
+    (folder / name).symlink_to(secret)
+    with pytest.raises(LogError, match="folder") as error:
+        open_log(folder)
+    assert "password" not in str(error.value)

@@ -62,6 +62,8 @@ class CsvSource:
         path = config.csv or folder / LAYOUT_FILE
         if config.csv is None and not path.is_file():
             return CsvLayout()
+        if config.csv is None and path_inside(folder, LAYOUT_FILE) is None:
+            raise LogError(f"{path}: a link that leads out of the log's folder; put a copy in its place")
         if path.parent == folder:
             self.files.append(path)
         try:

@@ -83,6 +83,10 @@ def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
 
 def _metadata_of(folder: Path) -> dict[str, Any]:
     """The section of metadata.yaml that describes the recording."""
+    if path_inside(folder, "metadata.yaml") is None:
+        raise LogError(
+            f"{folder / 'metadata.yaml'}: a link that leads out of the folder; put a copy in its place"
+        )
     try:
         metadata = read_yaml(folder / "metadata.yaml").get("rosbag2_bagfile_information")
     except ConfigError as error:
