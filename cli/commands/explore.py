@@ -107,7 +107,9 @@ def run(
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:
         with console.progress_bar("explore") as show, announcing_compilation(say_compiling):
-            done = explore(settings, place, path, inputs, folder, show, stop, longest)
+            done = explore(
+                settings, place, path, inputs, folder, show=show, stop=stop, max_duration_s=longest
+            )
         for problem in done.run.problems:
             console.say(f"{world}: {problem}")
         document = write_run(done.run, output, force, (folder / LOG_NAME, folder / TRUTH_NAME))

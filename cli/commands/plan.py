@@ -141,7 +141,7 @@ def run(
     ):
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())
     if output is not None:
-        write_plan(output, plan, occupancy, discs, map_path, force)
+        write_plan(output, plan, occupancy, discs, map_path, force=force)
     if as_json:
         console.emit_json(plan_document(plan, map_path))
     else:

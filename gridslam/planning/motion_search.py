@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.search import (
-    COUNT,
     EXHAUSTED,
     FOUND,
     UNFINISHED,
-    Query,
     continue_search,
     motions_to_goal,
-    start_search,
 )
+from gridslam.kernels.planning.search_states import COUNT, Query, start_search
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.guide_path import SPACING_M, poses_along_polyline
 from gridslam.planning.options import PlanOptions

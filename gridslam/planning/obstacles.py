@@ -105,7 +105,15 @@ def obstacle_regions(
     labels = renumbered[labels]
     gaps_m, nearest = _gaps(labels, len(kept), geometry.resolution_m)
     return [
-        _describe(labels, box, i, int(sizes[old] - occupied_sizes[old]), geometry, gaps_m[i], int(nearest[i]))
+        _describe(
+            labels,
+            box,
+            i,
+            closed=int(sizes[old] - occupied_sizes[old]),
+            geometry=geometry,
+            gap_m=gaps_m[i],
+            nearest=int(nearest[i]),
+        )
         for i, (old, box) in enumerate(zip(kept, ndimage.find_objects(labels), strict=True), start=1)
     ]
 

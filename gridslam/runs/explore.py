@@ -140,7 +140,7 @@ def explore(
             (world.max_duration_s, "max_duration_s of the world"), (max_duration_s or np.inf, "--longest")
         )
         log_path = folder / LOG_NAME
-        loop = _Loop(simulator, method, explorer, show, limit_s, clock.now)
+        loop = _Loop(simulator, method, explorer, show=show, limit_s=limit_s, now=clock.now)
         with open_writer(log_path, force=False) as writer:
             loop.drive(writer.write, writer.write_truth, stop)
         before_result = clock.now()

@@ -9,16 +9,14 @@ from gridslam.kernels.planning.clearance import CollisionWorld, advance
 from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.search import (
-    COUNT,
     EXHAUSTED,
     FOUND,
     TOO_MANY,
     UNFINISHED,
-    Query,
     continue_search,
     motions_to_goal,
-    start_search,
 )
+from gridslam.kernels.planning.search_states import COUNT, Query, start_search
 from gridslam.planning.guide_path import poses_along_polyline
 from gridslam.planning.space import distance_field
 from tests.reference.pose_search import PoseSearch

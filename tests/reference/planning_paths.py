@@ -69,7 +69,7 @@ def shortcut_time(
             for radius in radii:
                 longest = along[j] - along[i] + 1e-6
                 if math.isfinite(connect(world, poses[i], poses[j], radius, longest, parts)):
-                    driven = sum(part / speed_on(bend, limits) for part, bend in parts.tolist())
+                    driven = sum(part / speed_on(curvature, limits) for part, curvature in parts.tolist())
                     times[j] = min(times[j], times[i] + driven + JOINT_COST_S)
     return times[-1]
 

@@ -16,6 +16,7 @@ from gridslam.kernels.planning import search as kernel
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
 from gridslam.kernels.planning.drive_limits import DriveLimits, speed_on
 from gridslam.kernels.planning.dubins import connect
+from gridslam.kernels.planning.search_states import MAX_EXPANSIONS_AFTER_GOAL, Query
 
 Floats = NDArray[np.float64]
 Motion = tuple[float, float]
@@ -37,7 +38,7 @@ class State:
 class PoseSearch:
     """Hybrid A*: the cheapest state is expanded by arcs, by Dubins paths to the goals and to poses of the guide path."""
 
-    def __init__(self, world: CollisionWorld, query: kernel.Query, start: Floats) -> None:
+    def __init__(self, world: CollisionWorld, query: Query, start: Floats) -> None:
         self.world, self.query = world, query
         self.states = [State(start, 0.0, -1, [], None, False, 1)]
         self.queue = [(0.0, 0)]
@@ -46,7 +47,7 @@ class PoseSearch:
 
     def motions(self) -> list[Motion] | None:
         """The motions to a goal, equal neighbours merged; None if there is no path."""
-        left = kernel.MAX_EXPANSIONS_AFTER_GOAL
+        left = MAX_EXPANSIONS_AFTER_GOAL
         while self.queue:
             index = heapq.heappop(self.queue)[1]
             state, best = self.states[index], self.best_goal()

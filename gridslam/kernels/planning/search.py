@@ -7,8 +7,6 @@ grid of arcs would hit. Costs are driving times at the speed that each curvature
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,96 +14,30 @@ from gridslam.kernels.compiled import compiled
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
 from gridslam.kernels.planning.drive_limits import YAW, DriveLimits, X, Y, speed_on
 from gridslam.kernels.planning.dubins import connect
+from gridslam.kernels.planning.search_states import (
+    AT_GOAL,
+    BEST_GOAL,
+    COUNT,
+    EXPANSIONS_LEFT,
+    ON_GRID,
+    QUEUED,
+    Query,
+    States,
+    extract_motions,
+    hash_slot,
+    next_state,
+    push_state,
+)
 
 FOUND, EXHAUSTED, TOO_MANY, UNFINISHED = 0, 1, 2, 3  # results of a search
 HEURISTIC_WEIGHT = 1.3  # above 1: a weighted A*, which expands fewer states and may miss the cheapest path
 GOAL_CONNECTION_M = 3.0  # every state with less than this left to go is connected to the goals
 CONNECT_EVERY = 16  # of the states farther away, every 16th is
-MAX_EXPANSIONS_AFTER_GOAL = 4000  # states expanded after the first path to a goal, to find a cheaper one
 GUIDE_OFFSETS = np.array(
     [1, 2, 4, 7, 11], np.int64
 )  # poses ahead on the guide path that a state is connected to
 RELATIVE_CURVATURES = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])  # in units of 1 / radius
-ON_GRID, AT_GOAL = -1, -2  # marks of states that lie on no guide pose
-COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT = 0, 1, 2, 3  # entries of States.size
 MAX_NEW_STATES = 64  # that one expansion can add, rounded up
-
-
-class Query(NamedTuple):
-    """What the search looks for, and on which grid.
-
-    goals: Poses `(g, 3)`, one of which is to be reached.
-    guide_path: Poses `(m, 3)` along the guide path.
-    cost_to_go: Cost (m) `(rows, cols)` from every cell to the goal, the heuristic.
-    limits: The robot's speed limits.
-    radius: Smallest turning radius (m).
-    step: Length (m) of an arc.
-    bin_size: Width (m) of a bin in x and y.
-    bin_yaws: Number of bins of a full turn.
-    reverse_cost: Cost (s) of a change of direction; infinite to forbid driving backwards.
-    """
-
-    goals: NDArray[np.float64]
-    guide_path: NDArray[np.float64]
-    cost_to_go: NDArray[np.float32]
-    limits: DriveLimits
-    radius: float
-    step: float
-    bin_size: float
-    bin_yaws: int
-    reverse_cost: float
-
-
-class States(NamedTuple):
-    """The states found so far, and the lowest costs of the bins (a hash table) and of the guide path's poses.
-
-    size: Numbers of states (COUNT), of queued states (QUEUED) and of expansions left after a goal was reached
-        (EXPANSIONS_LEFT); index of the cheapest state at a goal (BEST_GOAL), -1 if there is none.
-    parts: Motions `(n, 3, 2)` from the parent: length (m, negative: backwards), curvature (1/m).
-    mark: ON_GRID, AT_GOAL or the index of a pose of the guide path.
-    direction: +1, or -1 if the robot arrived backwards.
-    queue_priority, queue_node: A binary heap of the states to expand, lowest priority first, then lowest index.
-    """
-
-    size: NDArray[np.int64]
-    pose: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    parent: NDArray[np.int64]
-    parts: NDArray[np.float64]
-    mark: NDArray[np.int64]
-    direction: NDArray[np.int64]
-    keys: NDArray[np.int64]
-    best: NDArray[np.float64]
-    guide_best: NDArray[np.float64]
-    queue_priority: NDArray[np.float64]
-    queue_node: NDArray[np.int64]
-
-
-@compiled
-def start_search(query: Query, start: NDArray[np.float64], max_states: int) -> States:
-    """The states of a search that has not expanded its start pose `(3,)` yet."""
-    slots = 1
-    while slots < 2 * max_states:
-        slots *= 2
-    states = States(
-        np.array([1, -1, 0, MAX_EXPANSIONS_AFTER_GOAL]),  # COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT
-        np.empty((max_states, 3)),
-        np.empty(max_states),
-        np.empty(max_states, np.int64),
-        np.empty((max_states, 3, 2)),
-        np.empty(max_states, np.int64),
-        np.empty(max_states, np.int64),
-        np.full(slots, -1, np.int64),
-        np.full(slots, np.inf),
-        np.full(query.guide_path.shape[0], np.inf),
-        np.empty(max_states),
-        np.empty(max_states, np.int64),
-    )
-    states.pose[0] = start
-    states.cost[0], states.parent[0], states.mark[0], states.direction[0] = 0.0, -1, ON_GRID, 1
-    states.parts[0] = 0.0
-    _queue_state(states, 0.0, 0)
-    return states
 
 
 @compiled
@@ -121,7 +53,7 @@ def continue_search(world: CollisionWorld, query: Query, states: States, max_exp
         if expansions == max_expansions:
             return UNFINISHED
         expansions += 1
-        node = _next_state(states)
+        node = next_state(states)
         mark, cost = states.mark[node], states.cost[node]
         if states.size[BEST_GOAL] >= 0:
             states.size[EXPANSIONS_LEFT] -= 1
@@ -131,7 +63,7 @@ def continue_search(world: CollisionWorld, query: Query, states: States, max_exp
             if cost > states.guide_best[mark]:
                 continue
         elif node > 0:
-            slot = _hash_slot(query, states, states.pose[node], states.direction[node])[0]
+            slot = hash_slot(query, states, states.pose[node], states.direction[node])[0]
             if cost > states.best[slot]:
                 continue
         if states.size[COUNT] + MAX_NEW_STATES > states.cost.shape[0]:
@@ -146,7 +78,7 @@ def continue_search(world: CollisionWorld, query: Query, states: States, max_exp
 @compiled
 def motions_to_goal(states: States) -> NDArray[np.float64]:
     """The motions `(n, 2)` to the cheapest state at a goal: length (m, negative: backwards) and curvature (1/m)."""
-    motions: NDArray[np.float64] = _extract_motions(states, states.size[BEST_GOAL])
+    motions: NDArray[np.float64] = extract_motions(states, states.size[BEST_GOAL])
     return motions
 
 
@@ -182,7 +114,7 @@ def _connect_to_goals(
             )
             if direction < 0:
                 cost += found / query.limits.top_speed
-            _push_state(states, node, goal, cost, cost, AT_GOAL, direction, connection)
+            push_state(states, node, goal, cost, cost, AT_GOAL, direction, connection)
 
 
 @compiled
@@ -207,7 +139,7 @@ def _connect_to_guide_path(world: CollisionWorld, query: Query, states: States, 
         if cost < states.guide_best[k]:
             states.guide_best[k] = cost
             priority = cost + HEURISTIC_WEIGHT * _cost_to_go_at(world, query, pose) / query.limits.top_speed
-            _push_state(states, node, pose, cost, priority, k, 1, connection)
+            push_state(states, node, pose, cost, priority, k, 1, connection)
 
 
 @compiled
@@ -238,12 +170,12 @@ def _steer(
         rest = _cost_to_go_at(world, query, pose)
         if not np.isfinite(rest):
             continue
-        slot, key = _hash_slot(query, states, pose, direction)
+        slot, key = hash_slot(query, states, pose, direction)
         if cost >= states.best[slot] or not is_free(world, x, y, yaw, length, curvature):
             continue
         states.keys[slot], states.best[slot] = key, cost
         motion[0, 0], motion[0, 1] = length, curvature
-        _push_state(
+        push_state(
             states,
             node,
             pose,
@@ -253,92 +185,6 @@ def _steer(
             direction,
             motion,
         )
-
-
-@compiled
-def _push_state(
-    states: States,
-    parent: int,
-    pose: NDArray[np.float64],
-    cost: float,
-    priority: float,
-    mark: int,
-    direction: int,
-    motion: NDArray[np.float64],
-) -> None:
-    """Append a state and queue it by its `priority`."""
-    n = states.size[COUNT]
-    states.pose[n], states.parts[n] = pose, motion
-    states.cost[n], states.parent[n], states.mark[n], states.direction[n] = cost, parent, mark, direction
-    states.size[COUNT] = n + 1
-    if mark == AT_GOAL and (states.size[BEST_GOAL] < 0 or cost < states.cost[states.size[BEST_GOAL]]):
-        states.size[BEST_GOAL] = n
-    _queue_state(states, priority, n)
-
-
-@compiled
-def _queue_state(states: States, priority: float, node: int) -> None:
-    """Add a state to the heap."""
-    at = states.size[QUEUED]
-    states.size[QUEUED] = at + 1
-    while at > 0:
-        above = (at - 1) // 2
-        if states.queue_priority[above] < priority or (
-            states.queue_priority[above] == priority and states.queue_node[above] < node
-        ):
-            break
-        states.queue_priority[at], states.queue_node[at] = (
-            states.queue_priority[above],
-            states.queue_node[above],
-        )
-        at = above
-    states.queue_priority[at], states.queue_node[at] = priority, node
-
-
-@compiled
-def _next_state(states: States) -> int:
-    """Remove the state with the lowest priority from the heap; there must be one."""
-    first = states.queue_node[0]
-    last = states.size[QUEUED] - 1
-    states.size[QUEUED] = last
-    priority, node = states.queue_priority[last], states.queue_node[last]
-    at = 0
-    while True:
-        below = 2 * at + 1
-        if below >= last:
-            break
-        if below + 1 < last and (
-            states.queue_priority[below + 1] < states.queue_priority[below]
-            or (
-                states.queue_priority[below + 1] == states.queue_priority[below]
-                and states.queue_node[below + 1] < states.queue_node[below]
-            )
-        ):
-            below += 1
-        if priority < states.queue_priority[below] or (
-            priority == states.queue_priority[below] and node < states.queue_node[below]
-        ):
-            break
-        states.queue_priority[at], states.queue_node[at] = (
-            states.queue_priority[below],
-            states.queue_node[below],
-        )
-        at = below
-    states.queue_priority[at], states.queue_node[at] = priority, node
-    return int(first)
-
-
-@compiled
-def _hash_slot(query: Query, states: States, pose: NDArray[np.float64], direction: int) -> tuple[int, int]:
-    """The slot of the hash table that holds, or would hold, the bin of a pose, and the bin's key."""
-    row, col = int(pose[Y] / query.bin_size), int(pose[X] / query.bin_size)
-    yaw = int((pose[YAW] % (2.0 * np.pi)) / (2.0 * np.pi) * query.bin_yaws)
-    key = (((row << 22) + col) << 12) + (yaw << 1) + (1 if direction > 0 else 0)
-    last = states.keys.shape[0] - 1
-    slot = ((key ^ (key >> 17)) * 0x9E3779B1 >> 7) & last
-    while states.keys[slot] != key and states.keys[slot] != -1:
-        slot = (slot + 1) & last
-    return slot, key
 
 
 @compiled
@@ -372,24 +218,3 @@ def _driving_time(parts: NDArray[np.float64], limits: DriveLimits) -> float:
         if parts[k, 0] != 0.0:
             total += abs(parts[k, 0]) / speed_on(parts[k, 1], limits)
     return total
-
-
-@compiled
-def _extract_motions(states: States, node: int) -> NDArray[np.float64]:
-    """The motions from the start to a state, equal neighbours merged."""
-    chain = [node]
-    while states.parent[chain[-1]] >= 0:
-        chain.append(states.parent[chain[-1]])
-    out = np.empty((3 * len(chain), 2))
-    n = 0
-    for i in range(len(chain) - 1, -1, -1):
-        for k in range(3):
-            length, curvature = states.parts[chain[i], k]
-            if length == 0.0:
-                continue
-            if n > 0 and out[n - 1, 1] == curvature and (out[n - 1, 0] > 0.0) == (length > 0.0):
-                out[n - 1, 0] += length
-            else:
-                out[n, 0], out[n, 1] = length, curvature
-                n += 1
-    return out[:n].copy()

@@ -81,8 +81,8 @@ class LineFrontEnd:
             self._reference.normals,
             se2.between(self._reference_pose, predicted),
             MAX_CORRESPONDENCE_M,
-            SIGMA_M,
-            np.diag(1.0 / std**2),
+            sigma_m=SIGMA_M,
+            prior_information=np.diag(1.0 / std**2),
             solve_yaw=not from_lines,
         )
         is_matched = found.matches >= MIN_CORRESPONDENCES
