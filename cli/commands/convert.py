@@ -46,7 +46,7 @@ def run(
 
     with open_log(log, LogConfig(csv=layout)) as opened:
         chosen = [topic for topic in topics.split(",") if topic]
-        done = convert_log(opened, output, chosen, start, end, force)
+        done = convert_log(opened, output, topics=chosen, start_s=start, end_s=end, force=force)
         problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters
     for problem in problems[:MAX_PROBLEMS]:
         console.say(f"note: {problem}")

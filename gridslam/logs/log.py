@@ -218,7 +218,14 @@ class Log:
         first = min(
             (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
         )
-        return extrinsics.mount(needed, edges, self._config.extrinsics, base, first, self._opening)
+        return extrinsics.mount(
+            needed,
+            edges,
+            config=self._config.extrinsics,
+            base_frame=base,
+            stamp_ns=first,
+            message_counts=self._opening,
+        )
 
     def _refuse_unknown_frames(self, tree: extrinsics.Tree) -> None:
         """Raises ConfigError: the config gives extrinsics of a frame that the log does not have."""

@@ -154,10 +154,10 @@ def _robot_laser(words: list[bytes]) -> LaserLine | SkipReason:
     return LaserLine(
         stamp,
         ranges,
-        (tail[0], tail[1], tail[2]),
-        (tail[3], tail[4], tail[5]),
-        (tail[6], tail[7]),
-        (start, resolution, range_max),
+        laser_pose=(tail[0], tail[1], tail[2]),
+        robot_pose=(tail[3], tail[4], tail[5]),
+        velocity=(tail[6], tail[7]),
+        geometry=(start, resolution, range_max),
     )
 
 
@@ -172,13 +172,13 @@ def odom_line(line: bytes) -> Odometry | SkipReason:
         x, y, yaw, vx, wz = (float(w) for w in words[1:6])
     except ValueError:
         return SkipReason.UNREADABLE_LINE
-    return Odometry(stamp, "odom", x, y, _yaw(yaw), vx, wz)
+    return Odometry(stamp, "odom", x_m=x, y_m=y, yaw_rad=_yaw(yaw), vx_mps=vx, wz_radps=wz)
 
 
 def odometry_in(laser: LaserLine) -> Odometry:
     x, y, yaw = laser.robot_pose
     vx, wz = laser.velocity or (math.nan, math.nan)
-    return Odometry(laser.stamp_ns, "odom", x, y, _yaw(yaw), vx, wz)
+    return Odometry(laser.stamp_ns, "odom", x_m=x, y_m=y, yaw_rad=_yaw(yaw), vx_mps=vx, wz_radps=wz)
 
 
 def _yaw(yaw: float) -> float:

@@ -147,7 +147,9 @@ class CarmenSource:
         frame = LASERS[word]
         self._scan_of[word] = len(self.streams)
         self.streams.append(
-            RecordedStream("scan", word.decode(), "CARMEN " + word.decode(), "", index.stamps, {frame: None})
+            RecordedStream(
+                "scan", word.decode(), "CARMEN " + word.decode(), stamps_ns=index.stamps, frames={frame: None}
+            )
         )
         piled = index.at_largest >= max(10, _MIN_PILED_FRACTION * index.readings)
         found = index.largest if piled else DEFAULT_RANGE_MAX_M
@@ -178,9 +180,9 @@ class CarmenSource:
                 "odom",
                 source.decode(),
                 "CARMEN odometry",
-                "",
-                stamps,
-                {"odom": None},
+                detail="",
+                stamps_ns=stamps,
+                frames={"odom": None},
                 child_frame="base_link",
             )
         )
@@ -199,10 +201,10 @@ class CarmenSource:
             laser.stamp_ns,
             LASERS[word],
             readonly(laser.ranges, np.float32),
-            as_float32(angle_min),
-            as_float32(increment),
-            0.0,
-            as_float32(range_max),
+            angle_min_rad=as_float32(angle_min),
+            angle_increment_rad=as_float32(increment),
+            range_min_m=0.0,
+            range_max_m=as_float32(range_max),
         )
 
 

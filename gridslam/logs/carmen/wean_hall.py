@@ -54,9 +54,14 @@ class WeanHallSource:
         self._field_of_view_deg = config.carmen.field_of_view_deg
         self._lines = TextLines(path, self.message_counts, config.limits.line_mb << 20)
         odometry = RecordedStream(
-            "odom", "O", "Wean Hall odometry", "", array("q"), {"odom": None}, child_frame="base_link"
+            "odom",
+            "O",
+            "Wean Hall odometry",
+            stamps_ns=array("q"),
+            frames={"odom": None},
+            child_frame="base_link",
         )
-        scans = RecordedStream("scan", "L", "Wean Hall scan", "", array("q"), {"laser": None})
+        scans = RecordedStream("scan", "L", "Wean Hall scan", stamps_ns=array("q"), frames={"laser": None})
         self.streams = [odometry, scans]
         self._index()
 
@@ -83,10 +88,10 @@ class WeanHallSource:
                         stamp,
                         "laser",
                         readonly(ranges, np.float32),
-                        as_float32(angle_min),
-                        as_float32(increment),
-                        0.0,
-                        self._range_max,
+                        angle_min_rad=as_float32(angle_min),
+                        angle_increment_rad=as_float32(increment),
+                        range_min_m=0.0,
+                        range_max_m=self._range_max,
                     ),
                 )
 

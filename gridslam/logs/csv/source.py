@@ -86,7 +86,11 @@ class CsvSource:
             frames[parent], detail = None, f"{parent}->{child}"
         self._tables.append(table)
         topic = stream.topic or stream.file
-        self.streams.append(RecordedStream(stream.kind, topic, "CSV", detail, stamps, frames, child))
+        self.streams.append(
+            RecordedStream(
+                stream.kind, topic, "CSV", detail=detail, stamps_ns=stamps, frames=frames, child_frame=child
+            )
+        )
         if path not in self.files:
             self.files.append(path)
 

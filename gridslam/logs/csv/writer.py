@@ -156,7 +156,14 @@ class CsvFolderWriter:
         layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), "frame": "", **frames}
         table = CSV_KINDS[kind]
         columns = ["stamp", *table.required, *(c for c in table.optional if c not in _FRAMES)]
-        file = _TableFile(path, stream, csv.writer(stream, lineterminator="\n"), layout, frames, len(columns))
+        file = _TableFile(
+            path,
+            stream,
+            csv.writer(stream, lineterminator="\n"),
+            layout=layout,
+            frames=frames,
+            place=len(columns),
+        )
         if table.rows_name_frames and "frame" in table.optional:
             columns.append("frame")
         if table.has_ranges:

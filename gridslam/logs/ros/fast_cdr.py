@@ -75,12 +75,12 @@ def scan(data: bytes) -> LaserScan:
         seconds * NS_PER_S + nanoseconds,
         frame,
         ranges,
-        angle_min,
-        increment,
-        range_min,
-        range_max,
-        time_increment,
-        angle_max,
+        angle_min_rad=angle_min,
+        angle_increment_rad=increment,
+        range_min_m=range_min,
+        range_max_m=range_max,
+        time_increment_s=time_increment,
+        angle_max_rad=angle_max,
     )
 
 
@@ -96,7 +96,16 @@ def odometry(data: bytes) -> Odometry:
     vx, _, _, _, _, wz = _TWIST.unpack_from(data, at + _POSE.size + _COVARIANCE)
     yaw = canonical_yaw(yaw_of((qw, qx, qy, qz)))
     frame = frame_text(data[16 : 15 + length] if length else b"")
-    return Odometry(seconds * NS_PER_S + nanoseconds, frame, x, y, yaw, vx, wz, child or "base_link")
+    return Odometry(
+        seconds * NS_PER_S + nanoseconds,
+        frame,
+        x_m=x,
+        y_m=y,
+        yaw_rad=yaw,
+        vx_mps=vx,
+        wz_radps=wz,
+        child_frame_id=child or "base_link",
+    )
 
 
 def imu(data: bytes) -> Imu:
@@ -114,7 +123,14 @@ def reading(data: bytes, bearing_of: Callable[[str], float]) -> Range:
     at = (16 + length + 1 + 3) & ~3  # after radiation_type, a byte
     _, low, high, metres = _RANGE.unpack_from(data, at)
     frame = plain_text(data[16 : 15 + length] if length else b"").lstrip("/")
-    return Range(seconds * NS_PER_S + nanoseconds, frame, bearing_of(frame), metres, low, high)
+    return Range(
+        seconds * NS_PER_S + nanoseconds,
+        frame,
+        bearing_rad=bearing_of(frame),
+        range_m=metres,
+        range_min_m=low,
+        range_max_m=high,
+    )
 
 
 def joints(data: bytes) -> JointState:
@@ -161,9 +177,9 @@ def transforms(data: bytes, is_static: bool) -> list[Transform]:
                 INVALID_STAMP_NS if stamp is None else stamp,
                 parent.lstrip("/"),
                 child.lstrip("/"),
-                (x, y, z),
-                (qw, qx, qy, qz),
-                is_static,
+                translation_m=(x, y, z),
+                quat_wxyz=(qw, qx, qy, qz),
+                is_static=is_static,
             )
         )
     return found

@@ -58,9 +58,9 @@ def transforms(message: Any, is_static: bool) -> list[Transform]:
                 INVALID_STAMP_NS if stamp is None else stamp,
                 parent,
                 str(child).lstrip("/"),
-                (float(t.x), float(t.y), float(t.z)),
-                (float(r.w), float(r.x), float(r.y), float(r.z)),
-                is_static,
+                translation_m=(float(t.x), float(t.y), float(t.z)),
+                quat_wxyz=(float(r.w), float(r.x), float(r.y), float(r.z)),
+                is_static=is_static,
             )
         )
     return found

@@ -106,4 +106,11 @@ def _definitions(connection: Any) -> dict[str, Any]:
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:
     """Open and index a ROS 1 bag."""
     message_counts = MessageCounts()
-    return RosSource(Ros1Bag(path, message_counts), [path], config, message_counts, "ROS 1 bag", "none")
+    return RosSource(
+        Ros1Bag(path, message_counts),
+        [path],
+        config=config,
+        message_counts=message_counts,
+        name="ROS 1 bag",
+        compression="none",
+    )

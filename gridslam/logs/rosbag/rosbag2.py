@@ -72,7 +72,9 @@ def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
     files = [
         file for part in parts for file in (part.files if isinstance(part, DatabaseFile) else [part.path])
     ]
-    source = RosSource(container, files, config, message_counts, "rosbag2", "none")
+    source = RosSource(
+        container, files, config=config, message_counts=message_counts, name="rosbag2", compression="none"
+    )
     if path.is_dir():
         source.files.append(path / "metadata.yaml")
         _count_missing(recording, source, message_counts)
