@@ -1,4 +1,4 @@
-"""What all tests share: the real logs, a small log, and the program in a process of its own."""
+"""Shared fixtures: real logs, a small log, and the program in a separate process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """The real logs: GRIDSLAM_DATA, or shared/data beside the checkout; a test without them is skipped."""
+    """The real logs: GRIDSLAM_DATA, or shared/data beside the checkout; tests are skipped without them."""
     folder = Path(os.environ.get("GRIDSLAM_DATA", REPOSITORY.parent / "shared" / "data"))
     if not folder.is_dir():
         pytest.skip(f"no real logs: {folder} is not there; set GRIDSLAM_DATA")
@@ -35,7 +35,7 @@ Program = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="session")
 def program() -> Program:
-    """Runs a command line in a process of its own; the test method `dead-reckoning` is registered there."""
+    """Runs a command line in a separate process in which the test method `dead-reckoning` is registered."""
 
     def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -46,7 +46,7 @@ def program() -> Program:
 
 
 def program_command(*arguments: str | Path) -> list[str]:
-    """The program with the test method, as an argument list for subprocess."""
+    """The program with the test method, as arguments for subprocess."""
     start = (
         f"import sys; sys.path.insert(0, {str(REPOSITORY)!r}); from tests.dead_reckoning import main; main()"
     )

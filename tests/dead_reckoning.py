@@ -1,4 +1,4 @@
-"""A method for tests: it believes the odometry, marks where beams end, and is slow or fails when told to."""
+"""A method for tests: it trusts the odometry, marks the endpoints of beams, and can be slow or fail on request."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DeadReckoningConfig(StrictModel):
 
 
 class DeadReckoning:
-    """Maps with the odometry's poses; the seed shifts a diagnostic, so that it is seen in the bytes."""
+    """Maps at the odometry's poses. The seed shifts a diagnostic, so that it affects the bytes of the result."""
 
     def __init__(
         self, config: DeadReckoningConfig, seed: int, occupancy: OccupancyGrid | None = None
@@ -120,7 +120,7 @@ ENTRY = MethodEntry(
 
 
 def register() -> MappingProxyType[str, MethodEntry]:
-    """The registry with the test method in it."""
+    """The registry with the test method."""
     return MappingProxyType({**registry.METHODS, "dead-reckoning": ENTRY})
 
 

@@ -24,7 +24,7 @@ from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.logs.tum import lines_of, numbers_in, stamp_in
 
 TUM_WORDS, PLANAR_WORDS, KITTI_WORDS, EUROC_WORDS = 8, 4, 12, 8
-MIN_NS_DIGITS = 15  # a stamp with so many digits and no point counts nanoseconds
+MIN_NS_DIGITS = 15  # a whole number with at least this many digits is a stamp in nanoseconds
 EXPECTED = "t x y z qx qy qz qw (TUM), t x y yaw, KITTI's 12 numbers, EuRoC's stamp x y z qw qx qy qz, or a CSV header"
 CAMERA_NOTE = "the poses are in a camera frame (x right, y down, z forward): x = z and y = -x were taken"
 # Names of CSV columns in lower case; of dotted names the last parts count (`pose.pose.position.x`).
@@ -46,7 +46,7 @@ _UNIT_OF_DIGITS = (
     (15, "us"),
     (12, "ms"),
     (0, "s"),
-)  # of a whole number of at least so many digits
+)  # smallest number of digits of a whole number, and its unit
 
 
 def read_poses(path: Path) -> PoseSeries:

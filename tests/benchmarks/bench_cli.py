@@ -1,4 +1,4 @@
-"""How long people wait for the program itself: its help, and the writing of a large run."""
+"""Waiting times of the program itself: its help, and writing a large run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def help_s() -> float:
 
 
 def write_s() -> float:
-    """Wall time of writing, imports included."""
+    """Wall time of writing, including imports."""
     with tempfile.TemporaryDirectory() as folder:
         started = time.perf_counter()
         write_run(large_run(), Path(folder) / "out")
@@ -46,7 +46,7 @@ def write_s() -> float:
 
 
 def large_run() -> Run:
-    """Noise of the size of a building."""
+    """A map of random values, as large as a building."""
     rng = np.random.default_rng(1)
     stamps = np.arange(10_000, dtype=np.int64) * 100_000_000
     poses = np.cumsum(rng.normal(0, 0.05, (10_000, 3)), axis=0)

@@ -1,4 +1,4 @@
-"""Time of APE, RPE and relations over evo's for the same numbers, and of the measures of a large map."""
+"""Time of APE, RPE and relations relative to evo's for the same measures, and of the measures of a large map."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RELATIONS = 100_000
 
 
 def rows() -> Iterator[Row]:
-    """Both sides start from trajectories in memory; ours takes all measures that evo's two metrics take."""
+    """Both programs start from trajectories in memory and compute the same measures."""
     truth, estimate = random_walk(0), random_walk(1)
     ours = fastest(lambda: evaluate(Result(estimate), Truth(truth), EvaluationOptions(align="se2")))
     evos = fastest(lambda: evo_measures(truth, estimate), repeats=1)
@@ -35,7 +35,7 @@ def rows() -> Iterator[Row]:
 
 
 def fastest(measure: Callable[[], object], repeats: int = 3) -> float:
-    """The least wall time of a few."""
+    """The smallest wall time of several runs."""
     times = []
     for _ in range(repeats):
         started = time.perf_counter()
@@ -45,14 +45,14 @@ def fastest(measure: Callable[[], object], repeats: int = 3) -> float:
 
 
 def random_walk(noise_seed: int) -> Trajectory:
-    """One walk, with the noise of the seed."""
+    """A random walk with the noise of a seed."""
     steps = np.random.default_rng(7).normal(0.0, 0.1, (POSES, 3))
     noise = np.random.default_rng(noise_seed).normal(0.0, 0.01, (POSES, 3))
     return Trajectory(np.arange(POSES, dtype=np.int64) * 100_000_000, np.cumsum(steps, axis=0) + noise)
 
 
 def evo_measures(truth: Trajectory, estimate: Trajectory) -> None:
-    """The same with evo: association, alignment, APE and RPE, translation and rotation."""
+    """The same measures by evo: association, alignment, APE and RPE, translation and rotation."""
     pair = sync.associate_trajectories(_as_evo(truth), _as_evo(estimate))
     pair[1].align(pair[0])
     for relation in (PoseRelation.translation_part, PoseRelation.rotation_angle_deg):
@@ -67,13 +67,13 @@ def _as_evo(path: Trajectory) -> PoseTrajectory3D:
 
 
 def relations() -> Relations:
-    """Between random moments of the walk."""
+    """Relations between random times of the walk."""
     ends = np.random.default_rng(2).integers(0, POSES * 100_000_000, (RELATIONS, 2))
     return Relations(ends[:, 0], ends[:, 1], np.zeros((RELATIONS, 3)))
 
 
 def maps() -> tuple[OccupancyGrid, OccupancyGrid]:
-    """100 m x 100 m in cells of 5 cm, 2 % of them walls."""
+    """A map of 100 m x 100 m with cells of 5 cm, 2 % of which are walls."""
     rng = np.random.default_rng(3)
     geometry = GridGeometry(0.05, (0.0, 0.0))
     first, second = (

@@ -22,9 +22,9 @@ from tests.benchmarks.harness import Row, say
 
 ALONE = True
 
-TIMES = 1  # runs of each kind; the median counts
-DRIVE_S = 120.0  # the part of the log on which particles and cells are scaled
-SEARCH_S = 40.0  # that for growing maps, with the first search of the whole map
+TIMES = 1  # runs of each kind; their median is used
+DRIVE_S = 120.0  # part of the log for scaling particles and cells
+SEARCH_S = 40.0  # part for growing maps; it contains the first search of the whole map
 MAP_PARTICLES = 2500
 
 Report = dict[str, Any]
@@ -44,7 +44,7 @@ def rows() -> Iterator[Row]:
 
 
 def part_of(log: Path, seconds: float) -> Path:
-    """The begin of a log."""
+    """The first part of a log."""
     part = log.with_stem(f"start-{seconds:.0f}")
     command("convert", str(log), str(part), "--end", str(seconds), "-q")
     return part
@@ -107,7 +107,7 @@ def enlarged(grid: OccupancyGrid, times: int, kind: str) -> OccupancyGrid:
 
 
 def number_of_particles(n: int) -> str:
-    """The override that fixes it."""
+    """The override for a fixed number of particles."""
     return f"method.particles={{min: {n}, max: {n}}}"
 
 
@@ -129,17 +129,17 @@ def measured(verb: str, log: Path, config: str, override: str, known_map: Path |
 
 
 def process_time(report: Report) -> float:
-    """The method's seconds."""
+    """Processing time (s) of the method."""
     return float(report["timing"]["process_s"])
 
 
 def whole_time(report: Report) -> float:
-    """Seconds from the start to the finished run directory."""
+    """Time (s) from the start to the finished run directory."""
     return float(report["timing"]["total_s"])
 
 
 def time_of_a_search(report: Report) -> float:
-    """Seconds of one search of the whole map."""
+    """Time (s) of one search of the whole map."""
     return float(report["timing"]["method"]["search"] / report["counters"]["searches"])
 
 
@@ -151,12 +151,12 @@ def ratio(
     bound: float,
     time_of: Callable[[Report], float] = process_time,
 ) -> Row:
-    """How many times longer the larger run takes."""
+    """Ratio of the times of the larger and the smaller run."""
     times = [time_of(runs[key]) for key in (smaller, larger)]
     return Row(f"scaling.{name}.{smaller}_to_{larger}.time", times[1] / times[0], "x", bound)
 
 
 def memory_ratio(name: str, runs: Mapping[int, Report], smaller: int, larger: int, bound: float) -> Row:
-    """How many times more memory the larger run needs."""
+    """Ratio of the memory of the larger and the smaller run."""
     peaks = [runs[key]["memory"]["peak_mb"] for key in (smaller, larger)]
     return Row(f"scaling.{name}.{smaller}_to_{larger}.memory", peaks[1] / peaks[0], "x", bound)

@@ -1,4 +1,4 @@
-"""The simulator: seconds for ten minutes of lidar, and how far the odometry of six laps goes wrong."""
+"""The simulator: time for ten minutes of lidar, and drift of the odometry over six laps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LIDAR = ("sensors.lidar.rate_hz=10", "sensors.lidar.beams=360", "sensors.lidar.f
 
 
 def rows() -> Iterator[Row]:
-    """Speed, including the writing of the log; mean, deviation and largest drift over 20 seeds."""
+    """Speed including writing the log; mean, deviation and maximum of the drift over 20 seeds."""
     yield Row("simulation.lidar.ten_minutes", seconds_for_ten_minutes(), "s", bound=30.0)
     yield Row("simulation.rgbd.frames", rgbd_frames_per_second(), "1/s", bound=5.0, at_least=True)
     drifts = np.array([final_drift(seed) for seed in range(SEEDS)])
@@ -38,7 +38,7 @@ def rows() -> Iterator[Row]:
 
 
 def seconds_for_ten_minutes() -> float:
-    """Wall seconds for 600 s of 10 scans a second of 360 beams in the office, log and truth written."""
+    """Wall time (s) for 600 s with 10 scans per second of 360 beams in the office, including writing."""
     world, path = load_world("office", LIDAR)
     with tempfile.TemporaryDirectory() as folder:
         record_world(load_world("ir-room")[0], path.parent, Path(folder) / "warm_up.mcap")
@@ -48,7 +48,7 @@ def seconds_for_ten_minutes() -> float:
 
 
 def final_drift(seed: int) -> float:
-    """Distance between where odometry ends and where the robot is, after six laps of the infrared world."""
+    """Distance (m) between the final odometry pose and the true one after six laps of the infrared world."""
     world, path = load_world("ir-laps", ("sensors.gyro=null",), seed)
     simulator = Simulator(world, path.parent)
     odometry = [e for e, is_truth in drive_route(simulator) if isinstance(e, Odometry) and not is_truth]

@@ -1,4 +1,4 @@
-"""What each stage of a method's update takes, and the memory of a run: the five methods on their sample logs.
+"""Time of each stage of a method's update, and memory of a run: the five methods on their sample logs.
 
 Each run is the command itself in a process of its own, with warm kernels: a first run of each method is thrown away. Stages are
 those of report.json's `timing.method`, as shares of `timing.process_s`.
@@ -19,7 +19,7 @@ ALONE = True
 
 ROOT = HERE.parents[1]
 LOGS = ROOT / "sample_logs"
-# stages that come once, when the log has ended
+# stages that run once, at the end of the log
 AT_END = {"loop_closure", "draw_map", "adjust", "draw", "tell"}
 
 
@@ -66,7 +66,7 @@ SAMPLES = {
 
 
 def rows() -> Iterator[Row]:
-    """Of every method its stages, what none of them claims, an update, and the memory."""
+    """For every method: its stages, the remaining time, the time of an update, and the memory."""
     for method, sample in SAMPLES.items():
         run_of(sample)
         yield from rows_of(method, sample, run_of(sample))

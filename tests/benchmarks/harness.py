@@ -31,7 +31,7 @@ HERE = Path(__file__).resolve().parent
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One measured figure; `bound` is the largest value allowed, or the least where `at_least`."""
+    """A measured figure with its bound: the largest allowed value, or with `at_least` the smallest."""
 
     name: str
     value: float
@@ -41,7 +41,7 @@ class Row:
 
     @property
     def holds(self) -> bool:
-        """Whether the bound is kept; a figure that is no number keeps none."""
+        """Whether the bound holds; NaN fails every bound."""
         if math.isnan(self.value):
             return False
         if self.bound is None:
@@ -58,7 +58,7 @@ def benchmarks() -> list[str]:
 
 
 def read_bounds(path: Path) -> dict[str, Bounds]:
-    """For each benchmark `row: {limit: x}` or `row: {at_least: x}`."""
+    """The bounds by benchmark: `row: {limit: x}` or `row: {at_least: x}`."""
     document = yaml.safe_load(path.read_text()) or {}
     for benchmark, bounds in document.items():
         for name, bound in bounds.items():
@@ -75,7 +75,7 @@ def read_bounds(path: Path) -> dict[str, Bounds]:
 
 
 def bounded(row: Row, bounds: Bounds) -> Row:
-    """The row with the bound that the file sets, which wins over the row's own."""
+    """The row with the bound of the file, if there is one, instead of its own."""
     if row.name not in bounds:
         return row
     ((kind, value),) = bounds[row.name].items()
@@ -83,7 +83,7 @@ def bounded(row: Row, bounds: Bounds) -> Row:
 
 
 def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str]]) -> list[str]:
-    """The bounds that no row has met, as `benchmark: row`, given the names of the rows that each benchmark has given.
+    """The bounds without a row, as `benchmark: row`, given the names of the rows of each benchmark.
 
     A benchmark that has given none, or was not run, has nothing to meet; one that does not exist has lost its bounds.
     """
@@ -96,7 +96,7 @@ def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str
 
 
 def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Row]]:
-    """The rows of the named benchmarks, each with its benchmark's name; of all benchmarks without names.
+    """The rows of the named benchmarks, or of all, each with the name of its benchmark.
 
     First those that run alone, then the others on several processes.
     """
@@ -122,7 +122,7 @@ def module_of(name: str) -> ModuleType:
 
 
 def rows_of(name: str) -> list[Row]:
-    """All rows of a benchmark; how long it took is said."""
+    """All rows of a benchmark; prints how long it took."""
     started = time.perf_counter()
     rows = list(module_of(name).rows())
     say(f"{name}: {time.perf_counter() - started:.1f} s")
@@ -130,12 +130,12 @@ def rows_of(name: str) -> list[Row]:
 
 
 def say(line: str) -> None:
-    """A remark, on stderr."""
+    """Print a line to stderr."""
     print(line, file=sys.stderr, flush=True)  # noqa: T201
 
 
 def table(rows: Iterable[Row]) -> str:
-    """The rows as aligned text; a broken bound is marked."""
+    """The rows as aligned text; failed bounds are marked."""
     cells = [("", "measured", "", "bound", "")]
     for row in rows:
         bound = "" if row.bound is None else f"{'>=' if row.at_least else '<='} {row.bound:g}"
@@ -147,7 +147,7 @@ def table(rows: Iterable[Row]) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure, print, and say by the exit code whether all bounds hold, and whether each belongs to a row."""
+    """Measure and print; the exit code is 1 if a bound fails or belongs to no row."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.harness")
     parser.add_argument("names", nargs="*", metavar="NAME", help="of a benchmark: absent, all")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")

@@ -76,7 +76,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
 
 
 class _Pool:
-    """Does the work of a pool of processes in this one, when it is asked for."""
+    """A pool that does its work in this process when a result is requested."""
 
     def __init__(self, jobs: int, mp_context: object) -> None:
         self.jobs = jobs
