@@ -17,7 +17,7 @@ from gridslam.evaluation.from_files import load_result, load_truth
 from gridslam.evaluation.gates import Gate, answers, check_keys, failures, measures_of, parse_gate
 from gridslam.evaluation.headline import headline, text_of, unit_of
 from gridslam.evaluation.pose_errors import Delta, DeltaUnit
-from gridslam.evaluation.run_files import run_command_of
+from gridslam.evaluation.run_files import read_consistency, run_command_of
 from gridslam.evaluation.sanity import check_pairs, remarks_of
 
 from . import console
@@ -116,7 +116,8 @@ def _evaluated(request: Request, path: Path, name: str) -> _Evaluated:
     truth_path = where.path
     if truth_path is None and (path / TRUTH_FOLDER).is_dir():
         truth_path = path / TRUTH_FOLDER
-    if not any((truth_path, where.map_path, where.relations, where.objects)):
+    has_truth = any((truth_path, where.map_path, where.relations, where.objects))
+    if not has_truth and read_consistency(path) is None:
         raise ConfigError(
             "nothing to compare with: give --truth, --relations, --truth-map or --truth-objects"
         )
@@ -127,7 +128,7 @@ def _evaluated(request: Request, path: Path, name: str) -> _Evaluated:
     result = load_result(path, truth, request.topic)
     check_pairs(result, truth, options)
     document = measures.evaluate(result, truth, options)
-    if not document:
+    if has_truth and not document.keys() - {"consistency"}:
         raise ConfigError(f"{path}: has nothing to compare with this ground truth")
     document["remarks"] = remarks_of(result, truth, options, document)
     return _Evaluated(name, path, result, truth, options, document)

@@ -152,6 +152,8 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
                 f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
             )
         )
+    if (consistency := document["measures"].get("map_consistency")) is not None:
+        rows.append(("consistency", consistency["summary"]))
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
     if run.occupancy is not None and run.occupancy.probability.size:
         rows.append(("picture", str(output / "map.png")))

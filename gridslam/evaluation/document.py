@@ -37,6 +37,7 @@ NEEDS: Mapping[str, str] = {
     "relations": "a trajectory and --relations",
     "map": "a run directory with a map, and --truth-map (or a --truth folder with a map)",
     "objects": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
+    "consistency": "a run directory of a method that assesses its map",
     "doors": "a run directory with objects.csv, and --truth-objects (or a --truth folder with objects.csv)",
 }
 """First part of a key -> what these measures need."""
@@ -51,6 +52,7 @@ class Result:
     probability: OccupancyGrid | None = None
     objects: Mapping[str, MapObject] | None = None
     series: PoseSeries | None = None  # the trajectory as its file states it, for remarks
+    consistency: Mapping[str, float | bool] | None = None  # what the run says of its own map
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,8 @@ def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Docume
             document["map"]["alignment"] = _registration_facts(registration)
     if result.objects is not None and truth.objects is not None:
         document |= _object_measures(result.objects, truth.objects, T_truth_map, options.max_position_m)
+    if result.consistency is not None:
+        document["consistency"] = dict(result.consistency)
     return document
 
 

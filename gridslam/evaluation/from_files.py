@@ -13,6 +13,7 @@ from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.pose_topics import read_topic
 from gridslam.evaluation.run_files import (
     Paths,
+    read_consistency,
     read_probability,
     read_truth_series,
     run_paths,
@@ -68,6 +69,7 @@ def load_result(path: Path, truth: Truth, topic: str | None = None) -> Result:
         occupancy=load_map(paths.map_yaml) if with_map and paths.map_yaml else None,
         probability=read_probability(paths.layers) if with_map and paths.layers else None,
         objects=read_objects(paths.objects) if paths.objects and truth.objects is not None else None,
+        consistency=read_consistency(path),
     )
 
 

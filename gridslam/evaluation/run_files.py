@@ -6,6 +6,7 @@ import codecs
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +56,26 @@ def run_paths(path: Path) -> Paths:
 
 def run_command_of(path: Path) -> str | None:
     """The command that wrote a run directory (`map`, `localize`), by its report; None without one."""
+    command = _report_of(path).get("command")
+    return command if isinstance(command, str) else None
+
+
+def read_consistency(path: Path) -> dict[str, float | bool] | None:
+    """What the run says of its map's consistency, by the report of its directory; None where it says nothing."""
+    measures = _report_of(path).get("measures")
+    found = measures.get("map_consistency") if isinstance(measures, dict) else None
+    if not isinstance(found, dict):
+        return None
+    return {name: value for name, value in found.items() if isinstance(value, int | float)}
+
+
+def _report_of(path: Path) -> dict[str, Any]:
+    """The report of a run directory; empty where there is none that can be read."""
     try:
         document = json.loads((path / REPORT).read_bytes())
     except (OSError, ValueError, RecursionError):
-        return None
-    command = document.get("command") if isinstance(document, dict) else None
-    return command if isinstance(command, str) else None
+        return {}
+    return document if isinstance(document, dict) else {}
 
 
 def truth_paths(path: Path) -> Paths:

@@ -99,6 +99,7 @@ class MapConsistency:
         return {
             "doubt": round(self.doubt, 4),
             "is_doubtful": self.is_doubtful,
+            "summary": self.summary,
             "compared_wall_m": round(self.compared_wall_m, 2),
             "contradicted_wall_m": round(self.contradicted_wall_m, 2),
             "largest_stretch_m": round(self.largest_stretch_m, 3),

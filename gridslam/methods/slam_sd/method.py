@@ -20,10 +20,12 @@ from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
+from gridslam.lidar_slam.map_consistency.assessment import assess_map
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.base import Estimate, RunResult, Series
+from gridslam.methods.base import Doubt, Estimate, RunResult, Series
+from gridslam.methods.consistency_picture import consistency_pictures
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
@@ -101,9 +103,14 @@ class SlamSd:
             masked = self._objects.returns_on_objects(scans, key_poses)
             static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
             objects = self._objects.result(static, key_poses, trajectory)
+        with self._stopwatch.stage("map_consistency"):
+            consistency = assess_map(scans, key_poses, self._tracker.key_poses)
+        measures["map_consistency"] = consistency.measures
         result = RunResult(
             trajectory,
             occupancy=static,
+            pictures=consistency_pictures(static, trajectory, consistency),
+            doubt=Doubt("inconsistent", consistency.summary) if consistency.is_doubtful else None,
             series=self._series(),
             counters=self._counters(),
             timings_s=dict(self._stopwatch.seconds),
