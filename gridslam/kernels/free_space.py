@@ -130,3 +130,30 @@ def testimony(
                 else:
                     free_by_own[k] += said == 1
     return Testimony(free_by_others, occupied_by_others, free_by_own)
+
+
+@compiled_parallel
+def testimony_of_shifts(
+    points: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    viewpoints: NDArray[np.float64],
+    profiles: Profiles,
+    limits: Tolerances,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """How often scans see points `(m, 2)` of the map free, and on a surface, if all points are shifted: `(k,)` both.
+
+    The scans' poses `(n, 3)`, viewpoints `(n, 2)` and profiles have the same order; the shifts `(k, 2)` are in the map's axes.
+    """
+    free, occupied = np.zeros(len(shifts), np.int64), np.zeros(len(shifts), np.int64)
+    for k in prange(len(shifts)):
+        for j in range(len(poses)):
+            c, s = np.cos(poses[j, 2]), np.sin(poses[j, 2])
+            for i in range(len(points)):
+                x = points[i, 0] + shifts[k, 0] - poses[j, 0]
+                y = points[i, 1] + shifts[k, 1] - poses[j, 1]
+                own_x, own_y = c * x + s * y - viewpoints[j, 0], -s * x + c * y - viewpoints[j, 1]
+                said = _verdict(profiles.nearest[j], profiles.farthest[j], own_x, own_y, limits)
+                free[k] += said == 1
+                occupied[k] += said == -1
+    return free, occupied

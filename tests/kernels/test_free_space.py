@@ -50,3 +50,26 @@ def test_a_sector_without_a_return_says_nothing() -> None:
     found = free_space.testimony(flat, first, np.zeros((2, 3)), viewpoints, profiles, partners, LIMITS)
     assert found.free_by_others[:3].tolist() == [1, 0, 0]
     assert found.occupied_by_others[:3].tolist() == [0, 0, 1]
+
+
+def test_shifted_points_are_judged_as_the_reference_judges_them() -> None:
+    rng = np.random.default_rng(5)
+    n, m = 3, 60
+    poses = np.column_stack([rng.uniform(-2, 2, (n, 2)), rng.uniform(-3, 3, n)])
+    viewpoints = rng.uniform(-0.3, 0.3, (n, 2))
+    angles = rng.uniform(-np.pi, np.pi, (n, m))
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * rng.uniform(3.0, 9.0, (n, m, 1))
+    returns = rays + viewpoints[:, None]
+    first = np.arange(0, (n + 1) * m, m)
+    flat = returns.reshape(-1, 2)
+    profiles = free_space.Profiles(*free_space.scan_profiles(flat, first, viewpoints, SECTORS))
+    points, shifts = rng.uniform(-6, 6, (50, 2)), rng.uniform(-2, 2, (7, 2))
+    found = free_space.testimony_of_shifts(points, shifts, poses, viewpoints, profiles, LIMITS)
+    for k, shift in enumerate(shifts):
+        said = [
+            reference.verdict(point + shift, poses[j], viewpoints[j], returns[j], SECTORS, LIMITS)
+            for j in range(n)
+            for point in points
+        ]
+        assert found[0][k] == said.count(1)
+        assert found[1][k] == said.count(-1)

@@ -93,7 +93,8 @@ def test_a_map_with_a_passage_put_elsewhere_is_doubted_where_it_is_wrong() -> No
     assert found.doubt > 0.95
     worst = found.places[0]
     assert worst.kind == "contradiction"
-    assert worst.size_m > 5.0
+    assert worst.size_m == pytest.approx(1.5, abs=0.4)  # the displacement
+    assert found.contradicted_wall_m > 20.0
     assert min(abs(worst.x_m - x) for x in (0.0, 1.5, 3.0, 4.5, 27.0, 28.5, 30.0, 31.5)) < 1.0
     assert "contradicts itself near" in found.summary
     assert worst.stamps_ns[0] != worst.stamps_ns[1]

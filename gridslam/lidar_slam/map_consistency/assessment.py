@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.pose_graph import residuals as residual_poses
 from gridslam.lidar_slam.map_consistency.contradictions import Contradictions, find_contradictions
-from gridslam.lidar_slam.map_consistency.passages import distance_driven, find_passages, spaced_scans
+from gridslam.lidar_slam.map_consistency.displacement import find_displacement
+from gridslam.lidar_slam.map_consistency.observations import Observations, observe
+from gridslam.lidar_slam.map_consistency.passages import (
+    Passages,
+    distance_driven,
+    find_passages,
+    spaced_scans,
+)
 from gridslam.lidar_slam.map_consistency.tension import StretchedPath, loop_residuals, max_stretched
 from gridslam.lidar_slam.scans import PreparedScan
 
@@ -26,12 +33,16 @@ Floats = NDArray[np.float64]
 Kind = Literal["contradiction", "stretch", "loop"]
 
 REASONS: dict[Kind, str] = {
-    "contradiction": "{:.1f} m of wall in space that another passage saw free",
+    "contradiction": "one of two passages is displaced by about {:.1f} m",
     "stretch": "the path is {:.1f} m longer or shorter than scan matching measured",
     "loop": "a loop closure is missed by {:.2f} m",
 }
 DOUBTFUL = 0.5  # maps with more doubt are warned about
-EVEN_WALL_M = 3.0  # contradicted wall in one place at which the doubt is 0.5
+EVEN_EVIDENCE_M = (
+    1.2  # metres of contradicted wall times the gain of a displacement at which the doubt is 0.5
+)
+MIN_WALL_M = 1.0  # smaller contradictions are not looked into
+MAX_CONTRADICTIONS = 12  # the largest ones are looked into
 EVEN_STRETCH_M = 1.5  # change of a path's length over 5 m at which the doubt is 0.5
 EVEN_RESIDUAL = 8.0  # normalised residual of an accepted loop at which the doubt is 0.5
 STEEPNESS = 3.0  # of the logistic curve over the logarithm
@@ -42,7 +53,7 @@ MIN_SCANS = 3
 
 @dataclass(frozen=True, slots=True)
 class DoubtfulPlace:
-    """A place of the map (m), what is wrong there, its size (m; of a loop: its error), its doubt, and two scans that show it."""
+    """A place of the map (m), what is wrong there, by how much (m), its doubt, and two scans that show it."""
 
     kind: Kind
     x_m: float
@@ -132,10 +143,12 @@ def assess_map(
         return MapConsistency(0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     chosen = [scans[row] for row in rows]
     passages = find_passages(poses[rows], distance_driven(poses)[rows])
-    found = find_contradictions(chosen, poses[rows], passages)
+    observations = observe(chosen, poses[rows], passages)
+    found = find_contradictions(observations)
     stretched = max_stretched(track[rows], poses[rows], passages.travel_m)
     stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
-    places = _contradicted_places(found, stamps) + _stretched_places(stretched, stamps)
+    places = _contradicted_places(found, observations, passages, stamps)
+    places += _stretched_places(stretched, stamps)
     residuals = np.zeros(1)
     if loops is not None and len(loops):
         residuals = loop_residuals(poses, loops)
@@ -147,7 +160,7 @@ def assess_map(
         1.0 - agreement,
         tuple(place for place in places if place.doubt >= MENTIONED)[:MAX_PLACES],
         found.compared_wall_m,
-        sum(place.wall_m for place in found.places),
+        found.wall_m,
         stretched.stretch_m if stretched else 0.0,
         float(residuals.max()),
         float(passages.is_revisited.mean()),
@@ -160,18 +173,19 @@ def doubt_of(value: float, even: float) -> float:
     return 1.0 / (1.0 + (even / value) ** STEEPNESS) if value > 0.0 else 0.0
 
 
-def _contradicted_places(found: Contradictions, stamps: NDArray[np.int64]) -> list[DoubtfulPlace]:
-    return [
-        DoubtfulPlace(
-            "contradiction",
-            place.x_m,
-            place.y_m,
-            place.wall_m,
-            doubt_of(place.wall_m, EVEN_WALL_M),
-            (int(stamps[place.seen_by]), int(stamps[place.looked_through_by])),
-        )
-        for place in found.places
-    ]
+def _contradicted_places(
+    found: Contradictions, observations: Observations, passages: Passages, stamps: NDArray[np.int64]
+) -> list[DoubtfulPlace]:
+    places = []
+    for place in found.places[:MAX_CONTRADICTIONS]:
+        if place.wall_m < MIN_WALL_M:
+            break
+        moved = find_displacement(place, observations, passages)
+        doubt = doubt_of(place.wall_m * moved.gain, EVEN_EVIDENCE_M)
+        pair = int(stamps[moved.seen_by]), int(stamps[moved.looked_through_by])
+        size = float(np.hypot(moved.dx_m, moved.dy_m))
+        places.append(DoubtfulPlace("contradiction", place.x_m, place.y_m, size, doubt, pair))
+    return places
 
 
 def _stretched_places(stretched: StretchedPath | None, stamps: NDArray[np.int64]) -> list[DoubtfulPlace]:

@@ -35,13 +35,10 @@ class Passages:
         np.add.at(counts, scan, self.partners.is_other)
         return np.asarray(counts > 0)
 
-    def farthest_partner(self, scan: int) -> int:
-        """The partner of another passage that is farthest along the path from a scan; the scan itself without one."""
+    def others(self, scan: int) -> Ints:
+        """The partners of a scan in other passages."""
         rows = slice(self.partners.first[scan], self.partners.first[scan + 1])
-        others = self.partners.scan[rows][self.partners.is_other[rows]]
-        if not len(others):
-            return scan
-        return int(others[np.argmax(np.abs(self.travel_m[others] - self.travel_m[scan]))])
+        return self.partners.scan[rows][self.partners.is_other[rows]]
 
 
 def distance_driven(poses: Floats) -> Floats:

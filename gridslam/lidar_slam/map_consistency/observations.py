@@ -1,0 +1,81 @@
+"""What the scans of a finished map say about each other's points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.kernels import free_space
+from gridslam.lidar_slam.map_consistency.passages import Passages
+from gridslam.lidar_slam.scans import PreparedScan
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+SECTORS = 256
+MAX_POINTS = 160  # of a scan that others are asked about
+TOLERANCES = free_space.Tolerances(0.3, 0.01, 15.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """Scans at their poses `(n, 3)`, and points of them in the map frame `(m, 2)` with what other scans say of each.
+
+    Scan i owns the points first[i]..first[i + 1]; `scan` `(m,)` are the points' scans.
+    """
+
+    poses: Floats
+    viewpoints: Floats
+    profiles: free_space.Profiles
+    points: Floats
+    first: Ints
+    scan: Ints
+    testimony: free_space.Testimony
+
+    @property
+    def is_compared(self) -> Bools:
+        """Whether another passage says anything of a point, and its own passage does not see through it."""
+        said = self.testimony.free_by_others + self.testimony.occupied_by_others > 0
+        return np.asarray(said & (self.testimony.free_by_own == 0))
+
+    @property
+    def is_contradicted(self) -> Bools:
+        """Whether most of the other passages that say anything see the point free."""
+        most = self.testimony.free_by_others > self.testimony.occupied_by_others
+        return np.asarray(self.is_compared & most)
+
+    def of_shifts(self, points: Floats, shifts: Floats, scans: Ints) -> tuple[Ints, Ints]:
+        """How often some of the scans see points `(k, 2)` free and occupied for each shift `(s, 2)` of the points."""
+        profiles = free_space.Profiles(self.profiles.nearest[scans], self.profiles.farthest[scans])
+        free, occupied = free_space.testimony_of_shifts(
+            points, shifts, self.poses[scans], self.viewpoints[scans], profiles, TOLERANCES
+        )
+        return free, occupied
+
+
+def observe(scans: Sequence[PreparedScan], poses: Floats, passages: Passages) -> Observations:
+    """The observations of scans `(n,)` at their poses `(n, 3)`."""
+    viewpoints = np.array([scan.viewpoint for scan in scans])
+    returns = [scan.returns for scan in scans]
+    profiles = free_space.Profiles(
+        *free_space.scan_profiles(np.concatenate(returns), _offsets(returns), viewpoints, SECTORS)
+    )
+    chosen = [scan.subset(MAX_POINTS).points for scan in scans]
+    first = _offsets(chosen)
+    testimony = free_space.testimony(
+        np.concatenate(chosen), first, poses, viewpoints, profiles, passages.partners, TOLERANCES
+    )
+    in_map = [se2.transform_points(pose, points) for pose, points in zip(poses, chosen, strict=True)]
+    scan = np.repeat(np.arange(len(scans)), np.diff(first))
+    return Observations(poses, viewpoints, profiles, np.concatenate(in_map), first, scan, testimony)
+
+
+def _offsets(parts: Sequence[Floats]) -> Ints:
+    first = np.zeros(len(parts) + 1, np.int64)
+    np.cumsum([len(part) for part in parts], out=first[1:])
+    return first
