@@ -9,7 +9,7 @@ import numpy as np
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.map_consistency.assessment import DoubtfulPlace, MapConsistency
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.maps.preview import Outline, render_map
+from gridslam.maps.preview import Footprint, render_map
 from gridslam.methods.base import Picture
 
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
@@ -23,8 +23,8 @@ def consistency_pictures(
     """`doubt`: the map and its trajectory with circles around the doubtful places; none where there are no such places."""
     if not consistency.places:
         return {}
-    outlines = [_circle(place) for place in consistency.places]
-    rgb = np.asarray(render_map(grid, trajectory, outlines=outlines), np.uint8)
+    circles = [_circle(place) for place in consistency.places]
+    rgb = np.asarray(render_map(grid, trajectory, footprints=circles), np.uint8)
     note = (
         "Circles: where the map contradicts itself, with the doubt of each place. "
         + consistency.summary
@@ -33,7 +33,7 @@ def consistency_pictures(
     return {"doubt": Picture(rgb, "Doubtful places", note)}
 
 
-def _circle(place: DoubtfulPlace) -> Outline:
+def _circle(place: DoubtfulPlace) -> Footprint:
     radius = max(0.5 * place.size_m, SMALLEST_RADIUS_M)
     angle = np.arange(CORNERS) * (math.tau / CORNERS)
     corners = np.array([place.x_m, place.y_m]) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
