@@ -13,6 +13,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import extrinsics, ordering
+from gridslam.logs.clock_steps import clock_epochs
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS, fault_of
 from gridslam.logs.message_counts import MessageCounts
@@ -260,7 +261,21 @@ class Log:
                 )
         return [*mounted, *added]
 
+    def _note_clock_jumps(self) -> None:
+        streams = self._source.streams
+        epochs = clock_epochs(
+            [ordering.without_outliers(streams[i].stamps_ns) for i in self._selection.kind_of]
+        )
+        if jumps := max((int(e[-1]) for e in epochs if len(e)), default=0):
+            self._opening.count("clock_jumps", jumps)
+            self._opening.note(
+                f"the clock was set back {jumps} times, or the recording played in a loop: streams stay together in "
+                "recorded order"
+            )
+
     def _note_disorder(self) -> None:
+        if not self._is_sorted:
+            self._note_clock_jumps()
         for index, kind in self._selection.kind_of.items():
             stamps = self._source.streams[index].stamps_ns
             if count := ordering.out_of_order_stamps(stamps):

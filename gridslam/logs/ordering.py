@@ -59,7 +59,7 @@ def merge_plan(
     """
     if not stamps_by_stream:
         return {}, array("q")
-    stamps = [_without_outliers(s) for s in stamps_by_stream.values()]
+    stamps = [without_outliers(s) for s in stamps_by_stream.values()]
     owner = np.repeat(np.array(list(stamps_by_stream), dtype=np.int64), [len(s) for s in stamps])
     if by_stamp:
         keys = np.concatenate(stamps)
@@ -79,7 +79,7 @@ def merge_plan(
     return ranks, array("q", owner[order].tobytes())
 
 
-def _without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
+def without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
     """The stamps, each outlier replaced by the stamp before it."""
     stamps = np.array(stamps_ns, dtype=np.int64)
     places = np.array(sorted(outlier_places(stamps_ns)), dtype=np.int64)

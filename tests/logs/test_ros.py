@@ -647,3 +647,15 @@ def test_a_fix_may_be_the_truth_and_is_converted_as_such(tmp_path: Path) -> None
             assert truth is not None
             assert truth.poses.tolist() == [[3.0, 0.0, 0.0]]
             assert sum(isinstance(e, Odometry) for e in log.events()) == 1
+
+
+def test_a_recording_played_in_a_loop_keeps_each_scan_beside_its_odometry_and_is_noted(
+    tmp_path: Path,
+) -> None:
+    messages = [m for _ in range(3) for i in range(1, 9) for m in (odometry(i * S), scan(i * S))]
+    path = write_mcap(tmp_path / "a.mcap", moving(*messages))
+    with open_log(path) as log:
+        kinds = [type(e).__name__ for e in log.events() if isinstance(e, Odometry | LaserScan)]
+        assert kinds == ["Odometry", "LaserScan"] * 24
+        assert log.counters["clock_jumps"] == 2
+        assert any("set back 2 times" in line for line in log.problems)
