@@ -85,11 +85,11 @@ class _Increment(NamedTuple):
     """Motion between two messages, before the gyro's part is known; see `WheelIncrements`."""
 
     stamp_ns: int
-    forward_m: float
-    lateral_m: float
-    yaw_rad: float
     seconds: float
-    is_lost: float
+    forward_m: float = 0.0
+    lateral_m: float = 0.0
+    yaw_rad: float = 0.0
+    is_lost: float = 0.0
 
 
 class WheelGyro:
@@ -152,7 +152,7 @@ class WheelGyro:
         yaw = (right - left) / base
         chord = 0.5 * (left + right) * _sinc(0.5 * yaw)
         seconds = max((event.stamp_ns - last.stamp_ns) * 1e-9, 0.0)
-        self._add(_Increment(event.stamp_ns, chord, 0.0, yaw, seconds, 0.0), "wheels")
+        self._add(_Increment(event.stamp_ns, seconds, chord, yaw_rad=yaw), "wheels")
 
     def add_odometry(self, event: Odometry) -> None:
         """Add a pose of the robot's own odometry."""
@@ -172,7 +172,7 @@ class WheelGyro:
         dx, dy = event.x_m - last.x_m, event.y_m - last.y_m
         c, s = math.cos(middle), math.sin(middle)
         seconds = max((event.stamp_ns - last.stamp_ns) * 1e-9, 0.0)
-        self._add(_Increment(event.stamp_ns, c * dx + s * dy, c * dy - s * dx, yaw, seconds, 0.0), "odom")
+        self._add(_Increment(event.stamp_ns, seconds, c * dx + s * dy, c * dy - s * dx, yaw), "odom")
 
     def add_imu(self, event: Imu) -> None:
         """Add a yaw rate, the mean since the message before."""
@@ -239,7 +239,7 @@ class WheelGyro:
 
     def _start(self, stamp_ns: int, stream: str) -> None:
         """An increment without motion at the first message of a stream."""
-        self._add(_Increment(stamp_ns, 0.0, 0.0, 0.0, 0.0, 0.0), stream)
+        self._add(_Increment(stamp_ns, 0.0), stream)
 
     def _add(self, increment: _Increment, stream: str) -> None:
         """Buffer an increment between two messages; one beyond the limits is lost."""
@@ -250,7 +250,7 @@ class WheelGyro:
             or abs(increment.yaw_rad) > limits.tolerance_rad + limits.max_yaw_rate_radps * increment.seconds
         ):
             self.counters[f"{stream}.jumps"] += 1
-            increment = _Increment(increment.stamp_ns, 0.0, 0.0, 0.0, increment.seconds, 1.0)
+            increment = _Increment(increment.stamp_ns, increment.seconds, is_lost=1.0)
         self.travelled_m += distance
         self.rotated_rad += abs(increment.yaw_rad)
         self._waiting.append(increment)
@@ -266,7 +266,7 @@ class WheelGyro:
 
     def _emit(self, gyro_rad: float | None) -> None:
         """Hand the first buffered increment to the filter; `gyro_rad` is the gyro's angle at its end."""
-        stamp_ns, forward, lateral, yaw, seconds, is_lost = self._waiting.popleft()
+        stamp_ns, seconds, forward, lateral, yaw, is_lost = self._waiting.popleft()
         gyro_step = _NO_GYRO
         if gyro_rad is not None and self._gyro_used is not None:
             gyro_step = gyro_rad - self._gyro_used
