@@ -12,7 +12,7 @@ MAX_BIAS_RADPS = 0.2  # a larger difference from the other heading is a fault of
 
 
 class GyroHeading:
-    """Rotation between two stamps by the gyro, for stamps that never step back by more than what is kept.
+    """Rotation between two stamps by the gyro, for stamps that are never older than the rates it keeps.
 
     Yaw rates are joined by straight lines. The bias is the mean difference from the rotations that `compare` is given.
     """
