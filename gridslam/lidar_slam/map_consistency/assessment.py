@@ -1,7 +1,7 @@
 """The doubt about a finished map, and the places that it comes from.
 
-Calibrated on maps with a known truth: at the default threshold of 0.5 right maps pass and wrong ones do not (see
-docs/slam-sd.md and tests/benchmarks/bench_doubt.py). It cannot know of errors where no place was seen twice.
+It is calibrated on maps with a known truth (tests/benchmarks/bench_doubt.py), and cannot know of errors where no place was seen
+twice.
 """
 
 from __future__ import annotations
