@@ -131,7 +131,7 @@ def _evaluated(request: Request, path: Path, name: str) -> _Evaluated:
     if has_truth and not document.keys() - {"consistency"}:
         raise ConfigError(f"{path}: has nothing to compare with this ground truth")
     document["remarks"] = remarks_of(result, truth, options, document)
-    return _Evaluated(name, path, result, truth, options, document)
+    return _Evaluated(name, path, result=result, truth=truth, options=options, document=document)
 
 
 def _options(path: Path, given: MeasureOptions) -> EvaluationOptions:

@@ -164,7 +164,14 @@ def localize(
     given_map = None if map_path is None else Path(map_path)
     contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
     return FinishedRun(
-        run_localize(loaded, Path(log), given_map, progress or _ignore, stop or _never, contents)
+        run_localize(
+            loaded,
+            Path(log),
+            map_path=given_map,
+            show=progress or _ignore,
+            stop=stop or _never,
+            inputs=contents,
+        )
     )
 
 

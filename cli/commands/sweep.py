@@ -81,7 +81,7 @@ def run(
             work = partial(run_locally, processes=jobs or os.cpu_count() or 1, stop=stop)
         else:
             work = partial(run_on_cluster, address=scheduler, stop=stop)
-        result = run_sweep(sweep, folder, output, work, console.say, stop, gates)
+        result = run_sweep(sweep, folder, output=output, run=work, report=console.say, stop=stop, gates=gates)
     if as_json:
         console.emit_json(result.document)
     else:

@@ -83,7 +83,14 @@ class TileStore:
         """
         radius_m = max(kernel.radius_of(scans.points), float(np.hypot(viewpoint[0], viewpoint[1])))
         self._cover(poses, radius_m)
-        kernel.mark_tiles_of_scans(self._wanted, self.map(map_index), poses, viewpoint, scans, with_beams)
+        kernel.mark_tiles_of_scans(
+            self._wanted,
+            self.map(map_index),
+            poses=poses,
+            viewpoint=viewpoint,
+            scans=scans,
+            with_beams=with_beams,
+        )
         self._own(map_index)
 
     def redistribute(self, ancestors: NDArray[np.int64]) -> None:
@@ -134,11 +141,13 @@ class TileStore:
     ) -> None:
         radius_m = max(kernel.radius_of(points), float(np.hypot(viewpoint[0], viewpoint[1])))
         self._cover(poses, radius_m)
-        scan = kernel.ScanInMaps(maps, poses, viewpoint, points, radius_m, with_beams)
+        scan = kernel.ScanInMaps(
+            maps, poses, viewpoint=viewpoint, points=points, radius_m=radius_m, with_beams=with_beams
+        )
         done = 0
         while done < len(maps):
             self.n_free, done, needed = kernel.own_tiles_of_scan(
-                self._wanted, self.maps, self._tile_pool, self.n_free, scan, done
+                self._wanted, self.maps, pool=self._tile_pool, n_free=self.n_free, scan=scan, first=done
             )
             if done < len(maps):
                 self._grow_pool(needed - self.n_free)

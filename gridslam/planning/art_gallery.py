@@ -38,7 +38,14 @@ class Gallery:
         """Whether each wall cell is visible from each point within `max_range` cells, `(p, n)`."""
         places = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 2)
         return np.asarray(
-            visible_faces(self.squares, places, self.face_centres, self.owners, len(self.cells), max_range)
+            visible_faces(
+                self.squares,
+                places,
+                face_centres=self.face_centres,
+                owners=self.owners,
+                count=len(self.cells),
+                max_range=max_range,
+            )
         )
 
 

@@ -35,10 +35,10 @@ class AntennaModel:
         return object_weights.AntennaParameters(
             self.range_m,
             self.softness,
-            self.detection_probability,
-            self.false_read_probability,
-            self.hidden_ratio,
-            self.min_facing,
+            detection_probability=self.detection_probability,
+            false_read_probability=self.false_read_probability,
+            hidden_ratio=self.hidden_ratio,
+            min_facing=self.min_facing,
         )
 
 

@@ -62,7 +62,14 @@ class CameraSensor:
         extrinsics = self._config.extrinsics
         forward, left, up = axes(extrinsics, 0.0).T
         quat = _quaternion(np.column_stack([-left, -up, forward]))
-        return Transform(stamp_ns, parent, self.frame, (extrinsics.x, extrinsics.y, extrinsics.z), quat, True)
+        return Transform(
+            stamp_ns,
+            parent,
+            child_frame_id=self.frame,
+            translation_m=(extrinsics.x, extrinsics.y, extrinsics.z),
+            quat_wxyz=quat,
+            is_static=True,
+        )
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The images taken at this step."""
@@ -120,7 +127,9 @@ class CameraSensor:
         )
         P = np.column_stack([K, [-c.focal_px * baseline_m, 0.0, 0.0]])
         K, P, D = (readonly(values, np.float64) for values in (K, P, np.zeros(5)))
-        return CameraInfo(stamp_ns, self.frame, c.width_px, c.height_px, K, P, D, name)
+        return CameraInfo(
+            stamp_ns, self.frame, width_px=c.width_px, height_px=c.height_px, K=K, P=P, D=D, camera=name
+        )
 
 
 def noisy_depth(config: RgbdCamera, view: CameraView, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -40,7 +40,18 @@ class Encoders:
             events.append(WheelTicks(stamp, BASE_FRAME, *wheels))
         if self._config.publish_odometry:
             x, y, yaw = self._pose
-            events.append(Odometry(stamp, ODOM_FRAME, x, y, canonical_yaw(yaw), v, w, BASE_FRAME))
+            events.append(
+                Odometry(
+                    stamp,
+                    ODOM_FRAME,
+                    x_m=x,
+                    y_m=y,
+                    yaw_rad=canonical_yaw(yaw),
+                    vx_mps=v,
+                    wz_radps=w,
+                    child_frame_id=BASE_FRAME,
+                )
+            )
         return events
 
     def _quantised(self, angle_rad: float) -> float:

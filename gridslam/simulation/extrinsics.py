@@ -22,4 +22,11 @@ def static_transform(extrinsics: SensorExtrinsics, frame: str, stamp_ns: int) ->
     half_yaw, half_pitch = 0.5 * math.radians(extrinsics.yaw_deg), 0.5 * math.radians(extrinsics.pitch_deg)
     cy, sy, cp, sp = math.cos(half_yaw), math.sin(half_yaw), math.cos(half_pitch), math.sin(half_pitch)
     quat_wxyz = (cy * cp, -sy * sp, cy * sp, sy * cp)
-    return Transform(stamp_ns, BASE_FRAME, frame, (extrinsics.x, extrinsics.y, extrinsics.z), quat_wxyz, True)
+    return Transform(
+        stamp_ns,
+        BASE_FRAME,
+        child_frame_id=frame,
+        translation_m=(extrinsics.x, extrinsics.y, extrinsics.z),
+        quat_wxyz=quat_wxyz,
+        is_static=True,
+    )

@@ -55,7 +55,9 @@ class InfraredRangers:
 
     def _sweep(self, config: Infrared, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[_Reading]:
         bearings = np.radians(np.arange(config.from_deg, config.to_deg + 1e-9, config.step_deg))
-        ranges = read_ranges(config, bearings, robot.pose, scene, now_ns * 1e-9, self._rng)
+        ranges = read_ranges(
+            config, bearings, pose=robot.pose, scene=scene, time_s=now_ns * 1e-9, rng=self._rng
+        )
         limits = as_float32(config.range_min_m), as_float32(config.range_max_m)
         readings = []
         for k, (bearing, value) in enumerate(zip(bearings.tolist(), ranges.tolist(), strict=True)):

@@ -124,8 +124,28 @@ def scripted_log(
     noise = noise or Noise()
     rng = random_stream(seed, "scripted log")
     bearings = np.linspace(-np.pi / 2, np.pi / 2, beams)
-    yield Transform(START_NS, "base_link", "laser", (LASER_X_M, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), True), None
-    yield Transform(START_NS, "base_link", "stereo_optical", (0.0, 0.0, 0.5), OPTICAL, True), None
+    yield (
+        Transform(
+            START_NS,
+            "base_link",
+            child_frame_id="laser",
+            translation_m=(LASER_X_M, 0.0, 0.0),
+            quat_wxyz=(1.0, 0.0, 0.0, 0.0),
+            is_static=True,
+        ),
+        None,
+    )
+    yield (
+        Transform(
+            START_NS,
+            "base_link",
+            child_frame_id="stereo_optical",
+            translation_m=(0.0, 0.0, 0.5),
+            quat_wxyz=OPTICAL,
+            is_static=True,
+        ),
+        None,
+    )
     estimate, before = np.zeros(3), None
     for k, pose in enumerate(true_path(laps)):
         stamp = START_NS + k * PERIOD_NS
@@ -153,7 +173,12 @@ def _sweep(
     limits = tuple(map(as_float32, RANGER_LIMITS_M))
     for k, (bearing, value) in enumerate(zip(bearings.tolist(), ranges.tolist(), strict=True)):
         yield Range(
-            stamp_ns + (k + 1) * 1_000_000, "ranger", bearing, as_float32(value), limits[0], limits[1]
+            stamp_ns + (k + 1) * 1_000_000,
+            "ranger",
+            bearing_rad=bearing,
+            range_m=as_float32(value),
+            range_min_m=limits[0],
+            range_max_m=limits[1],
         )
 
 
@@ -166,10 +191,10 @@ def _disparity(stamp_ns: int, pose: NDArray[np.float64]) -> Disparity:
     return Disparity(
         stamp_ns,
         "stereo_optical",
-        readonly(disparity, np.float32),
-        STEREO_FOCAL_PX,
-        STEREO_BASELINE_M,
-        "stereo",
+        disparity_px=readonly(disparity, np.float32),
+        focal_px=STEREO_FOCAL_PX,
+        baseline_m=STEREO_BASELINE_M,
+        camera="stereo",
     )
 
 
@@ -182,9 +207,9 @@ def _scan(stamp_ns: int, bearings: NDArray[np.float64], ranges: NDArray[np.float
     return LaserScan(
         stamp_ns,
         "laser",
-        readonly(ranges, np.float32),
-        float(np.float32(bearings[0])),
-        step,
-        0.05,
-        RANGE_MAX_M,
+        ranges_m=readonly(ranges, np.float32),
+        angle_min_rad=float(np.float32(bearings[0])),
+        angle_increment_rad=step,
+        range_min_m=0.05,
+        range_max_m=RANGE_MAX_M,
     )

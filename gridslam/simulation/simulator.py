@@ -93,12 +93,12 @@ class Simulator:
         return Odometry(
             self.world.start_ns + self._now_ns,
             MAP_FRAME,
-            x,
-            y,
-            canonical_yaw(_wrapped(yaw)),
-            self.robot.v_mps,
-            self.robot.w_radps,
-            BASE_FRAME,
+            x_m=x,
+            y_m=y,
+            yaw_rad=canonical_yaw(_wrapped(yaw)),
+            vx_mps=self.robot.v_mps,
+            wz_radps=self.robot.w_radps,
+            child_frame_id=BASE_FRAME,
         )
 
 

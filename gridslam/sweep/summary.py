@@ -61,7 +61,7 @@ def _group(log: str, config: str, override: str, rows: Sequence[RunRow], success
         measure = _measure([row.measures.get(key) for row in done])
         if measure is not None:
             measures[key] = measure
-    return Group(log, config, override, len(rows), len(done), measures)
+    return Group(log, config, override=override, runs=len(rows), done=len(done), measures=measures)
 
 
 def _measure(found: Sequence[object]) -> Measure | None:

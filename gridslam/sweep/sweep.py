@@ -66,7 +66,7 @@ def run_sweep(
     combinations = list(product(sweep.logs, settings))
     # Runs on existing logs are planned first, so that their errors are reported before any simulation.
     planned = {
-        place: run_job(sweep, folder, directory, entry, one, hashes)
+        place: run_job(sweep, folder, output=directory, entry=entry, settings=one, hashes=hashes)
         for place, (entry, one) in enumerate(combinations)
         if entry.world is None
     }
@@ -80,7 +80,9 @@ def run_sweep(
                 if found.state != "done":
                     lost[place] = _without_log(found)
                 else:
-                    planned[place] = run_job(sweep, folder, directory, entry, one, hashes)
+                    planned[place] = run_job(
+                        sweep, folder, output=directory, entry=entry, settings=one, hashes=hashes
+                    )
         results = (
             dict(zip(sorted(planned), work.results([planned[i] for i in sorted(planned)]), strict=True))
             | lost
@@ -130,7 +132,14 @@ def _row(sweep: SweepConfig, entry: LogEntry, settings: RunSettings, result: Job
     if result.state == "done":
         for name, bounds in sweep.successes.items():
             measures[f"success.{name}"] = meets([parse_gate(text) for text in bounds], result.measures)
-    return RunRow(entry.label, settings.config, settings.override, settings.seed, result, measures)
+    return RunRow(
+        entry.label,
+        settings.config,
+        override=settings.override,
+        seed=settings.seed,
+        result=result,
+        measures=measures,
+    )
 
 
 def _finish(

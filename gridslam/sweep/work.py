@@ -88,7 +88,9 @@ def _make(job: RunJob, stop: Stop) -> dict[str, float]:
     if job.command == "map":
         run = run_map(config, job.log_path, lambda progress: None, stop, inputs)
     else:
-        run = run_localize(config, job.log_path, job.map_path, lambda progress: None, stop, inputs)
+        run = run_localize(
+            config, job.log_path, map_path=job.map_path, show=lambda progress: None, stop=stop, inputs=inputs
+        )
     if run.status == "interrupted":
         raise KeyboardInterrupt
     write_run(run, job.directory, force=True)

@@ -89,7 +89,12 @@ class ParticleGrids:
         """Log likelihood `(n,)` of a scan at poses `(n, 3)`, each in its particle's map; `viewpoint` (2,) is the lidar's."""
         return np.asarray(
             surfel_likelihood.log_likelihood_all(
-                self.surfaces.maps, self.cells.maps, viewpoint, scan, poses, ENDPOINT_MODEL
+                self.surfaces.maps,
+                self.cells.maps,
+                viewpoint=viewpoint,
+                scan=scan,
+                poses=poses,
+                model=ENDPOINT_MODEL,
             )
         )
 

@@ -39,7 +39,12 @@ def office(rng: np.random.Generator) -> Layout:
     for x0, x1 in zip(x + 0.5 * width, x[1:] - 0.5 * width, strict=False):
         for south, north in itertools.pairwise(y):
             doors += _block(
-                layout, (float(x0), float(x1)), (float(south), float(north)), width, room_width, rng
+                layout,
+                (float(x0), float(x1)),
+                corridor_ys=(float(south), float(north)),
+                width=width,
+                room_width=room_width,
+                rng=rng,
             )
     for corridor_y, outwards in ((float(y[0]), -1.0), (float(y[-1]), 1.0)):
         front = corridor_y + outwards * 0.5 * width
@@ -57,7 +62,7 @@ def office(rng: np.random.Generator) -> Layout:
     west, east = float(x[0] - 0.5 * width), float(x[-1] + 0.5 * width)
     layout.add_wall(bayed_wall((west, south), (west, north), bay))
     layout.add_wall(bayed_wall((east, north), (east, south), bay))
-    _add_lanes(layout, x, y, doors, 0.5 * width - CABINET_M - 0.4, rng)
+    _add_lanes(layout, x, y=y, doors=doors, lateral_m=0.5 * width - CABINET_M - 0.4, rng=rng)
     for _ in range(int(rng.integers(2, 6))):
         row_y = float(rng.choice(y)) + (0.5 * width - 0.35) * float(rng.choice([-1.0, 1.0]))
         layout.people.append(((float(x[0]) + 4.0, row_y), (float(x[-1]) - 4.0, row_y)))
