@@ -54,14 +54,17 @@ def register_maps(built: OccupancyGrid, truth: OccupancyGrid) -> MapRegistration
 
     tree = cKDTree(walls)
     found = [
-        _refined(start, points, walls, tree, TRIM_M, ITERATIONS)
+        _refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M, iterations=ITERATIONS)
         for start in _coarse_candidates(points, walls)
     ]
     scores = [_agreement(pose, points, tree) for pose in found]
     best = found[int(np.argmax(scores))]
     shift = NUDGE_CELLS * truth.geometry.resolution_m
     starts = [best + np.array([shift * i, shift * j, 0.0]) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    refined = [_refined(start, points, walls, tree, TRIM_M[-1:], LAST_ITERATIONS) for start in starts]
+    refined = [
+        _refined(start, points, walls=walls, tree=tree, trims_m=TRIM_M[-1:], iterations=LAST_ITERATIONS)
+        for start in starts
+    ]
     pose = max(refined, key=lambda one: _agreement(one, points, tree))
     rivals = [
         score

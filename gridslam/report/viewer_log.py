@@ -80,10 +80,10 @@ def _at(extrinsics: Transform, stamp_ns: int) -> Transform:
     return Transform(
         stamp_ns,
         extrinsics.frame_id,
-        extrinsics.child_frame_id,
-        extrinsics.translation_m,
-        extrinsics.quat_wxyz,
-        True,
+        child_frame_id=extrinsics.child_frame_id,
+        translation_m=extrinsics.translation_m,
+        quat_wxyz=extrinsics.quat_wxyz,
+        is_static=True,
     )
 
 
@@ -134,11 +134,30 @@ def object_markers(table: Table, stamp_ns: int) -> Encoded:
         words = [str(row[columns[name]]) for name in ("id", "state") if name in columns]
         cube, half = (OBJECT_SIZE_M,) * 3, OBJECT_SIZE_M / 2
         place = (x, y, half, yaw)
-        marker(body, stamp_ns, "objects", number, CUBE, place, cube, MOVED_COLOUR if moved else STATIC_COLOUR)
+        marker(
+            body,
+            stamp_ns,
+            space="objects",
+            number=number,
+            kind=CUBE,
+            at=place,
+            size=cube,
+            colour=MOVED_COLOUR if moved else STATIC_COLOUR,
+        )
         above = (x, y, 2 * OBJECT_SIZE_M, 0.0)
         letters = (0.0, 0.0, TEXT_SIZE_M)
         text = " ".join(word for word in words if word)
-        marker(body, stamp_ns, "names", number, TEXT, above, letters, (0.0, 0.0, 0.0, 1.0), text)
+        marker(
+            body,
+            stamp_ns,
+            space="names",
+            number=number,
+            kind=TEXT,
+            at=above,
+            size=letters,
+            colour=(0.0, 0.0, 0.0, 1.0),
+            text=text,
+        )
     return Encoded("/objects", "visualization_msgs/msg/MarkerArray", stamp_ns, body.data())
 
 

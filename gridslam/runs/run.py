@@ -99,7 +99,7 @@ def run_map(
     `inputs` are what the method's registry entry lists by name (a drawing, a tag database).
     Raises ConfigError: the method does not map. LogError: the log is unreadable or lacks a stream.
     """
-    return _run("map", config, log_path, None, show, stop, inputs)
+    return _run("map", config, log_path=log_path, occupancy=None, show=show, stop=stop, further=inputs)
 
 
 def run_localize(
@@ -117,8 +117,18 @@ def run_localize(
     if map_path is None:
         if not registry.METHODS[config.method_name].localizes_without_map:
             raise ConfigError(f"--map: {config.method_name} localizes on a map: name its YAML")
-        return _run("localize", config, log_path, None, show, stop, inputs)
-    run = _run("localize", config, log_path, load_any_map(map_path), show, stop, inputs)
+        return _run(
+            "localize", config, log_path=log_path, occupancy=None, show=show, stop=stop, further=inputs
+        )
+    run = _run(
+        "localize",
+        config,
+        log_path=log_path,
+        occupancy=load_any_map(map_path),
+        show=show,
+        stop=stop,
+        further=inputs,
+    )
     digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
     return replace(
         run, inputs={**run.inputs, map_path.name: digest}, given={"map": map_path.name, **run.given}
