@@ -162,6 +162,8 @@ def search_yaw(
         c, s = np.cos(yaw), np.sin(yaw)
         score = 0.0
         for i in range(points.shape[0]):
+            if score + (points.shape[0] - i) <= best_score:
+                break  # a point adds at most 1
             x = predicted[0] + c * points[i, 0] - s * points[i, 1]
             y = predicted[1] + s * points[i, 0] + c * points[i, 1]
             nx = c * normals[i, 0] - s * normals[i, 1]

@@ -83,23 +83,46 @@ def insert_surfels_all(maps: TileMaps, poses: NDArray[np.float64], scan: Oriente
 
 
 @compiled
+def _outwards(centre: int, i: int) -> int:
+    """The i-th of centre, centre + 1, centre - 1, centre + 2, ..."""
+    half = (i + 1) >> 1
+    return centre + half if i & 1 else centre - half
+
+
+@compiled
+def _gap(value: float, cell: int, size: float) -> float:
+    """Distance of a coordinate from a cell of the grid; 0 inside."""
+    return max(cell * size - value, value - (cell + 1) * size, 0.0)
+
+
+@compiled
 def nearest_surfel(
     tile_map: TileMap, x: float, y: float, nx: float, ny: float, max_distance_m: float
 ) -> tuple[int, int, int]:
     """(tile, row, col) of the surface element nearest to (x, y) that faces the same way as (nx, ny); tile -1 if there is none."""
     directory, pool, origin = tile_map.directory, tile_map.pool, tile_map.origin
-    resolution_m = tile_map.resolution_m
-    span_m = min(max_distance_m, MAX_SEARCH_CELLS * resolution_m)
-    row_0, row_1 = int(np.floor((y - span_m) / resolution_m)), int(np.floor((y + span_m) / resolution_m))
-    col_0, col_1 = int(np.floor((x - span_m) / resolution_m)), int(np.floor((x + span_m) / resolution_m))
+    size = tile_map.resolution_m
+    span_m = min(max_distance_m, MAX_SEARCH_CELLS * size)
+    row_0, row_1 = int(np.floor((y - span_m) / size)), int(np.floor((y + span_m) / size))
+    col_0, col_1 = int(np.floor((x - span_m) / size)), int(np.floor((x + span_m) / size))
+    row, col = int(np.floor(y / size)), int(np.floor(x / size))
     best = max_distance_m * max_distance_m
     b_tile, b_row, b_col = -1, 0, 0
     has_normal = nx != 0.0 or ny != 0.0
-    for r in range(row_0, row_1 + 1):
+    # From the point's own cell outwards: what is found there excludes most of the others, as elements lie in their cells.
+    for i in range(2 * max(row - row_0, row_1 - row) + 1):
+        r = _outwards(row, i)
         t_row = (r >> TILE_BITS) - origin[0]
-        if t_row < 0 or t_row >= directory.shape[0]:
+        row_gap = _gap(y, r, size)
+        if r < row_0 or r > row_1 or t_row < 0 or t_row >= directory.shape[0] or row_gap * row_gap >= best:
             continue
-        for q in range(col_0, col_1 + 1):
+        for j in range(2 * max(col - col_0, col_1 - col) + 1):
+            q = _outwards(col, j)
+            if q < col_0 or q > col_1:
+                continue
+            col_gap = _gap(x, q, size)
+            if row_gap * row_gap + col_gap * col_gap >= best:
+                continue
             t_col = (q >> TILE_BITS) - origin[1]
             if t_col < 0 or t_col >= directory.shape[1]:
                 continue

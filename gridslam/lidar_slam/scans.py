@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan
-from gridslam.kernels import scan_points
+from gridslam.kernels.prepared_points import PointDensity, prepare_points
+from gridslam.kernels.scan_points import RangeLimits, Sweep
 from gridslam.kernels.surfels import OrientedPoints
 from gridslam.kernels.tiles import ScanSet
 from gridslam.lidar_slam.config import ScanConfig
@@ -17,10 +18,12 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]
 
-POINT_SPACING_M = 0.03  # closer points of a scan say the same, and cost time in matching
-MAX_POINTS = 360  # of a scan, used for matching
-MAX_CHORD_M = 2.0  # gaps on one flat surface are filled up to this length
-CHORD_SPACING_M = 0.1  # of the points that fill them: two in a cell of the surface map
+DENSITY = PointDensity(
+    spacing_m=0.03,  # closer points of a scan say the same, and cost time in matching
+    max_points=360,
+    max_chord_m=2.0,  # gaps on one flat surface are filled up to this length
+    chord_spacing_m=0.1,  # two points in a cell of the surface map
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +82,7 @@ def prepare_scan(
     """
     sign = -1.0 if extrinsics.flipped else 1.0
     sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
-    limits = scan_points.RangeLimits(
-        max(config.min_range_m, scan.range_min_m), min(config.max_range_m, sensor_max)
-    )
-    sweep = scan_points.Sweep(
-        sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s
-    )
-    points, beams = scan_points.scan_to_points(scan.ranges_m, sweep, limits, extrinsics.pose, twist)
-    viewpoint = np.ascontiguousarray(extrinsics.pose[:2])
-    normals = scan_points.surface_normals(points, beams, viewpoint)
-    kept = scan_points.thin_out(points, POINT_SPACING_M, MAX_POINTS)
-    thin, thin_normals = points[kept], normals[kept]
-    chords = scan_points.surface_chords(thin, thin_normals, MAX_CHORD_M)
-    surface, surface_normals = scan_points.fill_chords(thin, thin_normals, chords, CHORD_SPACING_M)
-    return PreparedScan(scan.stamp_ns, viewpoint, points, thin, thin_normals, surface, surface_normals)
+    limits = RangeLimits(max(config.min_range_m, scan.range_min_m), min(config.max_range_m, sensor_max))
+    sweep = Sweep(sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s)
+    prepared = prepare_points(scan.ranges_m, sweep, limits, extrinsics.pose, twist, DENSITY)
+    return PreparedScan(scan.stamp_ns, np.ascontiguousarray(extrinsics.pose[:2]), *prepared)

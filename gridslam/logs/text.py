@@ -5,7 +5,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import zlib
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from io import BufferedIOBase, BufferedReader
 from pathlib import Path
 
@@ -85,6 +85,11 @@ class TextLines:
             yield line
         self._kept = keep
         self._read_before = True
+
+    def shorten(self, numbers: Container[int], size: int) -> None:
+        """Cut the kept lines of these numbers to their first `size` bytes: the rest is not needed any more."""
+        if self._kept is not None:
+            self._kept = [(number, line[:size] if number in numbers else line) for number, line in self._kept]
 
     def _unpacked(self) -> Iterator[tuple[int, bytes]]:
         """The lines of all blocks; empty lines cost next to nothing."""

@@ -152,3 +152,18 @@ def test_without_surfaces_the_prior_is_returned() -> None:
     np.testing.assert_allclose(pose, prior)
     assert used == 0
     assert not information.any()
+
+
+@given(seed=st.integers(0, 10_000), max_distance_m=st.sampled_from([0.05, 0.1, 0.3, 0.55]))
+@settings(max_examples=40, deadline=None)
+def test_the_nearest_surface_is_found_in_whichever_cell_it_lies(seed: int, max_distance_m: float) -> None:
+    rng = np.random.default_rng(seed)
+    store, expected = store_of(*(surface := random_surfaces(rng, 150))), {}
+    reference.insert(expected, *surface, CELL_M)
+    for point, normal in zip(*random_surfaces(rng, 25), strict=True):
+        tile, row, col = surfels.nearest_surfel(store.map(0), *point, *normal, max_distance_m)
+        nearest = reference.nearest(expected, point, normal, max_distance_m)
+        assert (tile >= 0) == (nearest is not None)
+        if nearest is not None:
+            cell = store.pool[tile, row, col]
+            np.testing.assert_allclose(cell[[surfels.X, surfels.Y]], nearest[0], atol=2e-5)

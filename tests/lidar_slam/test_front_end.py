@@ -79,3 +79,11 @@ def test_an_unexpected_odometry_step_has_larger_standard_deviations() -> None:
     np.testing.assert_allclose(as_expected[:2], 0.01 + 0.2 * 0.1)
     stuttered = odometry_std(np.array([0.3, 0.0, 0.0]), steady, config)
     assert stuttered[0] == pytest.approx(0.01 + 0.2 * 0.3 + ACCELERATION_NOISE * 0.2)
+
+
+def test_a_heading_that_odometry_has_wrong_by_a_fifth_of_a_radian_is_found() -> None:
+    yaw = np.array([0.0, 0.0, 0.6, 0.6])
+    truth = np.column_stack([np.zeros((4, 2)), yaw])
+    poses, matches, _ = tracked(truth, truth * [1.0, 1.0, 0.67])
+    assert all(match.is_matched for match in matches)
+    assert np.abs(se2.wrap_angle(poses[:, 2] - yaw)).max() < 0.01

@@ -52,3 +52,12 @@ def test_a_bzip2_file_of_a_few_bytes_does_not_unpack_to_hundreds_of_megabytes(tm
     message_counts = MessageCounts()
     assert list(TextLines(path, message_counts, 1 << 20)) == []
     assert message_counts.counters == {"lost.rest_of_packed_text": 1}
+
+
+def test_lines_that_are_not_needed_any_more_keep_their_first_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    path.write_bytes(b"first line\n\nsecond line\n")
+    lines = TextLines(path, MessageCounts(), 1000)
+    assert list(lines) == [(1, b"first line"), (3, b"second line")]
+    lines.shorten({1}, 5)
+    assert list(lines) == [(1, b"first"), (3, b"second line")]

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels import scan_points
+from gridslam.kernels.prepared_points import PointDensity, PreparedPoints
+from gridslam.kernels.scan_points import RangeLimits, Sweep
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -52,3 +56,21 @@ def surface_normals(points: Floats, beams: Ints, viewpoint: Floats) -> Floats:
         normal = directions[:, 0]
         normals[i] = normal if normal @ (viewpoint - point) >= 0.0 else -normal
     return normals
+
+
+def prepare_points(
+    ranges_m: NDArray[np.float32],
+    sweep: Sweep,
+    limits: RangeLimits,
+    extrinsics: Floats,
+    twist: Floats,
+    density: PointDensity,
+) -> PreparedPoints:
+    """The points of a scan step by step, each by the function that has its own test."""
+    returns, beams = scan_points.scan_to_points(ranges_m, sweep, limits, extrinsics, twist)
+    normals = scan_points.surface_normals(returns, beams, extrinsics[:2].copy())
+    kept = scan_points.thin_out(returns, density.spacing_m, density.max_points)
+    thin, thin_normals = returns[kept], normals[kept]
+    chords = scan_points.surface_chords(thin, thin_normals, density.max_chord_m)
+    filled = scan_points.fill_chords(thin, thin_normals, chords, density.chord_spacing_m)
+    return PreparedPoints(returns, thin, thin_normals, *filled)

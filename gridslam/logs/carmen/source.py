@@ -38,6 +38,7 @@ DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
+_WORD_BYTES = 12  # ROBOTLASER1 and the space behind it
 _BATCH_LINES = 256
 _BATCH_BYTES = 1 << 19
 _KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), again on each pass beyond
@@ -124,6 +125,7 @@ class CarmenSource:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
             elif word and word not in OTHERS:
                 self.message_counts.count("unused.other")
+        self._lines.shorten(self._parsed, _WORD_BYTES)
         for word, index in found.items():
             self._add_laser(word, index, front_offset)
         self._add_odometry(found, odom)
@@ -131,7 +133,7 @@ class CarmenSource:
     def _taken_apart(self) -> Iterator[tuple[int, bytes, bytes, LaserLine | SkipReason | None]]:
         """(number, first word, line, fields of a laser line) of every line; laser lines are parsed in batches."""
         for batch in _batches((number, line) for number, line in self._lines if line[:1] != b"#"):
-            words = [line[:12].split(b" ", 1)[0] for _, line in batch]
+            words = [line[:_WORD_BYTES].split(b" ", 1)[0] for _, line in batch]
             at = [i for i, word in enumerate(words) if word in LASERS and batch[i][0] not in self._parsed]
             together = [i for i in at if not words[i].startswith(b"ROBOTLASER")]
             parsed: dict[int, LaserLine | SkipReason | None] = dict(
