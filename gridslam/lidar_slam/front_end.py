@@ -42,6 +42,8 @@ YAW_SEARCH_STDS = 2.0  # half width of the search for the heading, in standard d
 MIN_INLIER_RATIO = 0.55  # below it other predictions are tried
 RECOVERY_M = 0.3  # how far ahead and behind they lie, and the standard deviation of their position
 RECOVERY_RAD = 0.5  # half width of their heading search, and the standard deviation of their heading
+WIDE_STDS = 2.0  # half width of the search for position and heading where the position is more uncertain than RECOVERY_M
+WIDE_SPACING_M = 0.4  # of the positions that are tried then: matching converges from half of it
 MIN_RECOVERED_GAIN = 0.2  # by which the inlier ratio must improve: a few points more are chance
 MIN_RECOVERED_INLIER_RATIO = 0.5
 
@@ -128,7 +130,11 @@ class FrontEnd:
         start = self._with_best_yaw(scan, predicted, YAW_SEARCH_STDS * float(std[2]) - YAW_STEP_RAD)
         match = self._register(scan, start, predicted, std)
         if match.inlier_ratio < MIN_INLIER_RATIO and len(scan.points) >= MIN_CORRESPONDENCES:
-            match = self._recover(scan, self._other_predictions(odometry, predicted, steady), match)
+            guesses, window_rad = self._other_predictions(odometry, predicted, steady), RECOVERY_RAD
+            if std[0] > RECOVERY_M:
+                guesses += _positions_around(predicted, WIDE_STDS * float(std[0]))
+                window_rad = max(RECOVERY_RAD, min(WIDE_STDS * float(std[2]), np.pi))
+            match = self._recover(scan, guesses, window_rad, match)
         return match
 
     def _motion_at_constant_velocity(self, stamp_ns: int, step: Floats) -> Floats:
@@ -167,13 +173,15 @@ class FrontEnd:
         pose[2] = float(se2.wrap_angle(pose[2]))
         return ScanMatch(pose, used / len(scan.points), True)
 
-    def _recover(self, scan: PreparedScan, guesses: Sequence[Floats], poor: ScanMatch) -> ScanMatch:
-        """The best match from all guesses after a search for the heading at each; `poor` if none is clearly better."""
+    def _recover(
+        self, scan: PreparedScan, guesses: Sequence[Floats], window_rad: float, poor: ScanMatch
+    ) -> ScanMatch:
+        """The best match from all guesses, after a search for the heading at each; `poor` if none is clearly better."""
         best = poor
         std = np.array([RECOVERY_M, RECOVERY_M, RECOVERY_RAD])
         threshold = max(poor.inlier_ratio + MIN_RECOVERED_GAIN, MIN_RECOVERED_INLIER_RATIO)
         for guess in guesses:
-            start = self._with_best_yaw(scan, guess, RECOVERY_RAD)
+            start = self._with_best_yaw(scan, guess, window_rad)
             match = self._register(scan, start, start, std)
             if match.inlier_ratio > max(best.inlier_ratio, threshold):
                 best = match
@@ -193,3 +201,15 @@ class FrontEnd:
         self._store.own_endpoints(np.array([index]), self.pose[None], scan.surface)
         surfels.insert_surfels(self._store.map(index), self.pose, scan.surfaces)
         self._key_scan_counts[index] += 1
+
+
+def _positions_around(pose: Floats, radius_m: float) -> list[Floats]:
+    """Poses `(3,)` with the heading of `pose` on a square grid within a radius about it."""
+    steps = np.arange(1, int(radius_m / WIDE_SPACING_M) + 1) * WIDE_SPACING_M
+    offsets = np.concatenate([-steps[::-1], [0.0], steps])
+    return [
+        np.array([pose[0] + dx, pose[1] + dy, pose[2]])
+        for dx in offsets
+        for dy in offsets
+        if 0.0 < np.hypot(dx, dy) <= radius_m
+    ]

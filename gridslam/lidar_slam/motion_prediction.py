@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Imu
+from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.odometry_noise import JUMP_STD, NO_MIN_STD
 from gridslam.motion.gyro_heading import GyroHeading
 from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
@@ -17,9 +18,13 @@ from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
 Floats = NDArray[np.float64]
 
 # Standard deviations of the motion at constant velocity: a floor, and what robots and people accelerate by.
-TRANSLATION_FLOOR_M, ACCELERATION_MPS2, MAX_TRANSLATION_STD_M = 0.02, 2.0, 0.4
-ROTATION_FLOOR_RAD, ACCELERATION_RADPS2, MAX_ROTATION_STD_RAD = 0.02, 5.0, 0.6
+TRANSLATION_FLOOR_M, ACCELERATION_MPS2, MAX_TRANSLATION_STD_M = 0.02, 2.0, 0.8
+ROTATION_FLOOR_RAD, ACCELERATION_RADPS2, MAX_ROTATION_STD_RAD = 0.02, 5.0, 1.6
 GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
+MIN_INLIER_RATIO = (
+    0.4  # a match with fewer inliers may be wrong: the robot counts as lost, and the search widens
+)
+MAX_LOST_S = 5.0  # for so long: then the surroundings are new
 GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
 MIN_COMPARED_STEPS = 20  # the gyro is judged by its errors once it has been compared this often
 
@@ -82,6 +87,7 @@ class MotionPredictor:
         self._T_continuous_odom: Floats | None = None  # None: the frames are the same
         self._twist = np.zeros(3)
         self._twist_ns = 0  # stamp of the scan whose matching gave the twist
+        self._good_ns: int | None = None  # stamp of the last good match
         self._steps: dict[MotionSource, Floats] = {}  # of the last prediction
 
     def add_imu(self, imu: Imu, is_flipped: bool) -> None:
@@ -120,12 +126,17 @@ class MotionPredictor:
         if placed.has_odometry:
             self._T_continuous_odom = se2.compose(pose, se2.inverse(placed.odometry))
         self._previous_odometry = pose
-        return PredictedMotion(pose, _std_of(source, step, elapsed_s))
+        return PredictedMotion(
+            pose, _std_of(source, step, self._uncertain_s(placed.scan.stamp_ns, elapsed_s))
+        )
 
-    def add_match(self, placed: PlacedScan, pose: Floats, is_matched: bool) -> None:
-        """Learn from the pose `(3,)` that matching gave to the scan of the last prediction."""
-        previous = self._previous
-        if previous is not None and is_matched:
+    def add_match(self, placed: PlacedScan, match: ScanMatch) -> None:
+        """Learn from the match of the scan of the last prediction."""
+        previous, pose = self._previous, match.pose.copy()
+        is_good = match.is_matched and match.inlier_ratio >= MIN_INLIER_RATIO
+        if is_good:
+            self._good_ns = placed.scan.stamp_ns
+        if previous is not None and is_good:
             self._learn(previous.scan.stamp_ns, placed.scan.stamp_ns, se2.between(self._previous_pose, pose))
         self._previous, self._previous_pose = placed, pose
 
@@ -152,6 +163,13 @@ class MotionPredictor:
         is_poor = gyro.steps >= MIN_COMPARED_STEPS and gyro.rms_rad > constant.rms_rad + GYRO_TOLERANCE_RAD
         source = MotionSource.CONSTANT_VELOCITY if is_poor else MotionSource.GYRO
         return source, self._steps[source]
+
+    def _uncertain_s(self, stamp_ns: int, elapsed_s: float) -> float:
+        """Time (s) since the last good match; since the previous scan where the match is too long ago."""
+        if self._good_ns is None:
+            return elapsed_s
+        lost_s = (stamp_ns - self._good_ns) * 1e-9
+        return lost_s if elapsed_s < lost_s < MAX_LOST_S else elapsed_s
 
     def _learn(self, start_ns: int, end_ns: int, matched: Floats) -> None:
         """Take in the matched motion `(3,)` between two stamps."""

@@ -107,7 +107,7 @@ class ScanTracker:
         self._counters["scan.unmatched"] += not match.is_matched
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
-        self._predictor.add_match(placed, self.pose, match.is_matched)
+        self._predictor.add_match(placed, match)
         return match
 
     @property

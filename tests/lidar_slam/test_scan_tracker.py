@@ -107,6 +107,17 @@ def test_a_gyro_of_the_wrong_sign_is_found_out_and_not_used() -> None:
     )
 
 
+def test_a_robot_that_turns_far_during_a_gap_in_the_scans_is_found_again_without_odometry() -> None:
+    quarter = int(np.flatnonzero(hall.path(1)[:, 2] > 0.1)[0])  # the first corner
+    gap = range(quarter - 2, quarter + 16)
+    kept = [e for k, e in enumerate(scans()) if k not in gap]
+    tracker = tracked(kept)
+    truth = np.delete(hall.path(1), list(gap), axis=0)
+    difference = se2.between(truth, np.array(tracker.track_poses))
+    assert np.abs(difference[:, 2]).max() < 0.1
+    assert np.hypot(*difference[:, :2].T).max() < 0.2
+
+
 def test_good_odometry_is_used_for_every_scan() -> None:
     tracker = tracked(hall.events(1))
     assert tracker.motion_measures["odometry"]["predicted_scans"] == len(hall.path(1))
