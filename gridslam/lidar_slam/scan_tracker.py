@@ -110,6 +110,14 @@ class ScanTracker:
         self._predictor.add_match(placed, match)
         return match
 
+    def track_scan(self, placed: PlacedScan) -> PreparedScan:
+        """Prepare and track a scan, and make it a key scan when one is due."""
+        scan = self.prepare(placed)
+        self.track(placed, scan)
+        if self.is_key_scan_due:
+            self.add_key_scan(scan)
+        return scan
+
     @property
     def is_key_scan_due(self) -> bool:
         """Whether the last scan is far enough from the last key scan; the first scan always is."""

@@ -21,6 +21,7 @@ from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
 from gridslam.lidar_slam.map_consistency.assessment import assess_map
+from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tag_database import TagDatabase
@@ -51,10 +52,8 @@ class SlamSd:
     def __init__(self, config: SlamSdConfig, seed: int, tags: TagDatabase | None = None) -> None:
         self._config = config
         self._stopwatch = Stopwatch()
-        spacing = KeyScanSpacing(config.key_distance_m, config.key_rotation_rad)
-        odometry = config.advanced.odometry
-        front_end = FrontEnd(odometry, config.memory_limit_mb)
-        self._tracker = ScanTracker(front_end, config.scan, odometry, spacing)
+        self._tracker = self._new_tracker()
+        self._odometry_check = OdometryCheck(self._new_tracker)
         self._objects = self._object_layer(tags, seed)
         self._filter = self._path_filter(seed)
         self._diagnostics: dict[str, list[float]] = defaultdict(list)
@@ -69,7 +68,11 @@ class SlamSd:
         return Estimate(self._tracker.stamps_ns[keys[-1]], poses[self._filter.best], poses)
 
     def process(self, event: Event) -> None:
-        """Take in an event; a scan is processed once odometry has reached its stamp."""
+        """Take in an event; a scan is processed once odometry is checked and has reached its stamp."""
+        for checked in self._odometry_check.process(event):
+            self._process(checked)
+
+    def _process(self, event: Event) -> None:
         if isinstance(event, TagInventory):
             self._objects.add_round(event)
         for placed in self._tracker.process(event):
@@ -77,6 +80,8 @@ class SlamSd:
 
     def result(self) -> RunResult:
         """Close the loops (unless disabled), draw the map, and give every scan its pose."""
+        for event in self._odometry_check.flush():
+            self._process(event)
         for placed in self._tracker.flush():
             self._process_scan(placed)
         if not self._tracker.keys:
@@ -90,7 +95,7 @@ class SlamSd:
             "resamplings": particles.resamplings,
             "maps_redrawn": particles.redrawn_maps,
             "tiles_mb": round(particles.memory_mb, 3),
-            "motion": self._tracker.motion_measures,
+            "motion": {**self._tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
         }
         resolution_m = config.map.resolution_m
         if config.pose_graph.enabled:
@@ -113,10 +118,17 @@ class SlamSd:
             doubt=Doubt("inconsistent", consistency.summary) if consistency.is_doubtful else None,
             series=self._series(),
             counters=self._counters(),
+            notes=self._odometry_check.notes(),
             timings_s=dict(self._stopwatch.seconds),
             measures=measures,
         )
         return result if objects is None else objects.added_to(result)
+
+    def _new_tracker(self) -> ScanTracker:
+        config = self._config
+        odometry = config.advanced.odometry
+        spacing = KeyScanSpacing(config.key_distance_m, config.key_rotation_rad)
+        return ScanTracker(FrontEnd(odometry, config.memory_limit_mb), config.scan, odometry, spacing)
 
     def _object_layer(self, tags: TagDatabase | None, seed: int) -> ObjectLayer:
         """The layer of tagged objects, if there is a tag database."""

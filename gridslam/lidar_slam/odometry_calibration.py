@@ -1,0 +1,153 @@
+"""Finds odometry that is late, wrong in scale or mirrored: its motion is compared with the motion by scan matching alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Odometry
+from gridslam.core.trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+
+WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
+LAGS_S: Floats = np.arange(-150, 151) * 0.01
+MIN_LAG_S = 0.05  # of a fault: half a period of common scans
+YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
+MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance
+MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
+MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
+MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
+MAX_SCALE_IQR = (
+    0.2  # relative; where the ratio varies more, matching has slid along a corridor or wheels have slipped
+)
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryCorrection:
+    """What is wrong with odometry: it is `lag_s` late, its translation must be multiplied by `scale`, and its yaw be mirrored.
+
+    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels.
+    """
+
+    lag_s: float = 0.0
+    scale: float = 1.0
+    mirrors_yaw: bool = False
+    mirrors_y: bool = False
+
+    @property
+    def faults(self) -> list[str]:
+        """The faults in words; empty for good odometry."""
+        found = []
+        if self.mirrors_yaw:
+            found.append("its yaw has the wrong sign")
+        if self.lag_s:
+            found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0 else 'early'}")
+        if self.scale != 1.0:
+            found.append(f"its distances are {1.0 / self.scale:.2f} of the true ones")
+        return found
+
+    def corrected(self, odometry: Odometry) -> Odometry:
+        """The odometry without the faults; velocities are left out."""
+        if not self.faults:
+            return odometry
+        x, y, yaw = self.poses(odometry.pose).tolist()
+        stamp_ns = odometry.stamp_ns - round(self.lag_s * 1e9)
+        nan = float("nan")
+        return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
+
+    def poses(self, poses: Floats) -> Floats:
+        """Odometry poses `(..., 3)` without the wrong scale and signs."""
+        y = -self.scale if self.mirrors_y else self.scale
+        return np.asarray(poses * np.array([self.scale, y, -1.0 if self.mirrors_yaw else 1.0]))
+
+
+def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
+    """The faults of odometry, given the robot's path by scan matching alone; without clear evidence there are none."""
+    starts, ends = _windows(track.stamps_ns)
+    if not len(starts) or len(odometry) < 2:
+        return OdometryCorrection()
+    windows = _Windows(track, odometry, starts, ends)
+    lag_s, is_mirrored = windows.lag_and_sign()
+    found = OdometryCorrection(lag_s, 1.0, is_mirrored)
+    if is_mirrored:
+        both = [replace(found, mirrors_y=mirrors) for mirrors in (False, True)]
+        found = min(both, key=windows.translation_cost)
+    return replace(found, scale=windows.scale(lag_s))
+
+
+class _Windows:
+    """Motions of the track and of the odometry over the same windows."""
+
+    def __init__(
+        self, track: Trajectory, odometry: Trajectory, starts: NDArray[np.int64], ends: NDArray[np.int64]
+    ) -> None:
+        self._origin_ns = int(track.stamps_ns[0])
+        times = self._seconds(track.stamps_ns)
+        self._start_s, self._end_s = times[starts], times[ends]
+        self._matched = se2.between(track.poses[starts], track.poses[ends])
+        yaw = np.unwrap(track.poses[:, 2])
+        self._matched[:, 2] = yaw[ends] - yaw[starts]
+        order = np.argsort(odometry.stamps_ns, kind="stable")
+        self._odometry_s = self._seconds(odometry.stamps_ns[order])
+        self._odometry = odometry.poses[order].copy()
+        self._odometry[:, 2] = np.unwrap(self._odometry[:, 2])
+
+    def lag_and_sign(self) -> tuple[float, bool]:
+        """Lag (s) of the odometry and whether its yaw is mirrored; 0 and False without evidence."""
+        rotation = self._matched[:, 2]
+        if np.abs(rotation).sum() < MIN_ROTATION_RAD:
+            return 0.0, False
+        costs = {sign: np.array([self._yaw_cost(float(lag), sign) for lag in LAGS_S]) for sign in (1.0, -1.0)}
+        as_is = costs[1.0][len(LAGS_S) // 2]
+        sign = 1.0 if costs[1.0].min() <= costs[-1.0].min() else -1.0
+        best = costs[sign]
+        if best.min() > MAX_COST_RATIO * as_is:
+            return 0.0, False
+        lag_s = float(LAGS_S[int(best.argmin())])
+        at_zero = best[len(LAGS_S) // 2]
+        is_late = abs(lag_s) >= MIN_LAG_S and best.min() < MAX_COST_RATIO * at_zero
+        return (lag_s if is_late else 0.0), sign < 0.0
+
+    def translation_cost(self, correction: OdometryCorrection) -> float:
+        """Mean difference (m) of the windows' translations."""
+        start, end = (correction.poses(self._at(t, correction.lag_s)) for t in (self._start_s, self._end_s))
+        return float(np.hypot(*(se2.between(start, end) - self._matched)[:, :2].T).mean())
+
+    def scale(self, lag_s: float) -> float:
+        """Factor by which the odometry's distances must be multiplied; 1 without evidence."""
+        start, end = self._at(self._start_s, lag_s), self._at(self._end_s, lag_s)
+        by_odometry = np.hypot(*(end - start)[:, :2].T)
+        matched = np.hypot(*self._matched[:, :2].T)
+        moved = (by_odometry > MIN_WINDOW_M) & (matched > MIN_WINDOW_M)
+        if moved.sum() < MIN_WINDOWS:
+            return 1.0
+        low, middle, high = np.quantile(matched[moved] / by_odometry[moved], [0.25, 0.5, 0.75])
+        is_clear = max(middle, 1.0 / middle) > MIN_SCALE_RATIO and high - low < MAX_SCALE_IQR * middle
+        return float(middle) if is_clear else 1.0
+
+    def _yaw_cost(self, lag_s: float, sign: float) -> float:
+        """Mean absolute difference (rad) of the windows' rotations, and the noise."""
+        rotation = sign * (self._at(self._end_s, lag_s)[:, 2] - self._at(self._start_s, lag_s)[:, 2])
+        return float(np.abs(rotation - self._matched[:, 2]).mean()) + YAW_NOISE_RAD
+
+    def _at(self, times_s: Floats, lag_s: float) -> Floats:
+        """Odometry poses `(n, 3)` that were recorded `lag_s` after the times, linear in between."""
+        at = times_s + lag_s
+        return np.column_stack([np.interp(at, self._odometry_s, column) for column in self._odometry.T])
+
+    def _seconds(self, stamps_ns: NDArray[np.int64]) -> Floats:
+        return np.asarray((stamps_ns - self._origin_ns) * 1e-9)
+
+
+def _windows(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First and last scans of windows of about `WINDOW_S`, each starting at another scan; without gaps in the scans."""
+    times_s = (stamps_ns - stamps_ns[:1]) * 1e-9
+    ends = np.searchsorted(times_s, times_s + WINDOW_S)
+    starts = np.flatnonzero(ends < len(times_s))
+    ends = ends[starts]
+    whole = times_s[ends] - times_s[starts] < 2.0 * WINDOW_S
+    return starts[whole].astype(np.int64), ends[whole].astype(np.int64)

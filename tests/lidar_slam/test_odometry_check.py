@@ -1,0 +1,91 @@
+"""Odometry that contradicts the scans is found, named and corrected; good odometry is given on as it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
+from gridslam.lidar_slam.front_end import FrontEnd
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.odometry_calibration import calibrate
+from gridslam.lidar_slam.odometry_check import OdometryCheck
+from gridslam.lidar_slam.scan_tracker import ScanTracker
+from tests.methods.slam_sd import hall
+
+NS = 10**9
+
+
+def new_tracker() -> ScanTracker:
+    odometry = OdometryConfig()
+    return ScanTracker(FrontEnd(odometry, 100.0), ScanConfig(), odometry, KeyScanSpacing(0.25, 0.25))
+
+
+def checked(events: list[Event]) -> tuple[OdometryCheck, list[Event]]:
+    check = OdometryCheck(new_tracker)
+    given = [e for event in events for e in check.process(event)]
+    return check, [*given, *check.flush()]
+
+
+def winding(seconds: float = 60.0, rate_hz: float = 20.0) -> Trajectory:
+    """A path of 0.5 m/s whose yaw rate changes all the time."""
+    t = np.arange(0.0, seconds, 1.0 / rate_hz)
+    yaw = np.sin(0.7 * t) + 0.5 * np.sin(1.9 * t)
+    step = 0.5 / rate_hz
+    x, y = np.cumsum(step * np.cos(yaw)), np.cumsum(step * np.sin(yaw))
+    return Trajectory((t * NS).astype(np.int64), np.column_stack([x, y, yaw]))
+
+
+@pytest.mark.parametrize("lag_s", [-0.3, -0.1, 0.0, 0.15, 0.3, 1.0])
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.25])
+@pytest.mark.parametrize("signs", [(1, 1), (1, -1), (-1, -1)])
+def test_lag_scale_and_signs_are_found_together(lag_s: float, scale: float, signs: tuple[int, int]) -> None:
+    truth = winding()
+    stamps = truth.stamps_ns + round(lag_s * NS)
+    found = calibrate(truth, Trajectory(stamps, truth.poses * [scale, scale * signs[0], signs[1]]))
+    assert found.lag_s == pytest.approx(lag_s, abs=0.011)
+    assert found.scale == pytest.approx(1.0 / scale, rel=0.02)
+    assert (found.mirrors_y, found.mirrors_yaw) == (signs[0] < 0, signs[1] < 0)
+    assert bool(found.faults) == (lag_s != 0.0 or scale != 1.0 or signs != (1, 1))
+
+
+def test_a_robot_that_stands_shows_no_fault() -> None:
+    stamps = np.arange(100, dtype=np.int64) * NS // 10
+    still = Trajectory(stamps, np.zeros((100, 3)))
+    assert not calibrate(still, still).faults
+    assert not calibrate(Trajectory.empty(), still).faults
+
+
+def test_good_odometry_is_given_on_unchanged_and_in_order() -> None:
+    events = list(hall.events(1))
+    check, given = checked(events)
+    assert len(given) == len(events)
+    assert all(a is b for a, b in zip(given, events, strict=True))
+    assert not check.notes()
+    assert check.measures()["is_corrected"] is False
+
+
+def test_odometry_of_exchanged_wheels_is_corrected_and_named() -> None:
+    events = [
+        replace(e, y_m=-e.y_m, yaw_rad=-e.yaw_rad) if isinstance(e, Odometry) else e for e in hall.events(1)
+    ]
+    check, given = checked(events)
+    assert "wrong sign" in check.notes()[0]
+    right = {e.stamp_ns: e for e in hall.events(1) if isinstance(e, Odometry)}
+    for event in given:
+        if isinstance(event, Odometry):
+            np.testing.assert_allclose(event.pose, right[event.stamp_ns].pose)
+
+
+def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_need_it() -> None:
+    events = [replace(e, stamp_ns=e.stamp_ns - NS) if isinstance(e, Odometry) else e for e in hall.events(1)]
+    events.sort(key=lambda e: e.stamp_ns)
+    check, given = checked(events)
+    assert check.correction.lag_s == pytest.approx(-1.0, abs=0.05)
+    stamps = [e.stamp_ns for e in given]
+    assert stamps == sorted(stamps)
+    assert sum(isinstance(e, LaserScan) for e in given) == len(hall.path(1))
