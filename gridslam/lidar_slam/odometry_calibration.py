@@ -14,7 +14,7 @@ from gridslam.core.trajectory import Trajectory
 Floats = NDArray[np.float64]
 
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
-LAGS_S: Floats = np.arange(-150, 151) * 0.01
+LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
 MIN_LAG_S = 0.05  # of a fault: half a period of common scans
 YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
 MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance
