@@ -127,11 +127,11 @@ def test_odometry_that_jumps_is_counted_and_survived() -> None:
     assert errors_m(result, laps=1).max() < 0.25
 
 
-def test_without_odometry_there_is_no_trajectory_and_every_scan_is_counted() -> None:
+def test_without_odometry_every_scan_has_a_pose_and_is_counted() -> None:
     scans = [e for e in hall.events(laps=1) if isinstance(e, LaserScan)][:20]
     result = run(scans)
-    assert len(result.trajectory) == 0
-    assert result.counters["skipped.scan.no_odometry"] == 20
+    assert len(result.trajectory) == 20
+    assert result.counters["scan.without_odometry"] == 20
 
 
 def test_a_run_may_end_after_any_scan() -> None:
