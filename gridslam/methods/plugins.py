@@ -1,4 +1,4 @@
-"""Methods of other packages: each names itself in the entry point group `gridslam.methods` (docs/adding-a-method.md)."""
+"""Methods of installed packages, found by the entry point group `gridslam.methods` (docs/adding-a-method.md)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Entry = TypeVar("Entry")
 
 
 class WithPlugins(Mapping[str, Entry], Generic[Entry]):
-    """The methods that the program has, and then those of installed packages.
+    """Mapping from method name to entry: built-in methods (`own`) first, then those of installed packages.
 
-    Packages are looked for when a name is asked for that the program has not, or all names are; an entry of a package is
-    loaded when it is asked for. Raises ConfigError, which names the package: an entry that cannot be loaded or is of another
-    type, one whose name is taken.
+    Lookup is lazy. Installed packages are searched at the first access to a name that is not built in, or when all names are
+    listed. The entry of a package is imported when its name is looked up. Raises ConfigError, which names the package: its entry
+    cannot be imported, is not of the type `kind`, or has the name of another method.
     """
 
     def __init__(self, own: Mapping[str, Entry], kind: type[Entry]) -> None:
@@ -31,45 +31,45 @@ class WithPlugins(Mapping[str, Entry], Generic[Entry]):
     def __getitem__(self, name: str) -> Entry:
         if name in self._own:
             return self._own[name]
-        return self._loaded(self._points[name])
+        return self._load(self._entry_points[name])
 
     def __contains__(self, name: object) -> bool:
-        return name in self._own or name in self._points
+        return name in self._own or name in self._entry_points
 
     def __iter__(self) -> Iterator[str]:
         yield from self._own
-        yield from self._points
+        yield from self._entry_points
 
     def __len__(self) -> int:
-        return len(self._own) + len(self._points)
+        return len(self._own) + len(self._entry_points)
 
     @cached_property
-    def _points(self) -> Mapping[str, EntryPoint]:
+    def _entry_points(self) -> Mapping[str, EntryPoint]:
         found: dict[str, EntryPoint] = {}
         for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
             if point.name in self._own or point.name in found:
                 raise ConfigError(
-                    f"{_named(point)}: there is a method of this name already; rename it in the package's entry points"
+                    f"{_description(point)}: there is a method of this name already; rename it in the package's entry points"
                 )
             found[point.name] = point
         return found
 
-    def _loaded(self, point: EntryPoint) -> Entry:
+    def _load(self, point: EntryPoint) -> Entry:
         try:
             entry = point.load()
         except (ImportError, AttributeError) as error:
             raise ConfigError(
-                f"{_named(point)}: cannot be loaded ({error}); repair or uninstall the package"
+                f"{_description(point)}: cannot be loaded ({error}); repair or uninstall the package"
             ) from error
         if not isinstance(entry, self._kind):
             raise ConfigError(
-                f"{_named(point)}: {point.value} is a {type(entry).__name__}, expected a {self._kind.__name__}"
+                f"{_description(point)}: {point.value} is a {type(entry).__name__}, expected a {self._kind.__name__}"
             )
         return entry
 
 
 def plugin_sources() -> list[Path]:
-    """The files and folders of all packages that bring methods, in order: what their results depend on."""
+    """Source files and folders, sorted, of all installed packages that provide methods; results depend on them."""
     found = set()
     for point in entry_points(group=GROUP):
         spec = importlib.util.find_spec(point.module.partition(".")[0])
@@ -78,6 +78,6 @@ def plugin_sources() -> list[Path]:
     return sorted(Path(path) for path in found)
 
 
-def _named(point: EntryPoint) -> str:
+def _description(point: EntryPoint) -> str:
     package = f" of the package {point.dist.name} {point.dist.version}" if point.dist else ""
     return f"method {point.name!r}{package}"

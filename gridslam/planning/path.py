@@ -1,4 +1,4 @@
-"""A path of straight lines and circular arcs with the speeds along it (stereo-bayes, paper section 2.5)."""
+"""Paths of lines, circular arcs and turns on the spot, with a speed profile (stereo-bayes, paper section 2.5)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Segment:
     """A line, an arc or a turn on the spot, in the map frame.
 
     It starts at (`x`, `y`, `yaw_rad`). `length_m` is negative where the robot drives backwards; `curvature` (1/m) is positive to
-    the left; `angle_rad` is the change of heading. The speed (m/s, unsigned) rises from `enter_speed` to `top_speed` within
-    `speed_up_s`, stays, and falls to `leave_speed` in the last `slow_down_s` of `time_s`.
+    the left; `angle_rad` is the change of heading. The segment takes `time_s`. Its speed (m/s, unsigned) rises from `enter_speed`
+    to `top_speed` in the first `speed_up_s` and falls to `leave_speed` in the last `slow_down_s`; it is constant in between.
     """
 
     kind: Kind
@@ -43,7 +43,7 @@ class Segment:
         return 1.0 / abs(self.curvature) if self.curvature else np.inf
 
     def poses(self, distances_m: Floats) -> Floats:
-        """Poses `(n, 3)` at distances `(n,)` (m) from the segment's start; for a turn on the spot, at angles `(n,)` (rad)."""
+        """Poses `(n, 3)` at distances `(n,)` from the segment's start: m, or rad for a turn on the spot; not negative."""
         distances = np.asarray(distances_m, dtype=np.float64)
         if self.kind == "turn":
             yaw = self.yaw_rad + np.sign(self.angle_rad) * distances
@@ -60,12 +60,12 @@ class Segment:
 
     @property
     def extent(self) -> float:
-        """Its length (m), or the angle (rad) of a turn on the spot; not negative."""
+        """Length of the segment (m), or angle of a turn on the spot (rad); not negative."""
         return abs(self.angle_rad) if self.kind == "turn" else abs(self.length_m)
 
     @property
     def end_pose(self) -> Floats:
-        """The pose `(3,)` at its end."""
+        """Pose `(3,)` at the end of the segment."""
         return np.asarray(self.poses(np.array([self.extent]))[0])
 
 
@@ -77,52 +77,57 @@ class ArcLinePath:
 
     @property
     def length_m(self) -> float:
-        """Distance driven."""
+        """Distance driven, forwards and backwards (m)."""
         return float(sum(abs(s.length_m) for s in self.segments))
 
     @property
     def time_s(self) -> float:
-        """Travel time."""
+        """Travel time (s)."""
         return float(sum(s.time_s for s in self.segments))
 
     def sampled(self, spacing_m: float) -> tuple[Floats, Floats, Floats]:
-        """Times `(n,)` (s), poses `(n, 3)` and speeds `(n,)` (m/s, negative backwards), at most `spacing_m` (or rad) apart.
+        """Times `(n,)` (s), poses `(n, 3)` and speeds `(n,)` (m/s, negative backwards) along the path.
 
-        Both ends of every segment are included, joints once.
+        Consecutive poses are at most `spacing_m` apart (the same number in rad on a turn on the spot). Both ends of every
+        segment are included; a pose shared by two segments appears once.
         """
         times, poses, speeds = [np.zeros(1)], [self.segments[0].poses(np.zeros(1))], [np.zeros(1)]
-        clock = 0.0
+        start_s = 0.0
         for segment in self.segments:
             count = max(int(np.ceil(segment.extent / spacing_m)), 1)
             distances = segment.extent * np.arange(1, count + 1) / count
-            at, speed = _times_and_speeds(segment, distances)
-            times.append(clock + at)
+            elapsed_s, speed = _times_and_speeds(segment, distances)
+            times.append(start_s + elapsed_s)
             poses.append(segment.poses(distances))
             speeds.append(np.copysign(speed, segment.length_m))
-            clock += segment.time_s
+            start_s += segment.time_s
         return np.concatenate(times), np.concatenate(poses), np.concatenate(speeds)
 
 
 def _times_and_speeds(segment: Segment, distances: Floats) -> tuple[Floats, Floats]:
-    """Times since the segment's start, and speeds, at distances `(n,)` along it.
+    """Times since the segment's start (s) and unsigned speeds (m/s) at distances `(n,)` along it.
 
-    The speed rises, stays and falls at constant rates. A turn on the spot is reported with a constant yaw rate.
+    Acceleration and deceleration are constant. A turn on the spot has a constant yaw rate and speed 0.
     """
     if segment.kind == "turn":
         return segment.time_s * distances / segment.extent, np.zeros_like(distances)
     v0, top, v1 = segment.enter_speed, segment.top_speed, segment.leave_speed
     up_s, down_s = segment.speed_up_s, segment.slow_down_s
-    up, down = 0.5 * (v0 + top) * up_s, 0.5 * (top + v1) * down_s
+    speed_up_m, slow_down_m = 0.5 * (v0 + top) * up_s, 0.5 * (top + v1) * down_s
     remaining = segment.extent - distances
     speed = np.full_like(distances, top)
-    times = up_s + (distances - up) / top
-    is_speeding_up, is_slowing_down = distances < up, remaining < down
+    times = up_s + (distances - speed_up_m) / top
+    is_speeding_up, is_slowing_down = distances < speed_up_m, remaining < slow_down_m
     if up_s > 0.0:
-        gain = (top - v0) / up_s
-        speed[is_speeding_up] = np.sqrt(np.maximum(v0**2 + 2.0 * gain * distances[is_speeding_up], 0.0))
-        times[is_speeding_up] = (speed[is_speeding_up] - v0) / gain
+        acceleration = (top - v0) / up_s
+        speed[is_speeding_up] = np.sqrt(
+            np.maximum(v0**2 + 2.0 * acceleration * distances[is_speeding_up], 0.0)
+        )
+        times[is_speeding_up] = (speed[is_speeding_up] - v0) / acceleration
     if down_s > 0.0:
-        loss = (top - v1) / down_s
-        speed[is_slowing_down] = np.sqrt(np.maximum(v1**2 + 2.0 * loss * remaining[is_slowing_down], 0.0))
-        times[is_slowing_down] = segment.time_s - (speed[is_slowing_down] - v1) / loss
+        deceleration = (top - v1) / down_s
+        speed[is_slowing_down] = np.sqrt(
+            np.maximum(v1**2 + 2.0 * deceleration * remaining[is_slowing_down], 0.0)
+        )
+        times[is_slowing_down] = segment.time_s - (speed[is_slowing_down] - v1) / deceleration
     return times, speed

@@ -1,4 +1,4 @@
-"""Odometry: checks, nav_msgs/Odometry, geometry_msgs/PoseStamped, foxglove.PoseInFrame, rows of CSV."""
+"""Codecs of odometry: nav_msgs/Odometry, geometry_msgs/PoseStamped, foxglove.PoseInFrame, transforms and CSV rows."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ _NO_COVARIANCE = (0.0,) * 36
 
 
 def fault(odometry: Odometry) -> SkipReason | None:
-    """The reason why no method can use the odometry; None where it can."""
-    # Each number by itself: the sum of finite numbers may overflow.
+    """NOT_FINITE if the position or yaw is NaN or infinite; None if the odometry is usable."""
+    # Not tested as one sum, which can overflow although each number is finite.
     if math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad):
         return None
     return SkipReason.NOT_FINITE
 
 
 def from_ros(message: Any, topic: str) -> Odometry:
-    """The odometry of a decoded nav_msgs/Odometry."""
+    """Odometry from a decoded nav_msgs/Odometry: planar pose, forward speed and yaw rate."""
     pose, twist = message.pose.pose, message.twist.twist
     return Odometry(
         *valid_head(message),
@@ -40,7 +40,7 @@ def from_ros(message: Any, topic: str) -> Odometry:
 
 
 def from_pose_stamped(message: Any, topic: str) -> Odometry:
-    """The pose of a decoded geometry_msgs/PoseStamped, without velocities."""
+    """Odometry from a decoded geometry_msgs/PoseStamped; its velocities are unknown (NaN)."""
     position = message.pose.position
     return Odometry(
         *valid_head(message),
@@ -51,14 +51,14 @@ def from_pose_stamped(message: Any, topic: str) -> Odometry:
 
 
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Odometry:
-    """The pose of a foxglove.PoseInFrame, without velocities."""
+    """Odometry from a decoded foxglove.PoseInFrame; its velocities are unknown (NaN)."""
     position, q = message.pose.position, message.pose.orientation
     yaw = canonical_yaw(yaw_of((float(q.w), float(q.x), float(q.y), float(q.z))))
     return Odometry(stamp_ns, frame, float(position.x), float(position.y), yaw)
 
 
 def from_transform(transform: Transform) -> Odometry:
-    """The transform odom->base as odometry."""
+    """Odometry from a transform T_odom_base; its velocities are unknown (NaN)."""
     x, y, _ = transform.translation_m
     yaw = canonical_yaw(yaw_of(transform.quat_wxyz))
     return Odometry(
@@ -67,7 +67,7 @@ def from_transform(transform: Transform) -> Odometry:
 
 
 def to_ros(odometry: Odometry, topic: str | None) -> list[Encoded]:
-    """nav_msgs/Odometry with covariances of zero, which mean unknown."""
+    """One nav_msgs/Odometry message; its covariances are zero, which means unknown."""
     body = with_header(odometry).text(odometry.child_frame_id)
     write_planar_pose(body, odometry.x_m, odometry.y_m, odometry.yaw_rad).float64(*_NO_COVARIANCE)
     body.float64(odometry.vx_mps, 0.0, 0.0, 0.0, 0.0, odometry.wz_radps).float64(*_NO_COVARIANCE)
@@ -75,7 +75,7 @@ def to_ros(odometry: Odometry, topic: str | None) -> list[Encoded]:
 
 
 def from_csv(rows: list[Row]) -> Odometry:
-    """The odometry of one row."""
+    """Odometry from one CSV row; missing velocities are NaN."""
     (row,) = rows
     return Odometry(
         row.stamp_ns,
@@ -90,5 +90,5 @@ def from_csv(rows: list[Row]) -> Odometry:
 
 
 def to_csv(o: Odometry, pictures: PictureWriter) -> list[list[str]]:
-    """One row; velocities that are unknown are empty fields."""
+    """One CSV row: x, y, yaw, vx, wz; unknown velocities are empty fields."""
     return [[number_field(v) for v in (o.x_m, o.y_m, o.yaw_rad, o.vx_mps, o.wz_radps)]]
