@@ -1,4 +1,4 @@
-"""Trajectories as text, one pose a line; `#` begins a comment. A wrong line is named, never skipped."""
+"""Reader of trajectories in text files, one pose per line. An invalid line is an error with its line number, never skipped."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from gridslam.core.poses import yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.trajectory import Trajectory
 
-MAX_BYTES = 1 << 28  # three million poses
+MAX_BYTES = 1 << 28  # 256 MB, about three million poses
 MAX_LINE_BYTES = 100_000
 _HEAD_BYTES = 1 << 16
-LARGEST_M = 1e9  # beyond it no centimetre is left in the arithmetic
+LARGEST_M = 1e9  # larger coordinates lose centimetre accuracy in double arithmetic
 _TUM_WORDS, _PLANAR_WORDS = 8, 4
 _TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """Lines `t x y z qx qy qz qw` (TUM) or `t x y yaw` in the file's order; stamps exact to the nanosecond.
+    """Trajectory from a file with lines `t x y z qx qy qz qw` (TUM) or `t x y yaw`, all in the same form.
 
-    Raises InputError: the file is unreadable or has no pose, or a line is wrong (the message names it).
+    The poses keep the order of the file; stamps are exact to the nanosecond. Raises InputError: the file is unreadable or has no
+    pose, or a line is invalid (the message has its line number).
     """
     stamps, numbers = array("q"), array("d")
     width = 0
@@ -51,9 +52,10 @@ def read_trajectory(path: Path) -> Trajectory:
 
 
 def lines_of(path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
-    """The place (file and line number) and the words of each line that is not empty; `#` begins a comment.
+    """Yield `("FILE:LINE", fields)` for each line that is not empty after comments (from `#` on) are removed.
 
-    Raises InputError: the file cannot be read, is no text, or is too large.
+    Fields are separated by spaces or commas. `expected` describes a valid line and is used in error messages. Raises InputError:
+    the file cannot be read, is not a text file, or is larger than `MAX_BYTES`, or a line is longer than `MAX_LINE_BYTES`.
     """
     try:
         with open_plain_file(path) as stream:
@@ -67,7 +69,8 @@ def lines_of(path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _words_of(stream: BinaryIO, path: Path, expected: str) -> Iterator[tuple[str, list[str]]]:
-    codecs.getincrementaldecoder("utf-8")().decode(stream.read(_HEAD_BYTES))  # a binary file shows here
+    # A binary file raises UnicodeDecodeError here, before its lines are read.
+    codecs.getincrementaldecoder("utf-8")().decode(stream.read(_HEAD_BYTES))
     stream.seek(0)
     number = 0
     while line := stream.readline(MAX_LINE_BYTES):
@@ -83,7 +86,7 @@ def _words_of(stream: BinaryIO, path: Path, expected: str) -> Iterator[tuple[str
 
 
 def stamp_in(place: str, word: str) -> int:
-    """The stamp of a word. Raises InputError with its place."""
+    """Stamp (ns) from a field in seconds. Raises InputError, which begins with `place` (file and line): it is no valid stamp."""
     stamp = parse_stamp(word)
     if stamp is None:
         raise InputError(f"{place}: {word[:40]!r} is no stamp; expected seconds between 0 and 2^31")
@@ -91,7 +94,7 @@ def stamp_in(place: str, word: str) -> int:
 
 
 def numbers_in(place: str, words: list[str]) -> list[float]:
-    """The numbers of words. Raises InputError with their place: one is no number, infinite or beyond LARGEST_M."""
+    """Numbers from fields. Raises InputError, which begins with `place`: one is NaN, infinite, beyond LARGEST_M or no number."""
     values = []
     for word in words:
         try:

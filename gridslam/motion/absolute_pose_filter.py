@@ -1,4 +1,4 @@
-"""Extended Kalman filter over (x, y, yaw): motion from odometry, absolute poses from outside (stereo-bayes, paper section 1)."""
+"""Extended Kalman filter over (x, y, yaw) that fuses odometry with absolute poses (stereo-bayes, paper section 1)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-_BEFORE_ALL_NS = -(2**62)
+_BEFORE_ALL_NS = -(2**62)  # earlier than any stamp
 
 
 @dataclass(frozen=True, slots=True)
 class RootMotionNoise:
-    """Standard deviations that grow with the root of the motion: m after a metre, rad after a radian, rad after a metre."""
+    """Motion noise whose standard deviations grow with the square root of the motion.
+
+    `translation_m` is that of each coordinate (m) after 1 m of travel. `rotation_rad` is that of the yaw (rad) after 1 rad of
+    rotation, `rotation_per_m_rad` after 1 m of travel.
+    """
 
     translation_m: float
     rotation_rad: float
@@ -28,14 +32,14 @@ class RootMotionNoise:
     def covariance(self, step: Floats) -> Floats:
         """Covariance `(3, 3)` of a step `(3,)` in the robot's frame."""
         distance, rotation = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-        along = self.translation_m**2 * distance
-        yaw = self.rotation_rad**2 * rotation + self.rotation_per_m_rad**2 * distance
-        return np.diag([along, along, yaw])
+        variance_m2 = self.translation_m**2 * distance
+        yaw_variance = self.rotation_rad**2 * rotation + self.rotation_per_m_rad**2 * distance
+        return np.diag([variance_m2, variance_m2, yaw_variance])
 
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Rejection of absolute poses.
+    """Limits for rejecting absolute poses, and for restarting after rejections.
 
     `gate` is the largest squared Mahalanobis distance of an inlier (chi-square 0.99, 3 degrees of freedom). Absolute poses that
     arrive more than `window_s` after their stamp are rejected. After `reset_after` consecutive rejected poses that agree with
@@ -57,7 +61,7 @@ class PoseBelief:
 
 @dataclass(frozen=True, slots=True, order=True)
 class _Measurement:
-    """An absolute pose; `number` is that of its arrival."""
+    """An absolute pose; `number` counts the absolute poses in order of arrival."""
 
     stamp_ns: int
     number: int
@@ -67,7 +71,7 @@ class _Measurement:
 
 @dataclass(frozen=True, slots=True)
 class _Alternative:
-    """A second belief, from `count` consecutive rejected absolute poses that agree with each other."""
+    """A second belief, from the last `count` absolute poses: all were rejected, and they agree with each other."""
 
     belief: PoseBelief
     count: int
@@ -75,7 +79,7 @@ class _Alternative:
 
 @dataclass(slots=True)
 class _OdometryState:
-    """Odometry at a stamp, the belief after everything up to it, and the alternative."""
+    """T_odom_base `(3,)` at a stamp, with the belief and the alternative from all data up to that stamp."""
 
     stamp_ns: int
     odometry: Floats
@@ -86,11 +90,13 @@ class _OdometryState:
 class AbsolutePoseFilter:
     """Processes odometry and absolute poses in the order of their stamps.
 
-    An absolute pose that arrives late is inserted at its stamp, and everything after it is computed again. One beyond the gate is
-    rejected. Consecutive rejected poses that agree with each other, carried along by the odometry, are an alternative belief that
-    replaces the filter's after `reset_after` of them; outliers that disagree never do. `start` is the pose of the first odometry
-    in the map; with None the filter starts at the first absolute pose. Counters: used.pose, pose.resets, skipped.pose.<reason>
-    (rejected: beyond the gate; too_late; not_finite; no_odometry).
+    A late absolute pose is inserted at its stamp, and all later states are computed again. An absolute pose beyond the gate is
+    rejected. Consecutive rejected poses that agree with each other form an alternative belief, which also follows the odometry.
+    After `reset_after` of them it replaces the belief of the filter. Outliers that disagree with each other never replace it.
+
+    `start` is T_map_base at the first odometry; with None the filter starts at the first absolute pose. Counters: used.pose,
+    pose.resets, skipped.pose.<reason>. Reasons: rejected (beyond the gate), too_late, not_finite (also a covariance that is not
+    positive definite), no_odometry (no odometry at or after the stamp yet).
     """
 
     def __init__(self, noise: RootMotionNoise, settings: FilterSettings, start: PoseBelief | None) -> None:
@@ -101,14 +107,15 @@ class AbsolutePoseFilter:
         self._start = start
         self._states: list[_OdometryState] = []
         self._measurements: list[_Measurement] = []
-        self._verdicts: dict[int, tuple[str, ...]] = {}  # counters by number of the measurement
+        # Counters that each measurement in the window increments, by the number of the measurement.
+        self._verdicts: dict[int, tuple[str, ...]] = {}
         self._final_counters: Counter[str] = Counter()
-        self._count = 0
+        self._arrivals = 0
         self._is_trimmed = False
 
     @property
     def counters(self) -> Counter[str]:
-        """Number of absolute poses used, and skipped by reason."""
+        """Number of absolute poses used, number skipped for each reason, and number of resets; also skipped odometry."""
         waiting = sum(measured.number not in self._verdicts for measured in self._measurements)
         return (
             self._final_counters
@@ -117,11 +124,14 @@ class AbsolutePoseFilter:
         )
 
     def set_noise(self, noise: RootMotionNoise) -> None:
-        """Use another motion noise from now on."""
+        """Replace the motion noise in all later computations."""
         self._noise = noise
 
     def start_at(self, start: PoseBelief) -> None:
-        """Initialise here unless an absolute pose has been accepted already."""
+        """Initialise the filter with T_map_base at the first odometry.
+
+        No effect before any odometry, after the filter has started, or when the first odometry has left the window.
+        """
         if not self._is_trimmed and self._states and self._states[-1].belief is None:
             self._start = start
             for k in range(len(self._states)):
@@ -129,7 +139,7 @@ class AbsolutePoseFilter:
 
     @property
     def is_absolute(self) -> bool:
-        """Whether any absolute pose has been used; else the map drifts with the robot."""
+        """Whether an absolute pose has been used; if not, the map drifts with the odometry."""
         return self.counters["used.pose"] > 0
 
     @property
@@ -138,7 +148,7 @@ class AbsolutePoseFilter:
         return self._states[-1].stamp_ns if self._states else None
 
     def add_odometry(self, stamp_ns: int, odometry: Floats) -> None:
-        """Add T_odom_base `(3,)`; stamps must increase (others are counted and skipped)."""
+        """Add T_odom_base `(3,)`. Odometry that is not finite or not newer than the latest is skipped and counted."""
         if not np.isfinite(odometry).all():
             self._final_counters["skipped.odom.not_finite"] += 1
             return
@@ -158,16 +168,19 @@ class AbsolutePoseFilter:
         if self._is_trimmed and stamp_ns <= self._states[0].stamp_ns:
             self._final_counters["skipped.pose.too_late"] += 1
             return
-        self._count += 1
+        self._arrivals += 1
         x, y, yaw = pose.tolist()
-        measured = _Measurement(stamp_ns, self._count, (x, y, yaw), tuple(covariance.ravel().tolist()))
+        measured = _Measurement(stamp_ns, self._arrivals, (x, y, yaw), tuple(covariance.ravel().tolist()))
         insort(self._measurements, measured)
         first = bisect_right([state.stamp_ns for state in self._states], stamp_ns - 1)
         for k in range(first, len(self._states)):
             self._advance(k)
 
     def at(self, stamp_ns: int) -> PoseBelief | None:
-        """The belief at a stamp in the window, interpolated between odometry; None before the first pose is known."""
+        """Belief at a stamp, interpolated between odometry; after the latest odometry, the belief there.
+
+        None before the first odometry in the window, and while no pose is known.
+        """
         stamps = [state.stamp_ns for state in self._states]
         k = bisect_right(stamps, stamp_ns) - 1
         if k < 0:
@@ -185,27 +198,27 @@ class AbsolutePoseFilter:
         )
 
     def _advance(self, k: int) -> None:
-        """Compute the belief of state k from that of the state before, with the absolute poses between them."""
+        """Compute belief and alternative of state k from state k - 1 and the absolute poses stamped between the two."""
         state = self._states[k]
         if k == 0:
-            belief, alternative, since, odometry = self._start, None, _BEFORE_ALL_NS, state.odometry
+            belief, alternative, since_ns, odometry = self._start, None, _BEFORE_ALL_NS, state.odometry
         else:
             before = self._states[k - 1]
             belief, alternative = before.belief, before.alternative
-            since, odometry = before.stamp_ns, before.odometry
-        span = state.stamp_ns - since
-        low = bisect_right([measured.stamp_ns for measured in self._measurements], since)
+            since_ns, odometry = before.stamp_ns, before.odometry
+        span_ns = state.stamp_ns - since_ns
+        low = bisect_right([measured.stamp_ns for measured in self._measurements], since_ns)
         for measured in self._measurements[low:]:
             if measured.stamp_ns > state.stamp_ns:
                 break
-            between = odometry
+            interpolated = odometry
             if k:
-                fraction = (measured.stamp_ns - since) / span
-                between = np.asarray(se2.interpolate(odometry, state.odometry, fraction))
-            belief, alternative = self._predict_both(belief, alternative, se2.between(odometry, between))
-            odometry = between
+                fraction = (measured.stamp_ns - since_ns) / span_ns
+                interpolated = np.asarray(se2.interpolate(odometry, state.odometry, fraction))
+            belief, alternative = self._predict_both(belief, alternative, se2.between(odometry, interpolated))
+            odometry = interpolated
             belief, alternative = self._update_both(belief, alternative, measured)
-        step = se2.between(odometry, state.odometry)
+        step = se2.between(odometry, state.odometry)  # the motion after the last absolute pose
         state.belief, state.alternative = self._predict_both(belief, alternative, step)
 
     def _predict_both(
@@ -230,18 +243,22 @@ class AbsolutePoseFilter:
     def _update_both(
         self, belief: PoseBelief | None, alternative: _Alternative | None, measured: _Measurement
     ) -> tuple[PoseBelief, _Alternative | None]:
-        """Both beliefs after an absolute pose, which updates the first of them that it agrees with."""
+        """Belief and alternative after an absolute pose.
+
+        A pose within the gate updates the belief and ends the alternative. Any other pose updates the alternative, or starts a
+        new one if it disagrees with that too. The alternative becomes the belief after `reset_after` poses.
+        """
         measurement = PoseBelief(np.array(measured.pose), np.array(measured.covariance).reshape(3, 3))
         updated = measurement if belief is None else self._update(belief, measurement)
         if updated is not None:
             self._verdicts[measured.number] = ("used.pose",)
             return updated, None
         assert belief is not None
-        agreeing = None if alternative is None else self._update(alternative.belief, measurement)
-        if alternative is None or agreeing is None:
+        updated_alternative = None if alternative is None else self._update(alternative.belief, measurement)
+        if alternative is None or updated_alternative is None:
             alternative = _Alternative(measurement, 1)
         else:
-            alternative = _Alternative(agreeing, alternative.count + 1)
+            alternative = _Alternative(updated_alternative, alternative.count + 1)
         if alternative.count < self._reset_after:
             self._verdicts[measured.number] = ("skipped.pose.rejected",)
             return belief, alternative
@@ -249,7 +266,7 @@ class AbsolutePoseFilter:
         return alternative.belief, None
 
     def _update(self, belief: PoseBelief, measured: PoseBelief) -> PoseBelief | None:
-        """The Kalman update by a measured pose; None if it is beyond the gate."""
+        """Belief after the Kalman update by a measured pose; None if the pose is beyond the gate."""
         innovation = measured.pose - belief.pose
         innovation[2] = se2.wrap_angle(innovation[2])
         S = belief.covariance + measured.covariance
@@ -262,7 +279,7 @@ class AbsolutePoseFilter:
         return PoseBelief(pose, A @ belief.covariance @ A.T + K @ measured.covariance @ K.T)
 
     def _trim(self, before_ns: int) -> None:
-        """Remove states older than the window, which cannot change any more, except for the last of them."""
+        """Remove all states up to `before_ns` except the latest of them; later absolute poses cannot change them."""
         if self._states[0].stamp_ns > before_ns:
             return
         stamps = [state.stamp_ns for state in self._states]

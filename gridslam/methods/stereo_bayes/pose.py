@@ -1,4 +1,4 @@
-"""The robot's pose for stereo-bayes: odometry or visual odometry, and absolute poses from outside (paper section 1)."""
+"""Robot pose for stereo-bayes from odometry or visual odometry, fused with absolute poses (paper section 1)."""
 
 from __future__ import annotations
 
@@ -19,18 +19,23 @@ from gridslam.motion.absolute_pose_filter import (
 
 Floats = NDArray[np.float64]
 
-START_AFTER_NS = 3_000_000_000  # without an absolute pose for this long the map starts at the robot's pose
+# After this time without an absolute pose, the map's origin is placed at the robot's first pose.
+START_AFTER_NS = 3_000_000_000
 START = PoseBelief(np.zeros(3), np.diag([1e-6, 1e-6, 1e-6]))
 VISUAL_NOISE = RootMotionNoise(
     translation_m=0.02, rotation_rad=0.01, rotation_per_m_rad=0.003
-)  # on KITTI and rooms
-MAX_SPEED_MPS, JUMP_TOLERANCE_M = 30.0, 0.5  # faster odometry has jumped
+)  # for KITTI and for rooms
+MAX_SPEED_MPS, JUMP_TOLERANCE_M = 30.0, 0.5  # odometry has jumped if a step is longer than they allow
 FILTER = FilterSettings()
-WINDOW_NS = int(FILTER.window_s * 1e9)  # an absolute pose this late is still used
+WINDOW_NS = int(FILTER.window_s * 1e9)  # maximum delay of an absolute pose that is still used
 
 
 class RobotPose:
-    """Selects the source of the motion, and removes jumps of the odometry."""
+    """Estimates T_map_base from one source of motion and from absolute poses.
+
+    The source is odometry, whose jumps are removed, or visual odometry. `is_visual` says which of them is used; it is None while
+    `motion: auto` has not selected one.
+    """
 
     def __init__(self, config: StereoBayesConfig) -> None:
         noise = config.advanced.pose
@@ -39,19 +44,20 @@ class RobotPose:
             FILTER,
             None,
         )
-        self._last: tuple[int, Floats] | None = None  # odometry, or the step of visual odometry
-        self._pose = np.zeros(3)  # odometry without jumps
+        # Stamp (ns), and the odometry pose or the last step of visual odometry.
+        self._last: tuple[int, Floats] | None = None
+        self._pose = np.zeros(3)  # T_odom_base without the jumps, or the sum of the visual steps
         self._first_ns: int | None = None
         self._motion_counters: Counter[str] = Counter()
         self.is_visual: bool | None = {"odometry": False, "visual": True}.get(config.pose.motion)
 
     @property
     def counters(self) -> Counter[str]:
-        """Odometry and absolute poses used and skipped."""
+        """Number of odometry messages and absolute poses used and skipped, of odometry jumps and of visual odometry failures."""
         return self._motion_counters + self._filter.counters
 
     def add_odometry(self, odometry: Odometry) -> None:
-        """Add odometry; `motion: auto` then uses odometry."""
+        """Add an odometry message. It is skipped if visual odometry is used; `motion: auto` selects odometry at the first one."""
         if self.is_visual is None:
             self.is_visual = False
         if self.is_visual:
@@ -72,7 +78,7 @@ class RobotPose:
         self._add(odometry.stamp_ns, self._pose)
 
     def add_step(self, stamp_ns: int, step: Floats | None) -> None:
-        """Add a motion `(3,)` of visual odometry; if it failed (None), the robot moves as in the step before."""
+        """Add the motion `(3,)` by visual odometry since the frame before; None (failure) repeats the previous motion."""
         if self._last is None:
             self._filter.set_noise(VISUAL_NOISE)
         if step is None:
@@ -83,25 +89,25 @@ class RobotPose:
         self._add(stamp_ns, self._pose)
 
     def add_absolute_pose(self, measured: AbsolutePose) -> None:
-        """Add a pose from outside."""
+        """Add a measured T_map_base, for example from an external tracking system."""
         self._filter.add_absolute_pose(measured.stamp_ns, measured.pose, measured.covariance)
 
     def is_known_at(self, stamp_ns: int) -> bool:
-        """Whether the motion up to this stamp and the robot's pose are known."""
+        """Whether the motion is known up to this stamp, and the latest pose in the map is known."""
         last = self._filter.last_stamp_ns
         return last is not None and last >= stamp_ns and self._filter.at(last) is not None
 
     def at(self, stamp_ns: int) -> PoseBelief | None:
-        """T_map_base and its covariance at a stamp; None if unknown."""
+        """T_map_base with covariance at a stamp; None if the pose is unknown then."""
         return self._filter.at(stamp_ns)
 
     @property
     def is_absolute(self) -> bool:
-        """Whether absolute poses link the map to the outside."""
+        """Whether an absolute pose has been used; if not, the map drifts with the odometry."""
         return self._filter.is_absolute
 
     def start(self) -> None:
-        """Start the map at the first pose, unless an absolute pose has been used."""
+        """Place the map's origin at the robot's first pose, unless an absolute pose has been used."""
         self._filter.start_at(START)
 
     def _add(self, stamp_ns: int, pose: Floats) -> None:
