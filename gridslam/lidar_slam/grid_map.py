@@ -58,7 +58,9 @@ def draw_map(
             is_hit = ~masked[number - 1]
             points = _shortened(origin, points, ~is_hit)
         beams = log_odds.BeamBundle(origin / resolution_m - lo, points / resolution_m - lo)
-        log_odds.insert_scan_dense(values, last_update, number, beams, is_hit, UPDATE)
+        log_odds.insert_scan_dense(
+            values, last_update, scan_number=number, beams=beams, is_hit=is_hit, update=UPDATE
+        )
     probability = (1.0 / (1.0 + np.exp(-values))).astype(np.float32)
     probability[last_update == 0] = np.nan
     corner = (float(lo[0] * resolution_m), float(lo[1] * resolution_m))

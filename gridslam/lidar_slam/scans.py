@@ -84,5 +84,7 @@ def prepare_scan(
     sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
     limits = RangeLimits(max(config.min_range_m, scan.range_min_m), min(config.max_range_m, sensor_max))
     sweep = Sweep(sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s)
-    prepared = prepare_points(scan.ranges_m, sweep, limits, extrinsics.pose, twist, DENSITY)
+    prepared = prepare_points(
+        scan.ranges_m, sweep, limits=limits, extrinsics=extrinsics.pose, twist=twist, density=DENSITY
+    )
     return PreparedScan(scan.stamp_ns, np.ascontiguousarray(extrinsics.pose[:2]), *prepared)

@@ -75,7 +75,12 @@ def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds) ->
     )
     pairs = SegmentPairs(query, se2.between(poses[target], poses[query]))
     found, information, inlier_ratio = register_segments(
-        clouds, submaps, pairs, MAX_POINTS, SURFEL_CELL_M, REGISTRATION
+        clouds,
+        submaps,
+        pairs=pairs,
+        max_points=MAX_POINTS,
+        surfel_cell_m=SURFEL_CELL_M,
+        registration=REGISTRATION,
     )
     good = inlier_ratio >= MIN_INLIER_RATIO
     weighted = INFORMATION_WEIGHT * information[good]

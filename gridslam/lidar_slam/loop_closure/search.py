@@ -97,10 +97,10 @@ class LoopMatches:
         return LoopMatches(
             Edges.concatenate([p.edges for p in parts]),
             np.concatenate([p.std_m for p in parts]),
-            np.concatenate([p.score for p in parts]),
-            np.concatenate([p.rival_score for p in parts]),
-            np.concatenate([p.explained for p in parts]),
-            np.concatenate([p.contradicted for p in parts]),
+            score=np.concatenate([p.score for p in parts]),
+            rival_score=np.concatenate([p.rival_score for p in parts]),
+            explained=np.concatenate([p.explained for p in parts]),
+            contradicted=np.concatenate([p.contradicted for p in parts]),
         )
 
 
@@ -108,7 +108,14 @@ def find_candidates(
     poses: Floats, travel_m: Floats, graph: DirectedEdges, max_std_m: float
 ) -> list[Candidate]:
     """All candidates up to an uncertainty, the least uncertain first, given the segments' poses `(s, 3)`."""
-    limits = CandidateLimits(MIN_TRAVEL_M, VIEW_M, MAX_STDS, MIN_STD_M, max_std_m, MAX_GAP_SEGMENTS)
+    limits = CandidateLimits(
+        MIN_TRAVEL_M,
+        VIEW_M,
+        max_stds=MAX_STDS,
+        min_std_m=MIN_STD_M,
+        max_std_m=max_std_m,
+        max_gap=MAX_GAP_SEGMENTS,
+    )
     counts, nodes, covariances = relative_covariance.loop_candidates(
         poses, travel_m, graph, limits, MAX_PASSAGES
     )
@@ -136,7 +143,14 @@ def match_candidates(
     information = np.asarray(np.linalg.inv(covariance), np.float64)
     edges = Edges(target, query, motions, information, np.ones(len(target), np.bool_))
     std_m = np.array([c.std_m for c in candidates])
-    return LoopMatches(edges, std_m, found.scores, found.rival_scores, found.explained, found.contradicted)
+    return LoopMatches(
+        edges,
+        std_m,
+        score=found.scores,
+        rival_score=found.rival_scores,
+        explained=found.explained,
+        contradicted=found.contradicted,
+    )
 
 
 def _search_frame(pose: Floats, covariance: Floats) -> Floats:

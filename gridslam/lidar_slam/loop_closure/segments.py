@@ -63,7 +63,11 @@ def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segme
         clouds.append(segment_clouds.segment_cloud(surfaces, local, viewpoints, CLOUD_CELL_M, MAX_RANGE_M))
         returns = np.concatenate([scan.returns for scan in own])
         first = _offsets([scan.returns for scan in own])
-        beams.append(segment_clouds.segment_beams(returns, first, local, viewpoints, BEAM_STEP, MAX_RANGE_M))
+        beams.append(
+            segment_clouds.segment_beams(
+                returns, first, poses=local, viewpoints=viewpoints, step=BEAM_STEP, max_range_m=MAX_RANGE_M
+            )
+        )
     points = [cloud.points for cloud in clouds]
     return SegmentClouds(
         np.concatenate(points),

@@ -125,7 +125,12 @@ def _between_key_scans(matches: LoopMatches, segments: Segments) -> LoopMatches:
     at = segments.reference
     edges = Edges(at[e.source], at[e.target], e.T_source_target, e.information, e.is_loop)
     return LoopMatches(
-        edges, matches.std_m, matches.score, matches.rival_score, matches.explained, matches.contradicted
+        edges,
+        matches.std_m,
+        score=matches.score,
+        rival_score=matches.rival_score,
+        explained=matches.explained,
+        contradicted=matches.contradicted,
     )
 
 

@@ -140,7 +140,16 @@ def assess_map(
     """
     rows = spaced_scans(distance_driven(poses)) if len(poses) else np.zeros(0, np.int64)
     if len(rows) < MIN_SCANS:
-        return MapConsistency(0.0, (), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return MapConsistency(
+            0.0,
+            (),
+            compared_wall_m=0.0,
+            contradicted_wall_m=0.0,
+            largest_stretch_m=0.0,
+            largest_loop_residual=0.0,
+            revisited=0.0,
+            longest_unchecked_m=0.0,
+        )
     chosen = [scans[row] for row in rows]
     passages = find_passages(poses[rows], distance_driven(poses)[rows])
     observations = observe(chosen, poses[rows], passages)
@@ -159,12 +168,12 @@ def assess_map(
     return MapConsistency(
         1.0 - agreement,
         tuple(place for place in places if place.doubt >= MENTIONED)[:MAX_PLACES],
-        found.compared_wall_m,
-        found.wall_m,
-        stretched.stretch_m if stretched else 0.0,
-        float(residuals.max()),
-        float(passages.is_revisited.mean()),
-        unchecked,
+        compared_wall_m=found.compared_wall_m,
+        contradicted_wall_m=found.wall_m,
+        largest_stretch_m=stretched.stretch_m if stretched else 0.0,
+        largest_loop_residual=float(residuals.max()),
+        revisited=float(passages.is_revisited.mean()),
+        longest_unchecked_m=unchecked,
     )
 
 
@@ -184,7 +193,9 @@ def _contradicted_places(
         doubt = doubt_of(place.wall_m * moved.gain, EVEN_EVIDENCE_M)
         pair = int(stamps[moved.seen_by]), int(stamps[moved.looked_through_by])
         size = float(np.hypot(moved.dx_m, moved.dy_m))
-        places.append(DoubtfulPlace("contradiction", place.x_m, place.y_m, size, doubt, pair))
+        places.append(
+            DoubtfulPlace("contradiction", place.x_m, y_m=place.y_m, size_m=size, doubt=doubt, stamps_ns=pair)
+        )
     return places
 
 
@@ -194,7 +205,14 @@ def _stretched_places(stretched: StretchedPath | None, stamps: NDArray[np.int64]
     stamp = int(stamps[stretched.scan])
     doubt = doubt_of(stretched.stretch_m, EVEN_STRETCH_M)
     return [
-        DoubtfulPlace("stretch", stretched.x_m, stretched.y_m, stretched.stretch_m, doubt, (stamp, stamp))
+        DoubtfulPlace(
+            "stretch",
+            stretched.x_m,
+            y_m=stretched.y_m,
+            size_m=stretched.stretch_m,
+            doubt=doubt,
+            stamps_ns=(stamp, stamp),
+        )
     ]
 
 
@@ -207,7 +225,11 @@ def _strained_loops(
     error = residual_poses(poses, loops)[worst]
     doubt = doubt_of(float(residuals[worst]), EVEN_RESIDUAL)
     stamps = scans[source].stamp_ns, scans[target].stamp_ns
-    return [DoubtfulPlace("loop", x, y, float(np.hypot(error[0], error[1])), doubt, stamps)]
+    return [
+        DoubtfulPlace(
+            "loop", x, y_m=y, size_m=float(np.hypot(error[0], error[1])), doubt=doubt, stamps_ns=stamps
+        )
+    ]
 
 
 def _worst_of_each_kind(places: Sequence[DoubtfulPlace]) -> list[DoubtfulPlace]:

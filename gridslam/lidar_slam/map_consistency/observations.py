@@ -53,7 +53,12 @@ class Observations:
         """How often some of the scans see points `(k, 2)` free and occupied for each shift `(s, 2)` of the points."""
         profiles = free_space.Profiles(self.profiles.nearest[scans], self.profiles.farthest[scans])
         free, occupied = free_space.testimony_of_shifts(
-            points, shifts, self.poses[scans], self.viewpoints[scans], profiles, TOLERANCES
+            points,
+            shifts,
+            poses=self.poses[scans],
+            viewpoints=self.viewpoints[scans],
+            profiles=profiles,
+            limits=TOLERANCES,
         )
         return free, occupied
 
@@ -68,11 +73,25 @@ def observe(scans: Sequence[PreparedScan], poses: Floats, passages: Passages) ->
     chosen = [scan.subset(MAX_POINTS).points for scan in scans]
     first = _offsets(chosen)
     testimony = free_space.testimony(
-        np.concatenate(chosen), first, poses, viewpoints, profiles, passages.partners, TOLERANCES
+        np.concatenate(chosen),
+        first,
+        poses=poses,
+        viewpoints=viewpoints,
+        profiles=profiles,
+        partners=passages.partners,
+        limits=TOLERANCES,
     )
     in_map = [se2.transform_points(pose, points) for pose, points in zip(poses, chosen, strict=True)]
     scan = np.repeat(np.arange(len(scans)), np.diff(first))
-    return Observations(poses, viewpoints, profiles, np.concatenate(in_map), first, scan, testimony)
+    return Observations(
+        poses,
+        viewpoints,
+        profiles=profiles,
+        points=np.concatenate(in_map),
+        first=first,
+        scan=scan,
+        testimony=testimony,
+    )
 
 
 def _offsets(parts: Sequence[Floats]) -> Ints:
