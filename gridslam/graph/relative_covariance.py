@@ -11,12 +11,16 @@ from gridslam.kernels import relative_covariance as kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+WEAK_STD = np.array([100.0, 100.0, np.pi])  # m, m, rad: what an edge says nothing about
 LEVER_M = 10.0  # at which a heading error counts in the cost of a path
 
 
 def directed_edges(n_nodes: int, edges: Edges) -> kernel.DirectedEdges:
-    """The graph of `n_nodes` nodes made ready for the search for least uncertain paths. All information must be regular."""
-    forward = np.asarray(np.linalg.inv(edges.information), np.float64)
+    """The graph of `n_nodes` nodes made ready for the search for least uncertain paths.
+
+    An edge may leave a direction open (a landmark seen twice without its heading): there it is as uncertain as `WEAK_STD`.
+    """
+    forward = np.asarray(np.linalg.inv(edges.information + np.diag(WEAK_STD**-2.0)), np.float64)
     backward = reversed_covariances(edges.T_source_target, forward)
     source = np.concatenate([edges.source, edges.target])
     target = np.concatenate([edges.target, edges.source])

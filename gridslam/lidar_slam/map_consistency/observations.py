@@ -46,8 +46,8 @@ class Observations:
     @property
     def is_contradicted(self) -> Bools:
         """Whether most of the other passages that say anything see the point free."""
-        most = self.testimony.free_by_others > self.testimony.occupied_by_others
-        return np.asarray(self.is_compared & most)
+        is_majority = self.testimony.free_by_others > self.testimony.occupied_by_others
+        return np.asarray(self.is_compared & is_majority)
 
     def of_shifts(self, points: Floats, shifts: Floats, scans: Ints) -> tuple[Ints, Ints]:
         """How often some of the scans see points `(k, 2)` free and occupied for each shift `(s, 2)` of the points."""
