@@ -20,7 +20,12 @@ def directed_edges(n_nodes: int, edges: Edges) -> kernel.DirectedEdges:
 
     An edge may leave a direction open (a landmark seen twice without its heading): there it is as uncertain as `WEAK_STD`.
     """
-    forward = np.asarray(np.linalg.inv(edges.information + np.diag(WEAK_STD**-2.0)), np.float64)
+    weakest = np.linalg.eigvalsh(edges.information)[:, 0] if len(edges) else np.zeros(0)
+    is_open = weakest < WEAK_STD.max() ** -2.0
+    information = np.where(
+        is_open[:, None, None], edges.information + np.diag(WEAK_STD**-2.0), edges.information
+    )
+    forward = np.asarray(np.linalg.inv(information), np.float64)
     backward = reversed_covariances(edges.T_source_target, forward)
     source = np.concatenate([edges.source, edges.target])
     target = np.concatenate([edges.target, edges.source])
