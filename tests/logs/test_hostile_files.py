@@ -282,7 +282,8 @@ def test_reading_a_database_ends_on_an_interruption(tmp_path: Path) -> None:
         f"INSERT INTO messages(topic_id, timestamp, data) {ENDLESS} 1, i, zeroblob(100) FROM n LIMIT 300000",
     )
     code = (
-        "import sys; from gridslam.logs import open_log\n"
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background job ignores it
+        "from gridslam.logs import open_log\n"
         f"print('reading', flush=True)\nfor _ in range(1000): open_log({str(path)!r}).close()"
     )
     process = subprocess.Popen(
