@@ -47,7 +47,7 @@ def test_a_run_from_run_yaml_gives_the_same_bytes(
         "map.png",
         "layers.npz",
         "trajectory.tum",
-        "spread.csv",
+        "deviation.csv",
         "run.yaml",
     } == set(files)
     assert files == reproducible_files(tmp_path / "b")
@@ -60,7 +60,7 @@ def test_another_seed_gives_other_bytes(
         done = program("map", small_log, "-c", config_file, "-o", tmp_path / seed, "--seed", seed)
         assert done.returncode == 0, done.stderr
     one, two = (reproducible_files(tmp_path / seed) for seed in ("1", "2"))
-    assert one["spread.csv"] != two["spread.csv"]
+    assert one["deviation.csv"] != two["deviation.csv"]
     assert one["trajectory.tum"] == two["trajectory.tum"]
 
 
