@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
 
 STACK = 256  # nodes that wait in the depth-first search: at most 4 per level
 
@@ -179,26 +178,3 @@ def correlate(
     found[1] = start[1] + best_dr * resolution_m
     found[2] = start[2] + (best_k - yaw_steps) * search.yaw_step_rad
     return found, best / n
-
-
-@compiled_parallel
-def correlate_all(
-    pyramid: FieldPyramid,
-    points: NDArray[np.float64],
-    first_point: NDArray[np.int64],
-    starts: NDArray[np.float64],
-    search: SearchWindow,
-    min_score: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`correlate` for several scans in one field: scan k owns points[first_point[k]:first_point[k + 1]].
-
-    Returns the poses `(n, 3)` and scores `(n,)`.
-    """
-    n = starts.shape[0]
-    poses, scores = np.empty((n, 3)), np.empty(n)
-    for k in prange(n):
-        own = points[first_point[k] : first_point[k + 1]]
-        pose, score = correlate(pyramid, own, starts[k], search, min_score)
-        poses[k] = pose
-        scores[k] = score
-    return poses, scores

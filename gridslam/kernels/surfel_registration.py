@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled, compiled_parallel
 from gridslam.kernels.surfels import NX, NY, OrientedPoints, X, Y, nearest_surfel
-from gridslam.kernels.tiles import ScanSet, TileMap, TileMaps, map_of
+from gridslam.kernels.tiles import TileMap, TileMaps, map_of
 
 CONVERGED_M = 1e-4
 CONVERGED_RAD = 1e-5
@@ -50,14 +50,6 @@ class YawSearch(NamedTuple):
     steps: int
     sigma_m: float
     max_correspondence_m: float
-
-
-class MapScanPairs(NamedTuple):
-    """Scan scans[k] is to be registered in map maps[k] from the pose starts[k]: `(n,)`, `(n,)`, `(n, 3)`."""
-
-    maps: NDArray[np.int64]
-    scans: NDArray[np.int64]
-    starts: NDArray[np.float64]
 
 
 @compiled
@@ -202,32 +194,3 @@ def register_all(
         information[k] = info
         used[k] = count
     return poses, information, used
-
-
-@compiled_parallel
-def register_pairs(
-    maps: TileMaps,
-    scans: ScanSet,
-    pairs: MapScanPairs,
-    prior_information: NDArray[np.float64],
-    settings: Registration,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """`register` of scan after scan in the maps they are paired with; `prior_information` `(3, 3)` is about each start.
-
-    Returns poses `(n, 3)` in the maps' frames, information `(n, 3, 3)`, and inlier ratios `(n,)`: the fraction of the
-    scan's points that have a correspondence.
-    """
-    n = pairs.starts.shape[0]
-    poses = np.empty((n, 3))
-    information = np.empty((n, 3, 3))
-    inlier_ratio = np.zeros(n)
-    for k in prange(n):
-        lo, hi = scans.first_point[pairs.scans[k]], scans.first_point[pairs.scans[k] + 1]
-        scan = OrientedPoints(scans.points[lo:hi], scans.normals[lo:hi])
-        prior = PosePrior(pairs.starts[k], prior_information)
-        pose, info, count = register(map_of(maps, pairs.maps[k]), scan, pairs.starts[k], prior, settings)
-        poses[k] = pose
-        information[k] = info
-        if hi > lo:
-            inlier_ratio[k] = count / (hi - lo)
-    return poses, information, inlier_ratio
