@@ -25,6 +25,15 @@ def data_dir() -> Path:
 
 
 @pytest.fixture(scope="session")
+def cases_dir() -> Path:
+    """Inputs with known faults: GRIDSLAM_CASES, or shared/cases beside the checkout; tests are skipped without them."""
+    folder = Path(os.environ.get("GRIDSLAM_CASES", REPOSITORY.parent / "shared" / "cases"))
+    if not folder.is_dir():
+        pytest.skip(f"no inputs with known faults: {folder} is not there; set GRIDSLAM_CASES")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def small_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A CSV folder of a robot that drives through a room: 60 scans, with the truth."""
     return write_small_log(tmp_path_factory.mktemp("logs") / "room")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.distances import distances_to
+from gridslam.maps.drawing_light import in_even_light, is_light_uneven
 
 Mask = NDArray[np.bool_]
 
@@ -45,7 +46,17 @@ class Regions:
 
 
 def classes_of(levels: NDArray[np.uint8]) -> Mask:
-    """Which pixels are dark, by Otsu's threshold, with specks of compression removed from either colour."""
+    """Which pixels are dark, by Otsu's threshold, with specks of compression removed from either colour.
+
+    In a photograph with uneven light, dark means darker than the paper around.
+    """
+    dark = _darker_class(levels)
+    if is_light_uneven(levels, dark):
+        dark = _darker_class(in_even_light(levels))
+    return _without_specks(~_without_specks(~dark))
+
+
+def _darker_class(levels: NDArray[np.uint8]) -> Mask:
     threshold, _ = cv2.threshold(
         cv2.medianBlur(np.ascontiguousarray(levels), 3), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
     )
@@ -53,8 +64,7 @@ def classes_of(levels: NDArray[np.uint8]) -> Mask:
         threshold, _ = cv2.threshold(
             np.ascontiguousarray(levels), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU
         )
-    dark = levels <= threshold
-    return _without_specks(~_without_specks(~dark))
+    return np.asarray(levels <= threshold)
 
 
 def regions_of(

@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from gridslam.core.errors import ConfigError, MethodError
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.log import Log
@@ -24,13 +24,13 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.particle_history import ParticleHistory, Snapshot
+from gridslam.runs.result_checks import refuse_empty_result, unused_stream_line, unused_streams
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent"]
 Command = Literal["map", "localize", "explore"]
 
-MAX_REASONS = 4  # of skipped messages in the message of a failure
 MAX_BATCH = 256
 SHORT_BATCH_S = 0.01
 LONG_BATCH_S = 0.04
@@ -168,6 +168,9 @@ def _run(
         counts = merge_counts(log.counters, result.counters)
         if not interrupted:
             refuse_empty_result(config.method_name, log_path, result, counts)
+        missing = set(entry.input_names) - further.keys()
+        unused = unused_streams(counts)
+        is_lossy = log.is_lossy or not missing.issuperset(unused)
         inputs = {**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}}
         return Run(
             command=command,
@@ -177,9 +180,13 @@ def _run(
             result=result,
             occupancy=result.occupancy if occupancy is None else occupancy,
             truth=truth if truth is not None and len(truth) else None,
-            status=status_of(result, is_interrupted=interrupted, is_lossy=log.is_lossy),
-            is_lossy=log.is_lossy or bool(result.notes),
-            problems=(*log.problems, *result.notes),
+            status=status_of(result, is_interrupted=interrupted, is_lossy=is_lossy),
+            is_lossy=is_lossy or bool(result.notes),
+            problems=(
+                *log.problems,
+                *result.notes,
+                *(unused_stream_line(name, counts, missing) for name in unused),
+            ),
             counts=counts,
             read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,
@@ -196,20 +203,6 @@ def status_of(result: RunResult, *, is_interrupted: bool, is_lossy: bool) -> Sta
     if result.doubt is not None:
         return result.doubt.status
     return "lossy" if is_lossy else "complete"
-
-
-def refuse_empty_result(method: str, log_path: Path, result: RunResult, counts: Counts) -> None:
-    """Raises MethodError: the result has no pose, or a map without cells; the message names the commonest skip reasons."""
-    is_empty_map = result.occupancy is not None and not result.occupancy.probability.size
-    if len(result.trajectory) and not is_empty_map:
-        return
-    lacking = "a map without cells" if len(result.trajectory) else "no pose"
-    ranked = sorted(counts.skipped_by_reason.items(), key=lambda item: (-item[1], item[0]))
-    reasons = ", ".join(f"{number} x {reason}" for reason, number in ranked[:MAX_REASONS] if number)
-    why = f"skipped: {reasons}" if reasons else "none of its messages could be used"
-    raise MethodError(
-        f"{log_path}: {method} found {lacking} ({why}); `gridslam info` shows the streams of the log"
-    )
 
 
 def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[..., Method]:

@@ -146,6 +146,21 @@ def test_a_shaky_hand_does_not_matter(tmp_path):
     assert without < 0.03
 
 
+@pytest.mark.parametrize("with_table", [False, True])
+def test_a_photograph_with_a_shadow_is_read(tmp_path, with_table):
+    rng = np.random.default_rng(2)
+    picture = cv2.GaussianBlur(room(3), (0, 0), 0.7).astype(np.float64)
+    ink = 60.0 + 150.0 * picture / 255.0
+    rows, cols = np.mgrid[:HEIGHT, :WIDTH]
+    shadow = 1.0 - 0.6 * np.exp(-((cols - 50.0) ** 2 + (rows - 90.0) ** 2) / 4000.0) - 0.2 * cols / WIDTH
+    photo = ink * shadow + rng.normal(0.0, 3.0, ink.shape)
+    if with_table:
+        photo[rows < 8.0 - 0.05 * cols] = 30.0
+    drawn = drawn_map(read(np.clip(photo, 0, 255).astype(np.uint8), tmp_path))
+    assert drawn.walls_are == "dark"
+    assert_is_the_room(drawn.free)
+
+
 def test_the_configured_colour_wins(tmp_path):
     picture = np.full((HEIGHT, WIDTH), 255, np.uint8)
     picture[22:98, 32:168] = 0  # a dark block on paper: a pillar, or a room with a filled outside?
@@ -196,6 +211,20 @@ def test_a_start_outside_of_the_picture_is_told(tmp_path):
 
 
 @pytest.mark.real_data
+@pytest.mark.parametrize("name", ["photo_mild.jpg", "photo_shadow.jpg", "faint_pencil.jpg", "clean.jpg"])
+def test_photographs_of_a_drawing_are_read_like_the_drawing(cases_dir, name):
+    folder = cases_dir / "companion" / "drawings"
+    clean, photo = (drawn_map(load_drawing(folder / file)) for file in ("clean.jpg", name))
+    assert photo.walls_are == "dark"
+    assert (clean.free & photo.free).sum() > 0.98 * (clean.free | photo.free).sum()
+
+
+def test_a_tilted_photograph_on_a_dark_table_is_read(cases_dir):
+    drawn = drawn_map(load_drawing(cases_dir / "companion" / "drawings" / "photo_skew_dark_table.jpg"))
+    assert drawn.walls_are == "dark"
+    assert 0.3 < drawn.free.mean() < 0.34
+
+
 def test_drawings_by_people_enclose_a_place(data_dir):
     for path in sorted((data_dir / "sketches").glob("*.png")):
         drawn = drawn_map(load_drawing(path))

@@ -1,0 +1,49 @@
+"""Checks of a finished run: results without content are refused, streams of which nothing was used are named."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from gridslam.core.errors import MethodError
+from gridslam.methods.base import RunResult
+from gridslam.runs.run_counts import Counts
+
+MAX_REASONS = 4  # of skipped messages in a message
+
+
+def refuse_empty_result(method: str, log_path: Path, result: RunResult, counts: Counts) -> None:
+    """Raises MethodError: the result has no pose, or a map without cells; the message names the commonest skip reasons."""
+    is_empty_map = result.occupancy is not None and not result.occupancy.probability.size
+    if len(result.trajectory) and not is_empty_map:
+        return
+    lacking = "a map without cells" if len(result.trajectory) else "no pose"
+    reasons = _reasons(counts)
+    why = f"skipped: {reasons}" if reasons else "none of its messages could be used"
+    raise MethodError(
+        f"{log_path}: {method} found {lacking} ({why}); `gridslam info` shows the streams of the log"
+    )
+
+
+def unused_streams(counts: Counts) -> list[str]:
+    """Names of the streams that the method reads and of which every message was skipped."""
+    return [
+        name
+        for name, stream in counts.streams.items()
+        if name != "truth" and stream.read and not stream.used and _reasons(counts, f"{name}.")
+    ]
+
+
+def unused_stream_line(name: str, counts: Counts, missing_inputs: Collection[str]) -> str:
+    """What to say about an unused stream; an input of its name that the method takes and was not given is advised."""
+    line = (
+        f"none of the {counts.streams[name].read} {name} messages was used ({_reasons(counts, f'{name}.')})"
+    )
+    return f"{line}; add --{name} FILE" if name in missing_inputs else line
+
+
+def _reasons(counts: Counts, prefix: str = "") -> str:
+    """The commonest skip reasons whose keys begin with `prefix`, with their numbers."""
+    ranked = sorted(counts.skipped_by_reason.items(), key=lambda item: (-item[1], item[0]))
+    named = [(reason.removeprefix(prefix), n) for reason, n in ranked if n and reason.startswith(prefix)]
+    return ", ".join(f"{number} x {reason}" for reason, number in named[:MAX_REASONS])
