@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled_parallel
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.raycast import Ray, cast
+from gridslam.kernels.threads import run_in_ranges
 
 
 class RangeTable(NamedTuple):
@@ -34,7 +34,6 @@ class MeasuredBeams(NamedTuple):
     max_range: float
 
 
-@compiled_parallel
 def sum_over_ranges(
     squares: NDArray[np.uint8], table: RangeTable, beams: MeasuredBeams, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -42,12 +41,28 @@ def sum_over_ranges(
 
     The expected ranges are those of ray casting in the free `squares` of the map (see `raycast`).
     """
+    n = poses.shape[0]
+    sums = np.empty(n)
+    run_in_ranges(_sum_over_ranges, n, (squares, table, beams, poses, sums))
+    return sums
+
+
+@compiled
+def _sum_over_ranges(
+    begin: int,
+    end: int,
+    squares: NDArray[np.uint8],
+    table: RangeTable,
+    beams: MeasuredBeams,
+    poses: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `sum_over_ranges`."""
     log_probability, bearings, sensor = table.log_probability, beams.bearings, beams.sensor
-    n, b = poses.shape[0], bearings.shape[0]
+    b = bearings.shape[0]
     last = log_probability.shape[1] - 1
     cos_b, sin_b = np.cos(bearings), np.sin(bearings)
-    sums = np.empty(n)
-    for i in prange(n):
+    for i in range(begin, end):
         c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
         x = poses[i, 0] + c * sensor[0] - s * sensor[1]
         y = poses[i, 1] + s * sensor[0] + c * sensor[1]
@@ -61,4 +76,3 @@ def sum_over_ranges(
             column = min(int(expected / table.cells_per_bin + 0.5), last)
             total += log_probability[beams.bins[k], column]
         sums[i] = total
-    return sums

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 Floats = NDArray[np.float64]
 
@@ -102,7 +102,6 @@ def assume_front_empty(prior: Floats, first: Floats, none: float, evidence: RayE
     return float((mass + clear * none) / (weight + clear))
 
 
-@compiled_parallel
 def likelihoods_of_rays(
     priors: CellPriors, firsts: Floats, nones: Floats, front_is_empty: bool
 ) -> RayEvidence:
@@ -113,7 +112,24 @@ def likelihoods_of_rays(
     """
     m, n = priors.occupied.shape
     occupied, empty, reached = np.empty((m, n)), np.empty((m, n)), np.empty((m, n))
-    for i in prange(m):
+    run_in_ranges(_likelihoods_of_rays, m, (priors, firsts, nones, front_is_empty, occupied, empty, reached))
+    return RayEvidence(occupied, empty, reached)
+
+
+@compiled
+def _likelihoods_of_rays(
+    first: int,
+    last: int,
+    priors: CellPriors,
+    firsts: Floats,
+    nones: Floats,
+    front_is_empty: bool,
+    occupied: NDArray[np.float64],
+    empty: NDArray[np.float64],
+    reached: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `likelihoods_of_rays`."""
+    for i in range(first, last):
         ray = RayEvidence(occupied[i], empty[i], reached[i])
         if front_is_empty:
             total = assume_front_empty(priors.occupied[i], firsts[i], nones[i], ray)
@@ -123,10 +139,8 @@ def likelihoods_of_rays(
         occupied[i] /= total
         empty[i] /= total
         reached[i] /= total
-    return RayEvidence(occupied, empty, reached)
 
 
-@compiled_parallel
 def expected_behind(reached: Floats, correlations: Floats, prior: float) -> Floats:
     """P(E_k | o) `(m, n)` if nothing but the chain and the one `prior` is known behind the first obstacle of a ray.
 
@@ -135,7 +149,22 @@ def expected_behind(reached: Floats, correlations: Floats, prior: float) -> Floa
     """
     m, n = reached.shape
     expected = np.empty((m, n))
-    for i in prange(m):
+    run_in_ranges(_expected_behind, m, (reached, correlations, prior, expected))
+    return expected
+
+
+@compiled
+def _expected_behind(
+    begin: int,
+    end: int,
+    reached: Floats,
+    correlations: Floats,
+    prior: float,
+    expected: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `expected_behind`."""
+    n = reached.shape[1]
+    for i in range(begin, end):
         occupied, hidden = 0.0, 0.0  # P(first < k, E_k), P(first < k)
         for k in range(n):
             r = correlations[i, k]
@@ -144,4 +173,3 @@ def expected_behind(reached: Floats, correlations: Floats, prior: float) -> Floa
             occupied += first
             hidden += first
             expected[i, k] = occupied
-    return expected

@@ -40,7 +40,9 @@ def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
     """
     rows, cols = field.shape
     out = np.zeros((levels, rows, cols), np.uint8)
-    out[0] = field
+    for r in range(rows):
+        for c in range(cols):
+            out[0, r, c] = field[r, c]
     for k in range(1, levels):
         half = 1 << (k - 1)
         for r in range(rows):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 
-@compiled_parallel
 def sum_over_stretched_points(
     field: NDArray[np.float32],
     resolution_m: float,
@@ -25,12 +24,32 @@ def sum_over_stretched_points(
     distance is converted to metres of the world by the mean scale; times `entries_per_m` it is the index into the table. The
     last entry holds for larger distances and for points outside the drawing.
     """
+    n = states.shape[0]
+    sums = np.empty(n)
+    run_in_ranges(
+        _sum_over_stretched_points, n, (field, resolution_m, table, entries_per_m, points, states, sums)
+    )
+    return sums
+
+
+@compiled
+def _sum_over_stretched_points(
+    begin: int,
+    end: int,
+    field: NDArray[np.float32],
+    resolution_m: float,
+    table: NDArray[np.float32],
+    entries_per_m: float,
+    points: NDArray[np.float64],
+    states: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `sum_over_stretched_points`."""
     rows, cols = field.shape
-    n, m = states.shape[0], points.shape[0]
+    m = points.shape[0]
     last = table.shape[0] - 1
     beyond = table[last]
-    sums = np.empty(n)
-    for i in prange(n):
+    for i in range(begin, end):
         scale_x, scale_y = np.exp(states[i, 3]), np.exp(states[i, 4])
         c, s = np.cos(states[i, 2]), np.sin(states[i, 2])
         xx, xy = c * scale_x / resolution_m, -s * scale_x / resolution_m
@@ -49,4 +68,3 @@ def sum_over_stretched_points(
             else:
                 total += beyond
         sums[i] = total
-    return sums

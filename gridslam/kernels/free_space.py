@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 
 class Profiles(NamedTuple):
@@ -96,7 +96,6 @@ def _verdict(
     return 1 if is_free else 0
 
 
-@compiled_parallel
 def testimony(
     points: NDArray[np.float64],
     first: NDArray[np.int64],
@@ -113,7 +112,42 @@ def testimony(
     free_by_others = np.zeros(len(points), np.int16)
     occupied_by_others = np.zeros(len(points), np.int16)
     free_by_own = np.zeros(len(points), np.int16)
-    for i in prange(len(poses)):
+    run_in_ranges(
+        _testimony,
+        len(poses),
+        (
+            points,
+            first,
+            poses,
+            viewpoints,
+            profiles,
+            partners,
+            limits,
+            free_by_others,
+            occupied_by_others,
+            free_by_own,
+        ),
+    )
+    return Testimony(free_by_others, occupied_by_others, free_by_own)
+
+
+@compiled
+def _testimony(
+    begin: int,
+    end: int,
+    points: NDArray[np.float64],
+    first: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    viewpoints: NDArray[np.float64],
+    profiles: Profiles,
+    partners: Partners,
+    limits: Tolerances,
+    free_by_others: NDArray[np.int16],
+    occupied_by_others: NDArray[np.int16],
+    free_by_own: NDArray[np.int16],
+) -> None:
+    """Fill in the items begin to end - 1 of `testimony`."""
+    for i in range(begin, end):
         c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
         for p in range(partners.first[i], partners.first[i + 1]):
             j = partners.scan[p]
@@ -129,10 +163,8 @@ def testimony(
                     occupied_by_others[k] += said == -1
                 else:
                     free_by_own[k] += said == 1
-    return Testimony(free_by_others, occupied_by_others, free_by_own)
 
 
-@compiled_parallel
 def testimony_of_shifts(
     points: NDArray[np.float64],
     shifts: NDArray[np.float64],
@@ -146,7 +178,29 @@ def testimony_of_shifts(
     The scans' poses `(n, 3)`, viewpoints `(n, 2)` and profiles have the same order; the shifts `(k, 2)` are in the map's axes.
     """
     free, occupied = np.zeros(len(shifts), np.int64), np.zeros(len(shifts), np.int64)
-    for k in prange(len(shifts)):
+    run_in_ranges(
+        _testimony_of_shifts,
+        len(shifts),
+        (points, shifts, poses, viewpoints, profiles, limits, free, occupied),
+    )
+    return free, occupied
+
+
+@compiled
+def _testimony_of_shifts(
+    first: int,
+    last: int,
+    points: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    viewpoints: NDArray[np.float64],
+    profiles: Profiles,
+    limits: Tolerances,
+    free: NDArray[np.int64],
+    occupied: NDArray[np.int64],
+) -> None:
+    """Fill in the items first to last - 1 of `testimony_of_shifts`."""
+    for k in range(first, last):
         for j in range(len(poses)):
             c, s = np.cos(poses[j, 2]), np.sin(poses[j, 2])
             for i in range(len(points)):
@@ -156,4 +210,3 @@ def testimony_of_shifts(
                 said = _verdict(profiles.nearest[j], profiles.farthest[j], own_x, own_y, limits)
                 free[k] += said == 1
                 occupied[k] += said == -1
-    return free, occupied

@@ -10,11 +10,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.raycast import Ray, cast
+from gridslam.kernels.threads import run_in_ranges
 
 
 class VisibilityMap(NamedTuple):
@@ -38,7 +38,6 @@ class BeamCells(NamedTuple):
     endpoints: NDArray[np.float64]
 
 
-@compiled_parallel
 def sum_over_points(
     field: NDArray[np.uint8],
     table: NDArray[np.float32],
@@ -46,11 +45,27 @@ def sum_over_points(
     poses: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Sums `(n,)` of table[field] under the points `(m, 2)`, in the robot's frame, for poses `(n, 3)` (x, y in cells, yaw)."""
-    rows, cols = field.shape
-    n, m = poses.shape[0], points.shape[0]
+    n = poses.shape[0]
     sums = np.empty(n)
+    run_in_ranges(_sum_over_points, n, (field, table, points, poses, sums))
+    return sums
+
+
+@compiled
+def _sum_over_points(
+    first: int,
+    last: int,
+    field: NDArray[np.uint8],
+    table: NDArray[np.float32],
+    points: NDArray[np.float32],
+    poses: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `sum_over_points`."""
+    rows, cols = field.shape
+    m = points.shape[0]
     beyond = table[255]
-    for i in prange(n):
+    for i in range(first, last):
         c, s = np.float32(np.cos(poses[i, 2])), np.float32(np.sin(poses[i, 2]))
         # One cell is added before truncation, which then equals the floor for all points inside.
         x, y = np.float32(poses[i, 0] + 1.0), np.float32(poses[i, 1] + 1.0)
@@ -64,10 +79,8 @@ def sum_over_points(
             else:
                 total += beyond
         sums[i] = total
-    return sums
 
 
-@compiled_parallel
 def sum_over_offsets(
     scores: NDArray[np.uint8], starts: NDArray[np.int32], offsets: NDArray[np.int32]
 ) -> NDArray[np.int32]:
@@ -75,17 +88,32 @@ def sum_over_offsets(
 
     `scores` is padded so that every index lies inside; `offsets` `(h, m)` are the scan's points, rotated and flattened.
     """
-    headings, m = offsets.shape
+    headings = offsets.shape[0]
     n = starts.shape[0]
     sums = np.zeros((headings, n), np.int32)
-    for h in prange(headings):
+    run_in_ranges(_sum_over_offsets, headings, (scores, starts, offsets, sums))
+    return sums
+
+
+@compiled
+def _sum_over_offsets(
+    first: int,
+    last: int,
+    scores: NDArray[np.uint8],
+    starts: NDArray[np.int32],
+    offsets: NDArray[np.int32],
+    sums: NDArray[np.int32],
+) -> None:
+    """Fill in the items first to last - 1 of `sum_over_offsets`."""
+    m = offsets.shape[1]
+    n = starts.shape[0]
+    for h in range(first, last):
         for i in range(n):
             start = starts[i]
             total = np.int32(0)
             for k in range(m):
                 total += scores[start + offsets[h, k]]
             sums[h, i] = total
-    return sums
 
 
 @compiled
@@ -101,7 +129,6 @@ def _is_blocked(walls: VisibilityMap, line: Ray, aside: float) -> bool:
     return bool(cast(walls.squares, Ray(x, y, dx / moved, dy / moved), free) < free)
 
 
-@compiled_parallel
 def sum_over_beams(
     walls: VisibilityMap, table: NDArray[np.float32], beams: BeamCells, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -110,11 +137,27 @@ def sum_over_beams(
     A beam is blocked if a wall lies farther than the tolerance before its endpoint, and also when the endpoint is moved aside by
     the slack to either side: a beam along a wall may graze it.
     """
+    n = poses.shape[0]
+    sums = np.empty(n)
+    run_in_ranges(_sum_over_beams, n, (walls, table, beams, poses, sums))
+    return sums
+
+
+@compiled
+def _sum_over_beams(
+    first: int,
+    last: int,
+    walls: VisibilityMap,
+    table: NDArray[np.float32],
+    beams: BeamCells,
+    poses: NDArray[np.float64],
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `sum_over_beams`."""
     field, origins, endpoints = walls.field, beams.origins, beams.endpoints
     rows, cols = field.shape
-    n, m = poses.shape[0], endpoints.shape[0]
-    sums = np.empty(n)
-    for i in prange(n):
+    m = endpoints.shape[0]
+    for i in range(first, last):
         c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
         total = 0.0
         for k in range(m):
@@ -136,4 +179,3 @@ def sum_over_beams(
                     value = table[255]
             total += value
         sums[i] = total
-    return sums

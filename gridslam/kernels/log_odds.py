@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.grid_traversal import advance, start_traversal, steps_to
+from gridslam.kernels.threads import run_in_ranges
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK, ScanSet, TileMap, TileMaps, map_of
 
 
@@ -79,12 +79,24 @@ def insert_beams_of_scans(
         insert_beams(tile_map, poses[i], BeamBundle(viewpoint, own), update)
 
 
-@compiled_parallel
 def insert_beams_all(
     maps: TileMaps, poses: NDArray[np.float64], beams: BeamBundle, update: LogOddsUpdate
 ) -> None:
     """`insert_beams` for every particle, at its pose `(n, 3)`, into its own map."""
-    for k in prange(poses.shape[0]):
+    run_in_ranges(_insert_beams_all, poses.shape[0], (maps, poses, beams, update))
+
+
+@compiled
+def _insert_beams_all(
+    first: int,
+    last: int,
+    maps: TileMaps,
+    poses: NDArray[np.float64],
+    beams: BeamBundle,
+    update: LogOddsUpdate,
+) -> None:
+    """Fill in the items first to last - 1 of `insert_beams_all`."""
+    for k in range(first, last):
         insert_beams(map_of(maps, k), poses[k], beams, update)
 
 

@@ -14,16 +14,38 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 
 IMPORT_OF_KERNELS = re.compile(r"^from gridslam\.kernels\.([\w.]+) import ", re.MULTILINE)
 
 
 _Cache: Any = FunctionCache  # numba's classes have no types
+_Files: Any = CompileResultCacheImpl
+_Locator: Any = InTreeCacheLocator
+
+
+class ContentLocator(_Locator):  # type: ignore[misc]
+    """Files of one function, found by what its sources hold: a copy of the folder is valid at any other path and time."""
+
+    def __init__(self, function: Callable[..., Any], module: str) -> None:
+        super().__init__(function, module)
+        self._cache_path = str(cache_directory(Path(module)))
+
+    def get_source_stamp(self) -> str:
+        """The same for all files: the name of their folder tells the state of the sources."""
+        return "content"
+
+
+class ContentFiles(_Files):  # type: ignore[misc]
+    """The files of one function where `ContentLocator` finds them, or below NUMBA_CACHE_DIR."""
+
+    _locator_classes = (*_Files._locator_classes[:1], ContentLocator)
 
 
 class MachineCodeCache(_Cache):  # type: ignore[misc]
     """Numba's cache of one function; damage in its files means that the function is compiled again."""
+
+    _impl_class = ContentFiles
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code kept for a signature; None where there is none, or where its files are damaged."""

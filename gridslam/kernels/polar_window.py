@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from gridslam.kernels.chain import CellPriors
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 Floats = NDArray[np.float64]
 
@@ -55,17 +55,33 @@ def nearest_ray(bearings: Floats, angle: float, max_offset: float) -> int:
     return nearest
 
 
-@compiled_parallel
 def priors_of_rays(log_odds: Floats, rays: GridRays, prior_log_odds: float, correlation: float) -> CellPriors:
     """P(E) of the cells along rays, and the correlation of each with the one before it, `(m, count)`.
 
     `log_odds` `(rows, cols)` are relative to `prior_log_odds`. `correlation` is that of cells one cell apart; a diagonal step is
     longer (eq. 8), and a cell that is met again correlates by 1.
     """
-    m, count, origin = rays.angles.shape[0], rays.cells, rays.origin
+    m, count = rays.angles.shape[0], rays.cells
     priors, correlations = np.empty((m, count)), np.empty((m, count))
+    run_in_ranges(_priors_of_rays, m, (log_odds, rays, prior_log_odds, correlation, priors, correlations))
+    return CellPriors(priors, correlations)
+
+
+@compiled
+def _priors_of_rays(
+    begin: int,
+    end: int,
+    log_odds: Floats,
+    rays: GridRays,
+    prior_log_odds: float,
+    correlation: float,
+    priors: NDArray[np.float64],
+    correlations: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `priors_of_rays`."""
+    count, origin = rays.cells, rays.origin
     diagonal = correlation ** np.sqrt(2.0)
-    for i in prange(m):
+    for i in range(begin, end):
         dx, dy = np.cos(rays.angles[i]), np.sin(rays.angles[i])
         last_row, last_col = 0, 0
         for k in range(count):
@@ -75,16 +91,30 @@ def priors_of_rays(log_odds: Floats, rays: GridRays, prior_log_odds: float, corr
             steps = abs(row - last_row) + abs(col - last_col)
             correlations[i, k] = 1.0 if steps == 0 else correlation if steps == 1 else diagonal
             last_row, last_col = row, col
-    return CellPriors(priors, correlations)
 
 
-@compiled_parallel
 def averaged_over_yaw(window: PolarWindow, yaw_offsets: Floats, weights: Floats, angles: Floats) -> Floats:
     """Values `(c, a, n)` at the `angles` `(a,)`: the mean over all rays rotated by `yaw_offsets` `(k,)` with `weights` `(k,)`."""
+    channels, _, n = window.values.shape
+    mean = np.empty((channels, angles.shape[0], n))
+    run_in_ranges(_averaged_over_yaw, angles.shape[0], (window, yaw_offsets, weights, angles, mean))
+    return mean
+
+
+@compiled
+def _averaged_over_yaw(
+    first: int,
+    last: int,
+    window: PolarWindow,
+    yaw_offsets: Floats,
+    weights: Floats,
+    angles: Floats,
+    mean: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `averaged_over_yaw`."""
     polar, default = window.values, window.default
     channels, _, n = polar.shape
-    mean = np.empty((channels, angles.shape[0], n))
-    for a in prange(angles.shape[0]):
+    for a in range(first, last):
         for c in range(channels):
             mean[c, a, :] = default[c]
         for t in range(yaw_offsets.shape[0]):
@@ -93,23 +123,38 @@ def averaged_over_yaw(window: PolarWindow, yaw_offsets: Floats, weights: Floats,
                 for c in range(channels):
                     for k in range(n):
                         mean[c, a, k] += weights[t] * (polar[c, i, k] - default[c])
-    return mean
 
 
-@compiled_parallel
 def window_of_rays(window: PolarWindow, first: float, corner: Floats, rows: int, cols: int) -> Floats:
     """Values `(c, rows, cols)` of the cells around the origin of rays.
 
     In cells: `first` is the range at which the rays' cells start, `corner` `(2,)` is x, y of the first cell's centre relative to
     the origin.
     """
+    channels = window.values.shape[0]
+    cells = np.empty((channels, rows, cols))
+    run_in_ranges(_window_of_rays, rows, (window, first, corner, rows, cols, cells))
+    return cells
+
+
+@compiled
+def _window_of_rays(
+    begin: int,
+    end: int,
+    window: PolarWindow,
+    first: float,
+    corner: Floats,
+    rows: int,
+    cols: int,
+    cells: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `window_of_rays`."""
     polar, bearings = window.values, window.bearings
     channels, _, n = polar.shape
-    cells = np.empty((channels, rows, cols))
     middle = 0.5 * (bearings[0] + bearings[-1])
     half_view = 0.5 * (bearings[-1] - bearings[0]) + window.max_offset_rad
     ahead_x, ahead_y, min_cosine = np.cos(middle), np.sin(middle), np.cos(min(half_view, np.pi))
-    for row in prange(rows):
+    for row in range(begin, end):
         for col in range(cols):
             for c in range(channels):
                 cells[c, row, col] = window.default[c]
@@ -124,4 +169,3 @@ def window_of_rays(window: PolarWindow, first: float, corner: Floats, rows: int,
             if i >= 0:
                 for c in range(channels):
                     cells[c, row, col] = polar[c, i, k]
-    return cells

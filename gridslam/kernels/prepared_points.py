@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.scan_points import (
     RangeLimits,
     Sweep,
@@ -54,8 +55,8 @@ def prepare_points(
     points = np.empty((kept.shape[0], 2))
     normals = np.empty((kept.shape[0], 2))
     for i in range(kept.shape[0]):
-        points[i] = returns[kept[i]]
-        normals[i] = all_normals[kept[i]]
+        copy_row(points, i, returns[kept[i]])
+        copy_row(normals, i, all_normals[kept[i]])
     chords = surface_chords(points, normals, density.max_chord_m)
     surface, filled_normals = fill_chords(points, normals, chords, density.chord_spacing_m)
     return PreparedPoints(returns, points, normals, surface, filled_normals)

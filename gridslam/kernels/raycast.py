@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 _NEVER = 1e300
@@ -99,18 +99,32 @@ def cast(squares: NDArray[np.uint8], ray: Ray, max_range: float) -> float:
             return max_range
 
 
-@compiled_parallel
 def cast_rays(
     squares: NDArray[np.uint8], poses: NDArray[np.float64], bearings: NDArray[np.float64], max_range: float
 ) -> NDArray[np.float32]:
     """Ranges (cells) `(n, b)` from poses `(n, 3)` (x, y in cells, yaw) along bearings `(b,)` relative to the yaw."""
     n, b = poses.shape[0], bearings.shape[0]
     ranges = np.empty((n, b), np.float32)
+    run_in_ranges(_cast_rays, n, (squares, poses, bearings, max_range, ranges))
+    return ranges
+
+
+@compiled
+def _cast_rays(
+    first: int,
+    last: int,
+    squares: NDArray[np.uint8],
+    poses: NDArray[np.float64],
+    bearings: NDArray[np.float64],
+    max_range: float,
+    ranges: NDArray[np.float32],
+) -> None:
+    """Fill in the items first to last - 1 of `cast_rays`."""
+    b = bearings.shape[0]
     cos_b, sin_b = np.cos(bearings), np.sin(bearings)
-    for i in prange(n):
+    for i in range(first, last):
         c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
             ranges[i, k] = cast(squares, Ray(poses[i, 0], poses[i, 1], dx, dy), max_range)
-    return ranges

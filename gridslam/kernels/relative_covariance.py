@@ -8,10 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
+from gridslam.kernels.threads import run_in_ranges
 
 XX, XY, YY, XT, YT, TT = range(6)
 
@@ -145,17 +146,30 @@ def covariances_from(
     return out, done
 
 
-@compiled_parallel
 def covariances_between(
     sources: NDArray[np.int64], targets: NDArray[np.int64], poses: NDArray[np.float64], edges: DirectedEdges
 ) -> NDArray[np.float64]:
     """Covariances `(s, t, 6)` of the targets' poses given each source's."""
     out = np.empty((sources.shape[0], targets.shape[0], 6))
-    for k in prange(sources.shape[0]):
+    run_in_ranges(_covariances_between, sources.shape[0], (sources, targets, poses, edges, out))
+    return out
+
+
+@compiled
+def _covariances_between(
+    first: int,
+    last: int,
+    sources: NDArray[np.int64],
+    targets: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    edges: DirectedEdges,
+    out: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `covariances_between`."""
+    for k in range(first, last):
         found = covariances_from(sources[k], poses, edges, np.inf)[0]
         for j in range(targets.shape[0]):
-            out[k, j] = found[targets[j]]
-    return out
+            copy_row(out[k], j, found[targets[j]])
 
 
 @compiled
@@ -198,11 +212,10 @@ def _candidates_of(
         if m < best_m or (m == best_m and distance < best_d):
             best_m, best_d = m, distance
             nodes[count - 1] = a
-            covariances[count - 1] = found[a]
+            copy_row(covariances, count - 1, found[a])
     return count
 
 
-@compiled_parallel
 def loop_candidates(
     poses: NDArray[np.float64],
     travel_m: NDArray[np.float64],
@@ -218,6 +231,25 @@ def loop_candidates(
     counts = np.zeros(n, np.int64)
     nodes = np.zeros((n, max_passages), np.int64)
     covariances = np.zeros((n, max_passages, 6))
-    for b in prange(n):
-        counts[b] = _candidates_of(b, poses, travel_m, edges, limits, nodes[b], covariances[b])
+    run_in_ranges(
+        _loop_candidates, n, (poses, travel_m, edges, limits, max_passages, counts, nodes, covariances)
+    )
     return counts, nodes, covariances
+
+
+@compiled
+def _loop_candidates(
+    first: int,
+    last: int,
+    poses: NDArray[np.float64],
+    travel_m: NDArray[np.float64],
+    edges: DirectedEdges,
+    limits: CandidateLimits,
+    max_passages: int,
+    counts: NDArray[np.int64],
+    nodes: NDArray[np.int64],
+    covariances: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `loop_candidates`."""
+    for b in range(first, last):
+        counts[b] = _candidates_of(b, poses, travel_m, edges, limits, nodes[b], covariances[b])

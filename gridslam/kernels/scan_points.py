@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 
 MAX_MISSING_BEAMS = 12  # a surface ends at a wider hole
 MIN_RADIUS_M = 0.2
@@ -203,15 +204,16 @@ def fill_chords(
     filled_normals = np.empty((total, 2))
     k = 0
     for i in range(m):
-        filled[k] = points[i]
-        filled_normals[k] = normals[i]
+        copy_row(filled, k, points[i])
+        copy_row(filled_normals, k, normals[i])
         k += 1
         if not chords[i]:
             continue
         extra = int(_distance(points, i, i + 1) / spacing_m)
         for j in range(extra):
             t = (j + 1) / (extra + 1)
-            filled[k] = (1.0 - t) * points[i] + t * points[i + 1]
+            filled[k, 0] = (1.0 - t) * points[i, 0] + t * points[i + 1, 0]
+            filled[k, 1] = (1.0 - t) * points[i, 1] + t * points[i + 1, 1]
             nx = (1.0 - t) * normals[i, 0] + t * normals[i + 1, 0]
             ny = (1.0 - t) * normals[i, 1] + t * normals[i + 1, 1]
             scale = 1.0 / np.sqrt(nx * nx + ny * ny)

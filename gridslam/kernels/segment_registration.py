@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.segment_clouds import SegmentClouds, submap_points, surfel_map, weak_prior
 from gridslam.kernels.surfel_registration import Registration, register
 from gridslam.kernels.surfels import OrientedPoints
+from gridslam.kernels.threads import run_in_ranges
 
 
 class SegmentPairs(NamedTuple):
@@ -34,7 +35,6 @@ class SubmapMembers(NamedTuple):
     first_pair: NDArray[np.int64]
 
 
-@compiled_parallel
 def register_segments(
     clouds: SegmentClouds,
     submaps: SubmapMembers,
@@ -49,7 +49,30 @@ def register_segments(
     """
     n = pairs.starts.shape[0]
     poses, information, ratio = pairs.starts.copy(), np.zeros((n, 3, 3)), np.zeros(n)
-    for k in prange(submaps.first.shape[0]):
+    run_in_ranges(
+        _register_segments,
+        submaps.first.shape[0],
+        (clouds, submaps, pairs, max_points, surfel_cell_m, registration, poses, information, ratio),
+    )
+    return poses, information, ratio
+
+
+@compiled
+def _register_segments(
+    begin: int,
+    end: int,
+    clouds: SegmentClouds,
+    submaps: SubmapMembers,
+    pairs: SegmentPairs,
+    max_points: int,
+    surfel_cell_m: float,
+    registration: Registration,
+    poses: NDArray[np.float64],
+    information: NDArray[np.float64],
+    ratio: NDArray[np.float64],
+) -> None:
+    """Fill in the items begin to end - 1 of `register_segments`."""
+    for k in range(begin, end):
         if submaps.first_pair[k] == submaps.first_pair[k + 1]:
             continue
         at = submaps.poses[submaps.row[k] : submaps.row[k + 1]]
@@ -66,6 +89,7 @@ def register_segments(
             )
             start = pairs.starts[p]
             pose, found, used = register(surfels, scan, start, weak_prior(start), registration)
-            poses[p], information[p] = pose, step * found
+            copy_row(poses, p, pose)
+            for row in range(3):
+                copy_row(information[p], row, step * found[row])
             ratio[p] = used / max(scan.points.shape[0], 1)
-    return poses, information, ratio

@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.grid_traversal import Traversal, advance
+from gridslam.kernels.threads import run_in_ranges
 
 _PARALLEL = 1e-14
 _NEVER = 1e300
@@ -163,7 +163,6 @@ def _cast_static(
     return best, index
 
 
-@compiled_parallel
 def cast_segments(
     segments: NDArray[np.float64],
     starts: NDArray[np.int32],
@@ -179,9 +178,35 @@ def cast_segments(
     Returns the distances `(m,)` (`max_range` if nothing is hit), the index of the shape that is hit `(m,)` (static segments,
     then moving segments `(k, 4)`, then circles `(c, 3)`; -1 for none), and the cosine of the angle of incidence `(m,)`.
     """
-    m, n, k = rays.shape[0], segments.shape[0], moving.shape[0]
+    m = rays.shape[0]
     ranges, hits, cosines = np.empty(m), np.empty(m, np.int32), np.ones(m)
-    for i in prange(m):
+    run_in_ranges(
+        _cast_segments,
+        m,
+        (segments, starts, items, grid, moving, circles, rays, max_range, ranges, hits, cosines),
+    )
+    return ranges, hits, cosines
+
+
+@compiled
+def _cast_segments(
+    first: int,
+    last: int,
+    segments: NDArray[np.float64],
+    starts: NDArray[np.int32],
+    items: NDArray[np.int32],
+    grid: BucketGrid,
+    moving: NDArray[np.float64],
+    circles: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    max_range: float,
+    ranges: NDArray[np.float64],
+    hits: NDArray[np.int32],
+    cosines: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `cast_segments`."""
+    n, k = segments.shape[0], moving.shape[0]
+    for i in range(first, last):
         ox, oy, dx, dy = rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3]
         best, index = _cast_static(segments, starts, items, grid, (ox, oy, dx, dy), max_range)
         for j in range(k):
@@ -201,4 +226,3 @@ def cast_segments(
             s = segments[index] if index < n else moving[index - n]
             ex, ey = s[2] - s[0], s[3] - s[1]
             cosines[i] = abs(dx * ey - dy * ex) / max(np.hypot(ex, ey), 1e-12)
-    return ranges, hits, cosines

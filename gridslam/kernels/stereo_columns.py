@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 
 UNKNOWN, NONE, MATCHED = 0, 1, 2
 STEPS_PER_PX = 2
@@ -51,7 +51,6 @@ class Histogram(NamedTuple):
     sums: NDArray[np.float64]
 
 
-@compiled_parallel
 def measure_columns(
     disparity: NDArray[np.float32], band: HeightBand, criteria: BinCriteria
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
@@ -60,12 +59,27 @@ def measure_columns(
     `disparity` `(rows, cols)` in pixels, NaN or not positive without a match. Pixels in the height band are collected in steps
     of half a pixel. A disparity counts if it fills enough pixels; of these the largest (nearest) or the most frequent is taken.
     """
-    rows, cols = disparity.shape
-    bin_px, max_px = criteria.bin_px, criteria.max_px
-    m = cols // bin_px
-    steps = int(max_px * STEPS_PER_PX) + 1
+    m = disparity.shape[1] // criteria.bin_px
     found, status = np.full(m, np.nan), np.zeros(m, np.uint8)
-    for b in prange(m):
+    run_in_ranges(_measure_columns, m, (disparity, band, criteria, found, status))
+    return found, status
+
+
+@compiled
+def _measure_columns(
+    begin: int,
+    end: int,
+    disparity: NDArray[np.float32],
+    band: HeightBand,
+    criteria: BinCriteria,
+    found: NDArray[np.float64],
+    status: NDArray[np.uint8],
+) -> None:
+    """Fill in the items begin to end - 1 of `measure_columns`."""
+    rows = disparity.shape[0]
+    bin_px, max_px = criteria.bin_px, criteria.max_px
+    steps = int(max_px * STEPS_PER_PX) + 1
+    for b in range(begin, end):
         first, last = b * bin_px, (b + 1) * bin_px
         histogram = Histogram(np.zeros(steps), np.zeros(steps))
         counts, sums = histogram
@@ -87,7 +101,6 @@ def measure_columns(
                 max_frequent = count
                 found[b] = sums[low:high].sum() / count
                 status[b] = MATCHED
-    return found, status
 
 
 @compiled

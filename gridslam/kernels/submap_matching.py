@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.seen_space import (
     SeenSpace,
     explained_and_contradicted,
@@ -27,6 +27,7 @@ from gridslam.kernels.segment_clouds import (
     weak_prior,
 )
 from gridslam.kernels.surfel_registration import Registration, register
+from gridslam.kernels.threads import run_in_ranges
 from gridslam.kernels.window_search import (
     LEVELS,
     LikelihoodField,
@@ -138,12 +139,13 @@ def _match(
     explained, contradicted = explained_and_contradicted(
         surfels, seen, query, pose, registration.final_correspondence_m
     )
-    out.poses[k], out.information[k] = pose, information
+    copy_row(out.poses, k, pose)
+    for row in range(3):
+        copy_row(out.information[k], row, information[row])
     out.scores[k], out.rival_scores[k] = peaks.score, peaks.rival_score
     out.explained[k], out.contradicted[k] = explained, contradicted
 
 
-@compiled_parallel
 def match_submaps(
     clouds: SegmentClouds,
     pairs: SubmapPairs,
@@ -156,6 +158,21 @@ def match_submaps(
     out = SubmapMatches(
         pairs.starts.copy(), np.full(n, -1.0), np.full(n, -1.0), np.zeros((n, 3, 3)), np.zeros(n), np.zeros(n)
     )
-    for k in prange(n):
-        _match(clouds, pairs, k, drawing, search, registration, out)
+    run_in_ranges(_match_submaps, n, (clouds, pairs, drawing, search, registration, out))
     return out
+
+
+@compiled
+def _match_submaps(
+    first: int,
+    last: int,
+    clouds: SegmentClouds,
+    pairs: SubmapPairs,
+    drawing: SubmapDrawing,
+    search: WindowSearch,
+    registration: Registration,
+    out: SubmapMatches,
+) -> None:
+    """Fill in the items first to last - 1 of `match_submaps`."""
+    for k in range(first, last):
+        _match(clouds, pairs, k, drawing, search, registration, out)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
 from gridslam.kernels.surfels import NX, NY, OrientedPoints, X, Y, nearest_surfel
+from gridslam.kernels.threads import run_in_ranges
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK, TileMap, TileMaps, map_of
 
 SURELY_OCCUPIED = 1.5  # log-odds above which no beam should have passed a cell
@@ -93,7 +93,6 @@ def log_likelihood(
     return total
 
 
-@compiled_parallel
 def log_likelihood_all(
     surfaces: TileMaps,
     cells: TileMaps,
@@ -105,6 +104,22 @@ def log_likelihood_all(
     """`log_likelihood` `(n,)` for every particle, at its pose `(n, 3)` in its own map."""
     n = poses.shape[0]
     out = np.empty(n)
-    for k in prange(n):
-        out[k] = log_likelihood(map_of(surfaces, k), map_of(cells, k), viewpoint, scan, poses[k], model)
+    run_in_ranges(_log_likelihood_all, n, (surfaces, cells, viewpoint, scan, poses, model, out))
     return out
+
+
+@compiled
+def _log_likelihood_all(
+    first: int,
+    last: int,
+    surfaces: TileMaps,
+    cells: TileMaps,
+    viewpoint: NDArray[np.float64],
+    scan: OrientedPoints,
+    poses: NDArray[np.float64],
+    model: EndpointModel,
+    out: NDArray[np.float64],
+) -> None:
+    """Fill in the items first to last - 1 of `log_likelihood_all`."""
+    for k in range(first, last):
+        out[k] = log_likelihood(map_of(surfaces, k), map_of(cells, k), viewpoint, scan, poses[k], model)

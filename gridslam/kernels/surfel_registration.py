@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.surfels import NX, NY, OrientedPoints, X, Y, nearest_surfel
+from gridslam.kernels.threads import run_in_ranges
 from gridslam.kernels.tiles import TileMap, TileMaps, map_of
 
 CONVERGED_M = 1e-4
@@ -100,6 +101,20 @@ def _normal_equations(
 
 
 @compiled
+def solve_symmetric(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The solution (3,) of a positive definite system `(3, 3)`, by its factors L D L'."""
+    d0 = matrix[0, 0]
+    l10, l20 = matrix[1, 0] / d0, matrix[2, 0] / d0
+    d1 = matrix[1, 1] - l10 * l10 * d0
+    l21 = (matrix[2, 1] - l20 * l10 * d0) / d1
+    d2 = matrix[2, 2] - l20 * l20 * d0 - l21 * l21 * d1
+    y1 = right[1] - l10 * right[0]
+    z = (right[2] - l20 * right[0] - l21 * y1) / d2
+    y = y1 / d1 - l21 * z
+    return np.array([right[0] / d0 - l10 * y - l20 * z, y, z])
+
+
+@compiled
 def register(
     surfaces: TileMap,
     scan: OrientedPoints,
@@ -125,7 +140,7 @@ def register(
         offset = pose - prior.pose
         offset[2] -= 2.0 * np.pi * np.round(offset[2] / (2.0 * np.pi))
         gradient = scan_gradient + prior.information @ offset
-        step = np.linalg.solve(scan_information + prior.information, -gradient)
+        step = solve_symmetric(scan_information + prior.information, -gradient)
         pose += step
         if used < settings.min_correspondences:
             break
@@ -171,7 +186,6 @@ def search_yaw(
     return np.array([predicted[0], predicted[1], best_yaw])
 
 
-@compiled_parallel
 def register_all(
     maps: TileMaps,
     scan: OrientedPoints,
@@ -187,10 +201,28 @@ def register_all(
     poses = np.empty((n, 3))
     information = np.empty((n, 3, 3))
     used = np.empty(n, np.int64)
-    for k in prange(n):
+    run_in_ranges(_register_all, n, (maps, scan, starts, priors, settings, poses, information, used))
+    return poses, information, used
+
+
+@compiled
+def _register_all(
+    first: int,
+    last: int,
+    maps: TileMaps,
+    scan: OrientedPoints,
+    starts: NDArray[np.float64],
+    priors: PosePriors,
+    settings: Registration,
+    poses: NDArray[np.float64],
+    information: NDArray[np.float64],
+    used: NDArray[np.int64],
+) -> None:
+    """Fill in the items first to last - 1 of `register_all`."""
+    for k in range(first, last):
         prior = PosePrior(priors.poses[k], priors.information[k])
         pose, info, count = register(map_of(maps, k), scan, starts[k], prior, settings)
-        poses[k] = pose
-        information[k] = info
+        copy_row(poses, k, pose)
+        for row in range(3):
+            copy_row(information[k], row, info[row])
         used[k] = count
-    return poses, information, used

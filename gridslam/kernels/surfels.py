@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from gridslam.kernels.compiled import compiled, compiled_parallel
+from gridslam.kernels.compiled import compiled
+from gridslam.kernels.threads import run_in_ranges
 from gridslam.kernels.tiles import TILE_BITS, TILE_MASK, ScanSet, TileMap, TileMaps, map_of
 
 CHANNELS = 5
@@ -75,10 +75,21 @@ def insert_surfels_of_scans(tile_map: TileMap, poses: NDArray[np.float64], scans
         insert_surfels(tile_map, poses[i], OrientedPoints(scans.points[lo:hi], scans.normals[lo:hi]))
 
 
-@compiled_parallel
 def insert_surfels_all(maps: TileMaps, poses: NDArray[np.float64], scan: OrientedPoints) -> None:
     """`insert_surfels` for every particle, at its pose `(n, 3)`, into its own map."""
-    for k in prange(poses.shape[0]):
+    run_in_ranges(_insert_surfels_all, poses.shape[0], (maps, poses, scan))
+
+
+@compiled
+def _insert_surfels_all(
+    first: int,
+    last: int,
+    maps: TileMaps,
+    poses: NDArray[np.float64],
+    scan: OrientedPoints,
+) -> None:
+    """Fill in the items first to last - 1 of `insert_surfels_all`."""
+    for k in range(first, last):
         insert_surfels(map_of(maps, k), poses[k], scan)
 
 

@@ -177,6 +177,14 @@ def bounds_of(poses: NDArray[np.float64], radius_m: float) -> tuple[float, float
 
 
 @compiled
+def _copy_tile(tiles: NDArray[np.float32], target: int, source: int) -> None:
+    for row in range(tiles.shape[1]):
+        for col in range(tiles.shape[2]):
+            for channel in range(tiles.shape[3]):
+                tiles[target, row, col, channel] = tiles[source, row, col, channel]
+
+
+@compiled
 def own_tiles(wanted: NDArray[np.bool_], directory: NDArray[np.int32], pool: TilePool, n_free: int) -> int:
     """Give one map's `directory` (rows, cols) a tile of its own wherever `wanted`; returns the number of free tiles left.
 
@@ -193,7 +201,7 @@ def own_tiles(wanted: NDArray[np.bool_], directory: NDArray[np.int32], pool: Til
             n_free -= 1
             new = pool.free[n_free]
             if tile >= 0:
-                pool.tiles[new] = pool.tiles[tile]
+                _copy_tile(pool.tiles, new, tile)
                 pool.refcount[tile] -= 1
             else:
                 pool.tiles[new] = 0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_square
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def advance(
         distance = np.hypot(forward, lateral)
         x[:4] = state
         x[4] = yaw
-        P[:4, :4] = covariance
+        copy_square(P, covariance, 4)
         P[4, :] = 0.0
         P[:, 4] = 0.0
         P[3, 3] += variances.bias_per_s * seconds
@@ -84,7 +85,7 @@ def advance(
         F[0, 2], F[0, 4] = -step_y, -0.5 * step_y
         F[1, 2], F[1, 4] = step_x, 0.5 * step_x
         F[2, 4] = 1.0
-        P[:, :] = F @ P @ F.T
+        P = F @ P @ F.T
         along = variances.forward_per_m * distance + variances.lost_position * lost
         across = variances.lateral_per_m * distance + variances.lost_position * lost
         P[0, 0] += c * c * along + s * s * across
@@ -93,7 +94,7 @@ def advance(
         P[1, 0] += c * s * (along - across)
         state[0], state[1] = x[0] + step_x, x[1] + step_y
         state[2], state[3] = x[2] + x[4], x[3]
-        covariance[:, :] = P[:4, :4]
+        copy_square(covariance, P, 4)
         poses[k, 0], poses[k, 1], poses[k, 2] = state[0], state[1], state[2]
 
 

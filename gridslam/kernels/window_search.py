@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.correlative_matching import field_pyramid
 
 LEVELS = 5
@@ -160,7 +161,7 @@ def _highest(
                     continue
                 j = depth
                 while j > base and stack[j - 1, 3] > score:
-                    stack[j] = stack[j - 1]
+                    copy_row(stack, j, stack[j - 1])
                     j -= 1
                 stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
                 depth += 1

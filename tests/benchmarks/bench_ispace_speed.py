@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 
 import cv2
-import numba
 import numpy as np
 
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.particles import Particles
 from gridslam.filters.resampling import AdaptiveSize, resample
+from gridslam.kernels.threads import on_threads
 from gridslam.maps.map_server import load_map
 from gridslam.methods.ispace_mcl.config import LidarWeightName
 from gridslam.methods.ispace_mcl.environment import (
@@ -42,8 +42,8 @@ WEIGHTS: tuple[LidarWeightName, ...] = ("likelihood-field", "beam", "range-diffe
 def rows() -> Iterator[Row]:
     """The steps of a round, and frames a second of subtraction and projection."""
     cv2.setNumThreads(1)
-    numba.set_num_threads(1)
-    yield from round_rows()
+    with on_threads(1):
+        yield from round_rows()
     yield Row("ispace.camera.frames", 1e3 / frame_ms(), "/s")
 
 

@@ -13,8 +13,9 @@ from gridslam.core.threads import VARIABLES, threads_each
 COUNT = """
 from gridslam.core.threads import limit_threads
 limit_threads(1)
-import cv2, numba
-print(cv2.getNumThreads(), numba.get_num_threads())
+import cv2
+from gridslam.kernels import threads
+print(cv2.getNumThreads(), threads._count)
 """
 
 

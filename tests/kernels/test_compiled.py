@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -51,8 +52,20 @@ def test_the_folder_lies_beside_the_sources_where_that_can_be_written(tmp_path: 
 
 
 def test_kernels_are_kept_in_the_folder_of_their_module() -> None:
-    folder = Path(raycast.cast._cache.cache_path)
-    assert cache_directory(Path(raycast.__file__)) in folder.parents
+    assert Path(raycast.cast._cache.cache_path) == cache_directory(Path(raycast.__file__))
+
+
+def test_machine_code_is_valid_wherever_its_package_is_moved(tmp_path: Path) -> None:
+    ignore = shutil.ignore_patterns("__pycache__", "methods", "simulation", "planning")
+    shutil.copytree(REPOSITORY / "gridslam", tmp_path / "before" / "gridslam", ignore=ignore)
+    kept = run_start(None, tmp_path / "before")
+    (tmp_path / "before").rename(tmp_path / "after")
+    for source in (tmp_path / "after").rglob("*.py"):
+        source.touch()
+    folder = Path(run_start(None, tmp_path / "after"))
+    assert folder == tmp_path / "after" / Path(kept).relative_to(tmp_path / "before")
+    assert len([file for file in folder.iterdir() if file.suffix == ".nbc"]) == 1
+    assert all(file.stat().st_mtime_ns < source.stat().st_mtime_ns for file in folder.iterdir())
 
 
 SCRIPT = """
@@ -65,11 +78,11 @@ print(start._same._cache.cache_path if hasattr(start._same._cache, "cache_path")
 """
 
 
-def run_start(cache: Path) -> str:
-    """Compile or load the smallest kernel in a process of its own, its machine code kept in `cache`."""
+def run_start(cache: Path | None, repository: Path = REPOSITORY) -> str:
+    """The folder of the smallest kernel, compiled or loaded in a process of its own; `cache` is numba's NUMBA_CACHE_DIR."""
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(repository=str(REPOSITORY))],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
+        [sys.executable, "-c", SCRIPT.format(repository=str(repository))],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(cache or "")},
         capture_output=True,
         text=True,
         timeout=120,

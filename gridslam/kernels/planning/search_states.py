@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
+from gridslam.kernels.copying import copy_row
 from gridslam.kernels.planning.drive_limits import YAW, DriveLimits, X, Y
 
 ON_GRID, AT_GOAL = -1, -2  # marks of states that lie on no guide pose
@@ -105,7 +106,8 @@ def push_state(
 ) -> None:
     """Append a state and queue it by its `priority`."""
     n = states.size[COUNT]
-    states.pose[n], states.parts[n] = pose, motion
+    copy_row(states.pose, n, pose)
+    copy_row(states.parts, n, motion)
     states.cost[n], states.parent[n], states.mark[n], states.direction[n] = cost, parent, mark, direction
     states.size[COUNT] = n + 1
     if mark == AT_GOAL and (states.size[BEST_GOAL] < 0 or cost < states.cost[states.size[BEST_GOAL]]):

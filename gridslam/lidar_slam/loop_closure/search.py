@@ -136,7 +136,9 @@ def match_candidates(
     query = np.array([c.query for c in candidates])
     frames = np.array([_search_frame(poses[c.target], c.covariance) for c in candidates])
     T_target_frame = se2.between(poses[target], frames)
-    covariance = np.linalg.inv(INFORMATION_WEIGHT * found.information + MIN_INFORMATION)
+    covariance = np.asarray(
+        np.linalg.inv(INFORMATION_WEIGHT * found.information + MIN_INFORMATION), np.float64
+    )
     covariance = rotated(covariance, T_target_frame[:, 2])
     covariance += np.diag([MATCH_STD_M**2, MATCH_STD_M**2, MATCH_STD_RAD**2])
     motions = se2.compose(T_target_frame, found.poses)

@@ -73,7 +73,9 @@ class LineObserver:
     def __init__(self, drawn: DrawnMap) -> None:
         self._geometry = drawn.geometry
         self._caster = range_caster(drawn.walls, drawn.geometry)
-        self._bearings = (np.arange(SIMULATED_BEAMS) + 0.5) * (2.0 * np.pi / SIMULATED_BEAMS) - np.pi
+        self._bearings = (np.arange(SIMULATED_BEAMS, dtype=np.float64) + 0.5) * (
+            2.0 * np.pi / SIMULATED_BEAMS
+        ) - np.pi
         self._max_range = float(np.hypot(*drawn.walls.shape)) * drawn.geometry.resolution_m
         self.lines = hough_segments(
             drawn.walls, drawn.geometry, DRAWN_MIN_LENGTH, DRAWN_MAX_GAP, DRAWN_MIN_VOTES

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import LaserScan, Odometry
+from gridslam.kernels.threads import on_threads
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ispace_mcl.config import GlobalSearchConfig, IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
@@ -134,12 +134,8 @@ def test_every_scan_has_a_pose_at_its_stamp_and_a_row_in_the_table():
 
 def test_same_seed_same_numbers_on_any_number_of_threads():
     first = run(IspaceMclConfig(), LOG[:160], seed=3).trajectory.poses
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
+    with on_threads(1):
         second = run(IspaceMclConfig(), LOG[:160], seed=3).trajectory.poses
-    finally:
-        numba.set_num_threads(threads)
     np.testing.assert_array_equal(first, second)
     other = run(IspaceMclConfig(), LOG[:160], seed=4).trajectory.poses
     assert not np.array_equal(first, other)

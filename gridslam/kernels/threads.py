@@ -1,0 +1,56 @@
+"""Ranges of independent items shared among threads.
+
+Kernels release the interpreter's lock, so that plain threads run them side by side. Numba's own parallel loops would do
+the same, but take several times longer to compile and to load.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numba
+
+RANGES_PER_THREAD = 8  # so that threads end at about the same time although items differ in cost
+
+_count = int(vars(numba.config)["NUMBA_NUM_THREADS"])  # the number of cores, or NUMBA_NUM_THREADS
+
+
+def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...]) -> None:
+    """Call kernel(first, last, *arguments) for ranges that together cover the items 0..count - 1, on all threads.
+
+    The kernel writes the results of each item into arguments, and reads nothing that it writes for another item; so
+    they do not depend on the number of threads.
+    """
+    threads = min(_count, count)
+    if threads <= 1 or not kernel.signatures:  # what must first be compiled or loaded is, on this thread
+        kernel(0, count, *arguments)
+        return
+    parts = min(count, threads * RANGES_PER_THREAD)
+    bounds = [count * part // parts for part in range(parts + 1)]
+    pool = _pool(os.getpid(), threads)
+    futures = [pool.submit(kernel, first, last, *arguments) for first, last in pairwise(bounds)]
+    for future in futures:
+        future.result()
+
+
+@contextmanager
+def on_threads(count: int) -> Iterator[None]:
+    """Within the block kernels use `count` threads."""
+    global _count
+    before, _count = _count, count
+    try:
+        yield
+    finally:
+        _count = before
+
+
+@cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads of this process; after a fork those of the parent are gone."""
+    return ThreadPoolExecutor(threads, thread_name_prefix="kernels")
