@@ -34,6 +34,7 @@ map: $(READY)
 	@echo "The map is $(OUT)/map.png; $(OUT)/report.html has the details."
 
 test: lint
+	$(BIN)/gridslam warmup
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(DEV)

@@ -1,23 +1,32 @@
-"""Compiles all kernels by running every method and planner on a short scripted log."""
+"""Compiles all kernels by running every method and planner on a short scripted log, on several processes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib.util import find_spec
+from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
+
+from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import BUILT_IN, MethodEntry
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.planning.options import PlanOptions
-from gridslam.simulation.scripted import scripted_log
+from gridslam.simulation.scripted import scripted_drawing, scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
 DRIVE = DifferentialDrive(
     radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
 )
 COMMAND_EVERY = 50  # events
+HALL_CORNER_M = (-1.0, -1.0)  # the drawing of the hall has a margin
+PLAN_START, PLAN_GOAL = np.array([2.0, 1.5, 0.0]), np.array([12.0, 7.5, np.nan])
 ROOM = {
     "walls": [{"rectangle": [-4, -3, 4, 3]}],
     "robot": {"start": [-1, 0, 0], "route": [[0, 0]]},
@@ -25,27 +34,67 @@ ROOM = {
 }
 
 
-def warm_up() -> None:
-    """Run each mapper, localizer and explorer with default settings, and plan a path, so that numba caches their kernels.
+def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) -> None:
+    """Run each mapper, localizer and explorer with default settings, and plan paths: machine code is kept of their kernels.
 
-    Kernels that only other settings use are compiled at their first use.
+    Kernels that only other settings use are compiled at their first use. The parts are shared among `jobs` processes;
+    `report` is called with the name of each that is done.
     """
-    made: RunResult | None = None
-    for entry in BUILT_IN.values():
-        if entry.mapper:
-            result = _result(_mapper(entry))
-            made = made or result
-        if entry.explorer:
-            _explore(entry)
-    assert made is not None and made.occupancy is not None
-    for entry in BUILT_IN.values():
-        if entry.localizer:
-            _result(registry.load(entry.localizer)(registry.load(entry.config)(), 0, made.occupancy))
-    poses = made.trajectory.poses
-    for reverse in (False, True):
-        plan_path(made.occupancy, poses[0], poses[len(poses) // 4], PlanOptions(reverse=reverse))
-    if find_spec("shapely"):  # installed with the extra `sim`
+    parts = part_names()
+    if jobs == 1:
+        for part in parts:
+            warm_up_part(part)
+            report(part)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as processes:
+        running = {processes.submit(warm_up_part, part): part for part in parts}
+        for done in as_completed(running):
+            done.result()
+            report(running[done])
+
+
+def part_names() -> list[str]:
+    """What can be warmed up by itself; what takes longest comes first."""
+    names = [f"{name} map" for name, entry in BUILT_IN.items() if entry.mapper]
+    names += [f"{name} explore" for name, entry in BUILT_IN.items() if entry.explorer]
+    names += [f"{name} localize" for name, entry in BUILT_IN.items() if entry.localizer]
+    return [
+        *names[:1],
+        "plan",
+        *names[1:],
+        *(["simulate"] if find_spec("shapely") else []),
+    ]  # of the extra `sim`
+
+
+def warm_up_part(part: str) -> None:
+    """Run the part of that name."""
+    if part == "plan":
+        _plan()
+    elif part == "simulate":
         _simulate()
+    else:
+        method, command = part.split()
+        entry = BUILT_IN[method]
+        if command == "map":
+            _result(_mapper(entry))
+        elif command == "explore":
+            _explore(entry)
+        else:
+            _result(registry.load(entry.localizer)(registry.load(entry.config)(), 0, _hall()))
+
+
+def _hall() -> OccupancyGrid:
+    """The map of the scripted log."""
+    drawing = scripted_drawing()
+    return OccupancyGrid(
+        (drawing.levels == 0).astype(np.float32), GridGeometry(DRAWING_CELL_M, HALL_CORNER_M)
+    )
+
+
+def _plan() -> None:
+    """Plan a path in the hall, forwards only and with reversing."""
+    for reverse in (False, True):
+        plan_path(_hall(), PLAN_START, PLAN_GOAL, PlanOptions(reverse=reverse))
 
 
 def _mapper(entry: MethodEntry) -> Method:

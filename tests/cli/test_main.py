@@ -275,7 +275,7 @@ def test_config_check_as_json_is_one_document(cli: Cli, config_file: Path) -> No
 
 
 def test_warmup_as_json_is_one_document(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gridslam.runs.warm_up.warm_up", lambda: None)
+    monkeypatch.setattr("gridslam.runs.warm_up.warm_up", lambda jobs, report: None)
     code, out, _ = cli("warmup", "--json")
     assert code == 0
     assert json.loads(out).keys() == {"seconds"}

@@ -11,7 +11,7 @@ from gridslam.planning.options import PlanOptions
 from gridslam.runs.explore import explore
 from gridslam.runs.run import read_inputs, run_map
 from gridslam.runs.run_config import load_run_config
-from gridslam.runs.warm_up import warm_up
+from gridslam.runs.warm_up import part_names, warm_up
 from gridslam.simulation.world_config import load_world
 from tests.conftest import REPOSITORY
 
@@ -28,7 +28,9 @@ def explore_for_two_seconds(folder: Path) -> None:
 
 
 def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) -> None:
-    warm_up()
+    done: list[str] = []
+    warm_up(2, done.append)
+    assert sorted(done) == sorted(part_names())
     reported: list[str] = []
     with announcing_compilation(lambda: reported.append("compiling")):
         run_map(load_run_config("slam-sd"), small_log, lambda progress: None, lambda: False)
