@@ -101,6 +101,31 @@ def quaternion_of_yaw(yaw_rad: ArrayLike) -> Array:
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
 
 
+def turning_jacobian(displacement: ArrayLike) -> Array:
+    """Derivative `(..., 3, 3)` of a pose with respect to an earlier one on the same rigid path, in the axes of the map.
+
+    `displacement` `(..., 2)` (x, y) leads from the earlier pose to the later one: an error of the earlier yaw turns it.
+    """
+    moved = np.asarray(displacement, dtype=np.float64)
+    jacobian = np.zeros((*moved.shape[:-1], 3, 3))
+    jacobian[..., [0, 1, 2], [0, 1, 2]] = 1.0
+    jacobian[..., 0, 2], jacobian[..., 1, 2] = -moved[..., 1], moved[..., 0]
+    return jacobian
+
+
+def compound(
+    T_m_a: ArrayLike, covariance: ArrayLike, T_a_b: ArrayLike, step_covariance: ArrayLike
+) -> tuple[Array, Array]:
+    """The pose T_m_b `(3,)` and its covariance `(3, 3)` after an uncertain step in the frame of an uncertain pose.
+
+    Smith, Self, Cheeseman 1990. The covariances are over x, y, yaw: of T_m_a in the axes of m, of the step in those of a.
+    """
+    yaw = float(np.asarray(T_m_a, dtype=np.float64)[2])
+    jacobian = turning_jacobian(compose([0.0, 0.0, yaw], T_a_b)[:2])
+    propagated = jacobian @ np.asarray(covariance, dtype=np.float64) @ jacobian.T
+    return compose(T_m_a, T_a_b), propagated + rotate_covariance(step_covariance, yaw)
+
+
 def rotate_covariance(covariance: ArrayLike, yaw_rad: float) -> Array:
     """A covariance over x, y, yaw `(3, 3)` in axes rotated by `yaw_rad`: R C R'."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -233,12 +233,7 @@ class AbsolutePoseFilter:
 
     def _predict(self, belief: PoseBelief, step: Floats) -> PoseBelief:
         """The belief after a step `(3,)` in the robot's frame."""
-        c, s = np.cos(belief.pose[2]), np.sin(belief.pose[2])
-        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        F = np.eye(3)
-        F[:2, 2] = [-s * step[0] - c * step[1], c * step[0] - s * step[1]]
-        covariance = F @ belief.covariance @ F.T + rotation @ self._noise.covariance(step) @ rotation.T
-        return PoseBelief(se2.compose(belief.pose, step), covariance)
+        return PoseBelief(*se2.compound(belief.pose, belief.covariance, step, self._noise.covariance(step)))
 
     def _update_both(
         self, belief: PoseBelief | None, alternative: _Alternative | None, measured: _Measurement

@@ -58,18 +58,18 @@ def benchmarks() -> list[str]:
 
 
 def read_bounds(path: Path) -> dict[str, Bounds]:
-    """The bounds by benchmark: `row: {limit: x}` or `row: {at_least: x}`."""
+    """The bounds by benchmark: `row: {at_most: x}` or `row: {at_least: x}`."""
     document = yaml.safe_load(path.read_text()) or {}
     for benchmark, bounds in document.items():
         for name, bound in bounds.items():
             if (
                 not isinstance(bound, dict)
                 or len(bound) != 1
-                or not {"limit", "at_least"} >= set(bound)
+                or not {"at_most", "at_least"} >= set(bound)
                 or not all(isinstance(value, int | float) for value in bound.values())
             ):
                 raise ValueError(
-                    f"{path}: {benchmark}: {name}: expected {{limit: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
+                    f"{path}: {benchmark}: {name}: expected {{at_most: NUMBER}} or {{at_least: NUMBER}}, got {bound!r}"
                 )
     return document
 

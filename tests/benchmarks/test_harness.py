@@ -27,9 +27,9 @@ def test_the_file_sets_bounds_by_name() -> None:
 
 def test_a_malformed_bound_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "bounds.yaml"
-    for bound in ("3", "{limit: 3, at_least: 1}", "{most: 3}", "{limit: three}"):
+    for bound in ("3", "{at_most: 3, at_least: 1}", "{most: 3}", "{at_most: three}"):
         file.write_text(f"b:\n  a: {bound}\n")
-        with pytest.raises(ValueError, match="limit"):
+        with pytest.raises(ValueError, match="at_most"):
             read_bounds(file)
 
 
@@ -64,7 +64,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
     code: int,
     says: str,
 ) -> None:
-    (tmp_path / "bounds.yaml").write_text("cli:\n  cli.help: {limit: 0.8}\nplan:\n  x: {limit: 1}\n")
+    (tmp_path / "bounds.yaml").write_text("cli:\n  cli.help: {at_most: 0.8}\nplan:\n  x: {at_most: 1}\n")
     (tmp_path / "bench_cli.py").touch()
     (tmp_path / "bench_plan.py").touch()
     monkeypatch.setattr(harness, "HERE", tmp_path)

@@ -86,3 +86,23 @@ def test_a_rotated_covariance_is_that_of_rotated_samples() -> None:
     rotated = samples.copy()
     rotated[:, :2] = se2.transform_points([0.0, 0.0, yaw], samples[:, :2])
     np.testing.assert_allclose(se2.rotate_covariance(np.cov(samples.T), yaw), np.cov(rotated.T), atol=1e-12)
+
+
+def test_compounded_covariances_are_those_of_composed_samples() -> None:
+    rng = np.random.default_rng(2)
+    pose, step = np.array([3.0, -1.0, 0.8]), np.array([2.0, 0.5, -0.4])
+    covariance, step_covariance = np.diag([0.02, 0.01, 0.003]) ** 2, np.diag([0.01, 0.03, 0.002]) ** 2
+    covariance[0, 2] = covariance[2, 0] = 3e-5
+    poses = pose + rng.multivariate_normal(np.zeros(3), covariance, 200_000)
+    steps = step + rng.multivariate_normal(np.zeros(3), step_covariance, 200_000)
+    mean, found = se2.compound(pose, covariance, step, step_covariance)
+    np.testing.assert_allclose(mean, se2.compose(pose, step))
+    np.testing.assert_allclose(found, np.cov(se2.compose(poses, steps).T), atol=6e-6)
+
+
+@given(poses, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+def test_an_error_of_the_yaw_turns_what_follows(pose: Floats, x: float, y: float) -> None:
+    step, small = np.array([x, y, 0.3]), 1e-6
+    turned = se2.compose(pose + np.array([0.0, 0.0, small]), step) - se2.compose(pose, step)
+    displacement = se2.compose(pose, step)[:2] - pose[:2]
+    np.testing.assert_allclose(turned[:2] / small, se2.turning_jacobian(displacement)[:2, 2], atol=1e-4)

@@ -106,7 +106,7 @@ class StopTracker:
         wheels, last = self._motion, self.stops[-1]
         wheels.advance_to(complete.mark)
         motion = wheels.stop()
-        pose, covariance = compound(last.pose, last.covariance, motion.T_stop_now, motion.covariance)
+        pose, covariance = se2.compound(last.pose, last.covariance, motion.T_stop_now, motion.covariance)
         absolute_poses = []
         if not wheels.is_known and self._last_absolute is not None:
             measured = self._last_absolute
@@ -178,14 +178,14 @@ class StopTracker:
 
     def _correct(self, last: Stop, step: MeasuredPose, measured: MeasuredPose) -> None:
         """Kalman update of the last stop by an absolute pose measured after the motion `step`, unless that is an outlier."""
-        predicted, covariance = compound(last.pose, last.covariance, step.pose, step.covariance)
+        predicted, covariance = se2.compound(last.pose, last.covariance, step.pose, step.covariance)
         innovation = measured.pose - predicted
         innovation[2] = float(se2.wrap_angle(innovation[2]))
         S = covariance + measured.covariance
         if float(innovation @ np.linalg.solve(S, innovation)) > GATE:
             self.counters["skipped.pose.outlier"] += 1
             return
-        F, _ = compound_jacobians(last.pose, step.pose)
+        F = se2.turning_jacobian(se2.compose([0.0, 0.0, last.pose[2]], step.pose)[:2])
         gain = last.covariance @ F.T @ np.linalg.inv(S)
         last.pose = last.pose + gain @ innovation
         last.covariance = last.covariance - gain @ F @ last.covariance
@@ -215,23 +215,6 @@ class StopTracker:
             completed = self._add_stop(complete)
         self._last_absolute = measured
         return completed
-
-
-def compound(
-    pose: Floats, covariance: Floats, step: Floats, step_covariance: Floats
-) -> tuple[Floats, Floats]:
-    """A pose `(3,)` and its covariance after an uncertain step in its own frame (Smith, Self, Cheeseman 1990)."""
-    F, G = compound_jacobians(pose, step)
-    return se2.compose(pose, step), F @ covariance @ F.T + G @ step_covariance @ G.T
-
-
-def compound_jacobians(pose: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Derivatives `(3, 3)` of compose(pose, step) with respect to the pose and to the step."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x, y = c * step[0] - s * step[1], s * step[0] + c * step[1]
-    by_pose = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
-    by_step = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return by_pose, by_step
 
 
 def _motion_of(config: IrScanConfig) -> WheelGyro:

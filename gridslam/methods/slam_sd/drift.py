@@ -28,9 +28,7 @@ class Drift:
 
     def add_step(self, before: Floats, after: Floats, step_std: Floats) -> None:
         """Compound a step from poses `before` to `after` `(n, 3)` with standard deviations (3,) in the robot's frame."""
-        jacobian = np.tile(np.eye(3), (len(before), 1, 1))
-        jacobian[:, 0, 2] = -(after[:, 1] - before[:, 1])
-        jacobian[:, 1, 2] = after[:, 0] - before[:, 0]
+        jacobian = se2.turning_jacobian(after[:, :2] - before[:, :2])
         propagated = jacobian @ self.covariance @ jacobian.transpose(0, 2, 1)
         self.covariance = propagated + np.diag(step_std**2)
         self.unmatched_key_scans += 1
