@@ -23,6 +23,16 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
+class PlacedObject:
+    """An object in the map: its pose `(3,)` in the map frame, its state in a word (or none), and whether it was moved."""
+
+    name: str
+    pose: NDArray[np.float64]
+    state: str = ""
+    has_moved: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Series:
     """A diagnostic over time: stamps int64 `(n,)`, values float64 `(n,)`, and the unit for the plot's axis."""
 
@@ -77,6 +87,7 @@ class RunResult:
     maps: Mapping[str, OccupancyGrid] = field(default_factory=dict)
     layers: Mapping[str, GridLayer] = field(default_factory=dict)
     tables: Mapping[str, Table] = field(default_factory=dict)
+    objects: Sequence[PlacedObject] = ()
     series: Mapping[str, Series] = field(default_factory=dict)
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.encoded import Encoded
 from gridslam.methods import registry
-from gridslam.methods.base import Table
+from gridslam.methods.base import PlacedObject
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
 from gridslam.runs.run import Run
 
@@ -71,9 +70,8 @@ def _latched(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
             yield occupancy_grid(f"/{name}", start_ns, further)
     if len(run.result.trajectory):
         yield _path(run.result.trajectory, start_ns)
-    objects = run.result.tables.get("objects")
-    if objects is not None and len(objects.rows) and {"x", "y"} <= set(objects.columns):
-        yield object_markers(objects, start_ns)
+    if run.result.objects:
+        yield object_markers(run.result.objects, start_ns)
 
 
 def _at(extrinsics: Transform, stamp_ns: int) -> Transform:
@@ -122,52 +120,30 @@ def _one_beam(reading: Range) -> LaserScan:
     return LaserScan(reading.stamp_ns, reading.frame_id, ranges, reading.bearing_rad, 0.0, *limits)
 
 
-def object_markers(table: Table, stamp_ns: int) -> Encoded:
+def object_markers(objects: Sequence[PlacedObject], stamp_ns: int) -> Encoded:
     """visualization_msgs/MarkerArray: a cube for each object, orange if it was moved, with its name above."""
-    columns = {name: place for place, name in enumerate(table.columns)}
-    rows = [row for row in table.rows if _number(row, columns, "x") is not None]
-    rows = [row for row in rows if _number(row, columns, "y") is not None]
-    body = CdrWriter().uint32(2 * len(rows))
-    for number, row in enumerate(rows):
-        x, y, yaw = (_number(row, columns, name) or 0.0 for name in ("x", "y", "yaw"))
-        moved = "moved" in columns and str(row[columns["moved"]]).lower() == "true"
-        words = [str(row[columns[name]]) for name in ("id", "state") if name in columns]
-        cube, half = (OBJECT_SIZE_M,) * 3, OBJECT_SIZE_M / 2
-        place = (x, y, half, yaw)
+    body = CdrWriter().uint32(2 * len(objects))
+    for number, placed in enumerate(objects):
+        x, y, yaw = placed.pose.tolist()
         marker(
             body,
             stamp_ns,
             space="objects",
             number=number,
             kind=CUBE,
-            at=place,
-            size=cube,
-            colour=MOVED_COLOUR if moved else STATIC_COLOUR,
+            at=(x, y, OBJECT_SIZE_M / 2, yaw),
+            size=(OBJECT_SIZE_M,) * 3,
+            colour=MOVED_COLOUR if placed.has_moved else STATIC_COLOUR,
         )
-        above = (x, y, 2 * OBJECT_SIZE_M, 0.0)
-        letters = (0.0, 0.0, TEXT_SIZE_M)
-        text = " ".join(word for word in words if word)
         marker(
             body,
             stamp_ns,
             space="names",
             number=number,
             kind=TEXT,
-            at=above,
-            size=letters,
+            at=(x, y, 2 * OBJECT_SIZE_M, 0.0),
+            size=(0.0, 0.0, TEXT_SIZE_M),
             colour=(0.0, 0.0, 0.0, 1.0),
-            text=text,
+            text=" ".join(word for word in (placed.name, placed.state) if word),
         )
     return Encoded("/objects", "visualization_msgs/msg/MarkerArray", stamp_ns, body.data())
-
-
-def _number(row: Sequence[object], columns: dict[str, int], name: str) -> float | None:
-    """A finite number of the row, which may be stored as text; None otherwise."""
-    if name not in columns:
-        return None
-    value = row[columns[name]]
-    try:
-        found = float(str(value))
-    except ValueError:
-        return None
-    return found if math.isfinite(found) else None

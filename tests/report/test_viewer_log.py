@@ -19,7 +19,7 @@ from gridslam.core.poses import quaternion_of_yaw, yaw_of_quaternion
 from gridslam.logs.open import open_log
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
-from gridslam.methods.base import Estimate, RunResult, Table
+from gridslam.methods.base import Estimate, PlacedObject, RunResult
 from gridslam.methods.particle_history import ParticleHistory
 from gridslam.report.viewer_log import object_markers
 from gridslam.report.viewer_messages import occupancy_grid, pose_array
@@ -29,10 +29,7 @@ from gridslam.runs.run_config import validate_run_config
 from tests import dead_reckoning
 from tests.dead_reckoning import register
 
-OBJECTS = Table(
-    ("id", "class", "x", "y", "yaw", "moved", "state"),
-    [("door-1", "door", 1.0, "2.5", 0.5, True, "open"), ("bin", "bin", "", 1.0, 0.0, False, "")],
-)
+OBJECTS = (PlacedObject("door-1", np.array([1.0, 2.5, 0.5]), "open", has_moved=True),)
 
 
 class WithParticles(dead_reckoning.DeadReckoning):
@@ -46,7 +43,7 @@ class WithParticles(dead_reckoning.DeadReckoning):
 
     def result(self) -> RunResult:
         found = super().result()
-        return RunResult(found.trajectory, found.occupancy, tables={"objects": OBJECTS})
+        return RunResult(found.trajectory, found.occupancy, objects=OBJECTS)
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +161,7 @@ def test_particles_are_few_and_in_the_map_frame(written: Path) -> None:
         assert 1 <= len(message.ros.poses) <= 500
 
 
-def test_objects_are_cubes_with_names_and_what_has_no_place_is_left_out() -> None:
+def test_objects_are_cubes_with_names() -> None:
     encoded = object_markers(OBJECTS, 10**9)
     value = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(encoded.data, encoded.type)
     cube, name = value.markers

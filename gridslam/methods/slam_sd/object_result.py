@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
-from gridslam.methods.base import Picture, RunResult, Table
+from gridslam.methods.base import Picture, PlacedObject, RunResult, Table
 from gridslam.methods.slam_sd.composition import compose_map
 from gridslam.methods.slam_sd.object_history import ObjectHistory
 from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
@@ -33,6 +33,7 @@ class ObjectResult:
 
     maps: Mapping[str, OccupancyGrid]
     tables: Mapping[str, Table]
+    objects: Sequence[PlacedObject]
     pictures: Mapping[str, Picture]
     measures: Mapping[str, object]
 
@@ -43,6 +44,7 @@ class ObjectResult:
             occupancy=self.maps["composed"],
             maps={**result.maps, **self.maps},
             tables={**result.tables, **self.tables},
+            objects=self.objects,
             pictures={**result.pictures, **self.pictures},
             measures={**result.measures, "objects": self.measures},
         )
@@ -61,6 +63,7 @@ def result_of(
             "objects": objects_table(objects, path),
             "objects_history": history_table(objects, path),
         },
+        objects=list(_placed_objects(objects, path)),
         pictures={"objects": Picture(picture, "Objects", NOTE)},
         measures={
             "found": len(objects),
@@ -68,6 +71,15 @@ def result_of(
             "gone": sum(history.present is None for history in objects),
         },
     )
+
+
+def _placed_objects(objects: Sequence[ObjectHistory], path: Floats) -> Iterator[PlacedObject]:
+    """The objects where they were last seen."""
+    for history in objects:
+        if history.episodes:
+            last = history.episodes[-1]
+            pose = history.model.own_pose(last.pose_in_map(path))
+            yield PlacedObject(history.model.id, pose, state_of(last), history.has_moved)
 
 
 def _drawn_footprints(objects: Sequence[ObjectHistory], path: Floats) -> Iterator[tuple[Floats, Colour, str]]:
