@@ -1,13 +1,14 @@
 """Right and wrong maps of large places made by seed: what loop closure would have made of its loops if they were right, or wrong.
 
 A map is a set of poses of the key scans: a pose graph of the front end's steps and of loops taken from the truth. In wrong
-maps the loops are cut off, or those of one passage are shifted by a bay, or one loop is forced elsewhere.
+maps the loops are cut off, or those of one passage are shifted by a bay or sideways, or one loop is forced elsewhere; or a right
+map has a kink, or is too large.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ STEP_STD_PER_SQRT_M = (0.03, 0.03, 0.004)
 ROBUST_SCALE = 5.0
 SHIFT_M = (2.4, 4.5)  # of the loops that are a bay off
 FORCED_M = 6.0
+KINK_RAD = (0.06, 0.3)
+SCALE_ERROR = (0.04, 0.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,15 @@ class LoopGraph:
     nodes: Ints
     steps: Edges
     loops: Ints
+
+
+@dataclass(frozen=True, slots=True)
+class MadeMap:
+    """A map: what was done, poses `(n, 3)` of the key scans, and the loops between key scans that it was made by."""
+
+    name: str
+    poses: Floats
+    loops: Edges
 
 
 def loop_graph(place: TrackedPlace) -> LoopGraph:
@@ -59,27 +71,39 @@ def loop_graph(place: TrackedPlace) -> LoopGraph:
     return LoopGraph(place, nodes, chain, pairs[np.sort(kept)])
 
 
-def maps_of(graph: LoopGraph, seed: int) -> Iterator[tuple[str, Floats]]:
-    """Names and poses `(n, 3)` of the key scans of right and wrong maps; a truth decides which are wrong."""
+def maps_of(graph: LoopGraph, seed: int) -> Iterator[MadeMap]:
+    """Right and wrong maps; a truth decides which are wrong."""
     rng = np.random.default_rng(seed)
     loops, count = graph.loops, len(graph.loops)
     none = np.zeros((count, 3))
-    yield "all loops", _map(graph, np.ones(count, bool), none, rng)
-    yield "few loops", _map(graph, rng.random(count) < 0.3, none, rng)
-    yield "no loops", graph.place.track
-    yield "loops of the first half", _map(graph, loops[:, 1] < 0.5 * len(graph.nodes), none, rng)
-    for _ in range(2):
+    right = _map(graph, "all loops", np.ones(count, bool), none, rng)
+    yield right
+    yield _map(graph, "few loops", rng.random(count) < 0.3, none, rng)
+    yield _map(graph, "no loops", np.zeros(count, bool), none, rng)
+    yield _map(graph, "loops of the first half", loops[:, 1] < 0.5 * len(graph.nodes), none, rng)
+    for axis, name in enumerate(("a bay off", "a bay off", "a corridor twice")):
         chosen = int(rng.integers(count))
         shifted = np.abs(loops - loops[chosen]).max(axis=1) < 25
         shifts = none.copy()
-        shifts[shifted, 0] = rng.choice([-1.0, 1.0]) * rng.uniform(*SHIFT_M)
-        yield "a bay off", _map(graph, shifted | _elsewhere(loops, chosen, 40, rng), shifts, rng)
+        shifts[shifted, axis // 2] = rng.choice([-1.0, 1.0]) * rng.uniform(*SHIFT_M)
+        yield _map(graph, name, shifted | _elsewhere(loops, chosen, 40, rng), shifts, rng)
     chosen = int(rng.integers(count))
     shifts = none.copy()
     shifts[chosen, :2] = rng.uniform(-FORCED_M, FORCED_M, 2)
     kept = _elsewhere(loops, chosen, 30, rng)
     kept[chosen] = True
-    yield "one loop forced", _map(graph, kept, shifts, rng)
+    yield _map(graph, "one loop forced", kept, shifts, rng)
+    at = int(rng.integers(len(right.poses) // 4, 3 * len(right.poses) // 4))
+    kink = rng.choice([-1.0, 1.0]) * rng.uniform(*KINK_RAD)
+    yield MadeMap("a kink", kinked(right.poses, at, kink), right.loops)
+    scale = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*SCALE_ERROR)
+    yield MadeMap("too large or too small", right.poses * [scale, scale, 1.0], right.loops)
+
+
+def kinked(poses: Floats, at: int, yaw_rad: float) -> Floats:
+    """The path `(n, 3)` with all of it after one pose rotated about that pose."""
+    after = se2.between(poses[at], poses[at:])
+    return np.concatenate([poses[:at], se2.compose(poses[at] + [0.0, 0.0, yaw_rad], after)])
 
 
 def _elsewhere(loops: Ints, chosen: int, apart: int, rng: np.random.Generator) -> Bools:
@@ -87,18 +111,19 @@ def _elsewhere(loops: Ints, chosen: int, apart: int, rng: np.random.Generator) -
     return np.asarray((np.abs(loops - loops[chosen]).max(axis=1) > apart) & (rng.random(len(loops)) < 0.2))
 
 
-def _map(graph: LoopGraph, kept: Bools, shifts: Floats, rng: np.random.Generator) -> Floats:
-    """Poses of the key scans by the loops that are kept, each measured with noise and its shift."""
+def _map(graph: LoopGraph, name: str, kept: Bools, shifts: Floats, rng: np.random.Generator) -> MadeMap:
+    """The map by the loops that are kept, each measured with noise and its shift."""
     loops, track = graph.loops[kept], graph.place.track
     if not len(loops):
-        return track
+        return MadeMap(name, track, Edges.none())
     truth = graph.place.truth[graph.nodes]
     motions = se2.between(truth[loops[:, 0]], truth[loops[:, 1]]) + shifts[kept]
     motions += rng.standard_normal(motions.shape) * LOOP_STD
     std = np.broadcast_to(2.0 * np.array(LOOP_STD), motions.shape)
-    edges = Edges.concatenate([graph.steps, _edges(loops[:, 0], loops[:, 1], motions, std)])
-    poses, _ = optimise(track[graph.nodes], edges, ROBUST_SCALE)
-    return distribute_corrections(track, graph.nodes, poses)
+    closures = _edges(loops[:, 0], loops[:, 1], motions, std)
+    poses, _ = optimise(track[graph.nodes], Edges.concatenate([graph.steps, closures]), ROBUST_SCALE)
+    closures = replace(closures, source=graph.nodes[loops[:, 0]], target=graph.nodes[loops[:, 1]])
+    return MadeMap(name, distribute_corrections(track, graph.nodes, poses), closures)
 
 
 def _edges(source: Ints, target: Ints, motions: Floats, std: Floats) -> Edges:

@@ -10,7 +10,7 @@ from gridslam.lidar_slam.loop_closure.segments import Segments, cut_segments, de
 from gridslam.lidar_slam.loop_closure.trajectory import (
     ClosedTrajectory,
     close_trajectory,
-    unsupported_stretches,
+    unspanned_stretches,
 )
 from tests.lidar_slam.ring import Floats, scan_at
 from tests.methods.slam_sd import hall
@@ -44,7 +44,7 @@ def test_a_drifted_lap_is_closed() -> None:
     track = drifted(truth, 0.0006)
     assert errors(truth, track).max() > 0.5
     found = closed(truth, track)
-    assert len(found.diagnostics.accepted) > 0
+    assert len(found.loops) > 0
     assert errors(truth, found.poses).max() < 0.06
     np.testing.assert_allclose(found.poses[0], track[0], atol=1e-9)
 
@@ -61,14 +61,14 @@ def test_a_loop_into_another_place_is_not_accepted() -> None:
     truth = hall.path(1)[: int(0.55 * len(hall.path(1))) : 2]
     track = drifted(truth, np.pi / len(truth))
     found = closed(truth, track)
-    assert len(found.diagnostics.accepted) == 0
+    assert len(found.loops) == 0
     steps = se2.between(track[:-1], track[1:])
     np.testing.assert_allclose(
         np.hypot(*se2.between(found.poses[:-1], found.poses[1:])[:, :2].T),
         np.hypot(*steps[:, :2].T),
         atol=0.02,
     )
-    np.testing.assert_array_equal(found.diagnostics.unsupported, [[0, len(track) - 1]])
+    np.testing.assert_array_equal(found.unspanned, [[0, len(track) - 1]])
 
 
 def test_a_single_key_scan_stays_where_it_is() -> None:
@@ -98,5 +98,5 @@ def test_a_track_is_moved_with_its_segments() -> None:
 def test_stretches_that_no_loop_spans_are_found() -> None:
     segments = Segments(np.arange(0, 22, 2), np.arange(0, 20, 2), np.arange(10.0))
     loops = Edges(np.array([2]), np.array([5]), np.zeros((1, 3)), np.eye(3)[None], np.ones(1, np.bool_))
-    np.testing.assert_array_equal(unsupported_stretches(loops, segments, 20), [[0, 4], [10, 19]])
-    np.testing.assert_array_equal(unsupported_stretches(Edges.none(), segments, 20), [[0, 19]])
+    np.testing.assert_array_equal(unspanned_stretches(loops, segments, 20), [[0, 4], [10, 19]])
+    np.testing.assert_array_equal(unspanned_stretches(Edges.none(), segments, 20), [[0, 19]])

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.graph.pose_graph import Edges, chi_squared, optimise
-from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, ClosedLoops, close_loops
+from gridslam.graph.pose_graph import Edges, optimise
+from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, close_loops
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.refinement import register_visits
-from gridslam.lidar_slam.loop_closure.search import LoopMatches
 from gridslam.lidar_slam.loop_closure.segments import (
     Segments,
     collect_clouds,
@@ -31,38 +30,30 @@ REFINED_SEGMENT_M = 1.0  # and for the registration afterwards
 
 
 @dataclass(frozen=True, slots=True)
-class LoopDiagnostics:
-    """What speaks for and against the closed loops.
+class ClosedTrajectory:
+    """Optimised poses `(n, 3)` of the key scans, and how they came about.
 
-    `accepted` and `rejected` are edges between key scans; `chi2` `(m,)` the squared Mahalanobis lengths of the accepted ones'
-    residuals; `unsupported` `(u, 2)` the first and last key scan of every stretch that no loop spans: the front end alone
-    holds it.
+    `loops` are the accepted loop closures between key scans. `unspanned` `(u, 2)` are the first and last key scan of every
+    stretch that no loop spans: the front end alone holds it. The longest of them is `longest_unspanned_m`.
     """
 
-    accepted: LoopMatches
-    rejected: LoopMatches
-    chi2: Floats
-    unsupported: Ints
-
-
-@dataclass(frozen=True, slots=True)
-class ClosedTrajectory:
-    """Optimised poses `(n, 3)` of the key scans, and how they came about."""
-
     poses: Floats
+    loops: Edges
+    loops_rejected: int
+    unspanned: Ints
+    longest_unspanned_m: float
     pairs_searched: int
     registrations: int
-    diagnostics: LoopDiagnostics
 
     @property
     def measures(self) -> dict[str, object]:
         """Numbers for the report."""
-        found = self.diagnostics
         return {
             "pairs_searched": self.pairs_searched,
-            "loops_found": len(found.accepted),
-            "loops_rejected": len(found.rejected),
+            "loops_found": len(self.loops),
+            "loops_rejected": self.loops_rejected,
             "matches": self.registrations,
+            "longest_unspanned_m": round(self.longest_unspanned_m, 1),
         }
 
 
@@ -90,8 +81,17 @@ def close_trajectory(
         poses = deform_track(track, fine, at)
     poses = np.asarray(se2.compose(se2.compose(track[0], se2.inverse(poses[0])), poses))
     poses[0] = track[0]
+    loops = closed.accepted.edges
+    unspanned = unspanned_stretches(loops, segments, len(track))
+    travel_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))])
     return ClosedTrajectory(
-        poses, closed.pairs_searched, len(matches), _diagnostics(closed, segments, len(track))
+        poses,
+        replace(loops, source=segments.reference[loops.source], target=segments.reference[loops.target]),
+        loops_rejected=len(closed.rejected),
+        unspanned=unspanned,
+        longest_unspanned_m=float(np.diff(travel_m[unspanned], axis=1).max(initial=0.0)),
+        pairs_searched=closed.pairs_searched,
+        registrations=len(matches),
     )
 
 
@@ -110,31 +110,7 @@ def _fixed_edges(track: Floats, segments: Segments, drift: DriftModel, landmarks
     return Edges.concatenate([chain, moved.select(between)])
 
 
-def _diagnostics(closed: ClosedLoops, segments: Segments, n_keys: int) -> LoopDiagnostics:
-    return LoopDiagnostics(
-        _between_key_scans(closed.accepted, segments),
-        _between_key_scans(closed.rejected, segments),
-        chi_squared(closed.poses, closed.accepted.edges),
-        unsupported_stretches(closed.accepted.edges, segments, n_keys),
-    )
-
-
-def _between_key_scans(matches: LoopMatches, segments: Segments) -> LoopMatches:
-    """The same matches, with key scans as nodes instead of segments."""
-    e = matches.edges
-    at = segments.reference
-    edges = Edges(at[e.source], at[e.target], e.T_source_target, e.information, e.is_loop)
-    return LoopMatches(
-        edges,
-        matches.std_m,
-        score=matches.score,
-        rival_score=matches.rival_score,
-        explained=matches.explained,
-        contradicted=matches.contradicted,
-    )
-
-
-def unsupported_stretches(loops: Edges, segments: Segments, n_keys: int) -> Ints:
+def unspanned_stretches(loops: Edges, segments: Segments, n_keys: int) -> Ints:
     """First and last key scans `(u, 2)` of the stretches that no loop spans: a cut there leaves the graph in two parts."""
     spanned = np.zeros(len(segments) + 1, np.int64)
     np.add.at(spanned, np.minimum(loops.source, loops.target), 1)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.pose_graph import residuals as residual_poses
+from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.map_consistency.contradictions import Contradictions, find_contradictions
 from gridslam.lidar_slam.map_consistency.displacement import find_displacement
 from gridslam.lidar_slam.map_consistency.observations import Observations, observe
@@ -25,16 +26,16 @@ from gridslam.lidar_slam.map_consistency.passages import (
     find_passages,
     spaced_scans,
 )
-from gridslam.lidar_slam.map_consistency.tension import StretchedPath, loop_residuals, max_stretched
+from gridslam.lidar_slam.map_consistency.tension import StrainedPath, loop_residuals, max_strained
 from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
-Kind = Literal["contradiction", "stretch", "loop"]
+Kind = Literal["contradiction", "strain", "loop"]
 
 REASONS: dict[Kind, str] = {
     "contradiction": "one of two passages is displaced by about {:.1f} m",
-    "stretch": "the path is {:.1f} m longer or shorter than scan matching measured",
+    "strain": "the path departs by {:.1f} m from what scan matching measured",
     "loop": "a loop closure is missed by {:.2f} m",
 }
 DOUBTFUL = 0.5  # maps with more doubt are warned about
@@ -43,7 +44,7 @@ EVEN_EVIDENCE_M = (
 )
 MIN_WALL_M = 1.0  # smaller contradictions are not looked into
 MAX_CONTRADICTIONS = 12  # the largest ones are looked into
-EVEN_STRETCH_M = 1.5  # change of a path's length over 5 m at which the doubt is 0.5
+EVEN_STRAIN = 4.0  # standard deviations of the front end's drift at which the doubt is 0.5
 EVEN_RESIDUAL = 8.0  # normalised residual of an accepted loop at which the doubt is 0.5
 STEEPNESS = 3.0  # of the logistic curve over the logarithm
 MENTIONED = 0.1  # places with less doubt are not listed
@@ -81,7 +82,7 @@ class MapConsistency:
     places: tuple[DoubtfulPlace, ...]
     compared_wall_m: float
     contradicted_wall_m: float
-    largest_stretch_m: float
+    largest_strain: float
     largest_loop_residual: float
     revisited: float
     longest_unchecked_m: float
@@ -102,7 +103,10 @@ class MapConsistency:
             )
         if not self.compared_wall_m:
             return "doubt unknown: no place was seen twice"
-        return f"doubt {self.doubt:.2f}; {100.0 * self.revisited:.0f} % of the path was checked by another passage"
+        return (
+            f"doubt {self.doubt:.2f}; {100.0 * self.revisited:.0f} % of the path was checked by another passage, "
+            f"at most {self.longest_unchecked_m:.0f} m in one piece were not"
+        )
 
     @property
     def measures(self) -> dict[str, object]:
@@ -113,7 +117,7 @@ class MapConsistency:
             "summary": self.summary,
             "compared_wall_m": round(self.compared_wall_m, 2),
             "contradicted_wall_m": round(self.contradicted_wall_m, 2),
-            "largest_stretch_m": round(self.largest_stretch_m, 3),
+            "largest_strain": round(self.largest_strain, 3),
             "largest_loop_residual": round(self.largest_loop_residual, 2),
             "revisited": round(self.revisited, 4),
             "longest_unchecked_m": round(self.longest_unchecked_m, 1),
@@ -132,11 +136,15 @@ class MapConsistency:
 
 
 def assess_map(
-    scans: Sequence[PreparedScan], poses: Floats, track: Floats, loops: Edges | None = None
+    scans: Sequence[PreparedScan],
+    poses: Floats,
+    track: Floats,
+    loops: Edges | None = None,
+    drift: DriftModel | None = None,
 ) -> MapConsistency:
     """How consistent a map is, given its key scans, their final poses `(n, 3)` and the front end's `(n, 3)`.
 
-    `loops` are the accepted loop closures between the key scans, with the covariance of each match.
+    `loops` are the accepted loop closures between the key scans, with the covariance of each match; `drift` is the front end's.
     """
     rows = spaced_scans(distance_driven(poses)) if len(poses) else np.zeros(0, np.int64)
     if len(rows) < MIN_SCANS:
@@ -145,7 +153,7 @@ def assess_map(
             (),
             compared_wall_m=0.0,
             contradicted_wall_m=0.0,
-            largest_stretch_m=0.0,
+            largest_strain=0.0,
             largest_loop_residual=0.0,
             revisited=0.0,
             longest_unchecked_m=0.0,
@@ -154,10 +162,10 @@ def assess_map(
     passages = find_passages(poses[rows], distance_driven(poses)[rows])
     observations = observe(chosen, poses[rows], passages)
     found = find_contradictions(observations)
-    stretched = max_stretched(track[rows], poses[rows], passages.travel_m)
+    strained = max_strained(track, poses, rows, drift or DriftModel())
     stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
     places = _contradicted_places(found, observations, passages, stamps)
-    places += _stretched_places(stretched, stamps)
+    places += _strained_places(strained, poses[rows], stamps)
     residuals = np.zeros(1)
     if loops is not None and len(loops):
         residuals = loop_residuals(poses, loops)
@@ -170,7 +178,7 @@ def assess_map(
         tuple(place for place in places if place.doubt >= MENTIONED)[:MAX_PLACES],
         compared_wall_m=found.compared_wall_m,
         contradicted_wall_m=found.wall_m,
-        largest_stretch_m=stretched.stretch_m if stretched else 0.0,
+        largest_strain=strained.strain if strained else 0.0,
         largest_loop_residual=float(residuals.max()),
         revisited=float(passages.is_revisited.mean()),
         longest_unchecked_m=unchecked,
@@ -199,21 +207,16 @@ def _contradicted_places(
     return places
 
 
-def _stretched_places(stretched: StretchedPath | None, stamps: NDArray[np.int64]) -> list[DoubtfulPlace]:
-    if stretched is None:
+def _strained_places(
+    strained: StrainedPath | None, poses: Floats, stamps: NDArray[np.int64]
+) -> list[DoubtfulPlace]:
+    if strained is None:
         return []
-    stamp = int(stamps[stretched.scan])
-    doubt = doubt_of(stretched.stretch_m, EVEN_STRETCH_M)
-    return [
-        DoubtfulPlace(
-            "stretch",
-            stretched.x_m,
-            y_m=stretched.y_m,
-            size_m=stretched.stretch_m,
-            doubt=doubt,
-            stamps_ns=(stamp, stamp),
-        )
-    ]
+    x, y = poses[strained.middle, :2].tolist()
+    doubt = doubt_of(strained.strain, EVEN_STRAIN)
+    pair = int(stamps[strained.start]), int(stamps[strained.end])
+    size = strained.departure_m
+    return [DoubtfulPlace("strain", x, y_m=y, size_m=size, doubt=doubt, stamps_ns=pair)]
 
 
 def _strained_loops(

@@ -1,4 +1,4 @@
-"""Where a finished trajectory departs from what scan matching measured: stretched or bent paths, and loops that are not met."""
+"""Where a finished trajectory departs from what scan matching measured: strained paths, and loops that are not met."""
 
 from __future__ import annotations
 
@@ -9,35 +9,54 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, chi_squared
+from gridslam.lidar_slam.loop_closure.drift import DriftModel
+from gridslam.lidar_slam.map_consistency.passages import distance_driven
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-STRETCH_M = 5.0  # of path over which scan matching is accurate
+POSE_STD_M, POSE_STD_RAD = 0.03, 0.003  # of each scan's pose, beside the drift
+LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # of path: a wrong loop strains a short one much, or a long one a little
 
 
 @dataclass(frozen=True, slots=True)
-class StretchedPath:
-    """A part of the path around a scan, and by how much (m) the map changes its length."""
+class StrainedPath:
+    """A part of the path, by its scans: how far (m) its end in the map lies from where scan matching has it, seen from its start.
 
-    x_m: float
-    y_m: float
-    stretch_m: float
-    scan: int
+    `strain` is this distance in standard deviations of the front end's drift and of the scans' poses.
+    """
+
+    start: int
+    end: int
+    departure_m: float
+    strain: float
+
+    @property
+    def middle(self) -> int:
+        """The scan halfway."""
+        return (self.start + self.end) // 2
 
 
-def max_stretched(track: Floats, poses: Floats, travel_m: Floats) -> StretchedPath | None:
-    """The part of the path of `STRETCH_M` whose chord in the map `(n, 3)` differs most from that in the track `(n, 3)`."""
-    ends = np.searchsorted(travel_m, travel_m + STRETCH_M)
-    starts = np.flatnonzero(ends < len(travel_m))
-    if not len(starts):
-        return None
-    ends = ends[starts]
-    tracked, mapped = se2.between(track[starts], track[ends]), se2.between(poses[starts], poses[ends])
-    difference = np.abs(np.hypot(*mapped[:, :2].T) - np.hypot(*tracked[:, :2].T))
-    worst = int(np.argmax(difference))
-    middle = int((starts[worst] + ends[worst]) // 2)
-    x, y = poses[middle, :2].tolist()
-    return StretchedPath(x, y, float(difference[worst]), middle)
+def max_strained(track: Floats, poses: Floats, rows: Ints, drift: DriftModel) -> StrainedPath | None:
+    """The most strained part of the path between two of the scans `rows`, given all poses in track and map, `(n, 3)` both."""
+    travel_m = distance_driven(track)[rows]
+    variances = drift.cumulative_variances(track)[rows]
+    found = []
+    for length_m in LENGTHS_M:
+        ends = np.searchsorted(travel_m, travel_m + length_m)
+        starts = np.flatnonzero(ends < len(travel_m))
+        if not len(starts):
+            break
+        ends = ends[starts]
+        tracked = se2.between(track[rows[starts]], track[rows[ends]])
+        mapped = se2.between(poses[rows[starts]], poses[rows[ends]])
+        departure = np.hypot(*(mapped - tracked)[:, :2].T)
+        grown = variances[ends] - variances[starts]
+        across = (grown[:, 2] / 3.0 + POSE_STD_RAD**2) * length_m**2
+        strain = departure / np.sqrt(grown[:, 0] + across + 2.0 * POSE_STD_M**2)
+        k = int(np.argmax(strain))
+        found.append(StrainedPath(int(starts[k]), int(ends[k]), float(departure[k]), float(strain[k])))
+    return max(found, key=lambda path: path.strain, default=None)
 
 
 def loop_residuals(poses: Floats, loops: Edges) -> Floats:

@@ -32,6 +32,7 @@ from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from gridslam.methods.handmap_slam.line_observation import LineObserver
 from gridslam.methods.handmap_slam.metric_map import MetricMap, finish_map, surface_front_end
 from gridslam.methods.handmap_slam.scan_memory import beam_endpoints
+from gridslam.methods.map_consistency import with_consistency
 from gridslam.motion.scan_poses import PlacedScan
 
 Floats = NDArray[np.float64]
@@ -102,7 +103,7 @@ class HandmapSlam:
             sigma_m = self._config.localization.sigma_m
             observed = coverage_of(self.drawn, key_scans, self._key_drawing_poses, sigma_m)
             picture = picture_of(self.drawn, updates, key_scans, self._key_drawing_poses)
-        return RunResult(
+        result = RunResult(
             metric.trajectory,
             occupancy=metric.occupancy,
             layers=drawing_layers(self.drawn, observed),
@@ -113,6 +114,7 @@ class HandmapSlam:
             timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, observed), **self._key_scan_measures(metric)},
         )
+        return with_consistency(result, metric.consistency)
 
     def _add_scan(self, placed: PlacedScan) -> None:
         """Track one scan in metres, then in the drawing."""

@@ -12,6 +12,7 @@ from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory, close_trajectory
+from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
@@ -19,10 +20,11 @@ from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 
 @dataclass(frozen=True, slots=True)
 class MetricMap:
-    """The trajectory over all scans, the map, and the result of the pose graph optimisation, if it is enabled."""
+    """The trajectory over all scans, the map, its consistency, and the result of loop closure, if that is enabled."""
 
     trajectory: Trajectory
     occupancy: OccupancyGrid
+    consistency: MapConsistency
     optimised: ClosedTrajectory | None
 
 
@@ -32,7 +34,7 @@ def surface_front_end(config: HandmapSlamConfig) -> FrontEnd:
 
 
 def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
-    """Close the loops over the tracked scans, if enabled, and draw the key scans.
+    """Close the loops over the tracked scans, if enabled, draw the key scans, and check them against each other.
 
     Raises MethodError if the map would exceed the memory limit.
     """
@@ -40,10 +42,12 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
     optimised = None
     resolution = config.map.resolution_m
     memory_limit_mb = config.advanced.memory_limit_mb
+    drift = DriftModel.of(config.advanced.loop_closure)
     if config.pose_graph.enabled:
-        drift = DriftModel.of(config.advanced.loop_closure)
         optimised = close_trajectory(tracker.key_scans, key_poses, drift=drift)
         key_poses = optimised.poses
         resolution = config.pose_graph.resolution_m or resolution
     occupancy = draw_map(tracker.key_scans, key_poses, resolution, memory_limit_mb)
-    return MetricMap(tracker.corrected(key_poses), occupancy, optimised)
+    loops = None if optimised is None else optimised.loops
+    consistency = assess_map(tracker.key_scans, key_poses, tracker.key_poses, loops, drift)
+    return MetricMap(tracker.corrected(key_poses), occupancy, consistency, optimised)

@@ -15,18 +15,19 @@ from gridslam.core.messages import Event, TagInventory
 from gridslam.core.random import random_stream
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
+from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
+from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory, close_trajectory
 from gridslam.lidar_slam.map_consistency.assessment import assess_map
 from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.base import Doubt, Estimate, RunResult, Series
-from gridslam.methods.consistency_picture import consistency_pictures
+from gridslam.methods.base import Estimate, RunResult, Series
+from gridslam.methods.map_consistency import with_consistency
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
@@ -98,9 +99,11 @@ class SlamSd:
             "motion": {**self._tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
         }
         resolution_m = config.map.resolution_m
+        loops = Edges.none()
         if config.pose_graph.enabled:
             with self._stopwatch.stage("loop_closure"):
-                key_poses, measures["pose_graph"] = self._optimised(key_poses)
+                closed, measures["pose_graph"] = self._optimised(key_poses)
+            key_poses, loops = closed.poses, closed.loops
             resolution_m = config.pose_graph.resolution_m or resolution_m
         trajectory = self._tracker.corrected(key_poses)
         with self._stopwatch.stage("draw_map"):
@@ -109,19 +112,17 @@ class SlamSd:
             static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
             objects = self._objects.result(static, key_poses, trajectory)
         with self._stopwatch.stage("map_consistency"):
-            consistency = assess_map(scans, key_poses, self._tracker.key_poses)
-        measures["map_consistency"] = consistency.measures
+            consistency = assess_map(scans, key_poses, self._tracker.key_poses, loops, self._drift)
         result = RunResult(
             trajectory,
             occupancy=static,
-            pictures=consistency_pictures(static, trajectory, consistency),
-            doubt=Doubt("inconsistent", consistency.summary) if consistency.is_doubtful else None,
             series=self._series(),
             counters=self._counters(),
             notes=self._odometry_check.notes(),
             timings_s=dict(self._stopwatch.seconds),
             measures=measures,
         )
+        result = with_consistency(result, consistency)
         return result if objects is None else objects.added_to(result)
 
     def _new_tracker(self) -> ScanTracker:
@@ -156,9 +157,12 @@ class SlamSd:
             random_stream(seed, "slam-sd.filter"),
         )
 
-    def _optimised(self, key_poses: Floats) -> tuple[Floats, dict[str, object]]:
-        """Poses `(k, 3)` of the key scans after loop closure, and its measures; moved objects give no constraint."""
-        config = self._config
+    @property
+    def _drift(self) -> DriftModel:
+        return DriftModel.of(self._config.advanced.loop_closure)
+
+    def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
+        """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
         scans = [
             self._objects.without_moved_objects(key, scan, key_poses)
             for key, scan in enumerate(self._tracker.key_scans)
@@ -167,12 +171,12 @@ class SlamSd:
             scans,
             self._tracker.key_poses,
             self._objects.landmarks(key_poses),
-            DriftModel.of(config.advanced.loop_closure),
+            self._drift,
         )
         self._objects.update_history(closed.poses)
         moved_m = np.hypot(*(closed.poses - key_poses)[:, :2].T)
         largest = {"largest_correction_m": round(float(moved_m.max()), 4)}
-        return closed.poses, {**closed.measures, **largest}
+        return closed, {**closed.measures, **largest}
 
     def _process_scan(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan also goes through the filter and to the objects."""

@@ -43,6 +43,14 @@ def test_map_and_trajectory_are_metric(lap):
     assert corners.max(axis=0) == pytest.approx([12.0, 7.5], abs=0.15)
 
 
+def test_the_map_is_checked_against_its_scans(lap):
+    result, _, _ = lap
+    consistency = result.measures["map_consistency"]
+    assert consistency["compared_wall_m"] > 5.0
+    assert consistency["doubt"] < 0.2
+    assert result.doubt is None
+
+
 def test_the_robot_is_localized_in_the_drawing_throughout(lap):
     _, pairs, _ = lap
     errors = [np.hypot(*(np.array([p.x, p.y]) - drawn_truth(t))) for p, t in pairs]

@@ -1,8 +1,9 @@
-"""The map with its doubtful places drawn on it."""
+"""What a run says of its map's consistency: measures, the map with its doubtful places drawn on it, and the status."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,16 +11,27 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.map_consistency.assessment import DoubtfulPlace, MapConsistency
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import Footprint, render_map
-from gridslam.methods.base import Picture
+from gridslam.methods.base import Doubt, Picture, RunResult
 
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
 SMALLEST_RADIUS_M = 1.0
 CORNERS = 32
 
 
-def consistency_pictures(
-    grid: OccupancyGrid, trajectory: Trajectory, consistency: MapConsistency
-) -> dict[str, Picture]:
+def with_consistency(result: RunResult, consistency: MapConsistency) -> RunResult:
+    """The result with its map's consistency; a doubtful map makes the run `inconsistent`."""
+    assert result.occupancy is not None
+    pictures = _pictures(result.occupancy, result.trajectory, consistency)
+    doubt = Doubt("inconsistent", consistency.summary) if consistency.is_doubtful else result.doubt
+    return replace(
+        result,
+        measures={**result.measures, "map_consistency": consistency.measures},
+        pictures={**result.pictures, **pictures},
+        doubt=doubt,
+    )
+
+
+def _pictures(grid: OccupancyGrid, trajectory: Trajectory, consistency: MapConsistency) -> dict[str, Picture]:
     """`doubt`: the map and its trajectory with circles around the doubtful places; none where there are no such places."""
     if not consistency.places:
         return {}
