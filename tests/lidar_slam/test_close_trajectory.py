@@ -74,7 +74,7 @@ def test_a_loop_into_another_place_is_not_accepted() -> None:
 def test_a_single_key_scan_stays_where_it_is() -> None:
     found = closed(lap()[:1], lap()[:1])
     np.testing.assert_allclose(found.poses, lap()[:1])
-    assert found.measures == {"pairs_searched": 0, "loops_found": 0, "loops_rejected": 0, "matches": 0}
+    assert set(found.measures.values()) == {0}
 
 
 def test_segments_hold_all_key_scans_and_about_their_length_of_travel() -> None:
