@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import CameraInfo, Transform
 from gridslam.sensors.background import ColourBackground, Depth, DepthBackground
+from gridslam.sensors.floor_cells import FloorCells
 
 Floats = NDArray[np.float64]
 
@@ -115,11 +116,11 @@ class FixedCamera:
 
     pinhole: Pinhole
     parameters: DetectionParameters
-    cells: Floats  # (k, 2) centres of the map's free floor cells
+    cells: FloorCells  # of the map that are free
     colour: ColourBackground = field(init=False)
     depth: DepthBackground = field(init=False)
     is_moved: bool = False
-    coverage: Floats = field(init=False)  # (m, 2) cells that the camera sees when nobody is in the room
+    coverage: FloorCells = field(init=False)  # those that the camera sees when nobody is in the room
     _frames_to_judge: int = 0  # mismatching frames still needed before the camera counts as moved
     _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) image positions of the coverage
     _depths: Floats = field(init=False)
@@ -130,7 +131,7 @@ class FixedCamera:
             p.history, p.threshold, opening_px=p.opening_px, closing_px=p.closing_px, warm_up=p.warm_up
         )
         self.depth = DepthBackground(p.margin_m, p.margin_ratio)
-        self.coverage = np.zeros((0, 2))
+        self.coverage = self.cells.select(np.zeros(len(self.cells), np.bool_))
 
     def detect(self, pixels: NDArray[np.uint8], depth_m: Depth) -> FloorDetections | FrameSkip:
         """The moving points of a frame, or the reason why the frame has none."""
@@ -189,7 +190,7 @@ class FixedCamera:
         height = 0.5 * (
             self.parameters.min_height_m + min(self.parameters.max_height_m, _COVERAGE_MAX_HEIGHT_M)
         )
-        points = np.column_stack([self.cells, np.full(len(self.cells), height)])
+        points = np.column_stack([self.cells.centres, np.full(len(self.cells), height)])
         pixels, depths = self.pinhole.to_pixels(points)
         with np.errstate(invalid="ignore"):
             inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(background.shape, 1)).all(axis=1)
@@ -200,7 +201,8 @@ class FixedCamera:
         farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
         with np.errstate(invalid="ignore"):
             visible = inside & (depths < np.where(np.isnan(behind), farthest, behind))
-        self.coverage, self._pixels, self._depths = self.cells[visible], nearest[visible], depths[visible]
+        self.coverage = self.cells.select(visible)
+        self._pixels, self._depths = nearest[visible], depths[visible]
 
     def _is_visible(self, depth_m: Depth) -> NDArray[np.bool_]:
         """Mask `(m,)` of the covered cells that nothing hides in this frame."""

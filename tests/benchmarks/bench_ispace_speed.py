@@ -27,6 +27,7 @@ from gridslam.methods.ispace_mcl.environment import (
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections, Pinhole
+from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
 from tests.benchmarks.harness import Row
@@ -65,7 +66,7 @@ def round_rows() -> Iterator[Row]:
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
         yield Row(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)
-    detection = DetectionWeight(COLOUR_AND_DEPTH.cell_m)
+    detection = DetectionWeight()
     cost = cpu_ms(lambda: particles.reweighted(detection.log_likelihood(observations, poses)))
     yield Row("ispace.environment.detection", cost, "ms")
     density = DensityWeight(as_printed=False)
@@ -92,8 +93,8 @@ def scan(rng: np.random.Generator) -> Beams:
 
 def observation(number: int, rng: np.random.Generator) -> CameraObservation:
     """A camera's view of 8 m of the corridor with two people in it, from 0.2 s ago."""
-    coverage = np.argwhere(np.ones((80, 26))) * 0.1 + [10.0 * number + 0.05, 0.05]
-    people = coverage[rng.integers(len(coverage), size=2)]
+    coverage = FloorCells(np.argwhere(np.ones((80, 26))) + np.array([100 * number, 0]), 0.1)
+    people = coverage.centres[rng.integers(len(coverage), size=2)]
     points = np.concatenate([person + rng.normal(0.0, 0.15, (2000, 2)) for person in people])
     detections = FloorDetections(points, np.full(len(points), 2e-4), np.ones(len(coverage), bool))
     moving = moving_cells(detections, COLOUR_AND_DEPTH.cell_m, COLOUR_AND_DEPTH.min_area_m2)
@@ -104,7 +105,7 @@ def frame_ms() -> float:
     """A frame of 640 x 480: subtraction on colour and depth, projection, coverage."""
     rotation = np.column_stack([[0.0, -1.0, 0.0], [-0.47, 0.0, -0.88], [0.88, 0.0, -0.47]])
     pinhole = Pinhole((480.0, 480.0), (319.5, 239.5), rotation, np.array([0.0, 1.3, 2.4]))
-    cells = np.argwhere(np.ones((300, 26))) * 0.1 + 0.05
+    cells = FloorCells(np.argwhere(np.ones((300, 26))), 0.1)
     camera = FixedCamera(pinhole, COLOUR_AND_DEPTH, cells)
     rng = np.random.default_rng(1)
     still = [rng.normal(120.0, 1.0, (ROWS, COLS, 3)).astype(np.uint8) for _ in range(8)]

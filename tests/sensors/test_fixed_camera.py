@@ -18,6 +18,7 @@ from gridslam.sensors.fixed_camera import (
     FrameSkip,
     Pinhole,
 )
+from gridslam.sensors.floor_cells import FloorCells
 from gridslam.simulation.simulator import Simulator
 from tests.simulation.places import room
 
@@ -28,7 +29,7 @@ CAMERA: dict[str, Any] = {
     "extrinsics": {"x": 0.2, "y": 2.5, "z": 2.4, "pitch_deg": 28}, "noise_levels": 1.0, "depth_noise_per_m2": 0.0015,
 }  # fmt: skip
 PARAMETERS = replace(COLOUR_AND_DEPTH, stride_px=1, moved_frames=3)
-FLOOR = np.argwhere(np.ones((80, 50))) * 0.1 + 0.05
+FLOOR = FloorCells(np.argwhere(np.ones((80, 50))), 0.1)
 
 Frames = list[tuple[np.ndarray, np.ndarray]]
 
@@ -72,10 +73,10 @@ def test_the_coverage_is_the_floor_in_view() -> None:
     camera, frames = filmed(4.0)
     for frame in frames:
         camera.detect(*frame)
-    pixels, depths = camera.pinhole.to_pixels(np.column_stack([FLOOR, np.full(len(FLOOR), 0.35)]))
+    pixels, depths = camera.pinhole.to_pixels(np.column_stack([FLOOR.centres, np.full(len(FLOOR), 0.35)]))
     in_view = (pixels > -0.5).all(axis=1) & (pixels < [119.5, 159.5]).all(axis=1) & (depths > 0)
-    covered = {tuple(c) for c in np.round(camera.coverage, 3).tolist()}
-    expected = {tuple(c) for c in np.round(FLOOR[in_view], 3).tolist()}
+    covered = {tuple(c) for c in np.round(camera.coverage.centres, 3).tolist()}
+    expected = {tuple(c) for c in np.round(FLOOR.centres[in_view], 3).tolist()}
     assert len(covered ^ expected) < 0.03 * len(expected)
 
 
@@ -84,7 +85,7 @@ def test_the_floor_behind_a_wall_is_not_covered() -> None:
     for frame in frames:
         camera.detect(*frame)
     assert len(camera.coverage) > 100
-    assert camera.coverage[:, 0].max() < 4.2
+    assert camera.coverage.centres[:, 0].max() < 4.2
 
 
 def test_after_a_light_is_switched_on_the_background_is_learned_again() -> None:

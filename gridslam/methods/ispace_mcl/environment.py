@@ -14,6 +14,7 @@ from gridslam.filters.particles import Particles
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.distances import distances_to
 from gridslam.sensors.fixed_camera import FloorDetections
+from gridslam.sensors.floor_cells import FloorCells
 
 Floats = NDArray[np.float64]
 
@@ -43,31 +44,31 @@ class DetectionLikelihood:
 
 @dataclass(frozen=True, slots=True)
 class CameraObservation:
-    """One camera frame for a scan: centres of the moving floor cells `(k, 2)` and of all visible floor cells `(m, 2)`.
+    """One camera frame for a scan: the floor cells in which something moves, and all that are visible.
 
     `T_now_then` `(3,)` is the robot's pose at the frame's stamp relative to its pose at the scan.
     """
 
-    moving: Floats
-    in_view: Floats
+    moving: FloorCells
+    in_view: FloorCells
     T_now_then: Floats
 
 
-def moving_cells(detections: FloorDetections, cell_m: float, min_area_m2: float) -> Floats:
-    """Centres `(k, 2)` of the floor cells with at least `min_area_m2` of moving surface, sorted by x, then y."""
-    if not len(detections.points):
-        return np.zeros((0, 2))
-    cells = np.floor(detections.points / cell_m).astype(np.int64)
+def moving_cells(detections: FloorDetections, cell_m: float, min_area_m2: float) -> FloorCells:
+    """The floor cells with at least `min_area_m2` of moving surface, sorted by x, then y."""
+    cells = FloorCells.containing(detections.points, cell_m).index
+    if not len(cells):
+        return FloorCells(cells, cell_m)
     first = cells.min(axis=0)
     width, height = (cells.max(axis=0) - first + 1).tolist()
     member = (cells[:, 0] - first[0]) * height + cells[:, 1] - first[1]
     area = np.bincount(member, detections.areas_m2, width * height).reshape(width, height)
-    return np.asarray((np.argwhere(area >= max(min_area_m2, _MIN_WEIGHT)) + first + 0.5) * cell_m)
+    return FloorCells(np.argwhere(area >= max(min_area_m2, _MIN_WEIGHT)) + first, cell_m)
 
 
 def all_moving(observations: Sequence[CameraObservation]) -> Floats:
     """Centres `(k, 2)` of the moving floor cells of all observations."""
-    return np.concatenate([*(o.moving for o in observations), np.zeros((0, 2))])
+    return np.concatenate([*(o.moving.centres for o in observations), np.zeros((0, 2))])
 
 
 def past_positions(transforms: Sequence[Floats], poses: Floats) -> Iterator[Floats]:
@@ -79,10 +80,9 @@ def past_positions(transforms: Sequence[Floats], poses: Floats) -> Iterator[Floa
 
 
 class DetectionWeight:
-    """Log-likelihoods of poses relative to a robot that no camera sees; `cell_m` is the size of the floor cells."""
+    """Log-likelihoods of poses relative to a robot that no camera sees."""
 
-    def __init__(self, cell_m: float, likelihood: DetectionLikelihood = DetectionLikelihood()) -> None:
-        self._cell_m = cell_m
+    def __init__(self, likelihood: DetectionLikelihood = DetectionLikelihood()) -> None:
         self._likelihood = likelihood
 
     def log_likelihood(self, observations: Sequence[CameraObservation], poses: Floats) -> Floats:
@@ -91,17 +91,17 @@ class DetectionWeight:
         density = 1.0 / (p.clutter_per_m2 * 2.0 * np.pi * p.bandwidth_m**2)
         transforms = [observation.T_now_then for observation in observations]
         for observation, positions in zip(observations, past_positions(transforms, poses), strict=True):
-            in_view = is_in_cells(observation.in_view, positions, self._cell_m)
+            in_view = is_in_cells(observation.in_view, positions)
             near = self._proximity(observation.moving, positions)
             ratio = np.where(in_view, 1.0 - p.detection, 1.0 - p.detection * near)
             total += np.log(ratio + p.detection * density * near)
         return p.frame_weight * total
 
-    def _proximity(self, moving: Floats, positions: Floats) -> Floats:
+    def _proximity(self, moving: FloorCells, positions: Floats) -> Floats:
         """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest moving cell, less the robot's own radius."""
         p = self._likelihood
         max_distance_m = p.radius_m + _CUTOFF * p.bandwidth_m
-        distance = distance_to_cells(moving, positions, self._cell_m, max_distance_m)
+        distance = distance_to_cells(moving, positions, max_distance_m)
         return np.asarray(np.exp(-0.5 * (np.maximum(distance - p.radius_m, 0.0) / p.bandwidth_m) ** 2))
 
 
@@ -163,39 +163,42 @@ class DensityWeight:
 
 
 def by_moment(observations: Sequence[CameraObservation]) -> list[tuple[Floats, Floats]]:
-    """Simultaneous observations joined: T_now_then `(3,)` and the moving cells `(k, 2)` of each moment."""
+    """Simultaneous observations joined: T_now_then `(3,)` and the centres `(k, 2)` of the moving cells of each moment."""
     groups: dict[tuple[int, int], list[CameraObservation]] = {}
     for observation in observations:
         x, y = np.rint(observation.T_now_then[:2] / _SAME_MOMENT_M).astype(int).tolist()
         groups.setdefault((x, y), []).append(observation)
     return [
-        (group[0].T_now_then, np.unique(np.concatenate([o.moving for o in group]), axis=0))
+        (
+            group[0].T_now_then,
+            FloorCells.joined([o.moving for o in group], group[0].moving.size_m).unique().centres,
+        )
         for group in groups.values()
     ]
 
 
-def is_in_cells(cells: Floats, positions: Floats, cell_m: float) -> NDArray[np.bool_]:
-    """Mask `(n,)` of the positions `(n, 2)` that lie in one of the cells with the centres `(k, 2)`."""
+def is_in_cells(cells: FloorCells, positions: Floats) -> NDArray[np.bool_]:
+    """Mask `(n,)` of the positions `(n, 2)` that lie in one of the cells."""
     if not len(cells):
         return np.zeros(len(positions), np.bool_)
-    grid, origin = _raster(cells, cell_m, 0)
-    index, inside = _indices(positions, origin, cell_m, grid.shape)
+    grid, origin = _raster(cells, 0)
+    index, inside = _indices(positions, origin, cells.size_m, grid.shape)
     return np.asarray(inside & (grid[index[:, 1], index[:, 0]] == 0))
 
 
-def distance_to_cells(cells: Floats, positions: Floats, cell_m: float, max_distance_m: float) -> Floats:
-    """Distances `(n,)` of positions `(n, 2)` to the nearest of the cells `(k, 2)`, at most the maximum; exact to half a cell."""
+def distance_to_cells(cells: FloorCells, positions: Floats, max_distance_m: float) -> Floats:
+    """Distances `(n,)` of positions `(n, 2)` to the nearest of the cells, at most the maximum; exact to half a cell."""
     if not len(cells):
         return np.full(len(positions), max_distance_m)
-    grid, origin = _raster(cells, cell_m, int(np.ceil(max_distance_m / cell_m)))
-    distances = distances_to(grid == 0) * cell_m
-    index, inside = _indices(positions, origin, cell_m, grid.shape)
+    grid, origin = _raster(cells, int(np.ceil(max_distance_m / cells.size_m)))
+    distances = distances_to(grid == 0) * cells.size_m
+    index, inside = _indices(positions, origin, cells.size_m, grid.shape)
     return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], max_distance_m), max_distance_m)
 
 
-def _raster(cells: Floats, cell_m: float, margin: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+def _raster(cells: FloorCells, margin: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """A grid that is 0 at the cells and 1 elsewhere, with a margin of cells, and the index (x, y) of its first cell."""
-    index = np.floor(cells / cell_m).astype(np.int64)
+    index = cells.index
     origin = index.min(axis=0) - margin
     cols, rows = (index.max(axis=0) + margin + 1 - origin).tolist()
     grid = np.ones((rows, cols), np.uint8)

@@ -22,6 +22,7 @@ from gridslam.sensors.fixed_camera import (
     FrameSkip,
     Pinhole,
 )
+from gridslam.sensors.floor_cells import FloorCells
 
 Floats = NDArray[np.float64]
 
@@ -50,14 +51,14 @@ class FixedCameras:
     """Collects camera messages and returns, for a scan, the latest frame of each camera that is not too old.
 
     A camera is identified by the frame of its messages. Every message that is not used is counted: `counters` holds used.image,
-    used.depth and skipped.image.<reason>; `reasons` has the same by camera. `floor` `(k, 2)` are the centres of the floor cells
+    used.depth and skipped.image.<reason>; `reasons` has the same by camera. `floor` are the floor cells
     on which the robot may be.
     """
 
     def __init__(
         self,
         root_frame: str,
-        floor: Floats,
+        floor: FloorCells,
         parameters: DetectionParameters = COLOUR_AND_DEPTH,
         max_age_s: float = MAX_AGE_S,
     ) -> None:
@@ -73,7 +74,7 @@ class FixedCameras:
         self._latest: dict[str, tuple[int, FloorDetections]] = {}  # the last one of each camera that was used
         self._last_ns: dict[str, int] = {}
         self._path: deque[tuple[int, Floats]] = deque(maxlen=_KEPT_POSES)
-        self._moving: list[Floats] = []  # moving cells of each frame that was used
+        self._moving: list[FloorCells] = []  # moving cells of each frame that was used
         self.fixed: dict[str, FixedCamera] = {}
         self.counters: Counter[str] = Counter()
         self.reasons: dict[str, Counter[str]] = {}
@@ -151,17 +152,16 @@ class FixedCameras:
         if odometry is None or stamp_ns - frame_ns > self._max_age_s * 1e9:
             return None
         moving = moving_cells(detections, self._parameters.cell_m, self._parameters.min_area_m2)
-        in_view = self.fixed[name].coverage[detections.is_visible]
+        in_view = self.fixed[name].coverage.select(detections.is_visible)
         return CameraObservation(moving, in_view, se2.between(self._path[-1][1], odometry))
 
-    def coverage(self) -> Floats:
-        """Centres `(k, 2)` of the floor cells that at least one camera covers."""
-        covered = [camera.coverage for camera in self.fixed.values()]
-        return np.unique(np.concatenate(covered), axis=0) if covered else np.zeros((0, 2))
+    def coverage(self) -> FloorCells:
+        """The floor cells that at least one camera covers."""
+        return FloorCells.joined([c.coverage for c in self.fixed.values()], self._parameters.cell_m).unique()
 
-    def moving(self) -> Floats:
-        """Centres `(m, 2)` of the floor cells with moving objects, repeated for every frame that showed one there."""
-        return np.concatenate([*self._moving, np.zeros((0, 2))])
+    def moving(self) -> FloorCells:
+        """The floor cells with moving objects, repeated for every frame that showed one there."""
+        return FloorCells.joined(self._moving, self._parameters.cell_m)
 
     def finish(self) -> None:
         """Count the messages that no scan used before the log ended, and the cameras that were silent at its end."""

@@ -75,9 +75,7 @@ class FilterUpdate:
 class Localizer:
     """Monte Carlo localization on one map."""
 
-    def __init__(
-        self, config: IspaceMclConfig, occupancy: OccupancyGrid, rng: np.random.Generator, floor_cell_m: float
-    ) -> None:
+    def __init__(self, config: IspaceMclConfig, occupancy: OccupancyGrid, rng: np.random.Generator) -> None:
         advanced = config.advanced
         self._config = config
         self._rng = rng
@@ -112,7 +110,7 @@ class Localizer:
         self._detections: DetectionWeight | None = None
         self._density: DensityWeight | None = None
         if advanced.camera_weight == "detection":
-            self._detections = DetectionWeight(floor_cell_m)
+            self._detections = DetectionWeight()
         else:
             self._density = DensityWeight(as_printed=advanced.camera_weight == "density-as-printed")
         self.counters: Counter[str] = Counter()

@@ -29,6 +29,7 @@ from gridslam.methods.ispace_mcl.record import LocalizationHistory
 from gridslam.motion.odometry_limits import OdometryLimits
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.depth_ranges import DepthBand
+from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 Floats = NDArray[np.float64]
@@ -47,7 +48,7 @@ class IspaceMcl:
         self._config = config
         advanced = config.advanced
         detection = detection_parameters(advanced.camera_background)
-        self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"), detection.cell_m)
+        self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
         self._scans = ScanPoses(OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_M, JUMP_RAD))
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._depth = OnboardDepth(
@@ -144,8 +145,7 @@ class IspaceMcl:
         coverage = self._cameras.coverage()
         if not len(coverage):
             return {}
-        moving, cell_m = self._cameras.moving(), self._cameras.cell_m
-        return {"cameras": coverage_picture(self._occupancy, coverage, moving, cell_m, path)}
+        return {"cameras": coverage_picture(self._occupancy, coverage, self._cameras.moving(), path)}
 
     def _camera_measures(self) -> dict[str, object]:
         measures = self._cameras.measures()
@@ -201,7 +201,6 @@ class IspaceMcl:
         self._counters["updates"] += 1
 
 
-def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> Floats:
-    """Centres `(k, 2)` of the floor cells of size `cell_m` that contain free map cells."""
-    centres = occupancy.geometry.centres(np.argwhere(free))
-    return np.asarray((np.unique(np.floor(centres / cell_m), axis=0) + 0.5) * cell_m)
+def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> FloorCells:
+    """The floor cells of size `cell_m` that contain free map cells."""
+    return FloorCells.containing(occupancy.geometry.centres(np.argwhere(free)), cell_m).unique()

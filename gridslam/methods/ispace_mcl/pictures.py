@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Picture
+from gridslam.sensors.floor_cells import FloorCells
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
@@ -22,15 +23,15 @@ _PATH, _START = (20, 140, 60), (20, 90, 200)
 
 
 def coverage_picture(
-    occupancy: OccupancyGrid, coverage: Floats, moving: Floats, cell_m: float, path: Trajectory
+    occupancy: OccupancyGrid, coverage: FloorCells, moving: FloorCells, path: Trajectory
 ) -> Picture:
-    """The covered floor cells `(k, 2)` in blue, the detections `(m, 2)` in orange by their number, the path in green."""
+    """The covered floor cells in blue, the detections in orange by their number, the path in green."""
     probability = occupancy.probability
     sheet = np.full((*probability.shape, 3), _UNKNOWN, np.uint8)
     sheet[probability < 0.5] = _FREE
     colours = sheet.astype(np.float64)
-    _tint(colours, _counts(occupancy, coverage, cell_m) > 0, 0.45, _COVERED)
-    detections = _counts(occupancy, moving, cell_m)
+    _tint(colours, _counts(occupancy, coverage) > 0, 0.45, _COVERED)
+    detections = _counts(occupancy, moving)
     opacity = 0.35 + 0.65 * np.sqrt(detections / max(detections.max(), 1.0))
     _tint(colours, detections > 0, opacity[detections > 0, None], _MOVING)
     sheet = colours.astype(np.uint8)
@@ -49,14 +50,16 @@ def _tint(colours: Floats, where: NDArray[np.bool_], opacity: float | Floats, co
     colours[where] = (1.0 - opacity) * colours[where] + opacity * colour
 
 
-def _counts(occupancy: OccupancyGrid, cells: Floats, cell_m: float) -> Floats:
-    """Number of floor cells with centres `(k, 2)` that cover each map cell `(rows, cols)`; repeated centres count repeatedly."""
+def _counts(occupancy: OccupancyGrid, cells: FloorCells) -> Floats:
+    """Number of floor cells that cover each map cell `(rows, cols)`; repeated ones count repeatedly."""
     counts = np.zeros(occupancy.probability.shape)
-    half_width = int(cell_m / occupancy.geometry.resolution_m / 2.0)
+    half_width = int(cells.size_m / occupancy.geometry.resolution_m / 2.0)
     for d_row in range(-half_width, half_width + 1):
         for d_col in range(-half_width, half_width + 1):
             offset = np.array([d_row, d_col])
-            index = occupancy.geometry.cells(cells) + offset if len(cells) else np.zeros((0, 2), np.int64)
+            index = (
+                occupancy.geometry.cells(cells.centres) + offset if len(cells) else np.zeros((0, 2), np.int64)
+            )
             rows, cols = index[(index >= 0).all(axis=1) & (index < counts.shape).all(axis=1)].T
             np.add.at(counts, (rows, cols), 1.0)
     return counts

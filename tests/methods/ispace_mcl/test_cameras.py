@@ -11,9 +11,10 @@ import pytest
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform, readonly
 from gridslam.methods.ispace_mcl.fixed_cameras import FixedCameras
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH
+from gridslam.sensors.floor_cells import FloorCells
 
 ROWS, COLS, FOCAL = 48, 64, 50.0
-FLOOR = np.argwhere(np.ones((60, 60))) * 0.1 - 2.95
+FLOOR = FloorCells(np.argwhere(np.ones((60, 60))) - 30, 0.1)
 S = 10**9
 DOWN = (0.0, 1.0, 0.0, 0.0)  # the optical axis points to the floor
 
@@ -66,7 +67,7 @@ def test_an_observation_has_the_moving_cells_and_the_odometry_since_the_frame() 
     (frame,) = eye.observations_at(7 * S)
     assert frame.T_now_then == pytest.approx([-0.5, 0.0, 0.0])  # half a metre behind, by interpolation
     # The box of 12 x 8 pixels at 2 m: 0.48 m x 0.32 m about the axis.
-    assert np.abs(frame.moving).max(axis=0) == pytest.approx([0.22, 0.14], abs=0.07)
+    assert np.abs(frame.moving.centres).max(axis=0) == pytest.approx([0.22, 0.14], abs=0.07)
     assert 4.8 * 3.2 <= len(frame.moving) <= 5.8 * 4.2  # cells of 0.1 m, all cells that the box touches
     assert eye.observations_at(7 * S) == []
     assert eye.counters["used.image"] == eye.counters["used.depth"] == 1

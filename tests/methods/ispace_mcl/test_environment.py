@@ -22,25 +22,27 @@ from gridslam.methods.ispace_mcl.environment import (
 )
 from gridslam.methods.ispace_mcl.weighing import FIELD_BEAM_WEIGHT, RANDOM_WEIGHT, log_weight_of
 from gridslam.sensors.fixed_camera import FloorDetections
+from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field
 from tests.reference.kernel_density import density_at
 
 CELL_M = 0.1
 CUT = 0.04  # the kernel is cut off at four standard deviations, where exp(-8) of it remains
-COVERAGE = np.argwhere(np.ones((50, 50))) * 0.1 + 0.05  # 5 x 5 m
+COVERAGE = FloorCells(np.argwhere(np.ones((50, 50))), CELL_M)  # 5 x 5 m
 
 
 def frame(
     *cells: tuple[float, float], then: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> CameraObservation:
     """An observation with moving objects at the given centres of floor cells."""
-    return CameraObservation(np.array(cells, np.float64).reshape(-1, 2), COVERAGE, np.array(then))
+    moving = FloorCells.containing(np.array(cells, np.float64).reshape(-1, 2), CELL_M)
+    return CameraObservation(moving, COVERAGE, np.array(then))
 
 
 def test_a_detection_favours_poses_near_it_over_other_poses_in_view_and_leaves_the_rest() -> None:
     w = DetectionLikelihood(frame_weight=1.0, radius_m=0.0)
-    found = DetectionWeight(CELL_M, w).log_likelihood(
+    found = DetectionWeight(w).log_likelihood(
         [frame((2.05, 2.05))],
         np.array([[2.05, 2.05, 0.0], [2.05, 2.35, 0.0], [4.55, 4.55, 0.0], [9.0, 9.0, 0.0]]),
     )
@@ -53,21 +55,21 @@ def test_a_detection_favours_poses_near_it_over_other_poses_in_view_and_leaves_t
 
 
 def test_a_frame_without_detections_only_lowers_poses_in_view() -> None:
-    found = DetectionWeight(CELL_M).log_likelihood([frame()], np.array([[2.0, 2.0, 0.0], [8.0, 2.0, 0.0]]))
+    found = DetectionWeight().log_likelihood([frame()], np.array([[2.0, 2.0, 0.0], [8.0, 2.0, 0.0]]))
     assert found[0] < -0.5
     assert found[1] == pytest.approx(0.0, abs=CUT)
 
 
 def test_hidden_cells_count_as_out_of_view() -> None:
     hidden = replace(frame(), in_view=COVERAGE[COVERAGE[:, 0] < 2.5])
-    found = DetectionWeight(CELL_M).log_likelihood([hidden], np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]]))
+    found = DetectionWeight().log_likelihood([hidden], np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]]))
     assert found[0] < -0.5
     assert found[1] == pytest.approx(0.0, abs=CUT)
 
 
 def test_an_older_frame_is_compared_with_the_past_position() -> None:
     then = (-1.0, 0.0, 0.0)  # since then it drove a metre ahead
-    found = DetectionWeight(CELL_M).log_likelihood(
+    found = DetectionWeight().log_likelihood(
         [frame((1.05, 1.05), then=then)],
         np.array([[1.05, 2.05, np.pi / 2], [2.05, 1.05, 0.0], [1.05, 1.05, 0.0]]),
     )
@@ -111,19 +113,17 @@ def test_cells_with_little_surface_are_noise() -> None:
     cells = moving_cells(
         FloorDetections(points, np.array([0.006, 0.006, 0.006]), np.ones(0, bool)), 0.1, 0.01
     )
-    np.testing.assert_allclose(cells, [[0.55, 0.55]])
+    np.testing.assert_allclose(cells.centres, [[0.55, 0.55]])
 
 
 def test_distances_and_memberships_of_cells_agree_with_all_pairs() -> None:
     rng = np.random.default_rng(5)
-    cells = (np.unique(rng.integers(-20, 20, (30, 2)), axis=0) + 0.5) * 0.1
+    cells = FloorCells(rng.integers(-20, 20, (30, 2)), 0.1).unique()
     positions = rng.uniform(-3.0, 3.0, (500, 2))
     centres = (np.floor(positions / 0.1) + 0.5) * 0.1
-    distance = np.hypot(*(centres[:, None] - cells).transpose(2, 0, 1)).min(axis=1)
-    np.testing.assert_allclose(
-        distance_to_cells(cells, positions, 0.1, 0.8), np.minimum(distance, 0.8), atol=1e-5
-    )
-    assert np.array_equal(is_in_cells(cells, positions, 0.1), distance < 0.05)
+    distance = np.hypot(*(centres[:, None] - cells.centres).transpose(2, 0, 1)).min(axis=1)
+    np.testing.assert_allclose(distance_to_cells(cells, positions, 0.8), np.minimum(distance, 0.8), atol=1e-5)
+    assert np.array_equal(is_in_cells(cells, positions), distance < 0.05)
 
 
 def test_proposals_lie_at_moving_cells_with_headings_that_agree_with_the_scan() -> None:

@@ -1,0 +1,45 @@
+"""Square cells of the floor, by their indices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorCells:
+    """Cells of size `size_m` with the indices (x, y) `(k, 2)`; cell (0, 0) has its lower-left corner at the map's origin."""
+
+    index: NDArray[np.int64]
+    size_m: float
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @staticmethod
+    def containing(points: Floats, size_m: float) -> FloorCells:
+        """The cell of each of the points `(k, 2)` in the map frame (m)."""
+        return FloorCells(np.floor(points / size_m).astype(np.int64), size_m)
+
+    @staticmethod
+    def joined(cells: Sequence[FloorCells], size_m: float) -> FloorCells:
+        """All of the cells, in their order."""
+        return FloorCells(np.concatenate([*(c.index for c in cells), np.zeros((0, 2), np.int64)]), size_m)
+
+    @property
+    def centres(self) -> Floats:
+        """Their centres `(k, 2)` in the map frame (m)."""
+        return np.asarray((self.index + 0.5) * self.size_m)
+
+    def select(self, mask: NDArray[np.bool_]) -> FloorCells:
+        """Those for which the mask `(k,)` is True."""
+        return FloorCells(self.index[mask], self.size_m)
+
+    def unique(self) -> FloorCells:
+        """Each of them once, sorted by x, then y."""
+        return FloorCells(np.unique(self.index, axis=0), self.size_m)
