@@ -61,7 +61,7 @@ def test_a_frame_without_detections_only_lowers_poses_in_view() -> None:
 
 
 def test_hidden_cells_count_as_out_of_view() -> None:
-    hidden = replace(frame(), in_view=COVERAGE[COVERAGE[:, 0] < 2.5])
+    hidden = replace(frame(), in_view=COVERAGE.select(COVERAGE.centres[:, 0] < 2.5))
     found = DetectionWeight().log_likelihood([hidden], np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]]))
     assert found[0] < -0.5
     assert found[1] == pytest.approx(0.0, abs=CUT)
