@@ -43,6 +43,19 @@ def pairwise_disagreement(poses: Floats, graph: DirectedEdges, loops: Edges) -> 
     return np.maximum(chi2, chi2.T), np.maximum(widest, widest.T)
 
 
+def departures(poses: Floats, graph: DirectedEdges, loops: Edges) -> Floats:
+    """Distances `(m,)`, in standard deviations, of the positions that loops measure from those that the graph expects.
+
+    `poses` `(n, 3)` are the graph's estimate, `graph` its edges without these loops.
+    """
+    a, b = loops.source, loops.target
+    error = (se2.compose(poses[a], loops.T_source_target) - poses[b])[:, :2]
+    expected = relative_covariances(poses, graph, a, b)[np.arange(len(a)), np.arange(len(a))]
+    own = rotated(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
+    weight = np.linalg.inv((expected + own)[:, :2, :2])
+    return np.asarray(np.sqrt(np.einsum("ij,ijk,ik->i", error, weight, error)))
+
+
 def largest_cliques(agree: Bools) -> list[Ints]:
     """Disjoint sets of nodes that all agree with each other `(m, m)`, the largest first, each found greedily."""
     left = np.ones(len(agree), np.bool_)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairwise_disagreement
+from gridslam.graph.loop_consistency import CHI2_3DOF_99, departures, largest_cliques, pairwise_disagreement
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import directed_edges
 from tests.graph.test_pose_graph import Floats, circle, edges_of
@@ -45,3 +45,19 @@ def test_every_node_is_in_one_clique() -> None:
     np.testing.assert_array_equal(np.sort(np.concatenate(cliques)), np.arange(12))
     for clique in cliques:
         assert agree[np.ix_(clique, clique)].sum() == len(clique) * (len(clique) - 1)
+
+
+def test_a_loop_departs_by_its_offset_over_the_uncertainty_of_the_path_between_its_ends() -> None:
+    poses = np.array([(0.0, 0.0, 0.5), (0.0, 0.0, 0.5), (0.0, 0.0, 0.5)])
+    steps = Edges(
+        np.array([0, 1]),
+        np.array([1, 2]),
+        np.zeros((2, 3)),
+        np.tile(np.diag([1.0 / 0.08, 1.0 / 0.08, 1e6]), (2, 1, 1)),
+        np.zeros(2, np.bool_),
+    )
+    offsets = np.array([(0.0, 0.0, 0.0), (1.5, 0.0, 0.0), (0.0, -3.0, 0.2)])
+    information = np.tile(np.diag([1.0 / 0.09, 1.0 / 0.09, 1e6]), (3, 1, 1))
+    loops = Edges(np.zeros(3, np.int64), np.full(3, 2), offsets, information, np.ones(3, np.bool_))
+    found = departures(poses, directed_edges(3, steps), loops)
+    np.testing.assert_allclose(found, [0.0, 3.0, 6.0], atol=1e-3)  # 0.16 + 0.09 m2: 0.5 m

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairwise_disagreement
+from gridslam.graph.loop_consistency import CHI2_3DOF_99, departures, largest_cliques, pairwise_disagreement
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.graph.relative_covariance import directed_edges
 from gridslam.kernels.relative_covariance import DirectedEdges
@@ -50,6 +50,7 @@ SURE_RIVAL_RATIO, SURE_SCORE, SURE_EXPLAINED, SURE_CONTRADICTED = (
     0.7,
     0.08,
 )  # of a match that stands alone
+MAX_DEPARTURE = 2.5  # standard deviations of a match from where it was expected: what lies beyond is more often a look-alike
 MEANINGFUL_STD_RATIO = 0.5  # agreement counts where it was expected to this fraction of the uncertainty
 
 ROBUST_SCALE = 4.0  # of the kernel on loops, in standard deviations
@@ -132,10 +133,16 @@ def _is_plausible(matches: LoopMatches) -> Bools:
 
 
 def is_supported(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> Bools:
-    """Which matches `(m,)` are accepted: sets that agree and hold a distinct one, and matches that are sure by themselves."""
+    """Which matches `(m,)` are accepted: sets that agree and hold a distinct one, and matches that are sure by themselves.
+
+    Matches far from where the graph expects them are not. Where the right place was never mapped, only look-alikes are found,
+    and they agree with each other.
+    """
     accepted = np.zeros(len(pool), np.bool_)
     if not len(pool):
         return accepted
+    expected = np.flatnonzero(departures(poses, graph, pool.edges) <= MAX_DEPARTURE)
+    pool = pool.select(expected)
     chi2, std_m = pairwise_disagreement(poses, graph, pool.edges)
     meaningful = std_m < MEANINGFUL_STD_RATIO * np.minimum(pool.std_m[:, None], pool.std_m[None])
     agree = (chi2 < CHI2_3DOF_99) & meaningful
@@ -148,7 +155,7 @@ def is_supported(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> Bool
         & (pool.contradicted <= SURE_CONTRADICTED)
     )
     for clique in largest_cliques(agree):
-        accepted[clique] = (len(clique) > 1 and distinct[clique].any()) or sure[clique].any()
+        accepted[expected[clique]] = (len(clique) > 1 and distinct[clique].any()) or sure[clique].any()
     return accepted
 
 
