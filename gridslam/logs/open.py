@@ -42,6 +42,8 @@ def _source(path: Path, config: LogConfig) -> Source:
             return open_rosbag2(path, config)
         from gridslam.logs.csv.source import LAYOUT_FILE, CsvSource
 
+        if config.csv is None and not (path / LAYOUT_FILE).is_file() and (source := _parts(path, config)):
+            return source
         if config.csv is None and not (path / LAYOUT_FILE).is_file():
             from gridslam.logs.datasets.open import open_dataset
 
@@ -56,7 +58,7 @@ def _source(path: Path, config: LogConfig) -> Source:
         from gridslam.logs.mcap.source import open_mcap
 
         return open_mcap(path, config)
-    if magic.startswith(b"SQLite format 3\0"):
+    if magic.startswith((b"SQLite format 3\0", b"\x28\xb5\x2f\xfd")):  # the latter: packed with zstd
         from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
         return open_rosbag2(path, config)
@@ -65,6 +67,13 @@ def _source(path: Path, config: LogConfig) -> Source:
 
         return open_rosbag1(path, config)
     return _text_source(path, config)
+
+
+def _parts(folder: Path, config: LogConfig) -> Source | None:
+    """The parts of a rosbag2 recording in a folder without metadata.yaml; None where there are none."""
+    from gridslam.logs.rosbag.rosbag2 import open_rosbag2, recorded_parts
+
+    return open_rosbag2(folder, config) if recorded_parts(folder) else None
 
 
 def _text_source(path: Path, config: LogConfig) -> Source:

@@ -18,7 +18,8 @@ def require_streams(log: Log, needs: Collection[str]) -> None:
         kinds = need.split("|")
         if have.isdisjoint(kinds):
             found = ", ".join(f"{i.label} ({i.type}, {i.count})" for i in log.streams if i.count) or "nothing"
+            damage = f"It is damaged: {'; '.join(log.problems)}. " if log.is_lossy else ""
             raise LogError(
-                f"{log.path}: no {' or '.join(kinds)} stream, which the method needs. The log has: {found}. "
+                f"{log.path}: no {' or '.join(kinds)} stream, which the method needs. The log has: {found}. {damage}"
                 f"If one of these is it, say so in the config: log: {{topics: {{{kinds[0]}: TOPIC}}}}"
             )

@@ -3,11 +3,12 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -23,8 +24,13 @@ MESSAGES = [
 ]
 
 
-def rosbag2(path: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
-    with Writer2(path, version=8, storage_plugin=plugin) as writer:
+def rosbag2(
+    path: Path, plugin: StoragePlugin = StoragePlugin.SQLITE3, packed: CompressionMode | None = None
+) -> Path:
+    writer = Writer2(path, version=8, storage_plugin=plugin)
+    if packed is not None:
+        writer.set_compression(packed, CompressionFormat.ZSTD)
+    with writer:
         connections = {}
         for number, (topic, message) in enumerate(MESSAGES):
             kind = message.__msgtype__
@@ -56,6 +62,60 @@ def test_a_db3_file_alone_is_read(tmp_path: Path) -> None:
     folder = rosbag2(tmp_path / "bag")
     path = Path(shutil.copy(next(folder.glob("*.db3")), tmp_path / "alone.db3"))
     check(path, "rosbag2")
+
+
+@pytest.mark.parametrize("plugin", StoragePlugin)
+@pytest.mark.parametrize("packed", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_a_packed_recording_is_read(tmp_path: Path, plugin: StoragePlugin, packed: CompressionMode) -> None:
+    folder = rosbag2(tmp_path / "bag", plugin, packed)
+    check(folder, "rosbag2")
+    (folder / "metadata.yaml").unlink()
+    if plugin is StoragePlugin.SQLITE3 or packed is CompressionMode.FILE:
+        (alone,) = folder.iterdir()
+        check(alone, "rosbag2")
+
+
+def test_a_packed_file_that_is_cut_is_refused(tmp_path: Path) -> None:
+    (path,) = rosbag2(tmp_path / "bag", packed=CompressionMode.FILE).glob("*.zstd")
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(LogError):
+        open_log(path)
+
+
+def parts(folder: Path, order: tuple[int, ...]) -> Path:
+    """A recording in three parts with the messages 0-2, 3-5, 6-9 after the first; metadata names them in the given order."""
+    folder.mkdir()
+    whole = rosbag2(folder / "whole")
+    (database,) = whole.glob("*.db3")
+    for number, (first, last) in enumerate(((0, 3), (4, 6), (7, 10))):
+        part = Path(shutil.copy(database, folder / f"drive_{number}.db3"))
+        with sqlite3.connect(part) as connection:
+            connection.execute("DELETE FROM messages WHERE timestamp < ? OR timestamp > ?", (first, last))
+    names = "".join(f"  - old_name/drive_{i}.db3\n" for i in order)
+    shutil.rmtree(whole)
+    text = f"rosbag2_bagfile_information:\n  message_count: 11\n  relative_file_paths:\n{names}"
+    (folder / "metadata.yaml").write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_parts_are_joined_in_the_order_of_recording_with_and_without_metadata(
+    tmp_path: Path, order: tuple[int, ...]
+) -> None:
+    folder = parts(tmp_path / "bag", order)
+    check(folder, "rosbag2")
+    (folder / "metadata.yaml").unlink()
+    check(folder, "rosbag2")
+    with open_log(folder) as log:
+        assert any("metadata.yaml is missing" in line for line in log.problems)
+
+
+def test_a_folder_with_recordings_of_two_names_is_not_joined(tmp_path: Path) -> None:
+    folder = parts(tmp_path / "bag", (0, 1, 2))
+    (folder / "metadata.yaml").unlink()
+    (folder / "drive_2.db3").rename(folder / "other.db3")
+    with pytest.raises(LogError, match="name one of them"):
+        open_log(folder)
 
 
 def test_a_damaged_db3_gives_what_can_be_read(tmp_path: Path) -> None:
@@ -95,9 +155,14 @@ def test_metadata_that_is_none_is_an_unreadable_log(tmp_path: Path, text: str) -
         open_log(folder)
 
 
-def ros1(path: Path) -> Path:
+def ros1_types() -> Any:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register({"tf2_msgs/msg/TFMessage": HUMBLE.fielddefs["tf2_msgs/msg/TFMessage"]})
+    return store
+
+
+def ros1(path: Path) -> Path:
+    store = ros1_types()
     with Writer1(path) as writer:
         connections = {}
         for number, (topic, message) in enumerate(MESSAGES, 1):
@@ -111,6 +176,39 @@ def ros1(path: Path) -> Path:
 
 def test_a_ros1_bag_is_read(tmp_path: Path) -> None:
     check(ros1(tmp_path / "a.bag"), "ROS 1 bag")
+
+
+def test_ros1_messages_in_mcap_are_read(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    store, path, channels = ros1_types(), tmp_path / "a.mcap", {}
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros1")
+        for number, (topic, message) in enumerate(MESSAGES):
+            kind = message.__msgtype__
+            if topic not in channels:
+                text, _ = store.generate_msgdef(kind)
+                schema = writer.register_schema(kind.replace("/msg/", "/"), "ros1msg", text.encode())
+                channels[topic] = writer.register_channel(topic, "ros1", schema)
+            data = HUMBLE.cdr_to_ros1(HUMBLE.serialize_cdr(message, kind), kind)
+            writer.add_message(channels[topic], number, bytes(data), number)
+        writer.finish()
+    check(path, "MCAP")
+
+
+def test_the_tf_messages_of_early_ros1_are_read(tmp_path: Path) -> None:
+    store, path = ros1_types(), tmp_path / "early.bag"
+    message = tf(transform(5 * S, "odom", "base_link", (1.0, 2.0, 0.0)))
+    data = HUMBLE.cdr_to_ros1(HUMBLE.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
+    text, _ = store.generate_msgdef("tf2_msgs/msg/TFMessage")
+    with Writer1(path) as writer:
+        connection = writer.add_connection("/tf", "tf/msg/tfMessage", msgdef=text, md5sum="0" * 32)
+        writer.write(connection, 1, data)
+    with open_log(path, kinds=["odom"]) as log:
+        (found,) = log.events()
+    assert isinstance(found, Odometry)
+    assert (found.x_m, found.y_m) == (1.0, 2.0)
 
 
 def test_a_cut_ros1_bag_is_refused_with_what_may_help(tmp_path: Path) -> None:

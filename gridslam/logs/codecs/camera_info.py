@@ -54,8 +54,8 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Camera
         P=readonly(np.reshape(message.P, (3, 4)), np.float64),
         D=readonly(message.D, np.float64),
         camera=camera_of(topic),
-        R=readonly(np.reshape(message.R, (3, 3)) if hasattr(message, "R") else np.eye(3), np.float64),
-        distortion_model=str(getattr(message, "distortion_model", "plumb_bob")),
+        R=readonly(np.reshape(message.R, (3, 3)) if getattr(message, "R", None) else np.eye(3), np.float64),
+        distortion_model=str(getattr(message, "distortion_model", "") or "plumb_bob"),
     )
 
 

@@ -36,12 +36,15 @@ from gridslam.logs.mcap.records import (
     block,
     exactly,
     is_chunk_body,
+    profile_of,
     text,
     unpack,
+    unpack_beginning,
 )
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
+_HEADER_BYTES = 100
 _FIRST_SEARCH_BLOCK, _MAX_SEARCH_BLOCK = 1 << 12, 1 << 20
 _MAX_EXPANSION = (
     1000  # of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
@@ -69,6 +72,8 @@ class McapFile:
     _bad_chunks: set[int] = field(default_factory=set)
     _resumed: dict[int, int] = field(default_factory=dict)
     _expected: int | None = None
+    profile: str = ""
+    first_log_ns: int | None = None  # where the index says when recording began
     _size: int = 0
     _is_indexed: bool = False
     _complete: bool = False
@@ -78,6 +83,7 @@ class McapFile:
         with self.path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise LogError(f"{self.path}: not an MCAP file (its first bytes are wrong)")
+            self.profile = profile_of(stream.read(_HEADER_BYTES))
             self._read_summary(stream)
         self._chunk_offsets.sort()
 
@@ -125,6 +131,8 @@ class McapFile:
                             f"{self.path.name}: the index at its end is missing; no message is"
                         )
                     break
+                if opcode == CHUNK and body + length > self._size:
+                    yield from self._records(self._cut_chunk(stream), at, is_cut=True)
                 if body + length > self._size or not self._belongs_here(stream, opcode, length):
                     at = self._resume(stream, at)
                     continue
@@ -184,8 +192,15 @@ class McapFile:
             self._lose(fault, at)
         return data
 
-    def _records(self, data: bytes, at: int) -> Iterator[tuple[int, bytes]]:
-        """The messages among the records in `data`; schemas and channels are entered."""
+    def _cut_chunk(self, stream: IO[bytes]) -> bytes:
+        """The records at the start of a chunk that the end of the file cuts; the stream is at its body."""
+        after = bisect_right(self._chunk_offsets, stream.tell())
+        if self._complete or after < len(self._chunk_offsets):
+            return b""  # no cut, but damage
+        return unpack_beginning(stream.read(self.limit_bytes), min(_ALWAYS_UNPACKED, self.limit_bytes))
+
+    def _records(self, data: bytes, at: int, is_cut: bool = False) -> Iterator[tuple[int, bytes]]:
+        """The messages among the records in `data`; schemas and channels are entered. `is_cut`: the last record may be cut."""
         position, end, others = 0, len(data), 0
         numbers = self._channels.present
         unpack_from = MESSAGE_RECORD.unpack_from
@@ -194,7 +209,8 @@ class McapFile:
             start = position + 9
             position = start + length
             if position > end:
-                self._lose("rest_of_damaged_chunk", at)
+                if not is_cut:
+                    self._lose("rest_of_damaged_chunk", at)
                 return
             if opcode == MESSAGE:
                 if length < MESSAGE_HEAD_BYTES:
@@ -272,6 +288,7 @@ class McapFile:
                 self._note_channel(body, start)
             elif opcode == STATISTICS and length >= 8:
                 self._expected = int.from_bytes(body[:8], "little")
+                self.first_log_ns = int.from_bytes(body[26:34], "little") if length >= 34 else None
             elif opcode == CHUNK_INDEX and length >= 24:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
 

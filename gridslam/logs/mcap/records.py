@@ -8,6 +8,7 @@ https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from typing import IO
 
 from gridslam.core.errors import LogError
@@ -58,6 +59,36 @@ def unpack(compression: str, data: bytes, size: int) -> bytes | None:
     else:
         return None
     return plain if len(plain) == size else None
+
+
+def unpack_beginning(body: bytes, limit_bytes: int) -> bytes:
+    """What can be unpacked of the body of a chunk whose end is missing, at most `limit_bytes`."""
+    if len(body) < CHUNK_HEAD.size:
+        return b""
+    name_length = int(CHUNK_HEAD.unpack_from(body)[4])
+    start = CHUNK_HEAD.size + name_length + 8
+    compression, packed = body[CHUNK_HEAD.size : start - 8], body[start:]
+    if compression == b"":
+        return packed[:limit_bytes]
+    if compression == b"zstd":
+        import zstandard
+
+        with suppress(zstandard.ZstdError), zstandard.ZstdDecompressor().stream_reader(packed) as reader:
+            return bytes(reader.read(limit_bytes))
+    elif compression == b"lz4":
+        import lz4.frame
+
+        with suppress(RuntimeError, EOFError):
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=limit_bytes))
+    return b""
+
+
+def profile_of(head: bytes) -> str:
+    """The profile that the header names, given the bytes after the magic; empty where there is none."""
+    try:
+        return text(head, RECORD.size)[0] if head[:1] == bytes([HEADER]) else ""
+    except (ValueError, UnicodeDecodeError):
+        return ""
 
 
 def exactly(stream: IO[bytes], size: int) -> bytes:

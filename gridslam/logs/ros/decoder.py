@@ -11,7 +11,7 @@ from gridslam.logs.codecs import depth, ranger, transform
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import kind_of_foxglove_type, kind_of_ros_type, ros_converter
 from gridslam.logs.message_kind import FromRos
-from gridslam.logs.ros import fast_cdr, foxglove
+from gridslam.logs.ros import fast_cdr, foxglove, protobuf
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.joints import JointState, Servos, joint_state, wheel_places, wheels_of
 from gridslam.logs.ros.types import decoder_of, full_name, is_standard
@@ -55,25 +55,30 @@ class ChannelDecoder:
         self.fault: SkipReason | None = None
         self.stream: int | None = None
         self.joint_names: tuple[str, ...] = ()
-        self.is_json = channel.encoding == "json"
+        self.is_json = channel.encoding in ("json", "protobuf")  # protobuf becomes objects like those of JSON
         self._config = config
         self._fast: Callable[[bytes], Event] | None = None
         self._is_standard = False
         self._decode: Callable[[bytes], Any] = _no_decoder
         if self.is_json:
-            self._use_json(schema)
+            self._use_json(schema, is_protobuf=channel.encoding == "protobuf")
         elif channel.encoding != "cdr":
             self.fault = SkipReason.UNKNOWN_ENCODING if self.kind != "other" else None
         elif self.kind != "other" and schema is not None:
             self._use_schema(schema)
         self._convert = ros_converter(self.type)
 
-    def _use_json(self, schema: Schema | None) -> None:
+    def _use_json(self, schema: Schema | None, is_protobuf: bool) -> None:
         name = schema.name if schema else ""
         foxglove_kind = kind_of_foxglove_type(name)
         if foxglove_kind:
             self.type, self.kind = name, foxglove_kind
         self._decode = foxglove.parse
+        if is_protobuf and self.kind != "other":
+            try:
+                self._decode = protobuf.decoder_of(schema.data if schema else b"", name)
+            except DECODING_ERRORS:
+                self.fault = SkipReason.UNREADABLE_SCHEMA
 
     def _use_schema(self, schema: Schema) -> None:
         self._is_standard = is_standard(schema)

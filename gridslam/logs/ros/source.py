@@ -28,7 +28,8 @@ class RosSource:
     """Streams of a container of ROS (or Foxglove JSON) messages.
 
     The index pass assigns every message of the container to a stream, or skips and counts it. The reading pass
-    follows this assignment message by message, so both passes agree on what is readable.
+    follows this assignment message by message, so both passes agree on what is readable. `kept` lives as long as the source:
+    what the container reads may depend on it.
     """
 
     order: Literal["recorded", "stamp"] = "recorded"
@@ -42,7 +43,9 @@ class RosSource:
         message_counts: MessageCounts,
         name: str,
         compression: str = "",
+        kept: object = None,
     ) -> None:
+        self._kept = kept
         self.format = name
         self.compression = compression
         self.files = files

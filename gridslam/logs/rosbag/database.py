@@ -73,6 +73,17 @@ class DatabaseFile:
             _interrupt_or(error, error)
         self._is_indexed = True
 
+    @property
+    def first_log_ns(self) -> int | None:
+        """When recording began: the smallest time of arrival; None for an empty or damaged database."""
+        try:
+            with closing(self._connect()) as database:
+                ((first,),) = database.execute("SELECT min(timestamp) FROM messages")
+        except _DAMAGE as error:
+            _interrupt_or(error, error)
+            return None
+        return first if isinstance(first, int) else None
+
     def _lose(self, what: str, number: int, why: str = "") -> None:
         if not self._is_indexed:
             self._message_counts.lose(what, f"{self.path.name} message {number}{why}")

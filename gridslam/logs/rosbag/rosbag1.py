@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
-from gridslam.logs.ros.definitions import is_valid
+from gridslam.logs.ros.ros1 import Ros1Types, present_name
 from gridslam.logs.ros.source import RosSource
-from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, ros2_types
 
-_UNREADABLE = (("", (0, "")),)  # fields that are no valid ones
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 
 
@@ -38,10 +34,10 @@ class Ros1Bag:
             raise LogError(
                 f"{path}: not a readable ROS 1 bag ({error}); `rosbag reindex` may repair it"
             ) from error
-        self._store = _types_of(connections)
+        self._types = Ros1Types((c.msgtype, c.msgdef.data) for c in connections)
         for connection in connections:
             self.channels[connection.id] = Channel(connection.topic, "cdr", connection.id)
-            self.schemas[connection.id] = Schema(connection.msgtype, "", b"")
+            self.schemas[connection.id] = Schema(present_name(connection.msgtype), "", b"")
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(connection, data in CDR) of every readable message."""
@@ -52,55 +48,11 @@ class Ros1Bag:
             with Reader(self.path) as reader:
                 for connection, _, raw in reader.messages():
                     read += 1
-                    yield connection.id, self._to_cdr(raw, connection.msgtype)
+                    yield connection.id, self._types.to_cdr(raw, connection.msgtype)
         except (ReaderError, *_DAMAGE) as error:
             if not self._is_indexed:
                 self._message_counts.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
         self._is_indexed = True
-
-    def _to_cdr(self, raw: bytes, name: str) -> bytes:
-        """The message in CDR; empty, which counts as undecodable, where it cannot be converted."""
-        from rosbags.serde import SerdeError
-        from rosbags.typesys import TypesysError
-
-        try:
-            return bytes(self._store.ros1_to_cdr(raw, name))
-        except (SerdeError, TypesysError, MemoryError, *_DAMAGE):
-            return b""
-
-
-def _types_of(connections: Iterable[Any]) -> Any:
-    """The bag's own types, with ROS 2's header: in CDR there is no `seq`.
-
-    A type whose definition in the bag is wrong is missing: its messages cannot be converted to CDR, and are counted then.
-    """
-    from rosbags.typesys import Stores, get_typestore
-
-    types = dict(get_typestore(Stores.ROS1_NOETIC).fielddefs)
-    wrong: set[str] = set()
-    valid: dict[str, Any] = {}
-    for connection in connections:
-        for name, (_, fields) in _definitions(connection).items():
-            if is_valid(name, fields):
-                valid[name] = ([], fields)
-            else:
-                wrong.add(name)
-    types = {name: definition for name, definition in types.items() if name not in wrong} | valid
-    types["std_msgs/msg/Header"] = ros2_types().fielddefs["std_msgs/msg/Header"]
-    store = get_typestore(Stores.EMPTY)
-    store.register(types)
-    return store
-
-
-def _definitions(connection: Any) -> dict[str, Any]:
-    """The types in the definition of a connection; the connection's own without fields where it cannot be parsed."""
-    from rosbags.typesys import TypesysError, get_types_from_msg
-
-    text = connection.msgdef.data
-    if len(text) <= MAX_SCHEMA_BYTES:
-        with suppress(TypesysError, KeyError, ValueError, RecursionError):
-            return dict(get_types_from_msg(text, connection.msgtype))
-    return {connection.msgtype: ([], _UNREADABLE)}
 
 
 def open_rosbag1(path: Path, config: LogConfig) -> RosSource:

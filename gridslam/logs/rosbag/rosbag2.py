@@ -1,7 +1,8 @@
-"""rosbag2 recordings: a .db3 file alone, or a folder with metadata.yaml and .db3 or .mcap files."""
+"""rosbag2 recordings: a file alone, or the parts in a folder, with or without metadata.yaml; packed ones too."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,11 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Container, Schema
 from gridslam.logs.ros.source import RosSource
 from gridslam.logs.rosbag.database import DatabaseFile
+from gridslam.logs.rosbag.packed import ZSTD_MAGIC, PackedMessages, UnpackedFile, is_packed
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
+_METADATA = "metadata.yaml"
+_PART_NAME = re.compile(r"(?P<stem>.+?)(_(?P<number>[0-9]{1,9}))?\.(db3|mcap)(\.zstd|\.zst)?")
 
 
 class Recordings:
@@ -54,68 +58,131 @@ class Recordings:
 
 
 def open_rosbag2(path: Path, config: LogConfig) -> RosSource:
-    """Open and index a rosbag2 folder or a single .db3 file."""
+    """Open and index a rosbag2 folder or a single file, which may be packed as a whole."""
     message_counts = MessageCounts()
     limit_bytes = config.limits.chunk_mb << 20
-    recording = _metadata_of(path) if path.is_dir() else {}
+    recording = _metadata_of(path) if (path / _METADATA).is_file() else {}
     files = _files_of(path, recording, message_counts) if path.is_dir() else [path]
-    parts: list[DatabaseFile | McapFile] = []
-    for file in files:
-        with file.open("rb") as stream:
-            is_database = stream.read(len(_SQLITE_MAGIC)) == _SQLITE_MAGIC
-        parts.append(
-            DatabaseFile(file, message_counts, limit_bytes)
-            if is_database
-            else McapFile(file, message_counts, limit_bytes)
-        )
-    container = parts[0] if len(parts) == 1 else Recordings(parts)
-    files = [
-        file for part in parts for file in (part.files if isinstance(part, DatabaseFile) else [part.path])
-    ]
-    source = RosSource(
-        container, files, config=config, message_counts=message_counts, name="rosbag2", compression="none"
+    parts = [_Part(file, message_counts, limit_bytes) for file in files]
+    parts = _by_time(parts, message_counts)
+    container: Container = (
+        parts[0].container if len(parts) == 1 else Recordings([part.container for part in parts])
     )
-    if path.is_dir():
-        source.files.append(path / "metadata.yaml")
+    if str(recording.get("compression_mode", "")).upper() == "MESSAGE" or parts[0].has_packed_messages():
+        container = PackedMessages(container, limit_bytes)
+    source = RosSource(
+        container,
+        [file for part in parts for file in part.files],
+        config=config,
+        message_counts=message_counts,
+        name="rosbag2",
+        compression="none",
+        kept=parts,
+    )
+    if recording:
+        source.files.append(path / _METADATA)
         _count_missing(recording, source, message_counts)
-    packed = [name for part in parts if isinstance(part, McapFile) for name in part.compressions]
-    source.compression = ", ".join(sorted(set(packed))) or "none"
+    packed = {name for part in parts for name in part.compressions}
+    packed |= {"zstd"} if isinstance(container, PackedMessages) else set()
+    source.compression = ", ".join(sorted(packed)) or "none"
     return source
+
+
+class _Part:
+    """One file of a recording. `files` are what it was read from."""
+
+    def __init__(self, path: Path, message_counts: MessageCounts, limit_bytes: int) -> None:
+        self._unpacked = UnpackedFile(path) if is_packed(path) else None
+        opened = path if self._unpacked is None else self._unpacked.path
+        with opened.open("rb") as stream:
+            is_database = stream.read(len(_SQLITE_MAGIC)) == _SQLITE_MAGIC
+        self.path = path
+        self.container: DatabaseFile | McapFile = (
+            DatabaseFile(opened, message_counts, limit_bytes)
+            if is_database
+            else McapFile(opened, message_counts, limit_bytes)
+        )
+        self.files = [path]
+        if isinstance(self.container, DatabaseFile) and self._unpacked is None:
+            self.files = self.container.files
+
+    @property
+    def compressions(self) -> set[str]:
+        """Names of the compressions in use; those of chunks are known after reading."""
+        chunks = set(self.container.compressions) if isinstance(self.container, McapFile) else set()
+        return chunks if self._unpacked is None else chunks - {"none"} | {"zstd"}
+
+    def has_packed_messages(self) -> bool:
+        """Whether the first message of a database is compressed with zstd."""
+        if isinstance(self.container, McapFile):
+            return False
+        return next((data[:4] == ZSTD_MAGIC for _, data in self.container.messages()), False)
+
+
+def _by_time(parts: list[_Part], message_counts: MessageCounts) -> list[_Part]:
+    """The parts in the order in which they were recorded; as they are where one does not say when it began."""
+    if len(parts) < 2:
+        return parts
+    starts = [part.container.first_log_ns for part in parts]
+    known = [start for start in starts if start is not None]
+    if len(known) < len(parts) or sorted(known) == known:
+        return parts
+    message_counts.note("the parts of the recording are named in another order than recorded: sorted by time")
+    return [part for _, part in sorted(zip(known, parts, strict=True), key=lambda pair: pair[0])]
 
 
 def _metadata_of(folder: Path) -> dict[str, Any]:
     """The section of metadata.yaml that describes the recording."""
-    if path_inside(folder, "metadata.yaml") is None:
+    if path_inside(folder, _METADATA) is None:
         raise LogError(
             f"{folder / 'metadata.yaml'}: a link that leads out of the folder; put a copy in its place"
         )
     try:
-        metadata = read_yaml(folder / "metadata.yaml").get("rosbag2_bagfile_information")
+        metadata = read_yaml(folder / _METADATA).get("rosbag2_bagfile_information")
     except ConfigError as error:
         raise LogError(str(error)) from None
     if not isinstance(metadata, dict):
         raise LogError(f"{folder / 'metadata.yaml'}: no rosbag2_bagfile_information in it")
-    if metadata.get("compression_mode"):
-        raise LogError(f"{folder}: compressed as a whole; unpack it first with `ros2 bag convert`")
     return metadata
 
 
+def recorded_parts(folder: Path) -> list[Path]:
+    """The files of one recording in a folder without metadata.yaml, in order of their numbers; none where they are of several."""
+    found = {}
+    for path in sorted(folder.iterdir()):
+        match = _PART_NAME.fullmatch(path.name)
+        if match and path_inside(folder, path.name) is not None and path.is_file():
+            found[path] = match
+    stems = {match["stem"] for match in found.values()}
+    return sorted(found, key=lambda path: int(found[path]["number"] or 0)) if len(stems) == 1 else []
+
+
 def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCounts) -> list[Path]:
-    """The recordings that metadata.yaml names, all of them inside the folder, each once."""
+    """The recordings that metadata.yaml names, all of them inside the folder, each once; without it, all parts."""
+    if not metadata:
+        files = recorded_parts(folder)
+        message_counts.note(
+            f"{_METADATA} is missing: {', '.join(file.name for file in files[:8])} read one after the other"
+        )
+        return files
     names = metadata.get("relative_file_paths")
     if not isinstance(names, list) or not names:
-        raise LogError(f"{folder / 'metadata.yaml'}: relative_file_paths names no file")
-    files: dict[Path, None] = {}
+        raise LogError(f"{folder / _METADATA}: relative_file_paths names no file")
+    found: dict[Path, None] = {}
     for name in dict.fromkeys(map(str, names)):
         path = path_inside(folder, name)
         if path is None or not path.is_file():
-            raise LogError(f"{folder / 'metadata.yaml'}: {short(name)} is no file in this folder")
-        files[path] = None
-    if len(files) < len(names):
+            path = path_inside(
+                folder, Path(name).name
+            )  # older recorders wrote the folder's name before the file's
+        if path is None or not path.is_file():
+            raise LogError(f"{folder / _METADATA}: {short(name)} is no file in this folder")
+        found[path] = None
+    if len(found) < len(names):
         message_counts.note(
-            f"metadata.yaml: relative_file_paths names {len(names)} files, of which {len(files)} differ; each is read once"
+            f"{_METADATA}: relative_file_paths names {len(names)} files, of which {len(found)} differ; each is read once"
         )
-    return list(files)
+    return list(found)
 
 
 def _count_missing(metadata: dict[str, Any], source: RosSource, message_counts: MessageCounts) -> None:
@@ -123,4 +190,4 @@ def _count_missing(metadata: dict[str, Any], source: RosSource, message_counts: 
     promised = metadata.get("message_count")
     if isinstance(promised, int) and source.message_count < promised:
         missing = promised - source.message_count
-        message_counts.lose("messages", f"metadata.yaml, which counts {promised}", missing)
+        message_counts.lose("messages", f"{_METADATA}, which counts {promised}", missing)
