@@ -17,8 +17,16 @@ def run() -> None:
         from .main import main
 
         code = main(sys.argv[1:])
+        _ignore_signals()
     except KeyboardInterrupt:  # during import or exit
+        _ignore_signals()
         with suppress(OSError):
             os.write(2, b"gridslam: error: interrupted\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _ignore_signals() -> None:
+    """The work is done and the exit code is known: a signal that comes now changes neither."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request to stop, for commands that stop at a safe point."""
+"""Ctrl-C and SIGTERM as a request to stop, for commands that stop at a safe point; and where they come too late."""
 
 from __future__ import annotations
 
@@ -27,6 +27,17 @@ def stop_on_signals(
     before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield lambda: requested
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def finishing() -> Iterator[None]:
+    """Signals come too late within the block: the result is there, and is written and shown whole."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

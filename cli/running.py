@@ -22,7 +22,7 @@ from gridslam.runs.run import Command, Run, Stop
 from gridslam.runs.run_config import RunConfig, load_run_config
 
 from . import console
-from .interruption import stop_on_signals
+from .interruption import finishing, stop_on_signals
 
 LOSSY, DOUBTFUL, INTERRUPTED = 3, 5, 130
 MAX_PROBLEMS = 10
@@ -63,10 +63,11 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         if run.result.doubt is not None and run.status != "interrupted":
             console.say(f"warning: {run.status}: {run.result.doubt.reason}")
         document = write_run(run, options.output, options.force)
-    if options.as_json:
-        console.emit_json(document)
-    else:
-        console.emit_table(("", ""), summary(run, document, options.output))
+    with finishing():
+        if options.as_json:
+            console.emit_json(document)
+        else:
+            console.emit_table(("", ""), summary(run, document, options.output))
     _exit_unless_complete(run, options)
 
 

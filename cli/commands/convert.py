@@ -44,24 +44,27 @@ def run(
     from gridslam.logs.convert import convert_log
     from gridslam.logs.open import open_log
 
+    from ..interruption import finishing
+
     with open_log(log, LogConfig(csv=layout)) as opened:
         chosen = [topic for topic in topics.split(",") if topic]
         done = convert_log(opened, output, topics=chosen, start_s=start, end_s=end, force=force)
         problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters
-    for problem in problems[:MAX_PROBLEMS]:
-        console.say(f"note: {problem}")
-    if done.left_out and not chosen:
-        console.say(f"note: not converted, no method uses such messages: {', '.join(done.left_out)}")
-    if as_json:
-        document = {
-            "output": str(output),
-            "written": done.written,
-            "counters": counters,
-            "problems": problems,
-        }
-        console.emit_json({**document, "is_lossy": is_lossy})
-    else:
-        console.emit_table(("topic", "messages"), list(done.written.items()))
+    with finishing():
+        for problem in problems[:MAX_PROBLEMS]:
+            console.say(f"note: {problem}")
+        if done.left_out and not chosen:
+            console.say(f"note: not converted, no method uses such messages: {', '.join(done.left_out)}")
+        if as_json:
+            document = {
+                "output": str(output),
+                "written": done.written,
+                "counters": counters,
+                "problems": problems,
+            }
+            console.emit_json({**document, "is_lossy": is_lossy})
+        else:
+            console.emit_table(("topic", "messages"), list(done.written.items()))
     if strict and is_lossy:
         console.complain(
             f"error: {log}: not all of the log could be used, which --strict forbids; {output} has the rest"

@@ -85,7 +85,7 @@ def run(
     from gridslam.runs.run_config import load_run_config
     from gridslam.simulation.world_config import load_world
 
-    from ..interruption import stop_on_signals
+    from ..interruption import finishing, stop_on_signals
     from ..running import start_override
 
     check_free(output, force, [drawing])
@@ -113,10 +113,11 @@ def run(
         for problem in done.run.problems:
             console.say(f"{world}: {problem}")
         document = write_run(done.run, output, force, (folder / LOG_NAME, folder / TRUTH_NAME))
-    if as_json:
-        console.emit_json(document)
-    else:
-        console.emit_table(("", ""), _summary(done, document, output))
+    with finishing():
+        if as_json:
+            console.emit_json(document)
+        else:
+            console.emit_table(("", ""), _summary(done, document, output))
     _exit_unless_finished(done, output)
 
 

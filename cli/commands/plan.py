@@ -111,6 +111,8 @@ def run(
     from gridslam.report.directory import check_free
     from gridslam.report.plan import plan_document, write_plan
 
+    from ..interruption import finishing
+
     if radius is not None and footprint is not None:
         raise typer.BadParameter("give --radius or --footprint, not both", param_hint="'--footprint'")
     if footprint is not None:
@@ -140,12 +142,13 @@ def run(
         lambda: console.say("compiling the planner, once per installation: half a minute")
     ):
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())
-    if output is not None:
-        write_plan(output, plan, occupancy, discs, map_path, force=force)
-    if as_json:
-        console.emit_json(plan_document(plan, map_path))
-    else:
-        _show(plan)
+    with finishing():
+        if output is not None:
+            write_plan(output, plan, occupancy, discs, map_path, force=force)
+        if as_json:
+            console.emit_json(plan_document(plan, map_path))
+        else:
+            _show(plan)
 
 
 class _SearchNotice:

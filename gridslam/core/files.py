@@ -20,6 +20,8 @@ from typing import IO, BinaryIO
 from gridslam.core.errors import ConfigError
 
 STALE_AFTER_S = 60.0  # younger unlocked outputs may be about to be locked by their writer
+Identity = tuple[int, int, int]  # device, inode, time of change of a file
+ANY: Identity = (-1, -1, -1)  # whatever is there may be replaced
 _RANDOM = "[a-z0-9_]{8}"  # inserted by tempfile between a name and its suffix
 _MAX_NAME_BYTES = 255 - len("..12345678.partial")
 
@@ -48,12 +50,42 @@ def partial_file(target: Path) -> Iterator[IO[bytes]]:
             Path(name).unlink(missing_ok=True)
 
 
-def put_file(stream: IO[bytes], target: Path) -> None:
-    """Close a partial file and rename it to its target."""
+def put_file(stream: IO[bytes], target: Path, before: Identity | None = ANY) -> None:
+    """Close a partial file and rename it to its target.
+
+    `before` is what was there when the work began. Raises ConfigError: another process has put a file there since.
+    """
     stream.close()
     temporary = Path(stream.name)
     temporary.chmod(0o666 & ~_umask())
+    refuse_if_made_since(target, before)
     temporary.replace(target)
+
+
+def identity_of(target: Path) -> Identity | None:
+    """What is at a path now, to notice later that another process has put something else there; None: nothing."""
+    try:
+        state = target.stat()
+    except OSError:
+        return None
+    return (state.st_dev, state.st_ino, 0 if target.is_dir() else state.st_mtime_ns)
+
+
+def refuse_if_made_since(target: Path, before: Identity | None) -> None:
+    """Raise ConfigError if something is at the path that was not there `before`."""
+    now = identity_of(target)
+    if before != ANY and now not in (None, before):
+        raise ConfigError(f"{target}: another process has written it meanwhile; it is left as it is")
+
+
+def remove(target: Path) -> None:
+    """Remove a file or a folder; a folder is gone at once, not file by file."""
+    if not target.is_dir():
+        target.unlink(missing_ok=True)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
+    target.replace(aside)
+    shutil.rmtree(aside, ignore_errors=True)
 
 
 @contextmanager
@@ -74,11 +106,20 @@ def partial_folder(target: Path) -> Iterator[Path]:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def put_folder(folder: Path, target: Path) -> None:
-    """Rename a complete folder to its target; an existing target is deleted after the new folder is in place."""
+def put_folder(folder: Path, target: Path, before: Identity | None = ANY) -> None:
+    """Rename a complete folder to its target; an existing target is deleted after the new folder is in place.
+
+    `before` is what was there when the work began. Raises ConfigError: another process has put something there since.
+    """
     if not target.exists() or not any(target.iterdir()):
-        folder.replace(target)  # a rename may replace an empty folder
+        try:
+            folder.replace(target)  # a rename may replace an empty folder
+        except OSError as error:
+            if error.errno in (errno.ENOTEMPTY, errno.EEXIST):
+                refuse_if_made_since(target, None)
+            raise
         return
+    refuse_if_made_since(target, before)
     aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
     target.replace(aside)
     try:

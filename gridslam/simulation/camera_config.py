@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from gridslam.simulation.sensor_config import SensorExtrinsics, Stream
-from gridslam.simulation.shapes import Fraction, NotNegative
+from gridslam.simulation.shapes import Fraction, NotNegative, Number, Positive, Rate
 
 
 class Camera(Stream):
@@ -20,10 +20,10 @@ class Camera(Stream):
 
     name: str = Field(min_length=1, pattern="^[A-Za-z][A-Za-z0-9_]*$")
     extrinsics: SensorExtrinsics = SensorExtrinsics(z=0.6)
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    rate_hz: Rate = 2.0
     width_px: Annotated[int, Field(ge=16, le=4096)] = 320
     height_px: Annotated[int, Field(ge=16, le=4096)] = 240
-    focal_px: PositiveFloat = 280.0
+    focal_px: Positive = 280.0
     noise_levels: NotNegative = 1.5
 
 
@@ -36,11 +36,11 @@ class RgbdCamera(Camera):
     """
 
     kind: Literal["rgbd"] = "rgbd"
-    depth_min_m: PositiveFloat = 0.4
-    depth_max_m: PositiveFloat = 8.0
+    depth_min_m: Positive = 0.4
+    depth_max_m: Positive = 8.0
     depth_noise_m: NotNegative = 0.002
     depth_noise_per_m2: NotNegative = 0.002
-    depth_offset_m: float = 0.0
+    depth_offset_m: Number = 0.0
     depth_resolution_m: NotNegative = 0.001
     holes: Fraction = 0.01
     grazing_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 80.0
@@ -51,7 +51,7 @@ class StereoCamera(Camera):
     """Two rectified grey cameras. The extrinsics are those of the left one; the right one is `baseline_m` to its right."""
 
     kind: Literal["stereo"] = "stereo"
-    baseline_m: PositiveFloat = 0.12
+    baseline_m: Positive = 0.12
 
 
 AnyCamera = Annotated[RgbdCamera | StereoCamera, Field(discriminator="kind")]

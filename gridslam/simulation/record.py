@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from gridslam.core.files import write_atomic
+from gridslam.core.errors import ConfigError
+from gridslam.core.files import partial_folder, put_folder, remove, write_atomic
 from gridslam.core.messages import Odometry
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.stamps import format_stamp
@@ -28,6 +29,10 @@ from gridslam.simulation.tag_database import tag_database_yaml
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig
 
+UNFINISHED = ".unfinished"  # in a truth folder: its log may not be there yet
+TRUTH_FILES = frozenset(
+    ("trajectory.tum", "map.pgm", "map.yaml", "objects.csv", "tags.yaml", "world.yaml", UNFINISHED)
+)
 MIN_OPEN_DEG = 5.0  # a door opened less is recorded as closed
 
 
@@ -46,6 +51,20 @@ def truth_folder(log: Path) -> Path:
     return log.with_name(f"{log.name.removesuffix('.mcap')}.truth")
 
 
+def check_truth_free(log: Path, force: bool) -> None:
+    """Raise ConfigError unless the truth of a log may be written: nothing is there, or what a killed process has left, or with
+    `force` an earlier truth.
+    """
+    folder = truth_folder(log)
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not folder.is_dir() or not {entry.name for entry in folder.iterdir()} <= TRUTH_FILES:
+        raise ConfigError(f"{folder}: exists and is no ground truth, so it is never replaced; choose another name")
+    is_left_over = (folder / UNFINISHED).exists() and not log.exists()
+    if not force and not is_left_over:
+        raise ConfigError(f"{folder}: exists; choose another name or use --force")
+
+
 def record_world(
     world: WorldConfig,
     folder: Path,
@@ -55,14 +74,18 @@ def record_world(
 ) -> Recorded:
     """Drive the route and write log and ground truth.
 
-    `report` is called ten times per simulated second with the fraction of the route that has been driven.
+    Both appear together: a log never is without its truth. `report` is called ten times per simulated second with the
+    fraction of the route that has been driven. Raises ConfigError: one of them is there already, and `force` is not given or
+    it is something else.
     """
+    truth = truth_folder(output)
     simulator = Simulator(world, folder)
     grid = true_map(simulator.scene, world.truth)  # first, since it may raise an error
     counts: Counter[str] = Counter()
     length_m = route_length_m(world.robot)
     path: list[Odometry] = []
     with open_writer(output, force) as writer:
+        check_truth_free(output, force)
         for event, is_truth in drive_route(simulator):
             if is_truth and isinstance(event, Odometry):
                 writer.write_truth(event)
@@ -71,8 +94,13 @@ def record_world(
             else:
                 writer.write(event)
                 counts[type(event).__name__] += 1
-    truth = truth_folder(output)
-    write_truth(truth, world, simulator.scene, path, grid)
+        with partial_folder(truth) as folder_of_truth:
+            write_truth(folder_of_truth, world, simulator.scene, path, grid)
+            (folder_of_truth / UNFINISHED).touch()
+            if force:
+                remove(output)
+            put_folder(folder_of_truth, truth)
+    (truth / UNFINISHED).unlink(missing_ok=True)  # the log has its name now
     return Recorded(dict(sorted(counts.items())), simulator.time_s, simulator.robot.distance_m, truth)
 
 

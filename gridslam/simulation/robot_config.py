@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
-from gridslam.simulation.shapes import Fraction, NotNegative, Point, PoseDeg
+from gridslam.simulation.shapes import Fraction, NotNegative, Number, Point, PoseDeg, Positive
+
+MAX_WAYPOINTS = 1_000_000  # over all laps
 
 
 class GripLosses(StrictModel):
@@ -18,7 +20,7 @@ class GripLosses(StrictModel):
     others take one wheel, which loses up to `one_wheel_m` and so yaws the robot. A spinning wheel loses half of its travel.
     """
 
-    per_km: PositiveFloat
+    per_km: Positive
     both_wheels_m: NotNegative = 0.3
     one_wheel_m: NotNegative = 0.05
 
@@ -33,34 +35,34 @@ class Wheels(StrictModel):
 
     former_keys: ClassVar[Mapping[str, str]] = {"slip_length_s": "slip_correlation_time_s"}
 
-    radius_m: PositiveFloat = 0.1
-    base_m: PositiveFloat = 0.4
+    radius_m: Positive = 0.1
+    base_m: Positive = 0.4
     left_radius_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0  # fraction of the radius
     right_radius_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     base_error: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     error_deviation: Annotated[float, Field(ge=0.0, lt=0.1)] = 0.0  # of the three errors, drawn once per seed
     slip_mean: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.0
     slip_deviation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.0
-    slip_correlation_time_s: PositiveFloat = 2.0
+    slip_correlation_time_s: Positive = 2.0
     turn_slip: Fraction = 0.0
     grip_losses: GripLosses | None = None
-    acceleration_mps2: PositiveFloat = 0.8
-    max_speed_mps: PositiveFloat = 1.5
+    acceleration_mps2: Positive = 0.8
+    max_speed_mps: Positive = 1.5
 
 
 class Stops(StrictModel):
     """The robot stops for a sweep every `every_m` metres, and waits `settle_s` before it drives on."""
 
-    every_m: PositiveFloat
+    every_m: Positive
     settle_s: NotNegative = 0.3
 
 
 class PathSegment(StrictModel):
     """A segment of an open-loop path: constant speeds for a time."""
 
-    seconds: PositiveFloat
-    forward_mps: float = 0.0
-    turn_radps: float = 0.0
+    seconds: Positive
+    forward_mps: Number = 0.0
+    turn_radps: Number = 0.0
 
 
 class Robot(StrictModel):
@@ -72,10 +74,10 @@ class Robot(StrictModel):
     route: tuple[Point, ...] = Field(default=(), max_length=10_000)
     path: tuple[PathSegment, ...] = Field(default=(), max_length=100_000)
     laps: Annotated[int, Field(ge=1, le=1000)] = 1
-    speed_mps: PositiveFloat = 0.6
-    turn_radps: PositiveFloat = 0.8
-    arrival_m: PositiveFloat = 0.25
-    radius_m: PositiveFloat = 0.25
+    speed_mps: Positive = 0.6
+    turn_radps: Positive = 0.8
+    arrival_m: Positive = 0.25
+    radius_m: Positive = 0.25
     wait_at_start_s: NotNegative = 1.0
     stops: Stops | None = None
     wheels: Wheels = Wheels()
@@ -84,6 +86,8 @@ class Robot(StrictModel):
     def _one_drive(self) -> Robot:
         if self.route and self.path:
             raise ValueError("give either a route of waypoints or a path, not both")
+        if max(len(self.route), len(self.path)) * self.laps > MAX_WAYPOINTS:
+            raise ValueError(f"over all laps, there are more than {MAX_WAYPOINTS} waypoints")
         if self.path and self.stops:
             raise ValueError("stops need a route; in a path, a segment without speeds stops the robot")
         return self

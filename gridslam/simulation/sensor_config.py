@@ -9,26 +9,36 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
-from pydantic import Field, PositiveFloat, model_validator
+import numpy as np
+from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
-from gridslam.simulation.shapes import Fraction, NotNegative
+from gridslam.simulation.shapes import Fraction, NotNegative, Number, Positive, Rate
+
+MAX_SWEEP_STEPS = 10_000
+Bearing = Annotated[float, Field(ge=-360.0, le=360.0)]  # degrees
+
+
+def _refuse_range_limits(low_m: float, high_m: float) -> None:
+    """Raises ValueError: the limits are not in order, or no longer are as the numbers of 32 bits that a log has."""
+    if not np.float32(low_m) < np.float32(high_m):
+        raise ValueError("range_min_m must be below range_max_m")
 
 
 class SensorExtrinsics(StrictModel):
     """Pose of a sensor in the base frame: metres and degrees, pitch positive downwards."""
 
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    yaw_deg: float = 0.0
-    pitch_deg: float = 0.0
+    x: Number = 0.0
+    y: Number = 0.0
+    z: Number = 0.0
+    yaw_deg: Number = 0.0
+    pitch_deg: Number = 0.0
 
 
 class Stream(StrictModel):
     """Rate, delay and losses of a stream of messages."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
+    rate_hz: Rate = 10.0
     latency_s: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     jitter_s: Annotated[float, Field(ge=0.0, lt=0.1)] = 0.0
     missing: Fraction = 0.0
@@ -56,27 +66,26 @@ class Lidar(Stream):
     extrinsics: SensorExtrinsics = SensorExtrinsics()
     beams: Annotated[int, Field(ge=2, le=10_000)] = 360
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
-    range_min_m: PositiveFloat = 0.1
-    range_max_m: PositiveFloat = 25.0
+    range_min_m: Positive = 0.1
+    range_max_m: Positive = 25.0
     sweep_s: NotNegative = 0.1  # from the first beam to the last
     resolution_m: NotNegative = 0.001
     noise_m: NotNegative = 0.01
     noise_per_m: NotNegative = 0.0005
     grazing_gain: NotNegative = 0.15
     tail_fraction: Fraction = 0.01
-    tail_scale: PositiveFloat = 8.0
-    bias_m: float = 0.0
+    tail_scale: Positive = 8.0
+    bias_m: Number = 0.0
     dropout: Fraction = 0.002  # of all beams, without an echo
     grazing_dropout: Fraction = 0.3  # added at an incidence of 90 degrees on a black surface
     outliers: Fraction = 0.0005  # readings of dust, anywhere before the surface
     divergence_deg: NotNegative = 0.3
-    mixing_gap_m: PositiveFloat = 0.1
+    mixing_gap_m: Positive = 0.1
     mixing_probability: Fraction = 0.6
 
     @model_validator(mode="after")
     def _possible(self) -> Lidar:
-        if self.range_min_m >= self.range_max_m:
-            raise ValueError("range_min_m must be below range_max_m")
+        _refuse_range_limits(self.range_min_m, self.range_max_m)
         if self.sweep_s > 1.0 / self.rate_hz + 1e-9:
             raise ValueError(f"a sweep of {self.sweep_s:g} s does not fit {self.rate_hz:g} scans a second")
         return self
@@ -87,8 +96,8 @@ class WheelOdometry(Stream):
 
     former_keys: ClassVar[Mapping[str, str]] = {"ticks_per_turn": "ticks_per_revolution"}
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 20.0
-    ticks_per_revolution: Annotated[int, Field(ge=0)] = 2048  # 0: no quantisation
+    rate_hz: Rate = 20.0
+    ticks_per_revolution: Annotated[int, Field(ge=0, le=10**9)] = 2048  # 0: no quantisation
     publish_odometry: bool = True
     publish_wheels: bool = False
 
@@ -102,7 +111,7 @@ class Gyro(Stream):
     former_keys: ClassVar[Mapping[str, str]] = {"walk_radps_per_sqrt_s": "bias_walk_radps_per_sqrt_s"}
 
     frame: str = "imu"
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 50.0
+    rate_hz: Rate = 50.0
     noise_radps: NotNegative = 0.002
     bias_deviation_radps: NotNegative = 0.002
     bias_walk_radps_per_sqrt_s: NotNegative = 0.0001
@@ -126,12 +135,12 @@ class Infrared(StrictModel):
 
     name: str = Field(min_length=1)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
-    range_min_m: PositiveFloat = 0.1
-    range_max_m: PositiveFloat = 0.8
-    from_deg: float = -60.0
-    to_deg: float = 60.0
-    step_deg: PositiveFloat = 1.0
-    seconds_per_step: PositiveFloat = 0.02
+    range_min_m: Positive = 0.1
+    range_max_m: Positive = 0.8
+    from_deg: Bearing = -60.0
+    to_deg: Bearing = 60.0
+    step_deg: Positive = 1.0
+    seconds_per_step: Positive = 0.02
     servo_deviation_deg: NotNegative = 0.3
     noise_m: NotNegative = 0.003
     noise_per_m2: NotNegative = 0.02
@@ -139,6 +148,15 @@ class Infrared(StrictModel):
     edge_errors: Fraction = 0.5
     grazing_bias_m: NotNegative = 0.002
     outliers: Fraction = 0.005
+
+    @model_validator(mode="after")
+    def _possible(self) -> Infrared:
+        _refuse_range_limits(self.range_min_m, self.range_max_m)
+        if self.from_deg > self.to_deg:
+            raise ValueError("from_deg must not be above to_deg")
+        if (self.to_deg - self.from_deg) / self.step_deg > MAX_SWEEP_STEPS:
+            raise ValueError(f"a sweep has more than {MAX_SWEEP_STEPS} steps; raise step_deg")
+        return self
 
 
 class Antenna(Stream):
@@ -155,10 +173,10 @@ class Antenna(Stream):
 
     name: str = Field(min_length=1)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
-    gain_db: float = 9.0
-    half_power_deg: PositiveFloat = 70.0
-    fading_db: PositiveFloat = 3.0
+    rate_hz: Rate = 2.0
+    gain_db: Number = 9.0
+    half_power_deg: Positive = 70.0
+    fading_db: Positive = 3.0
     wall_loss_db: NotNegative = 15.0
     missed: Fraction = 0.05
     false_reads: Fraction = 0.002  # of the rounds: they also report a random tag of the world
@@ -170,9 +188,9 @@ class AbsolutePoses(Stream):
     """
 
     frame: str = "map"
-    rate_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    rate_hz: Rate = 2.0
     delay_s: NotNegative = 0.2
-    noise_m: PositiveFloat = 0.03
-    noise_deg: PositiveFloat = 1.0
+    noise_m: Positive = 0.03
+    noise_deg: Positive = 1.0
     outliers: Fraction = 0.03
     outlier_m: NotNegative = 1.0

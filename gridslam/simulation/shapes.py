@@ -8,14 +8,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
 
-Point = tuple[float, float]
-PoseDeg = tuple[float, float, float]  # x, y (m), yaw (degrees)
+LARGEST, SMALLEST = 1e6, 1e-6  # of any number of a world, and of one that must be positive
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0.0, le=LARGEST)]
+Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+Rate = Annotated[float, Field(ge=0.001, le=100.0)]  # Hz
+Level = Annotated[int, Field(ge=0, le=255)]
+Colour = tuple[Level, Level, Level]
+Point = tuple[Number, Number]
+PoseDeg = tuple[Number, Number, Number]  # x, y (m), yaw (degrees)
 Opening = Annotated[float, Field(ge=-180.0, le=180.0)]  # degrees
 WaypointIndex = Annotated[int, Field(ge=0)]
 
@@ -27,16 +34,16 @@ class Surface(StrictModel):
 
     reflectivity: Fraction = 0.7
     texture: Texture = "plaster"
-    colour: tuple[int, int, int] = (200, 195, 185)
+    colour: Colour = (200, 195, 185)
 
 
 class Wall(Surface):
     """Walls without thickness: a polyline, or a rectangle (x0, y0, x1, y1)."""
 
     points: tuple[Point, ...] = Field(default=(), max_length=10_000)
-    rectangle: tuple[float, float, float, float] | None = None
+    rectangle: tuple[Number, Number, Number, Number] | None = None
     closed: bool = False
-    height_m: PositiveFloat = 2.5
+    height_m: Positive = 2.5
 
     @model_validator(mode="after")
     def _one_shape(self) -> Wall:
@@ -55,10 +62,10 @@ class Box(Surface):
     """A piece of furniture with a rectangular footprint."""
 
     centre: Point
-    size: tuple[PositiveFloat, PositiveFloat]  # along its own x and y
-    yaw_deg: float = 0.0
-    height_m: PositiveFloat = 1.0
-    colour: tuple[int, int, int] = (150, 110, 70)
+    size: tuple[Positive, Positive]  # along its own x and y
+    yaw_deg: Number = 0.0
+    height_m: Positive = 1.0
+    colour: Colour = (150, 110, 70)
     texture: Texture = "wood"
 
 
@@ -66,8 +73,8 @@ class Cylinder(Surface):
     """A pillar, a round table, a plant."""
 
     centre: Point
-    radius_m: PositiveFloat
-    height_m: PositiveFloat = 2.5
+    radius_m: Positive
+    height_m: Positive = 2.5
 
 
 class Tag(StrictModel):
@@ -75,7 +82,7 @@ class Tag(StrictModel):
 
     id: str = Field(min_length=1)
     position: Point = (0.0, 0.0)
-    facing_deg: float = 0.0  # direction of the tag's normal
+    facing_deg: Number = 0.0  # direction of the tag's normal
 
 
 class Door(Surface):
@@ -85,15 +92,15 @@ class Door(Surface):
 
     id: str = Field(min_length=1)
     hinge: Point
-    width_m: PositiveFloat = 0.9
-    thickness_m: PositiveFloat = 0.04
-    closed_deg: float = 0.0
+    width_m: Positive = 0.9
+    thickness_m: Positive = 0.04
+    closed_deg: Number = 0.0
     opening_deg: Opening = 0.0
     kind: str = "door"
     tag: Tag | None = None
     openings_deg: dict[WaypointIndex, Opening] = Field(default_factory=dict)  # waypoint reached: opening
-    height_m: PositiveFloat = 2.0
-    colour: tuple[int, int, int] = (120, 80, 50)
+    height_m: Positive = 2.0
+    colour: Colour = (120, 80, 50)
     texture: Texture = "wood"
 
 
@@ -103,11 +110,11 @@ class MovableObject(Surface):
     id: str = Field(min_length=1)
     kind: str = "bin"
     pose: PoseDeg
-    size: tuple[PositiveFloat, PositiveFloat]
+    size: tuple[Positive, Positive]
     tag: Tag | None = None
     moves: dict[WaypointIndex, PoseDeg] = Field(default_factory=dict)  # waypoint reached: the new pose
-    height_m: PositiveFloat = 0.8
-    colour: tuple[int, int, int] = (60, 90, 140)
+    height_m: Positive = 0.8
+    colour: Colour = (60, 90, 140)
     texture: Texture = "plain"
 
 
@@ -115,10 +122,10 @@ class Person(StrictModel):
     """A person who walks along a path and back at a random speed; the lidar sees two legs."""
 
     path: tuple[Point, ...] = Field(min_length=2)
-    speed_mps: PositiveFloat = 1.0
+    speed_mps: Positive = 1.0
     speed_deviation_mps: NotNegative = 0.2
-    leg_radius_m: PositiveFloat = 0.07
-    body_radius_m: PositiveFloat = 0.22
-    height_m: PositiveFloat = 1.75
+    leg_radius_m: Positive = 0.07
+    body_radius_m: Positive = 0.22
+    height_m: Positive = 1.75
     starts_at_s: NotNegative = 0.0
-    colour: tuple[int, int, int] = (170, 60, 60)
+    colour: Colour = (170, 60, 60)

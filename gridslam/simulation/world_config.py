@@ -8,25 +8,36 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.config.errors import config_error, nearest
 from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
+from gridslam.core.stamps import NS_PER_S
 from gridslam.simulation.camera_config import RgbdCamera
 from gridslam.simulation.places.build import with_place
 from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.sensor_suite import Sensors
-from gridslam.simulation.shapes import Box, Cylinder, Door, MovableObject, NotNegative, Person, Point, Wall
+from gridslam.simulation.shapes import (
+    Box,
+    Cylinder,
+    Door,
+    MovableObject,
+    NotNegative,
+    Person,
+    Point,
+    Positive,
+    Wall,
+)
 
 
 class FloorPlan(StrictModel):
     """Walls taken from a map_server YAML, or from an image of a floor plan with the size of its pixels."""
 
     file: str = Field(min_length=1)
-    resolution_m: PositiveFloat | None = None  # size of an image's pixel; a map states its own
+    resolution_m: Positive | None = None  # size of an image's pixel; a map states its own
     origin: Point = (0.0, 0.0)  # lower-left corner of an image
     walls_are: str = Field(default="dark", pattern="^(dark|bright)$")
     simplify_m: NotNegative = 0.05
@@ -35,7 +46,7 @@ class FloorPlan(StrictModel):
 class TruthMap(StrictModel):
     """Resolution and margin of the true map."""
 
-    resolution_m: PositiveFloat = 0.05
+    resolution_m: Positive = 0.05
     margin_m: NotNegative = 1.0
 
 
@@ -43,8 +54,8 @@ class WorldConfig(StrictModel):
     """A place, what moves in it, a robot and its sensors."""
 
     version: Annotated[int, Field(ge=1, le=1)] = 1
-    seed: Annotated[int, Field(ge=0)] = 0
-    start_ns: Annotated[int, Field(ge=0, lt=2**61)] = 1_700_000_000_000_000_000
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    start_ns: Annotated[int, Field(ge=0, le=(2**31 - 86_400) * NS_PER_S)] = 1_700_000_000_000_000_000
     max_duration_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = 3600.0
     plan: FloorPlan | None = None
     walls: tuple[Wall, ...] = ()

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from gridslam.cli.interruption import finishing
 from gridslam.logs import write_log
 from gridslam.report.directory import new_run_directory
 from tests.conftest import REPOSITORY, program_command
@@ -141,3 +142,24 @@ def test_ctrl_c_while_the_program_is_loaded_is_one_line() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "gridslam: error: interrupted\n")
     assert '\ngridslam = "gridslam.cli:run"\n' in (REPOSITORY / "pyproject.toml").read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_after_the_work_is_done_changes_nothing(number: signal.Signals) -> None:
+    code = (
+        "import atexit, os, sys\n"
+        f"atexit.register(lambda: os.kill(os.getpid(), {number:d}))\n"
+        "sys.argv = ['gridslam', '--version']\n"
+        "from gridslam.cli import run; run()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("gridslam ")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_come_too_late_while_the_result_is_shown(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with finishing():
+        os.kill(os.getpid(), number)
+    assert signal.getsignal(number) is before

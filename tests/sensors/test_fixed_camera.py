@@ -39,7 +39,7 @@ def filmed(
 ) -> tuple[FixedCamera, Frames]:
     """The camera, without a background, and its frames in a room of 8 x 5 m in which only the given people move."""
     moved = {**CAMERA, "extrinsics": {**CAMERA["extrinsics"], **(turned or {})}}
-    world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e9}, **changes)
+    world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e6}, **changes)
     simulator = Simulator(world, Path())
     mount = next(m for m in simulator.extrinsics() if isinstance(m, Transform) and m.frame_id == "map")
     events = [e for _ in range(int(seconds * 100)) for e in simulator.step(0.0, 0.0)]

@@ -20,7 +20,7 @@ def room(**changes: Any) -> WorldConfig:
     """A room of 8 x 5 m with a robot that stands in it for ever, unless told otherwise."""
     document: dict[str, Any] = {
         "walls": [{"rectangle": [0, 0, 8, 5]}],
-        "robot": {"start": [3, 2, 0], "wait_at_start_s": 1e9},
+        "robot": {"start": [3, 2, 0], "wait_at_start_s": 1e6},
         "sensors": {},
         **changes,
     }

@@ -122,7 +122,7 @@ def test_a_fixed_camera_sees_people_and_the_robot() -> None:
         world = room(fixed_cameras=[fixed], sensors={"odometry": None}, **changes)
         return np.asarray(first(recorded(world, 1), DepthImage).depth_m)
 
-    far_away = {"robot": {"start": [100, 100, 0], "wait_at_start_s": 1e9}}
+    far_away = {"robot": {"start": [100, 100, 0], "wait_at_start_s": 1e6}}
     empty, with_robot = depth(**far_away), depth()
     with_person = depth(people=[person], **far_away)
     assert 20 < (np.abs(with_robot - empty) > 0.05).sum() < 2000

@@ -89,7 +89,7 @@ def rounds(x: float, yaw_deg: float, count: int = 3000, **antenna: Any) -> float
     """Fraction of rounds that read one tag on a bin at (6, 2.5) which looks towards -x."""
     settings = {"name": "a", "rate_hz": 100.0, "missed": 0.0, "false_reads": 0.0, "gain_db": 10.0, **antenna}
     world = room(
-        robot={"start": [x, 2.5, yaw_deg], "wait_at_start_s": 1e9},
+        robot={"start": [x, 2.5, yaw_deg], "wait_at_start_s": 1e6},
         sensors={"antennas": [settings], "odometry": None},
         objects=[
             {"id": "b", "pose": [6.2, 2.5, 180], "size": [0.4, 0.4], "tag": {"id": "t", "position": [0.2, 0]}}

@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 import yaml
 
-from gridslam.core.messages import LaserScan, Odometry
+from gridslam.core.errors import ConfigError
+from gridslam.core.messages import Imu, LaserScan, Odometry
 from gridslam.evaluation.object_files import read_objects
-from gridslam.logs import open_log
+from gridslam.logs import open_log, write_log
 from gridslam.logs.tum import read_trajectory
+from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import load_map
 from gridslam.simulation.preview import draw_world
 from gridslam.simulation.record import record_world
-from gridslam.simulation.world_config import load_world
+from gridslam.simulation.world_config import load_world, validate_world
 from tests.conftest import Program
 
 SMALL = """
@@ -160,3 +162,58 @@ def test_wrong_commands_end_with_two(program: Program, arguments: list[str], mes
     done = program("simulate", *arguments)
     assert done.returncode == 2
     assert message in done.stderr
+
+
+def recorded(tmp_path: Path, **options: bool) -> Path:
+    """A short drive, recorded as log.mcap."""
+    world = validate_world({"walls": [{"rectangle": [0, 0, 4, 3]}], "robot": {"start": [1, 1, 0]}}, "tiny")
+    record_world(world, tmp_path, tmp_path / "log.mcap", **options)
+    return tmp_path / "log.mcap"
+
+
+def test_a_log_and_its_truth_are_replaced_together_and_only_when_told(tmp_path: Path) -> None:
+    log = recorded(tmp_path)
+    assert not list((tmp_path / "log.truth").glob(".*"))
+    (tmp_path / "log.truth" / "tags.yaml").write_text("of an earlier world")
+    log.unlink()
+    with pytest.raises(ConfigError, match=r"log\.truth: exists; choose another name or use --force"):
+        recorded(tmp_path)
+    recorded(tmp_path, force=True)
+    assert log.exists()
+    assert not (tmp_path / "log.truth" / "tags.yaml").exists()
+
+
+def test_a_folder_that_is_no_truth_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "log.truth").mkdir()
+    (tmp_path / "log.truth" / "notes.txt").touch()
+    with pytest.raises(ConfigError, match="is no ground truth, so it is never replaced"):
+        recorded(tmp_path, force=True)
+    assert not (tmp_path / "log.mcap").exists()
+
+
+def test_a_truth_whose_log_was_not_finished_makes_way_for_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("gridslam.logs.mcap.writer.put_file", killed)
+        with pytest.raises(KeyboardInterrupt):
+            recorded(tmp_path)
+    assert (tmp_path / "log.truth").exists()
+    assert not (tmp_path / "log.mcap").exists()
+    assert recorded(tmp_path).exists()
+
+
+@pytest.mark.parametrize("name", ["out.mcap", "out"])
+@pytest.mark.parametrize("force", [False, True])
+def test_of_two_writers_of_one_log_the_second_is_told(tmp_path: Path, name: str, force: bool) -> None:
+    if force:
+        write_log(tmp_path / name, [])
+    first, second = open_writer(tmp_path / name, force), open_writer(tmp_path / name, force)
+    first.close()
+    with pytest.raises(ConfigError, match="another process has written it meanwhile|exists already"), second:
+        second.write(Imu(10**9, "imu", 0.5))
+    with open_log(tmp_path / name) as log:
+        assert not list(log.events())

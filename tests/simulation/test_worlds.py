@@ -61,6 +61,37 @@ def test_a_wrong_world_file_is_an_error_with_the_key_path(change: dict[str, Any]
         room(**change)
 
 
+TOO_MUCH: list[tuple[dict[str, Any], str]] = [
+    ({"sensors": {"infrared": [{"name": "ir", "to_deg": 2**63}]}}, r"infrared\.0\.to_deg"),
+    ({"sensors": {"infrared": [{"name": "ir", "step_deg": 1e-6}]}}, "more than 10000 steps"),
+    ({"sensors": {"infrared": [{"name": "ir", "from_deg": 5, "to_deg": 1}]}}, "from_deg must not be above"),
+    ({"sensors": {"infrared": [{"name": "ir", "range_max_m": 0.1}]}}, "range_min_m must be below"),
+    ({"sensors": {"lidar": {"range_min_m": 1.0, "range_max_m": 1.00000001}}}, "range_min_m must be below"),
+    ({"sensors": {"lidar": {"extrinsics": {"x": -1e300}}}}, r"extrinsics\.x"),
+    ({"sensors": {"odometry": {"rate_hz": 5e-324}}}, "rate_hz"),
+    ({"truth": {"resolution_m": 1e300}}, "resolution_m"),
+    ({"boxes": [{"centre": [1e300, 0], "size": [1, 1]}]}, r"boxes\.0\.centre"),
+    ({"boxes": [{"centre": [1, 1], "size": [1, 1], "colour": [1, 2, 256]}]}, "colour"),
+    ({"robot": {"start": [1, 1, 0], "wheels": {"base_m": 5e-324}}}, "base_m"),
+    ({"robot": {"start": [1, 1, 0], "laps": 1000, "route": [[1, 1]] * 1001}}, "more than 1000000 waypoints"),
+    ({"start_ns": 2**61 - 1}, "start_ns"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), TOO_MUCH)
+def test_a_number_that_no_world_has_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        room(**change)
+
+
+def test_a_true_map_without_margin_holds_the_walls_on_its_edges() -> None:
+    world = room(truth={"margin_m": 0})
+    found = true_map(Scene(world, Path()), world.truth).probability
+    assert found.shape == (100, 160)
+    assert (found[-1] == 1).all()
+    assert (found[:, -1] == 1).all()
+
+
 def test_an_unknown_world_is_an_error_that_names_the_nearest() -> None:
     with pytest.raises(ConfigError, match="did you mean 'office'"):
         load_world("ofice")

@@ -14,7 +14,7 @@ from typing import IO, Any
 import yaml
 
 from gridslam.core.errors import ConfigError, LogError
-from gridslam.core.files import check_name, partial_folder, put_folder
+from gridslam.core.files import check_name, identity_of, partial_folder, put_folder
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.logs.csv.fields import name_field
@@ -51,6 +51,7 @@ class CsvFolderWriter:
         self._force = force
         check_csv_free(Path(path), force)
         self._aside = ExitStack()
+        self._before = identity_of(self._path)
         self._folder = self._aside.enter_context(partial_folder(self._path))
         self._pictures = PictureWriter(self._folder)
         self._files: dict[tuple[str, ...], _TableFile] = {}
@@ -111,7 +112,7 @@ class CsvFolderWriter:
             )
             (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
             check_csv_free(self._path, self._force)
-            put_folder(self._folder, self._path)
+            put_folder(self._folder, self._path, self._before)
 
     def abandon(self) -> None:
         """Remove what was written."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal
 
-from gridslam.core.files import partial_file, put_file, remove_left_over
+from gridslam.core.files import identity_of, partial_file, put_file, remove_left_over
 from gridslam.core.messages import Event, Odometry
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.ros.encode import encode
@@ -31,6 +31,7 @@ class McapWriter:
 
         self._path = Path(path)
         self._aside = ExitStack()
+        self._before = identity_of(self._path)
         self._stream = self._aside.enter_context(partial_file(self._path))
         remove_left_over(self._path)
         self._writer = Writer(
@@ -79,7 +80,7 @@ class McapWriter:
         with self._aside:
             finish: Callable[[], None] = self._writer.finish
             finish()
-            put_file(self._stream, self._path)
+            put_file(self._stream, self._path, self._before)
 
     def abandon(self) -> None:
         """Leave no file behind."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from gridslam.logs.ros.container import Schema
@@ -84,6 +84,7 @@ def _fields(text: str) -> str:
     return "|".join(lines)
 
 
+@lru_cache(maxsize=256)
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
     """The decoder of a type: from CDR bytes to a message object; it raises ValueError for bytes that are no such message.
 

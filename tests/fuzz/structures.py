@@ -1,0 +1,238 @@
+"""What `tests.fuzz.many` feeds by the thousand: each target makes an input from random numbers and says what came of it."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from PIL import Image
+
+from gridslam import api
+from gridslam.config.builtin import read_config
+from gridslam.core.errors import GridslamError
+from gridslam.evaluation.document import EvaluationOptions
+from gridslam.logs.log import Log
+from gridslam.logs.open import open_log
+from gridslam.maps.load import load_any_map
+from gridslam.maps.tag_database import load_tag_database
+from gridslam.methods import registry
+from gridslam.runs.run_config import run_config_model, validate_run_config
+from gridslam.simulation.record import record_world
+from gridslam.simulation.world_config import WorldConfig, validate_world
+from gridslam.sweep.config import load_sweep
+from tests.fuzz import log_records, targets
+from tests.fuzz.value_trees import damaged, drawn, number_near
+from tests.small_log import write_small_log
+
+RUN_ONE_IN = 40  # valid configurations
+POSES = "".join(f"{i}.5 {i} {i % 3} 0 0 0 0 1\n" for i in range(1, 12))
+WORLD: dict[str, Any] = yaml.safe_load("""
+walls: [{rectangle: [0, 0, 4, 3]}]
+boxes: [{centre: [3, 2], size: [0.4, 0.4]}]
+robot: {start: [1, 1, 0], route: [[1.3, 1]]}
+sensors: {lidar: {rate_hz: 5, beams: 60}, odometry: {}, gyro: {}}
+max_duration_s: 6
+""")
+LIMIT_S = 20.0  # of the longest simulated drive
+
+
+def log_target(kind: str) -> Callable[[random.Random, Path], str]:
+    """A target of logs of a kind."""
+
+    def run(rng: random.Random, folder: Path) -> str:
+        sample = folder / ("sample" if kind == "csv" else "sample.mcap")
+        if not sample.exists():
+            log_records.write_sample(sample)
+        return log_records.check(log_records.MAKERS[kind](folder / f"log.{kind}", sample, rng), folder)
+
+    return run
+
+
+def answer(act: Callable[[], object]) -> str:
+    """`done`, or the name of the GridslamError, which has one line of a bearable length."""
+    try:
+        act()
+    except GridslamError as error:
+        assert str(error).strip()
+        assert "\n" not in str(error), "one line"
+        assert len(str(error)) < 4000, "a bearable length"
+        return type(error).__name__
+    return "done"
+
+
+@cache
+def documents() -> dict[str, tuple[str, Any]]:
+    """File name and content of YAML files that are read."""
+    world = {**WORLD, "doors": [{"id": "d", "hinge": [1, 0], "closed_at": [2, 0]}]}
+    texts = {
+        "map.yaml": targets.MAP_YAML,
+        "csv/log.yaml": targets.LAYOUT,
+        "bag/metadata.yaml": targets.METADATA,
+        "sweep.yaml": targets.SWEEP,
+        "tags.yaml": targets.TAGS,
+        "config.yaml": targets.CONFIG,
+    }
+    return {name: (name, yaml.safe_load(text)) for name, text in texts.items()} | {"world.yaml": ("world.yaml", world)}
+
+
+def read_tree(rng: random.Random, folder: Path) -> str:
+    """A YAML file of any kind whose tree is damaged."""
+    name, document = documents()[rng.choice(list(documents()))]
+    tree = damaged(document, rng)
+    path = folder / name
+    path.parent.mkdir(exist_ok=True)
+    text = yaml.dump(tree, sort_keys=False).replace("\\uD800", "\\x00")
+    path.write_text(text, "utf-8")
+    (folder / "map.pgm").write_bytes(targets.PGM)
+    (folder / "csv").mkdir(exist_ok=True)
+    (folder / "csv" / "odom.csv").write_text(targets.ODOM)
+
+    def read() -> None:
+        if name == "config.yaml":
+            api.load_config(path)
+        elif name == "world.yaml":
+            validate_world(read_config(str(path))[0], "world.yaml")
+        elif name == "map.yaml":
+            check_map(path)
+        elif name == "sweep.yaml":
+            load_sweep(path)
+        elif name == "tags.yaml":
+            load_tag_database(path)
+        else:
+            with open_log(path.parent, log_records.CONFIG) as log:
+                drain(log)
+
+    return f"{name.split('.')[0].split('/')[0]} {answer(read)}"
+
+
+def drain(log: Log) -> None:
+    """Read all events; the lines for people are few and printable."""
+    for _ in log.events():
+        pass
+    log.truth()
+    assert len(log.problems) < 200
+    assert all("\n" not in line for line in log.problems)
+
+
+def check_map(path: Path) -> None:
+    """Load a map; what is loaded is a probability, or NaN for unknown, everywhere."""
+    grid = load_any_map(path)
+    known = grid.probability[~np.isnan(grid.probability)]
+    assert ((known >= 0.0) & (known <= 1.0)).all()
+    assert grid.geometry.resolution_m > 0.0
+
+
+def read_map(rng: random.Random, folder: Path) -> str:
+    """A map_server pair: values of the YAML, and bytes or the size of the image, are changed."""
+    document = yaml.safe_load(targets.MAP_YAML)
+    suffix = rng.choice((".pgm", ".png", ".bmp", ".tif"))
+    document["image"] = f"map{suffix}"
+    for key in rng.sample(list(document)[1:], rng.randrange(3)):
+        document[key] = number_near(document[key], rng)
+    if rng.random() < 0.2:
+        document["mode"] = rng.choice(("scale", "raw", "Trinary", "x", 3))
+    shape = rng.choice(((3, 4), (1, 1), (40, 30), (2, 3000)))
+    depth = rng.choice(("L", "L", "RGBA", "I;16", "1", "P"))
+    cells = np.random.default_rng(rng.randrange(99)).integers(0, 256, shape).astype(np.uint8)
+    picture = Image.fromarray(cells)
+    image = folder / f"map{suffix}"
+    picture = picture.convert(depth) if depth != "I;16" else Image.fromarray(cells.astype(np.uint16) * 257)
+    try:
+        picture.save(image)
+    except OSError:
+        Image.fromarray(cells).save(image)
+    if rng.random() < 0.6:
+        data = bytearray(image.read_bytes())
+        for _ in range(rng.choice((1, 2, 8))):
+            at = rng.randrange(min(len(data), rng.choice((40, 400, 10**9))))
+            data[at] = rng.choice((0, 255, 127, rng.randrange(256), ord("9")))
+        image.write_bytes(data[: rng.randrange(len(data))] if rng.random() < 0.2 else data)
+    path = folder / "map.yaml"
+    path.write_text(yaml.dump(document).replace("\\uD800", "x"), "utf-8")
+    return answer(lambda: check_map(path))
+
+
+def read_trajectory(rng: random.Random, folder: Path) -> str:
+    """A trajectory of any format with changed cells, evaluated against itself."""
+    suffix, separator = rng.choice(((".tum", " "), (".txt", " "), (".csv", ",")))
+    lines = [line.split() for line in POSES.splitlines()]
+    if rng.random() < 0.2:
+        lines = [["1", "0", "0", "1", "0", "1", "0", "0", "0", "0", "1", "0"]] * 5
+    for _ in range(rng.randrange(4)):
+        row = rng.choice(lines)
+        if row and rng.random() < 0.8:
+            row[rng.randrange(len(row))] = rng.choice((*log_records.NUMBERS, "1e19", "-5", "0x1", "١", "#"))
+        else:
+            lines[rng.randrange(len(lines))] = rng.choice(([], ["#"], row * 2, row[:-1]))
+    path, true = folder / f"path{suffix}", folder / "true.tum"
+    path.write_text("\n".join(separator.join(row) for row in lines) + "\n", "utf-8")
+    true.write_text(POSES)
+
+    options = EvaluationOptions(align=rng.choice(("none", "se2", "sim2", "first")))
+
+    def read() -> None:
+        api.evaluate(path, true, options=options)
+
+    return answer(read)
+
+
+@cache
+def full_config(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A method's configuration with all keys, and its schema."""
+    model = run_config_model(name)
+    document = validate_run_config({"method": {"name": name}}, name).model_dump(mode="json", exclude_none=True)
+    return document, model.model_json_schema()
+
+
+def read_config_values(rng: random.Random, folder: Path) -> str:
+    """A configuration with drawn values; some of the valid ones map a small log."""
+    name = rng.choice(list(registry.BUILT_IN))
+    document, schema = full_config(name)
+    document = drawn(document, schema, rng, rng.choice((1, 1, 2, 4)))
+    document["method"] = {**document["method"], "name": name} if isinstance(document.get("method"), dict) else {}
+    valid: list[object] = []
+    result = answer(lambda: valid.append(validate_run_config(document, "drawn.yaml")))
+    if not valid or name not in ("slam-sd", "handmap-slam") or rng.randrange(RUN_ONE_IN):
+        return f"{name} {result}"
+    log = folder / "small"
+    if not log.exists():
+        write_small_log(log, scans=8, beams=60)
+    return f"{name} run {answer(lambda: api.map_log(log, valid[0]))}"  # type: ignore[arg-type]
+
+
+@cache
+def world_schema() -> dict[str, Any]:
+    return WorldConfig.model_json_schema()
+
+
+def read_world(rng: random.Random, folder: Path) -> str:
+    """A world with drawn values; valid ones are recorded, and the log is one that its own reader takes whole."""
+    document = drawn(WORLD, world_schema(), rng, rng.choice((1, 1, 2, 4)))
+    valid: list[WorldConfig] = []
+    result = answer(lambda: valid.append(validate_world(document, "drawn.yaml")))
+    if not valid or valid[0].max_duration_s > LIMIT_S or valid[0].robot.laps > 3:
+        return f"check {result}"
+    output = folder / "world.mcap"
+
+    def record() -> None:
+        record_world(valid[0], folder, output, force=True)
+        with open_log(output) as log:
+            drain(log)
+            assert not log.is_lossy, log.problems
+
+    return f"record {answer(record)}"
+
+
+STRUCTURES: Mapping[str, Callable[[random.Random, Path], str]] = {
+    **{kind: log_target(kind) for kind in log_records.MAKERS},
+    "yaml": read_tree,
+    "map": read_map,
+    "trajectory": read_trajectory,
+    "config": read_config_values,
+    "world": read_world,
+}

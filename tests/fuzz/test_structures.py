@@ -1,0 +1,23 @@
+"""A small dose of `tests.fuzz.many`."""
+
+from __future__ import annotations
+
+import random
+import warnings
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.structures import STRUCTURES
+
+INPUTS = {"mcap": 6, "db3": 5, "csv": 5, "bag": 3}
+
+
+@pytest.mark.parametrize("target", STRUCTURES)
+def test_damaged_structures_end_in_a_result_or_an_error(tmp_path: Path, target: str) -> None:
+    results = set()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for seed in range(INPUTS.get(target, 20)):
+            results.add(STRUCTURES[target](random.Random(f"{target} {seed}"), tmp_path))
+    assert results
