@@ -28,7 +28,7 @@ MIN_SIDE_PX = 16
 MIN_CONTRAST = 32  # of 255, between the darker and the brighter class
 
 FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
-DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
+DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 
 WallColour = Literal["auto", "dark", "bright"]
 

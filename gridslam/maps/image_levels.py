@@ -17,7 +17,8 @@ from gridslam.core.errors import MapError
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
 
-_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, zlib.error)
+# A size in a damaged file can ask for any memory.
+_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 
 
 @dataclass(frozen=True, slots=True)

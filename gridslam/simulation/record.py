@@ -59,7 +59,9 @@ def check_truth_free(log: Path, force: bool) -> None:
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not folder.is_dir() or not {entry.name for entry in folder.iterdir()} <= TRUTH_FILES:
-        raise ConfigError(f"{folder}: exists and is no ground truth, so it is never replaced; choose another name")
+        raise ConfigError(
+            f"{folder}: exists and is no ground truth, so it is never replaced; choose another name"
+        )
     is_left_over = (folder / UNFINISHED).exists() and not log.exists()
     if not force and not is_left_over:
         raise ConfigError(f"{folder}: exists; choose another name or use --force")

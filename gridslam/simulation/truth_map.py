@@ -37,7 +37,9 @@ def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
     drawn = [_segment_points(segment, resolution) for segment in segments]
     drawn += [_circle_points(circle, resolution) for circle in circles]
     for points in drawn:
-        row, col = np.minimum(geometry.cells(points), (rows - 1, cols - 1)).T  # without margin, walls lie on the edge
+        row, col = np.minimum(
+            geometry.cells(points), (rows - 1, cols - 1)
+        ).T  # without margin, walls lie on the edge
         occupied[row, col] = True
     start = geometry.cells(np.array([scene.world.robot.start[:2]]))[0]
     free = reachable(~occupied, int(start[0]), int(start[1]))

@@ -47,6 +47,8 @@ from tests.fuzz.ros1_bags import fuzz_bag
 
 S = 10**9
 CONFIG = LogConfig(limits=LogLimits(chunk_mb=16, line_mb=1, reorder_mb=16))
+
+
 def sample_events() -> list[tuple[str | None, Event]]:
     """Events of every kind, a few of each."""
     events: list[tuple[str | None, Event]] = [
@@ -181,7 +183,7 @@ MAKERS: dict[str, Callable[[Path, Path, random.Random], Path]] = {
 
 
 def check(path: Path, folder: Path) -> str:
-    """Read a log and convert it there and back; in a word what happened.
+    """Read a log and convert it there and back; the outcome in a word.
 
     What was written is read back without a loss, and no chain of conversions loses a message that it wrote.
     """
@@ -193,7 +195,9 @@ def check(path: Path, folder: Path) -> str:
                 done = convert_log(log, converted, force=True)
                 assert number == 0 or not log.is_lossy, log.problems
                 assert len(log.problems) < 200
-                kinds = Counter({kind: count for kind, count in log.counters.items() if kind.startswith("read.")})
+                kinds = Counter(
+                    {kind: count for kind, count in log.counters.items() if kind.startswith("read.")}
+                )
             written.append(kinds)
             path = converted
             if not done.written:

@@ -1,7 +1,7 @@
-"""Fuzz by structure: `python -m tests.fuzz.many INPUTS [SEED [TARGET...]]` runs so many inputs of each target.
+"""Fuzz by structure: `python -m tests.fuzz.many INPUTS [SEED [TARGET...]]` runs that number of inputs of each target.
 
 A target runs in a process of its own, thousands of inputs each, under limits. Whatever is neither a result nor a GridslamError,
-takes more than LONGEST_S of CPU time or MOST_MB above the start, or writes on stdout or stderr, is printed with the
+takes more than LONGEST_S of CPU time or MAX_MB above the start, or writes on stdout or stderr, is printed with the
 seed that makes it again: `python -m tests.fuzz.many 1 SEED TARGET`.
 """
 
@@ -22,7 +22,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-LONGEST_S, LONGEST_WALL_S, MOST_MB = 10, 120, 1024
+LONGEST_S, LONGEST_WALL_S, MAX_MB = 10, 120, 1024
 
 
 class Hang(BaseException):
@@ -46,7 +46,9 @@ def run(target: str, inputs: int, seed: int) -> int:
             out.write(f"at {number}\n")
             problem = ""
             signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
-            signal.alarm(LONGEST_WALL_S)  # a hang in compiled code ends the process: the parent goes on behind it
+            signal.alarm(
+                LONGEST_WALL_S
+            )  # a hang in compiled code ends the process: the parent goes on behind it
             before = noise.seek(0, os.SEEK_END)
             try:
                 with warnings.catch_warnings():
@@ -85,10 +87,10 @@ def _sign(problem: str) -> str:
 
 
 def _limit_memory() -> None:
-    """From now on a memory of MOST_MB more than now is an error."""
+    """From now on a memory of MAX_MB more than now is an error."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    most = pages * resource.getpagesize() + (MOST_MB << 20)
-    resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))
+    highest = pages * resource.getpagesize() + (MAX_MB << 20)
+    resource.setrlimit(resource.RLIMIT_AS, (highest, resource.RLIM_INFINITY))
 
 
 def run_apart(target: str, inputs: int, seed: int) -> int:

@@ -7,15 +7,23 @@ import struct
 from functools import cache
 from pathlib import Path
 
-from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.mcap.file import McapFile
+from gridslam.logs.message_counts import MessageCounts
 from tests.fuzz.damage import NAMES, changed
 from tests.logs.ros_samples import HUMBLE
 
 MAGIC = b"#ROSBAG V2.0\n"
 MESSAGE_DATA, BAG_HEADER, INDEX_DATA, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 TIME = struct.pack("<II", 1, 0)
-FIELD_LINES = ["float64 x", "uint8[4294967295] x", "string x", "x", "float64[] ranges", "3bad x", "int32 class"]
+FIELD_LINES = [
+    "float64 x",
+    "uint8[4294967295] x",
+    "string x",
+    "x",
+    "float64[] ranges",
+    "3bad x",
+    "int32 class",
+]
 
 Connection = tuple[str, str, str, bytes]  # topic, type, definition, MD5 sum
 
@@ -38,8 +46,8 @@ def fuzz_bag(path: Path, mcap: Path, rng: random.Random) -> Path:
     """A bag of one chunk."""
     connections, messages = sample(mcap)
     heads = {i: _connection(i, connection, rng) for i, connection in connections.items()}
-    chunk, offsets = bytearray(), {i: b"" for i in heads}
-    for i, head in heads.items():
+    chunk, offsets = bytearray(), dict.fromkeys(heads, b"")
+    for head in heads.values():
         chunk += head
     for i, data in messages:
         i = rng.choice(list(heads)) if rng.random() < 0.03 else i
@@ -55,7 +63,11 @@ def fuzz_bag(path: Path, mcap: Path, rng: random.Random) -> Path:
         parts.append(_record({b"op": bytes([INDEX_DATA]), **fields}, entries))
     index_at = head_size + sum(map(len, parts))
     counts = b"".join(struct.pack("<II", i, len(e) // 12) for i, e in offsets.items())
-    info = {b"op": bytes([CHUNK_INFO]), b"ver": struct.pack("<I", 1), b"chunk_pos": struct.pack("<Q", head_size)}
+    info = {
+        b"op": bytes([CHUNK_INFO]),
+        b"ver": struct.pack("<I", 1),
+        b"chunk_pos": struct.pack("<Q", head_size),
+    }
     info |= {b"start_time": TIME, b"end_time": TIME, b"count": struct.pack("<I", len(offsets))}
     parts += [*heads.values(), _record(info, counts)]
     path.write_bytes(MAGIC + _bag_header(index_at, len(heads)) + b"".join(parts))
@@ -67,7 +79,9 @@ def _connection(number: int, connection: Connection, rng: random.Random) -> byte
     topic, kind, definition, digest = connection
     texts = {b"topic": topic.encode(), b"type": kind.encode(), b"md5sum": digest}
     if rng.random() < 0.1:
-        texts[rng.choice(list(texts))] = rng.choice([*NAMES, b"sensor_msgs/Imu", b"a/b/c", b"3x/Y", b"std_msgs/Header"])
+        texts[rng.choice(list(texts))] = rng.choice(
+            [*NAMES, b"sensor_msgs/Imu", b"a/b/c", b"3x/Y", b"std_msgs/Header"]
+        )
     if rng.random() < 0.15:
         lines = definition.split("\n")
         at = rng.randrange(len(lines))

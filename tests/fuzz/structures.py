@@ -1,4 +1,4 @@
-"""What `tests.fuzz.many` feeds by the thousand: each target makes an input from random numbers and says what came of it."""
+"""What `tests.fuzz.many` feeds by the thousand: each target makes an input from random numbers and names the outcome."""
 
 from __future__ import annotations
 
@@ -77,7 +77,9 @@ def documents() -> dict[str, tuple[str, Any]]:
         "tags.yaml": targets.TAGS,
         "config.yaml": targets.CONFIG,
     }
-    return {name: (name, yaml.safe_load(text)) for name, text in texts.items()} | {"world.yaml": ("world.yaml", world)}
+    return {name: (name, yaml.safe_load(text)) for name, text in texts.items()} | {
+        "world.yaml": ("world.yaml", world)
+    }
 
 
 def read_tree(rng: random.Random, folder: Path) -> str:
@@ -166,7 +168,9 @@ def read_trajectory(rng: random.Random, folder: Path) -> str:
     for _ in range(rng.randrange(4)):
         row = rng.choice(lines)
         if row and rng.random() < 0.8:
-            row[rng.randrange(len(row))] = rng.choice((*log_records.NUMBERS, "1e19", "-5", "0x1", "١", "#"))
+            row[rng.randrange(len(row))] = rng.choice(
+                (*log_records.NUMBERS, "1e19", "-5", "0x1", "\u0661", "#")
+            )
         else:
             lines[rng.randrange(len(lines))] = rng.choice(([], ["#"], row * 2, row[:-1]))
     path, true = folder / f"path{suffix}", folder / "true.tum"
@@ -185,7 +189,9 @@ def read_trajectory(rng: random.Random, folder: Path) -> str:
 def full_config(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """A method's configuration with all keys, and its schema."""
     model = run_config_model(name)
-    document = validate_run_config({"method": {"name": name}}, name).model_dump(mode="json", exclude_none=True)
+    document = validate_run_config({"method": {"name": name}}, name).model_dump(
+        mode="json", exclude_none=True
+    )
     return document, model.model_json_schema()
 
 
@@ -194,7 +200,9 @@ def read_config_values(rng: random.Random, folder: Path) -> str:
     name = rng.choice(list(registry.BUILT_IN))
     document, schema = full_config(name)
     document = drawn(document, schema, rng, rng.choice((1, 1, 2, 4)))
-    document["method"] = {**document["method"], "name": name} if isinstance(document.get("method"), dict) else {}
+    document["method"] = (
+        {**document["method"], "name": name} if isinstance(document.get("method"), dict) else {}
+    )
     valid: list[object] = []
     result = answer(lambda: valid.append(validate_run_config(document, "drawn.yaml")))
     if not valid or name not in ("slam-sd", "handmap-slam") or rng.randrange(RUN_ONE_IN):

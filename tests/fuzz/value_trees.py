@@ -61,7 +61,9 @@ def number_near(value: Any, rng: random.Random) -> Any:
     return round(scaled) if isinstance(value, int) else scaled
 
 
-def drawn(document: dict[str, Any], schema: Mapping[str, Any], rng: random.Random, values: int) -> dict[str, Any]:
+def drawn(
+    document: dict[str, Any], schema: Mapping[str, Any], rng: random.Random, values: int
+) -> dict[str, Any]:
     """A copy in which a few keys of the schema have drawn values, mostly allowed ones at or near a bound."""
     document = copy.deepcopy(document)
     for _ in range(values):
@@ -109,8 +111,8 @@ def value_of(part: Mapping[str, Any], schema: Mapping[str, Any], rng: random.Ran
         items = part.get("prefixItems")
         if items:
             return [value_of(item, schema, rng, depth + 1) for item in items]
-        most = min(part.get("maxItems", 50), 50)
-        count = rng.choice((0, part.get("minItems", 0), 1, 2, most))
+        limit = min(part.get("maxItems", 50), 50)
+        count = rng.choice((0, part.get("minItems", 0), 1, 2, limit))
         return [value_of(part.get("items", {}), schema, rng, depth + 1) for _ in range(count)]
     if kind == "object":
         names = part.get("properties", {})
@@ -129,7 +131,9 @@ def _number(part: Mapping[str, Any], kind: str, rng: random.Random) -> float | i
     if what == 0 and bounds:
         bound = rng.choice(bounds)
         step = rng.choice((-1, 0, 1))
-        return bound + step if kind == "integer" else math.nextafter(bound, step * math.inf) if step else bound
+        return (
+            bound + step if kind == "integer" else math.nextafter(bound, step * math.inf) if step else bound
+        )
     if what == 1 and len(bounds) == 2:
         value = rng.uniform(*bounds)
     else:

@@ -213,7 +213,7 @@ def test_of_two_writers_of_one_log_the_second_is_told(tmp_path: Path, name: str,
         write_log(tmp_path / name, [])
     first, second = open_writer(tmp_path / name, force), open_writer(tmp_path / name, force)
     first.close()
-    with pytest.raises(ConfigError, match="another process has written it meanwhile|exists already"), second:
+    with pytest.raises(ConfigError, match=r"another process has written it meanwhile|exists already"), second:
         second.write(Imu(10**9, "imu", 0.5))
     with open_log(tmp_path / name) as log:
         assert not list(log.events())
