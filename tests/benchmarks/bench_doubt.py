@@ -1,7 +1,8 @@
-"""The measure of doubt on right and wrong maps of places made by seed, none of which it was calibrated on.
+"""The measure of doubt on right and wrong maps of places made by seed and of recorded logs.
 
-A map is right where no loop is off by more than half a metre and the path is as accurate as it should be; wrong where a loop is
-off by more than a metre. Maps in between count for nothing.
+Settings are calibrated on seeds from 100 on. A map is right where no loop is off by more than half a metre and the path is as
+accurate as it should be; wrong where a loop is off by more than a metre or the path by three times what it may be. Maps in
+between count for nothing.
 """
 
 from __future__ import annotations
@@ -18,13 +19,16 @@ from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, assess_map
 from gridslam.lidar_slam.map_consistency.passages import distance_driven
 from tests.benchmarks.bench_places import ape_rmse
 from tests.benchmarks.harness import Row, say
-from tests.benchmarks.tracked_places import place_of, tracked_place
+from tests.benchmarks.real_places import data_dir
+from tests.benchmarks.tracked_places import TrackedPlace, place_of, tracked_log, tracked_place
 from tests.benchmarks.wrong_maps import loop_graph, maps_of
 
-SEEDS = range(15)
-TRAVEL_M = 1000.0
+SEEDS = range(20, 30)
+TRAVEL_M = 600.0
+LOGS = ("aces", "mit-csail", "mit-killian")
 RIGHT_M, WRONG_M = 0.5, 1.0
-APE_RATIO = {True: 0.001, False: 0.003}  # of a right map, indoors and outdoors
+INDOORS, OUTDOORS = 0.001, 0.003  # path error of a right map, as a fraction of the travel
+WRONG_RATIO = 3.0  # that of a wrong map, at least, over that of a right one
 
 Floats = NDArray[np.float64]
 
@@ -32,19 +36,17 @@ Floats = NDArray[np.float64]
 def rows() -> Iterator[Row]:
     """Area under the ROC curve, wrong maps that pass, right maps that are doubted."""
     doubts: dict[bool, list[float]] = {True: [], False: []}
-    for seed in SEEDS:
-        kind, _ = place_of(seed)
-        place = tracked_place(kind, seed, TRAVEL_M)
-        for name, poses in maps_of(loop_graph(place), seed):
-            off = largest_loop_error(poses, place.truth)
-            accurate = ape_rmse(poses, place.truth) <= APE_RATIO[kind != "campus"] * TRAVEL_M
-            is_right = off <= RIGHT_M and accurate
-            if not (is_right or off > WRONG_M):
+    for seed, (name, place, ape_ratio) in enumerate(places()):
+        for made in maps_of(loop_graph(place), seed):
+            off = largest_loop_error(made.poses, place.truth)
+            ape = ape_rmse(made.poses, place.truth) / (ape_ratio * distance_driven(place.truth)[-1])
+            is_right = off <= RIGHT_M and ape <= 1.0
+            if not (is_right or off > WRONG_M or ape > WRONG_RATIO):
                 continue
-            doubt = assess_map(place.scans, poses, place.track).doubt
+            doubt = assess_map(place.scans, made.poses, place.track, made.loops).doubt
             doubts[is_right].append(doubt)
             mark = "" if (doubt > DOUBTFUL) != is_right else "  <- missed"
-            say(f"{kind} {seed}, {name}: largest loop error {off:.2f} m, doubt {doubt:.3f}{mark}")
+            say(f"{name}, {made.name}: largest loop error {off:.2f} m, doubt {doubt:.3f}{mark}")
     right, wrong = doubts[True], doubts[False]
     say(
         f"doubt: {len(right)} right maps up to {max(right):.3f}, {len(wrong)} wrong ones from {min(wrong):.3f}"
@@ -52,6 +54,17 @@ def rows() -> Iterator[Row]:
     yield Row("doubt.roc_area", roc_area(right, wrong), "", 0.97, at_least=True)
     yield Row("doubt.missed", sum(d <= DOUBTFUL for d in wrong), f"of {len(wrong)} wrong maps", 0)
     yield Row("doubt.false_alarms", sum(d > DOUBTFUL for d in right), f"of {len(right)} right maps", 1)
+
+
+def places() -> Iterator[tuple[str, TrackedPlace, float]]:
+    """Names, places, and the path error of a right map; places made by seed, then the recorded logs, where they are."""
+    for seed in SEEDS:
+        kind, _ = place_of(seed)
+        yield f"{kind} {seed}", tracked_place(kind, seed, TRAVEL_M), OUTDOORS if kind == "campus" else INDOORS
+    folder = data_dir()
+    if folder is not None:
+        for log in LOGS:
+            yield log, tracked_log(folder / "lidar" / f"{log}.clf.bz2"), INDOORS
 
 
 def largest_loop_error(estimated: Floats, truth: Floats) -> float:

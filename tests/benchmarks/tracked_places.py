@@ -1,20 +1,22 @@
-"""Large places made by seed, driven and tracked by the front end: key scans, their track and their true poses, without files."""
+"""Large places made by seed, and recorded logs, tracked by the front end: key scans, their track and their true poses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import Odometry
+from gridslam.core.messages import Event, Odometry
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.logs import open_log
 from gridslam.motion.scan_poses import PlacedScan
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
@@ -47,18 +49,37 @@ def place_of(seed: int) -> tuple[Kind, float]:
 def tracked_place(kind: Kind, seed: int, travel_m: float) -> TrackedPlace:
     """Drive through the place of a seed, and track the robot by the front end alone."""
     simulator = Simulator(validate_world(place_document(kind, seed, travel_m), "place"), Path())
+    truth: list[tuple[int, float, float, float]] = []
+
+    def events() -> Iterator[Event]:
+        for event, is_truth in drive_route(simulator):
+            if is_truth:
+                assert isinstance(event, Odometry)
+                truth.append((event.stamp_ns, event.x_m, event.y_m, event.yaw_rad))
+            else:
+                yield event
+
+    tracker = _tracked(events())
+    return TrackedPlace(tracker.key_scans, tracker.key_poses, _at(np.array(truth), tracker.key_scans))
+
+
+def tracked_log(log: Path) -> TrackedPlace:
+    """A recorded log, tracked by the front end alone; what loop closure makes of it stands for the truth."""
+    with open_log(log) as source:
+        tracker = _tracked(source.events())
+    scans, track = tracker.key_scans, tracker.key_poses
+    return TrackedPlace(scans, track, close_trajectory(scans, track).poses)
+
+
+def _tracked(events: Iterable[Event]) -> ScanTracker:
+    """A tracker that has seen all events."""
     odometry = OdometryConfig()
     spacing = KeyScanSpacing(KEY_DISTANCE_M, KEY_TURN_RAD)
     tracker = ScanTracker(FrontEnd(odometry, MEMORY_MB), ScanConfig(), odometry, spacing)
-    truth: list[tuple[int, float, float, float]] = []
-    for event, is_truth in drive_route(simulator):
-        if is_truth:
-            assert isinstance(event, Odometry)
-            truth.append((event.stamp_ns, event.x_m, event.y_m, event.yaw_rad))
-        else:
-            _track(tracker, tracker.process(event))
+    for event in events:
+        _track(tracker, tracker.process(event))
     _track(tracker, tracker.flush())
-    return TrackedPlace(tracker.key_scans, tracker.key_poses, _at(np.array(truth), tracker.key_scans))
+    return tracker
 
 
 def _track(tracker: ScanTracker, placed_scans: Iterable[PlacedScan]) -> None:
