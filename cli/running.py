@@ -153,7 +153,8 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
                 f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
             )
         )
-    if (consistency := document["measures"].get("map_consistency")) is not None:
+    consistency = document["measures"].get("map_consistency")
+    if consistency is not None and not consistency["is_doubtful"]:  # else the row "doubt" says so
         rows.append(("consistency", consistency["summary"]))
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
     if run.occupancy is not None and run.occupancy.probability.size:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.map_consistency.assessment import DoubtfulPlace, MapConsistency
+from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, DoubtfulPlace, MapConsistency
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import Footprint, render_map
 from gridslam.methods.base import Doubt, Picture, RunResult
@@ -16,6 +17,7 @@ from gridslam.methods.base import Doubt, Picture, RunResult
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
 SMALLEST_RADIUS_M = 1.0
 CORNERS = 32
+LABELS_APART_M = 8.0  # places this near to a more doubtful one have a circle without a number
 
 
 def with_consistency(result: RunResult, consistency: MapConsistency) -> RunResult:
@@ -35,7 +37,7 @@ def _pictures(grid: OccupancyGrid, trajectory: Trajectory, consistency: MapConsi
     """`doubt`: the map and its trajectory with circles around the doubtful places; none where there are no such places."""
     if not consistency.places:
         return {}
-    circles = [_circle(place) for place in consistency.places]
+    circles = [_circle(place, consistency.places[:k]) for k, place in enumerate(consistency.places)]
     rgb = np.asarray(render_map(grid, trajectory, footprints=circles), np.uint8)
     note = (
         "Circles: where the map contradicts itself, with the doubt of each place. "
@@ -45,8 +47,11 @@ def _pictures(grid: OccupancyGrid, trajectory: Trajectory, consistency: MapConsi
     return {"doubt": Picture(rgb, "Doubtful places", note)}
 
 
-def _circle(place: DoubtfulPlace) -> Footprint:
+def _circle(place: DoubtfulPlace, more_doubtful: Sequence[DoubtfulPlace]) -> Footprint:
     radius = max(0.5 * place.size_m, SMALLEST_RADIUS_M)
     angle = np.arange(CORNERS) * (math.tau / CORNERS)
     corners = np.array([place.x_m, place.y_m]) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    return corners, DOUBTFUL_INK if place.doubt > 0.5 else SUSPECT_INK, f"{place.doubt:.2f}"
+    distances_m = [math.hypot(place.x_m - other.x_m, place.y_m - other.y_m) for other in more_doubtful]
+    is_apart = min(distances_m, default=math.inf) > LABELS_APART_M
+    ink = DOUBTFUL_INK if place.doubt > DOUBTFUL else SUSPECT_INK
+    return corners, ink, f"{place.doubt:.2f}" if is_apart else ""
