@@ -18,7 +18,7 @@ UPDATE = log_odds.LogOddsUpdate(
 )  # two misses nearly cancel a hit; 7 hits saturate
 MARGIN_M = 0.5  # around the scans
 SHORTENED_BY_M = 0.1  # beams to masked endpoints end this far before them: range noise and unevenness
-BYTES_PER_CELL = 12.0  # log-odds, number of the last update, probability
+BYTES_PER_CELL = 8.0  # log-odds, which become the probability, and the number of the last update
 
 
 def draw_map(
@@ -35,15 +35,11 @@ def draw_map(
 
     Raises MethodError if the grid would exceed the memory limit.
     """
-    endpoints = [se2.transform_points(pose, scan.returns) for pose, scan in zip(poses, scans, strict=True)]
-    origins = [
-        se2.transform_points(pose, scan.viewpoint[None])[0] for pose, scan in zip(poses, scans, strict=True)
-    ]
-    if not endpoints:
+    if not len(scans):
         return OccupancyGrid(np.zeros((0, 0), np.float32), GridGeometry(resolution_m, (0.0, 0.0)))
-    corners = np.concatenate([np.concatenate(endpoints), np.array(origins)])
-    lo = np.floor((corners.min(axis=0) - MARGIN_M) / resolution_m).astype(np.int64)
-    hi = np.ceil((corners.max(axis=0) + MARGIN_M) / resolution_m).astype(np.int64)
+    bounds = np.array([_bounds(scan, pose) for scan, pose in zip(scans, poses, strict=True)])
+    lo = np.floor((bounds[:, 0].min(axis=0) - MARGIN_M) / resolution_m).astype(np.int64)
+    hi = np.ceil((bounds[:, 1].max(axis=0) + MARGIN_M) / resolution_m).astype(np.int64)
     cols, rows = (int(v) for v in hi - lo)
     if BYTES_PER_CELL * rows * cols > memory_limit_mb * 1e6:
         raise MethodError(
@@ -52,7 +48,9 @@ def draw_map(
         )
     values = np.zeros((rows, cols), np.float32)
     last_update = np.zeros((rows, cols), np.int32)
-    for number, (origin, points) in enumerate(zip(origins, endpoints, strict=True), start=1):
+    for number, (scan, pose) in enumerate(zip(scans, poses, strict=True), start=1):
+        points = se2.transform_points(pose, scan.returns)
+        origin = se2.transform_points(pose, scan.viewpoint[None])[0]
         is_hit = np.ones(len(points), np.bool_)
         if masked is not None:
             is_hit = ~masked[number - 1]
@@ -61,10 +59,24 @@ def draw_map(
         log_odds.insert_scan_dense(
             values, last_update, scan_number=number, beams=beams, is_hit=is_hit, update=UPDATE
         )
-    probability = (1.0 / (1.0 + np.exp(-values))).astype(np.float32)
-    probability[last_update == 0] = np.nan
     corner = (float(lo[0] * resolution_m), float(lo[1] * resolution_m))
-    return OccupancyGrid(probability, GridGeometry(resolution_m, corner))
+    return OccupancyGrid(_probability(values, last_update), GridGeometry(resolution_m, corner))
+
+
+def _bounds(scan: PreparedScan, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The smallest and the largest x, y `(2, 2)` of a scan's endpoints and viewpoint in the map frame."""
+    points = se2.transform_points(pose, np.vstack([scan.returns, scan.viewpoint]))
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _probability(log_odds: NDArray[np.float32], last_update: NDArray[np.int32]) -> NDArray[np.float32]:
+    """1 / (1 + exp(-log_odds)), computed in its place, as maps may be large; NaN where nothing was ever updated."""
+    np.negative(log_odds, out=log_odds)
+    np.exp(log_odds, out=log_odds)
+    log_odds += 1.0
+    np.reciprocal(log_odds, out=log_odds)
+    log_odds[last_update == 0] = np.nan
+    return log_odds
 
 
 def _shortened(
