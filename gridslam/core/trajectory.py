@@ -55,6 +55,12 @@ class Trajectory:
         return se2.interpolate(self.poses[left], self.poses[right], fraction), inside
 
 
+def stretches(stamps_ns: NDArray[np.int64], mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First and last stamps `(k, 2)` of the uninterrupted runs of True in a mask `(n,)` over stamps `(n,)`."""
+    change = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return np.stack([stamps_ns[change[::2]], stamps_ns[change[1::2] - 1]], axis=1)
+
+
 def pose_at(
     stamp_ns: int,
     stamps_ns: Sequence[int],

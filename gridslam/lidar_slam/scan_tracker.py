@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
-from gridslam.core.trajectory import Trajectory
+from gridslam.core.trajectory import Trajectory, stretches
+from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
@@ -43,6 +44,7 @@ class ScanTracker:
         self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self.stamps_ns: list[int] = []
         self.track_poses: list[Floats] = []  # T_track_base (3,) of every scan
+        self._matches: list[ScanMatch] = []
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans: list[PreparedScan] = []
 
@@ -62,9 +64,28 @@ class ScanTracker:
         return np.array(self.track_poses)[self.keys]
 
     @property
+    def key_stamps_ns(self) -> NDArray[np.int64]:
+        """Stamps `(k,)` of the key scans."""
+        return np.array(self.stamps_ns, np.int64)[self.keys]
+
+    def stamps_of(self, loops: Edges) -> NDArray[np.int64]:
+        """Stamps `(l, 2)` of the key scans that edges join."""
+        return np.stack([self.key_stamps_ns[loops.source], self.key_stamps_ns[loops.target]], axis=1)
+
+    @property
     def motion_measures(self) -> dict[str, object]:
         """What the motion between scans was predicted by, and how far that was off."""
         return self._predictor.measures()
+
+    @property
+    def inlier_ratios(self) -> Floats:
+        """The fraction `(n,)` of each scan's points that lay on a surface of the local map."""
+        return np.array([match.inlier_ratio for match in self._matches])
+
+    def unmatched_ns(self) -> NDArray[np.int64]:
+        """First and last stamps `(k, 2)` of the parts of the path that rest on odometry alone."""
+        unmatched = np.array([not match.is_matched for match in self._matches], np.bool_)
+        return stretches(np.array(self.stamps_ns, np.int64), unmatched)
 
     def process(self, event: Event) -> Iterator[PlacedScan]:
         """Take in odometry, yaw rates, a scan or extrinsics; yields the scans that need not wait for odometry any more."""
@@ -107,6 +128,7 @@ class ScanTracker:
         self._counters["scan.unmatched"] += not match.is_matched
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
+        self._matches.append(match)
         self._predictor.add_match(placed, match)
         return match
 

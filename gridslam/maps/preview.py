@@ -1,9 +1,10 @@
-"""Picture of a map with walls, free space, the path and a scale bar."""
+"""Picture of a map with walls, free space, the path and marks on it, in axes of metres."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -11,230 +12,232 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.picture import ink
+from gridslam.maps.picture.ink import Canvas, Colour
+from gridslam.maps.picture.sheet import (
+    LegendEntry,
+    draw_grid,
+    draw_origin,
+    framed,
+    joined,
+    text_size,
+    tick_step_m,
+    with_axes,
+)
+from gridslam.maps.picture.window import MapWindow, choose_windows
 
-Colour: TypeAlias = tuple[int, int, int]
-Footprint: TypeAlias = tuple[
-    NDArray[np.float64], Colour, str
-]  # corners (k, 2) in the map frame, colour, name
-Shape: TypeAlias = Callable[[ImageDraw.ImageDraw, int], None]
+Floats = NDArray[np.float64]
+Footprint: TypeAlias = tuple[Floats, Colour, str]  # corners (k, 2) in the map frame, colour, name
 
-FREE: Colour = (255, 255, 255)
-WALL: Colour = (28, 32, 40)
-UNKNOWN: Colour = (214, 218, 224)
-PATH: Colour = (30, 110, 200)
-START: Colour = (30, 150, 70)
-END: Colour = (205, 45, 45)
-POINTS: Colour = (205, 45, 45)
-PARTICLES: Colour = (235, 130, 20)
-INK: Colour = (60, 66, 76)
-PAPER: Colour = (255, 255, 255)
-
-ENLARGE_TO_PX = 1200
-SHRINK_TO_PX = 2000
-MAX_CELL_PX = 24
-MIN_SIDE_PX = 240
-MARGIN_PX = 12
-LABEL_PX = 13
-SMOOTHING = 3  # lines and dots are drawn at this multiple of the size and scaled down
+CELLS = (
+    LegendEntry("area", ink.FREE, "free"),
+    LegendEntry("area", ink.WALL, "occupied"),
+    LegendEntry("area", ink.UNKNOWN, "unknown"),
+)
+BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
+BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
+MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
 
 
 @dataclass(frozen=True, slots=True)
-class _PictureWindow:
-    """The cells [row0, row1) x [col0, col1) of a picture, and its pixels a cell."""
+class PathMarks:
+    """What is known about the n poses of a path, drawn on it.
 
-    geometry: GridGeometry
-    row0: int
-    row1: int
-    col0: int
-    col1: int
-    zoom: float
-    width_px: int
-    height_px: int
+    `is_untrusted` `(n,)`: the method does not believe these poses. `std_m` `(n,)`: standard deviation of the position, NaN where
+    it is unknown. `loops` `(k, 2, 2)`: pairs of positions that loop closures join.
+    """
 
-    def pixels(self, points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pixel coordinates `(n, 2)`, x to the right and y down, of points `(n, 2)` of the map frame."""
-        cells = _grid_coordinates(self.geometry, points_xy)
-        return np.stack(
-            [(cells[:, 0] - self.col0) * self.zoom, (self.row1 - cells[:, 1]) * self.zoom], axis=1
-        )
+    is_untrusted: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    std_m: Floats = field(default_factory=lambda: np.zeros(0))
+    loops: Floats = field(default_factory=lambda: np.zeros((0, 2, 2)))
+
+
+NO_MARKS = PathMarks()
 
 
 def render_map(
     grid: OccupancyGrid,
     trajectory: Trajectory | None = None,
-    points: NDArray[np.float64] | None = None,
-    particles: NDArray[np.float64] | None = None,
+    points: Floats | None = None,
+    particles: Floats | None = None,
     title: str | None = None,
     footprints: Sequence[Footprint] = (),
+    marks: PathMarks = NO_MARKS,
+    with_grid: bool = False,
+    whole: bool = False,
 ) -> Image.Image:
-    """An RGB picture of the known part of the map in the grid's axes (x to the right, y up).
+    """An RGB picture of the known part of the map, or all of it if `whole`, in the grid's axes (x to the right, y up).
 
-    Drawn on top: the trajectory with its start (green) and end (red), `points` `(n, 2)` in the map frame
-    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. The longer
-    side has about 600 to 2000 pixels. The same input gives the same picture.
+    Drawn on top: the trajectory with its start (green) and end (red) and its `marks`, `points` `(n, 2)` in the map frame
+    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. A long map is
+    divided into pieces, from left to right or from bottom to top. The longer side has about 600 to 2300 pixels. The same input
+    gives the same picture.
     """
-    path = _finite_xy(trajectory.poses if trajectory is not None else None)
-    dots, cloud = _finite_xy(points), _finite_xy(particles)
-    view = _choose_view(grid, path)
-    picture = _draw_cells(grid, view)
-    line_px = max(2.5, min(4.0, max(picture.size) / 400))
-    if len(cloud):
-        _paint(picture, PARTICLES, _dots(view.pixels(cloud), 0.6 * line_px), opacity=0.6)
-    for corners, colour, name in footprints:
-        _draw_footprint(picture, view.pixels(corners), colour, name, line_px)
-    if len(path):
-        _draw_path(picture, view.pixels(path), line_px)
-    if len(dots):
-        _paint(picture, POINTS, _dots(view.pixels(dots), 0.6 * line_px))
-    return _frame(picture, view, title)
+    path = _Path.of(trajectory, marks)
+    windows = choose_windows(grid, path.xy, whole)
+    is_upright = len(windows) > 1 and windows[0].row0 != windows[1].row0
+    sizes = [window.size_px for window in windows]
+    width = sum(w for w, _ in sizes) if is_upright else max(w for w, _ in sizes)
+    text_px = text_size(width)
+    layers = _Layers(path, _finite_xy(points), _finite_xy(particles), footprints)
+    step_m = tick_step_m(windows[0].px_per_m, text_px)
+    pieces, has_origin = [], False
+    for window in windows:
+        canvas = _cells(grid, window)
+        if with_grid:
+            draw_grid(canvas, window, step_m)
+        line_px = max(2.5, width / 450)
+        layers.draw(canvas, window, line_px, text_px)
+        has_origin |= draw_origin(canvas, window, 2.2 * text_px, max(round(0.6 * line_px), 2))
+        layers.draw_ends(canvas, window, line_px)
+        pieces.append(with_axes(canvas, window, step_m, text_px))
+    sheet = joined(pieces, side_by_side=is_upright)
+    origin = (LegendEntry("axes", ink.AXIS_X, "origin"),) if has_origin else ()
+    cell = f"cell {grid.geometry.resolution_m * 100:.4g} cm"
+    if with_grid:
+        cell += f", grid {step_m:g} m"
+    legend = (*CELLS, *layers.legend(), *origin)
+    return framed(sheet, (windows[0].px_per_m, cell), legend, title, text_px)
 
 
-def _finite_xy(rows: NDArray[np.float64] | None) -> NDArray[np.float64]:
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """The finite positions `(n, 2)` of a trajectory, with their marks."""
+
+    xy: Floats
+    is_untrusted: NDArray[np.bool_]
+    std_m: Floats
+    loops: Floats
+
+    @staticmethod
+    def of(trajectory: Trajectory | None, marks: PathMarks) -> _Path:
+        poses = np.zeros((0, 3)) if trajectory is None else np.asarray(trajectory.poses, np.float64)
+        kept = np.isfinite(poses[:, :2]).all(axis=1)
+        untrusted = marks.is_untrusted if len(marks.is_untrusted) else np.zeros(len(poses), np.bool_)
+        std = marks.std_m if len(marks.std_m) else np.full(len(poses), np.nan)
+        return _Path(poses[kept, :2], untrusted[kept], std[kept], marks.loops)
+
+    def runs(self) -> list[tuple[bool, int, int]]:
+        """Parts of the path that are trusted or not: whether untrusted, first index, one past the last."""
+        if not len(self.xy):
+            return []
+        changes = np.flatnonzero(np.diff(self.is_untrusted)) + 1
+        # A robot that is found elsewhere did not drive there.
+        jumps = np.hypot(*np.diff(self.xy, axis=0).T) > MAX_JUMP_M
+        either = self.is_untrusted[1:] | self.is_untrusted[:-1]
+        cuts = np.flatnonzero(jumps & either) + 1
+        ends = np.unique(np.concatenate([[0, len(self.xy)], changes, cuts]))
+        return [(bool(self.is_untrusted[a]), int(a), int(b)) for a, b in pairwise(ends)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layers:
+    """What is drawn over the cells."""
+
+    path: _Path
+    points: Floats
+    particles: Floats
+    footprints: Sequence[Footprint]
+
+    def legend(self) -> list[LegendEntry]:
+        """The entries of what is there."""
+        path = self.path
+        trusted = len(path.xy) and not path.is_untrusted.all()
+        entries = [
+            (trusted, LegendEntry("line", ink.PATH, "path")),
+            (path.is_untrusted.any(), LegendEntry("line", ink.UNTRUSTED, "not trusted")),
+            (np.isfinite(path.std_m).any(), LegendEntry("area", ink.BAND, "2 std")),
+            (len(path.loops), LegendEntry("line", ink.LOOP, "loops closed")),
+            (len(path.xy), LegendEntry("dot", ink.START, "start")),
+            (len(path.xy), LegendEntry("dot", ink.END, "end")),
+        ]
+        return [entry for is_there, entry in entries if is_there]
+
+    def draw(self, canvas: Canvas, window: MapWindow, line_px: float, text_px: int) -> None:
+        """Draw all on the cells of a window."""
+        if len(self.particles):
+            at = window.pixels(self.particles)
+            ink.translucent(canvas, PARTICLE_OPACITY, lambda c: ink.dots(c, at, ink.PARTICLES, 0.6 * line_px))
+        for corners, colour, name in self.footprints:
+            _draw_footprint(canvas, window.pixels(corners), colour, name, (line_px, text_px))
+        if len(self.path.xy):
+            self._draw_path(canvas, window, line_px)
+        if len(self.points):
+            ink.dots(canvas, window.pixels(self.points), ink.POINTS, 0.6 * line_px)
+
+    def _draw_path(self, canvas: Canvas, window: MapWindow, line_px: float) -> None:
+        path, at = self.path, window.pixels(self.path.xy)
+        wide = np.isfinite(path.std_m)
+        if wide.any():
+            radii = (BAND_STDS * path.std_m[wide] * window.px_per_m).tolist()
+            ink.translucent(canvas, BAND_OPACITY, lambda c: ink.circles(c, at[wide], ink.BAND, radii))
+        for is_untrusted, first, last in path.runs():
+            joint = first if is_untrusted or first == 0 or _is_jump(path.xy, first) else first - 1
+            ink.line(canvas, at[joint:last], ink.UNTRUSTED if is_untrusted else ink.PATH, line_px)
+        for ends in path.loops:
+            pixels = window.pixels(ends)
+            ink.line(canvas, pixels, ink.LOOP, 0.5 * line_px)
+            ink.dots(canvas, pixels, ink.LOOP, line_px)
+
+    def draw_ends(self, canvas: Canvas, window: MapWindow, line_px: float) -> None:
+        """Draw the start and the end of the path."""
+        at = window.pixels(self.path.xy)
+        for end, colour in ((at[:1], ink.START), (at[-1:], ink.END)):
+            ink.dots(canvas, end, ink.PAPER, 3.2 * line_px)
+            ink.dots(canvas, end, colour, 2.4 * line_px)
+
+
+def _is_jump(xy: Floats, index: int) -> bool:
+    return bool(np.hypot(*(xy[index] - xy[index - 1])) > MAX_JUMP_M)
+
+
+def _finite_xy(rows: Floats | None) -> Floats:
     if rows is None or not len(rows):
         return np.zeros((0, 2))
     xy = np.asarray(rows, dtype=np.float64)[:, :2]
     return np.asarray(xy[np.isfinite(xy).all(axis=1)])
 
 
-def _grid_coordinates(geometry: GridGeometry, points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points `(n, 2)` in cells along the grid's axes: (column, row), not rounded."""
-    cos, sin = np.cos(geometry.yaw_rad), np.sin(geometry.yaw_rad)
-    local = (points_xy - np.asarray(geometry.origin_xy_m)) @ np.array([[cos, -sin], [sin, cos]])
-    return np.asarray(local / geometry.resolution_m)
-
-
-def _choose_view(grid: OccupancyGrid, path: NDArray[np.float64]) -> _PictureWindow:
-    """The window with the known cells and the path near them, and a margin; small maps are enlarged, large ones shrunk."""
-    known = ~np.isnan(grid.probability)
-    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    box = np.array([rows[0], rows[-1] + 1, cols[0], cols[-1] + 1]) if len(rows) else np.array([0, 1, 0, 1])
-    if len(path):
-        cells = _grid_coordinates(grid.geometry, path)
-        # Parts of the path far from the map are left out: they would shrink the map to a dot.
-        max_distance = 2 * max(box[1] - box[0], box[3] - box[2], 50)
-        inside = cells[(np.abs(cells - [box[2:].mean(), box[:2].mean()]) < max_distance).all(axis=1)]
-        if len(inside):
-            lo, hi = np.floor(inside.min(axis=0)).astype(int), np.ceil(inside.max(axis=0)).astype(int)
-            box = np.array([min(box[0], lo[1]), max(box[1], hi[1]), min(box[2], lo[0]), max(box[3], hi[0])])
-    side = int(max(box[1] - box[0], box[3] - box[2]))
-    shrink = -(-side // SHRINK_TO_PX)
-    zoom = 1.0 / shrink if shrink > 1 else float(min(max(ENLARGE_TO_PX // side, 1), MAX_CELL_PX))
-    margin = int(np.ceil(MARGIN_PX / zoom))
-    height, width = box[1] - box[0] + 2 * margin, box[3] - box[2] + 2 * margin
-    smallest = int(np.ceil(MIN_SIDE_PX / zoom))
-    extra_rows, extra_cols = max(smallest - height, 0), max(smallest - width, 0)
-    row0, col0 = int(box[0] - margin - extra_rows // 2), int(box[2] - margin - extra_cols // 2)
-    n_rows, n_cols = (-(-int(n) // shrink) * shrink for n in (height + extra_rows, width + extra_cols))
-    return _PictureWindow(
-        geometry=grid.geometry,
-        row0=row0,
-        row1=row0 + n_rows,
-        col0=col0,
-        col1=col0 + n_cols,
-        zoom=zoom,
-        width_px=round(n_cols * zoom),
-        height_px=round(n_rows * zoom),
-    )
-
-
-def _draw_cells(grid: OccupancyGrid, view: _PictureWindow) -> Image.Image:
+def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    window = np.full((view.row1 - view.row0, view.col1 - view.col0), -1.0, np.float32)  # -1: unknown
+    cells = np.full((window.row1 - window.row0, window.col1 - window.col0), -1.0, np.float32)  # -1: unknown
     rows, cols = grid.probability.shape
-    r0, r1 = max(view.row0, 0), min(view.row1, rows)
-    c0, c1 = max(view.col0, 0), min(view.col1, cols)
-    part = grid.probability[r0:r1, c0:c1]
-    window[r0 - view.row0 : r1 - view.row0, c0 - view.col0 : c1 - view.col0] = np.where(
-        np.isnan(part), -1.0, part
-    )
-    if view.zoom < 1.0:
-        k = round(1.0 / view.zoom)
-        window = window.reshape(window.shape[0] // k, k, window.shape[1] // k, k).max(axis=(1, 3))
-    steps = np.rint(np.clip(window[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
+    r0, r1 = max(window.row0, 0), min(window.row1, rows)
+    c0, c1 = max(window.col0, 0), min(window.col1, cols)
+    if r0 < r1 and c0 < c1:
+        part = grid.probability[r0:r1, c0:c1]
+        cells[r0 - window.row0 : r1 - window.row0, c0 - window.col0 : c1 - window.col0] = np.where(
+            np.isnan(part), -1.0, part
+        )
+    if window.zoom < 1.0:
+        k = round(1.0 / window.zoom)
+        cells = cells.reshape(cells.shape[0] // k, k, cells.shape[1] // k, k).max(axis=(1, 3))
+    steps = np.rint(np.clip(cells[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
     occupancy = np.arange(256)[:, None] / 255.0
-    table = np.rint(np.asarray(FREE) * (1.0 - occupancy) + np.asarray(WALL) * occupancy).astype(np.uint8)
-    colours = table[steps]
-    colours[window[::-1] < 0.0] = UNKNOWN
-    picture = Image.fromarray(colours)
-    return picture.resize((view.width_px, view.height_px), Image.Resampling.NEAREST)
-
-
-def _draw_path(picture: Image.Image, pixels: NDArray[np.float64], line_px: float) -> None:
-    _paint(picture, PATH, _line(pixels, line_px))
-    for end, colour in ((pixels[:1], START), (pixels[-1:], END)):
-        _paint(picture, PAPER, _dots(end, 3.2 * line_px))
-        _paint(picture, colour, _dots(end, 2.4 * line_px))
+    table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
+    colours = table.astype(np.uint8)[steps]
+    colours[cells[::-1] < 0.0] = ink.UNKNOWN
+    picture = Image.fromarray(colours).resize(window.size_px, Image.Resampling.NEAREST)
+    return np.array(picture)
 
 
 def _draw_footprint(
-    picture: Image.Image, pixels: NDArray[np.float64], colour: Colour, name: str, line_px: float
+    canvas: Canvas, pixels: Floats, colour: Colour, name: str, sizes: tuple[float, int]
 ) -> None:
-    closed = np.concatenate([pixels, pixels[:1]])
-    _paint(picture, colour, _polygon(pixels), opacity=0.5)
-    _paint(picture, colour, _line(closed, line_px))
-    middle = pixels.mean(axis=0)
-    below = float(pixels[:, 1].max()) + 8.0
-    font = ImageFont.load_default(LABEL_PX)
-    ImageDraw.Draw(picture).text((float(middle[0]), below), name, fill=colour, font=font, anchor="mt")
+    line_px, text_px = sizes
+    ink.translucent(canvas, FOOTPRINT_OPACITY, lambda c: ink.polygon(c, pixels, colour))
+    ink.line(canvas, np.concatenate([pixels, pixels[:1]]), colour, line_px)
+    if name:
+        _draw_name(canvas, pixels, colour, name, text_px)
 
 
-def _polygon(pixels: NDArray[np.float64]) -> Shape:
-    def draw_polygon(draw: ImageDraw.ImageDraw, scale: int) -> None:
-        draw.polygon([(float(x), float(y)) for x, y in pixels * scale], fill=255)
-
-    return draw_polygon
-
-
-def _line(pixels: NDArray[np.float64], width_px: float) -> Shape:
-    def draw_line(draw: ImageDraw.ImageDraw, scale: int) -> None:
-        corners = [(float(x), float(y)) for x, y in pixels * scale]
-        draw.line(corners, fill=255, width=round(width_px * scale), joint="curve")
-
-    return draw_line
-
-
-def _dots(pixels: NDArray[np.float64], radius_px: float) -> Shape:
-    def draw_dots(draw: ImageDraw.ImageDraw, scale: int) -> None:
-        r = radius_px * scale
-        for x, y in pixels * scale:
-            draw.ellipse((x - r, y - r, x + r, y + r), fill=255)
-
-    return draw_dots
-
-
-def _paint(picture: Image.Image, colour: Colour, shape: Shape, opacity: float = 1.0) -> None:
-    """Paint a shape in one colour with smooth edges; `shape` draws it in white at SMOOTHING times the size."""
-    mask = Image.new("L", (picture.width * SMOOTHING, picture.height * SMOOTHING), 0)
-    shape(ImageDraw.Draw(mask), SMOOTHING)
-    small = mask.reduce(SMOOTHING)
-    if opacity < 1.0:
-        small = small.point([round(level * opacity) for level in range(256)])
-    picture.paste(colour, (0, 0), small)
-
-
-def _frame(picture: Image.Image, view: _PictureWindow, title: str | None) -> Image.Image:
-    """The picture with a heading above, and below it the scale bar and the cell size."""
-    size = 16
-    font = ImageFont.load_default(size)
-    head = 2 * size if title else 0
-    foot = 2 * size
-    sheet = Image.new("RGB", (picture.width, picture.height + head + foot), PAPER)
-    sheet.paste(picture, (0, head))
-    draw = ImageDraw.Draw(sheet)
-    if title:
-        draw.text((MARGIN_PX, head // 2), title, fill=INK, font=font, anchor="lm")
-    px_per_m = view.zoom / view.geometry.resolution_m
-    length_m = _round_length(0.25 * picture.width / px_per_m)
-    middle, right = head + picture.height + foot // 2, MARGIN_PX + length_m * px_per_m
-    draw.rectangle((MARGIN_PX, middle - 2, right, middle + 2), fill=INK)
-    draw.text((right + 8, middle), f"{length_m:g} m", fill=INK, font=font, anchor="lm")
-    cell = f"cell {view.geometry.resolution_m * 100:.4g} cm"
-    draw.text((picture.width - MARGIN_PX, middle), cell, fill=INK, font=font, anchor="rm")
-    return sheet
-
-
-def _round_length(length_m: float) -> float:
-    """The largest length of 1, 2 or 5 times a power of ten that is not longer."""
-    power = 10.0 ** np.floor(np.log10(length_m))
-    return float(power * max(step for step in (1, 2, 5) if step * power <= length_m * (1 + 1e-9)))
+def _draw_name(canvas: Canvas, pixels: Floats, colour: Colour, name: str, text_px: int) -> None:
+    """The name below a footprint."""
+    picture = Image.fromarray(canvas)
+    middle, below = float(pixels[:, 0].mean()), float(pixels[:, 1].max()) + 0.5 * text_px
+    font = ImageFont.load_default(max(round(0.8 * text_px), 12))
+    ImageDraw.Draw(picture).text(
+        (middle, below), name, fill=colour, font=font, anchor="mt", stroke_width=2, stroke_fill=ink.PAPER
+    )
+    canvas[:] = np.asarray(picture)

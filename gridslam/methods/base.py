@@ -75,11 +75,18 @@ class Doubt:
     reason: str
 
 
+def no_stamps() -> NDArray[np.int64]:
+    """An empty array of pairs of stamps."""
+    return np.zeros((0, 2), np.int64)
+
+
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected.
 
-    `occupancy` becomes map.pgm, and each of `maps` NAME.pgm beside it; `pictures` become NAME.png.
+    `occupancy` becomes map.pgm, and each of `maps` NAME.pgm beside it; `pictures` become NAME.png. `loops_ns` `(k, 2)` are the
+    stamps of the poses that loop closures join, `untrusted_ns` `(k, 2)` the first and last stamps of parts of the trajectory that
+    the method does not believe; `position_std` (m) belongs to the trajectory. These three are drawn in map.png.
     """
 
     trajectory: Trajectory
@@ -96,6 +103,9 @@ class RunResult:
     notes: Sequence[
         str
     ] = ()  # repairs and doubts about the log, one line each, reported like the log's own problems
+    loops_ns: NDArray[np.int64] = field(default_factory=no_stamps)
+    untrusted_ns: NDArray[np.int64] = field(default_factory=no_stamps)
+    position_std: Series | None = None
     doubt: Doubt | None = None  # None: the method has no reason to distrust its result
 
 

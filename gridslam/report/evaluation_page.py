@@ -19,6 +19,7 @@ from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
 from gridslam.report.document import json_bytes
 from gridslam.report.evaluation_plots import (
+    STYLE,
     EvaluatedTrajectory,
     error_figure,
     files_of,
@@ -26,7 +27,6 @@ from gridslam.report.evaluation_plots import (
     path_error_figure,
     relative_figure,
 )
-from gridslam.report.plots import STYLE
 
 TEMPLATE = "evaluation.html.j2"
 DOCUMENT_NAME, PAGE_NAME = "evaluation.json", "evaluation.html"

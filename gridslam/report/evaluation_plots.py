@@ -17,10 +17,20 @@ from gridslam.core import poses as se2
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.report.plots import STYLE, thin_out
+from gridslam.report.plots import thin_out
 
 Floats = NDArray[np.float64]
 MAX_POINTS = 1000  # of a path
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",  # text is kept as text: small and searchable
+    "svg.hashsalt": "gridslam",  # reproducible ids
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
 TRUTH_COLOUR = "#555555"
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#c2255c", "#7048e8", "#0b8599", "#a17c00", "#e64980")
 ERROR_LEVELS = 24  # colours of a path

@@ -16,10 +16,17 @@ from numpy.typing import NDArray
 from gridslam.core.files import write_atomic
 from gridslam.core.nested import flatten
 from gridslam.report.errors_over_time import errors_of
+from gridslam.report.marks import untrusted_stretches
+from gridslam.report.path_plot import path_plot
 from gridslam.report.plots import Line, time_plot
 from gridslam.runs.run import Run
+from gridslam.runs.run_counts import Counts
 
 TEMPLATE = "report.html.j2"
+NOTES = {
+    "inlier_ratio": "fraction of each scan that agrees with the map",
+    "confidence": "of the pose, from 0 to 1",
+}  # of series, which come first
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,9 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
         map_png=base64.b64encode(picture.read_bytes()).decode() if picture.exists() else "",
         pictures=list(pictures(run, path.parent)),
         plots=list(plots(run)),
+        stretches=list(untrusted_stretches(run.result)),
+        loops=len(run.result.loops_ns),
+        skipped=skipped_lines(run.counts),
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
@@ -68,17 +78,31 @@ def pictures(run: Run, folder: Path) -> Iterator[EmbeddedPicture]:
         yield EmbeddedPicture(picture.title, png, picture.note)
 
 
+def skipped_lines(counts: Counts) -> list[str]:
+    """What was not used and why, the most frequent first, in words."""
+    ranked = sorted(counts.skipped_by_reason.items(), key=lambda item: (-item[1], item[0]))
+    lines = []
+    for key, number in ranked:
+        stream, _, reason = key.partition(".")
+        read = counts.streams[stream].read if stream in counts.streams else 0
+        lines.append(f"{number} of {max(read, number)} {stream} messages: {reason.replace('_', ' ')}")
+    return lines + [f"lost: {number} {what.replace('_', ' ')}" for what, number in counts.lost.items()]
+
+
 def plots(run: Run) -> Iterator[Plot]:
-    """Errors over time if the log has ground truth, then the method's series."""
+    """The path beside odometry and ground truth, errors over time if there is ground truth, then the method's series."""
+    if (paths := path_plot(run)) is not None:
+        yield Plot("Odometry and result", Markup(paths), "odometry from the same start")
     start_ns = _start_ns(run)
     if (errors := errors_of(run)) is not None:
         times = _seconds(errors.stamps_ns, start_ns)
         note = "against ground truth" + (", after rigid alignment" if errors.align == "se2" else "")
         yield Plot("Position error", Markup(time_plot([Line(times, errors.ape.translation_m)], "m")), note)
         yield Plot("Heading error", Markup(time_plot([Line(times, errors.ape.rotation_deg)], "deg")), note)
-    for name, series in sorted(run.result.series.items()):
+    for name, series in sorted(run.result.series.items(), key=lambda item: (item[0] not in NOTES, item[0])):
         line = Line(_seconds(series.stamps_ns, start_ns), series.values)
-        yield Plot(name[:1].upper() + name[1:].replace("_", " "), Markup(time_plot([line], series.unit)))
+        title = name[:1].upper() + name[1:].replace("_", " ")
+        yield Plot(title, Markup(time_plot([line], series.unit)), NOTES.get(name, ""))
 
 
 def _start_ns(run: Run) -> int:

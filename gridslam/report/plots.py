@@ -1,59 +1,102 @@
-"""SVG plots for report.html."""
+"""Plots of report.html as SVG elements: curves over time, and paths in the plane.
+
+They are written by hand: a plotting library would take longer to load than all plots take to draw. Where a plot is as wide as a
+phone, its text has the size of the page's text.
+"""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from itertools import pairwise
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]
+
 MAX_POINTS = 2000
-COLOUR = "#1e6ec8"
-STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text is kept as text: small and searchable
-    "svg.hashsalt": "gridslam",  # reproducible ids
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#7048e8")
+WIDTH, HEIGHT = 420, 190  # units of a plot over time
+PLANE_HEIGHT = 320
+LEFT, RIGHT, TOP, BOTTOM = 50, 10, 22, 34
+X_TICKS, Y_TICKS = 6, 5
+MIN_SPAN = 1e-9  # of an axis, relative to its values
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
     """A curve: times (s) `(n,)`, values `(n,)` and a legend label (empty: none)."""
 
-    times_s: NDArray[np.float64]
-    values: NDArray[np.float64]
+    times_s: Floats
+    values: Floats
     label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanePath:
+    """A path in the plane: positions `(n, 2)` in metres, a colour, a legend label, and whether its line is dashed."""
+
+    xy_m: Floats
+    colour: str
+    label: str
+    is_dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A linear axis from `low` to `high`, at the positions `first` to `last` of the picture."""
+
+    low: float
+    high: float
+    first: float
+    last: float
+
+    def at(self, values: Floats) -> Floats:
+        """Positions of values."""
+        return np.asarray(
+            self.first + (values - self.low) * ((self.last - self.first) / (self.high - self.low))
+        )
+
+    def ticks(self, count: int) -> Floats:
+        """At most `count` round values."""
+        step = _round_up((self.high - self.low) / count)
+        return np.arange(np.ceil(self.low / step - 1e-9), np.floor(self.high / step + 1e-9) + 1) * step
 
 
 def time_plot(lines: Sequence[Line], y_label: str) -> str:
     """An SVG element that plots curves over time."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 2.4), layout="constrained")
-        axes = figure.add_subplot()
-        for index, line in enumerate(lines):
-            times, values = thin_out(line.times_s, line.values)
-            axes.plot(times, values, lw=1.0, color=COLOUR if index == 0 else None, label=line.label or None)
-        axes.set_xlabel("time since start (s)")
-        axes.set_ylabel(y_label)
-        if any(line.label for line in lines):
-            axes.legend(frameon=False)
-        return _svg(figure)
+    thinned = [thin_out(line.times_s, line.values) for line in lines]
+    x = _axis(np.concatenate([t for t, _ in thinned]), LEFT, WIDTH - RIGHT)
+    y = _axis(np.concatenate([v for _, v in thinned]), HEIGHT - BOTTOM, TOP)
+    parts = _frame(x, y, "time since start (s)", y_label, HEIGHT)
+    for (times, values), colour in zip(thinned, COLOURS * len(thinned), strict=False):
+        parts.append(_polyline(x.at(times), y.at(values), colour))
+    named = [(line.label, colour, False) for line, colour in zip(lines, COLOURS * len(lines), strict=False)]
+    parts += _legend([entry for entry in named if entry[0]])
+    return _svg(parts, HEIGHT)
 
 
-def thin_out(
-    times_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def plane_plot(paths: Sequence[PlanePath]) -> str:
+    """An SVG element with paths in the x-y plane, in equal scales."""
+    thinned = [path.xy_m[_kept(path.xy_m)] for path in paths]
+    points = np.concatenate([xy for xy in thinned if len(xy)] or [np.zeros((1, 2))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    width, height = WIDTH - LEFT - RIGHT, PLANE_HEIGHT - TOP - BOTTOM
+    span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06 or 1.0 / width
+    middle = (low + high) / 2.0
+    half_x, half_y = span * width / 2.0, span * height / 2.0
+    x = Axis(float(middle[0] - half_x), float(middle[0] + half_x), LEFT, WIDTH - RIGHT)
+    y = Axis(float(middle[1] - half_y), float(middle[1] + half_y), PLANE_HEIGHT - BOTTOM, TOP)
+    parts = _frame(x, y, "x (m)", "y (m)", PLANE_HEIGHT)
+    for path, xy in zip(paths, thinned, strict=True):
+        parts.append(_polyline(x.at(xy[:, 0]), y.at(xy[:, 1]), path.colour, path.is_dashed))
+    parts += _legend([(path.label, path.colour, path.is_dashed) for path in paths])
+    return _svg(parts, PLANE_HEIGHT)
+
+
+def thin_out(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     """At most MAX_POINTS finite points: minimum and maximum of each interval, so that peaks are kept."""
     finite = np.isfinite(values) & np.isfinite(times_s)
     times, present = times_s[finite], values[finite]
@@ -70,8 +113,66 @@ def thin_out(
     return times[picks], present[picks]
 
 
-def _svg(figure: Figure) -> str:
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    svg = text.getvalue()
-    return svg[svg.index("<svg") :]
+def _kept(xy_m: Floats) -> NDArray[np.int64]:
+    """Indices of at most MAX_POINTS finite points, evenly spaced, the last one among them."""
+    finite = np.flatnonzero(np.isfinite(xy_m).all(axis=1))
+    count = min(len(finite), MAX_POINTS)
+    return finite[np.unique(np.linspace(0, len(finite) - 1, count).astype(np.int64))] if count else finite
+
+
+def _axis(values: Floats, first: float, last: float) -> Axis:
+    """The axis of values, with some room above and below."""
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    room = 0.04 * (high - low)
+    if not room > MIN_SPAN * max(abs(low), abs(high), MIN_SPAN):
+        room = 0.5 * max(abs(low), abs(high)) or 1.0
+    return Axis(0.0 if low == 0.0 else low - room, high + room, first, last)
+
+
+def _round_up(step: float) -> float:
+    """The smallest of 1, 2, 5 times a power of ten that is not smaller."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(power * min(n for n in (1, 2, 5, 10) if n * power >= step * (1 - 1e-9)))
+
+
+def _frame(x: Axis, y: Axis, x_label: str, y_label: str, height: float) -> list[str]:
+    """Ticks, grid lines and labels of both axes."""
+    parts = []
+    for value, at in _with_positions(x, X_TICKS):
+        parts.append(f'<path class="grid" d="M{at:.1f} {y.last:.1f}V{y.first:.1f}"/>')
+        parts.append(f'<text x="{at:.1f}" y="{y.first + 14:.1f}" text-anchor="middle">{value:.6g}</text>')
+    for value, at in _with_positions(y, Y_TICKS):
+        parts.append(f'<path class="grid" d="M{x.first:.1f} {at:.1f}H{x.last:.1f}"/>')
+        parts.append(f'<text x="{x.first - 5:.1f}" y="{at + 4:.1f}" text-anchor="end">{value:.6g}</text>')
+    parts.append(f'<path class="axis" d="M{x.first:.1f} {y.last:.1f}V{y.first:.1f}H{x.last:.1f}"/>')
+    parts.append(f'<text x="{x.last:.1f}" y="{height - 5}" text-anchor="end">{escape(x_label)}</text>')
+    parts.append(f'<text x="4" y="12">{escape(y_label)}</text>')
+    return parts
+
+
+def _with_positions(axis: Axis, count: int) -> list[tuple[float, float]]:
+    ticks = axis.ticks(count)
+    return [(value + 0.0, at) for value, at in zip(ticks.tolist(), axis.at(ticks).tolist(), strict=True)]
+
+
+def _polyline(x: Floats, y: Floats, colour: str, is_dashed: bool = False) -> str:
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+    dashes = ' stroke-dasharray="5 4"' if is_dashed else ""
+    return f'<polyline class="curve" stroke="{colour}"{dashes} points="{points}"/>'
+
+
+def _legend(entries: Sequence[tuple[str, str, bool]]) -> list[str]:
+    """Line samples with their labels, from the right, above the plot."""
+    parts, x = [], float(WIDTH - RIGHT)
+    for label, colour, is_dashed in reversed(entries):
+        x -= 6.6 * len(label)
+        dashes = ' stroke-dasharray="5 4"' if is_dashed else ""
+        parts.append(f'<text x="{x:.1f}" y="12">{escape(label)}</text>')
+        parts.append(f'<path class="curve" stroke="{colour}"{dashes} d="M{x - 22:.1f} 8H{x - 4:.1f}"/>')
+        x -= 34.0
+    return parts
+
+
+def _svg(parts: Sequence[str], height: int) -> str:
+    body = "\n".join(parts)
+    return f'<svg class="plot" viewBox="0 0 {WIDTH} {height}" xmlns="http://www.w3.org/2000/svg">\n{body}\n</svg>'

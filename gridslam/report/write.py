@@ -12,12 +12,13 @@ from PIL import Image
 
 from gridslam.core.files import write_atomic
 from gridslam.maps.map_server import save_map
-from gridslam.maps.occupancy import GridLayer
+from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.maps.preview import render_map
 from gridslam.report.directory import REPORT_NAME, new_run_directory
 from gridslam.report.document import json_bytes, report_document
 from gridslam.report.html import write_html
 from gridslam.report.layers import write_layers
+from gridslam.report.marks import marks_of
 from gridslam.report.run_yaml import write_run_yaml
 from gridslam.report.text_files import write_table, write_tum
 from gridslam.report.viewer_log import write_viewer_log
@@ -60,7 +61,7 @@ def write_map_files(run: Run, folder: Path) -> None:
     result = run.result
     layers = dict(result.layers)
     if run.occupancy is not None and run.occupancy.probability.size:
-        write_atomic(folder / "map.png", png_bytes(render_map(run.occupancy, result.trajectory)))
+        write_atomic(folder / "map.png", png_bytes(_map_picture(run, run.occupancy)))
     if result.occupancy is not None and result.occupancy.probability.size:
         save_map(result.occupancy, folder / "map")
         layers.setdefault("probability", GridLayer(result.occupancy.probability, result.occupancy.geometry))
@@ -70,6 +71,11 @@ def write_map_files(run: Run, folder: Path) -> None:
         write_atomic(folder / f"{name}.png", png_bytes(Image.fromarray(made.rgb)))
     if run.config.output.layers and layers:
         write_layers(folder / "layers.npz", layers)
+
+
+def _map_picture(run: Run, grid: OccupancyGrid) -> Image.Image:
+    marks = marks_of(run.result)
+    return render_map(grid, run.result.trajectory, marks=marks, with_grid=run.config.output.grid)
 
 
 def png_bytes(picture: Image.Image) -> bytes:

@@ -26,7 +26,17 @@ from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import DifferentialDrive
-from gridslam.runs.run import Clock, Input, Progress, Run, Show, Stop, method_builder, refuse_unknown_inputs
+from gridslam.runs.run import (
+    Clock,
+    Input,
+    Progress,
+    Run,
+    Show,
+    Stop,
+    method_builder,
+    refuse_unknown_inputs,
+    status_of,
+)
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import merge_counts
 from gridslam.simulation.contact import ContactWatch
@@ -161,7 +171,7 @@ def explore(
             result=result,
             occupancy=result.occupancy,
             truth=_trajectory(loop.path),
-            status="interrupted" if loop.ended == "interrupted" else "complete",
+            status=status_of(result, is_interrupted=loop.ended == "interrupted", is_lossy=False),
             is_lossy=False,
             problems=_problems(loop, limit),
             counts=merge_counts(loop.counts, result.counters),

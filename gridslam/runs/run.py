@@ -24,6 +24,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.particle_history import ParticleHistory, Snapshot
+from gridslam.runs.odometry_path import OdometryPath
 from gridslam.runs.result_checks import refuse_empty_result, unused_stream_line, unused_streams
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import Counts, merge_counts
@@ -69,6 +70,7 @@ class Run:
     compile_s: float = 0.0  # compilation of kernels that were not cached; not part of the other times
     given: Mapping[str, str] = field(default_factory=dict)  # option of the command -> name of its file
     particles: tuple[Snapshot, ...] = ()  # recorded for the viewer log
+    odometry: Trajectory = field(default_factory=Trajectory.empty)  # thinned, in the odometry's frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +195,7 @@ def _run(
             compile_s=clock.seconds,
             given={name: i.path.name for name, i in further.items()},
             particles=history.snapshots if history else (),
+            odometry=fed.odometry.trajectory(),
         )
 
 
@@ -255,12 +258,13 @@ def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class FeedResult:
-    """Times (s) of reading and processing, numbers of events and scans, and whether the run was stopped."""
+    """Times (s) of reading and processing, numbers of events and scans, the odometry, and whether the run was stopped."""
 
     read_s: float
     process_s: float
     events: int
     scans: int
+    odometry: OdometryPath
     stopped: bool
 
 
@@ -274,6 +278,7 @@ def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.per
     process = method.process
     read_s = process_s = 0.0
     done = scans = 0
+    odometry = OdometryPath()
     size, max_events = 1, log.event_count
     while not stop():
         t0 = now()
@@ -285,12 +290,13 @@ def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.per
         read_s += t1 - t0
         process_s += t2 - t1
         if not batch:
-            return FeedResult(read_s, process_s, done, scans, stopped=False)
+            return FeedResult(read_s, process_s, done, scans, odometry, stopped=False)
         done += len(batch)
         scans += sum(isinstance(event, LaserScan) for event in batch)
+        odometry.add(batch)
         show(Progress(done, max_events, scans))
         if t2 - t0 < SHORT_BATCH_S:
             size = min(2 * size, MAX_BATCH)
         elif t2 - t0 > LONG_BATCH_S:
             size = max(size // 2, 1)
-    return FeedResult(read_s, process_s, done, scans, stopped=True)
+    return FeedResult(read_s, process_s, done, scans, odometry, stopped=True)

@@ -25,6 +25,7 @@ class OutputConfig(StrictModel):
     """Optional files of a run directory."""
 
     html: bool = Field(True, description="Write report.html.")
+    grid: bool = Field(False, description="Draw a grid of lines in map.png.")
     layers: bool = Field(True, description="Write layers.npz: probabilities and other layers of the map.")
     viewer: bool = Field(
         False,

@@ -122,7 +122,7 @@ def test_the_page_is_one_file_that_loads_nothing_and_escapes_names(finished_run:
     page.feed(text)
     assert page.outside == []
     assert "script" not in page.tags
-    assert page.tags.count("svg") == 3  # position error, heading error, n_eff
+    assert page.tags.count("svg") == 4  # paths, position error, heading error, n_eff
     assert "&lt;room&gt; &amp; more.mcap" in text
     assert "<room>" not in text
     for word in ("lossy", "skipped 2 x scan nan", "scan.too_short", "Position error", "N eff", "matching"):

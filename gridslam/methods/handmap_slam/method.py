@@ -15,7 +15,7 @@ from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.drawing import Drawing, drawn_map
 from gridslam.matching.lines import LineSegments
-from gridslam.methods.base import Estimate, RunResult
+from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawing_report import (
@@ -108,13 +108,19 @@ class HandmapSlam:
             occupancy=metric.occupancy,
             layers=drawing_layers(self.drawn, observed),
             tables={"lines": line_table(updates, self._observer)},
-            series=series_of(updates),
+            series={**series_of(updates), "inlier_ratio": self._inlier_ratio()},
             pictures={"drawing": picture},
             counters=self._counters(),
             timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, observed), **self._key_scan_measures(metric)},
+            loops_ns=self._scan_tracker.stamps_of(metric.loops),
+            untrusted_ns=self._scan_tracker.unmatched_ns(),
         )
         return with_consistency(result, metric.consistency)
+
+    def _inlier_ratio(self) -> Series:
+        tracker = self._scan_tracker
+        return Series(np.array(tracker.stamps_ns, np.int64), tracker.inlier_ratios, "fraction")
 
     def _add_scan(self, placed: PlacedScan) -> None:
         """Track one scan in metres, then in the drawing."""

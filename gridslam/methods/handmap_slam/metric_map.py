@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gridslam.core.trajectory import Trajectory
+from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
@@ -20,11 +21,12 @@ from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 
 @dataclass(frozen=True, slots=True)
 class MetricMap:
-    """The trajectory over all scans, the map, its consistency, and the result of loop closure, if that is enabled."""
+    """The trajectory over all scans, the map, its consistency, the closed loops, and loop closure itself, if that is enabled."""
 
     trajectory: Trajectory
     occupancy: OccupancyGrid
     consistency: MapConsistency
+    loops: Edges
     optimised: ClosedTrajectory | None
 
 
@@ -48,6 +50,6 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
         key_poses = optimised.poses
         resolution = config.pose_graph.resolution_m or resolution
     occupancy = draw_map(tracker.key_scans, key_poses, resolution, memory_limit_mb)
-    loops = None if optimised is None else optimised.loops
+    loops = Edges.none() if optimised is None else optimised.loops
     consistency = assess_map(tracker.key_scans, key_poses, tracker.key_poses, loops, drift)
-    return MetricMap(tracker.corrected(key_poses), occupancy, consistency, optimised)
+    return MetricMap(tracker.corrected(key_poses), occupancy, consistency, loops, optimised)

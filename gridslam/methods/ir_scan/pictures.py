@@ -59,11 +59,8 @@ def raw_and_filtered(stops: Sequence[Stop], occupancy: OccupancyGrid) -> Picture
     cells = window.geometry.cells(points)
     inside = ((cells >= 0) & (cells < raw.shape)).all(axis=1)
     raw[cells[inside, 0], cells[inside, 1]] = 1.0
-    left = render_map(OccupancyGrid(raw, window.geometry), title="raw readings")
-    framed = window.probability.copy()
-    for row, col in ((0, 0), (-1, -1)):  # known corners make both pictures show the whole window
-        framed[row, col] = 0.0 if np.isnan(framed[row, col]) else framed[row, col]
-    right = render_map(OccupancyGrid(framed, window.geometry), title="filtered map")
+    left = render_map(OccupancyGrid(raw, window.geometry), title="raw readings", whole=True)
+    right = render_map(window, title="filtered map", whole=True)
     sheet = Image.new(
         "RGB", (left.width + right.width + _GAP_PX, max(left.height, right.height)), (255, 255, 255)
     )

@@ -130,11 +130,14 @@ class IspaceMcl:
         counters = self._counters + self._localizer.counters + self._scans.counters
         counters += self._cameras.counters + self._depth.counters
         path = self._history.trajectory()
+        series = self._history.series()
         return RunResult(
             path,
             pictures=self._pictures(path),
             tables={"localization": self._history.table()},
-            series=self._history.series(),
+            series=series,
+            position_std=series["particle_std"],
+            untrusted_ns=self._history.untrusted_ns(),
             counters=dict(counters),
             timings_s=dict(self._localizer.stopwatch.seconds),
             measures={**self._history.measures(), **self._camera_measures()},

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.core.stamps import format_stamp
-from gridslam.core.trajectory import Trajectory
+from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.filters.particles import Belief
 from gridslam.methods.base import Series, Table
 from gridslam.methods.ispace_mcl.localizer import FilterUpdate
@@ -75,6 +76,11 @@ class LocalizationHistory:
     def statuses(self) -> list[str]:
         """The status (localized, uncertain or lost) of each scan."""
         return [update.assessment.status for update in self._updates]
+
+    def untrusted_ns(self) -> NDArray[np.int64]:
+        """First and last stamps `(k, 2)` of the parts in which the robot was not localized."""
+        untrusted = np.array([status != "localized" for status in self.statuses], np.bool_)
+        return stretches(np.array(self._stamps, np.int64), untrusted)
 
     def measures(self) -> Mapping[str, object]:
         """Fractions of the scans with each status, the seconds until the first localized one, and the last status."""

@@ -87,7 +87,7 @@ class SlamSd:
             self._process_scan(placed)
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
-        config, particles = self._config, self._filter
+        config, particles, tracker = self._config, self._filter, self._tracker
         key_poses = particles.best_trajectory
         self._objects.finish(key_poses)
         measures: dict[str, object] = {
@@ -121,6 +121,8 @@ class SlamSd:
             notes=self._odometry_check.notes(),
             timings_s=dict(self._stopwatch.seconds),
             measures=measures,
+            loops_ns=tracker.stamps_of(loops),
+            untrusted_ns=tracker.unmatched_ns(),
         )
         result = with_consistency(result, consistency)
         return result if objects is None else objects.added_to(result)
@@ -216,10 +218,15 @@ class SlamSd:
             self._diagnostics[name].append(value)
 
     def _series(self) -> dict[str, Series]:
-        stamps = np.array(self._tracker.stamps_ns, np.int64)[self._tracker.keys]
-        return {
+        tracker = self._tracker
+        stamps = tracker.key_stamps_ns
+        found = {
             name: Series(stamps, np.array(values), DIAGNOSTIC_UNITS[name])
             for name, values in self._diagnostics.items()
+        }
+        return {
+            **found,
+            "inlier_ratio": Series(np.array(tracker.stamps_ns, np.int64), tracker.inlier_ratios, "fraction"),
         }
 
     def _counters(self) -> dict[str, int]:

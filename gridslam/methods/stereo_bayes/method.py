@@ -193,6 +193,7 @@ class StereoBayes(PoseTrack):
         return RunResult(
             self._trajectory(),
             occupancy,
+            position_std=series["position_deviation"],
             layers={"probability": self._map.layer()},
             tables={"obstacles": self._obstacles(occupancy)},
             series=series,
@@ -235,9 +236,11 @@ class StereoBayesPose(PoseTrack):
         """The poses and their standard deviations."""
         self._finish()
         self._record_before(float("inf"))
+        series = self._series()
         return RunResult(
             self._trajectory(),
-            series=self._series(),
+            series=series,
+            position_std=series["position_deviation"],
             counters=self._all_counters(),
             timings_s=dict(self._stopwatch.seconds),
             notes=self._frames.notes,
