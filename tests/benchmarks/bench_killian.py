@@ -1,6 +1,8 @@
-"""slam-sd on the MIT Killian log: 1.9 km, a corridor of 250 m driven several times; ten seeds that were not used for tuning.
+"""slam-sd on the MIT Killian log: 1.9 km, a corridor of 250 m driven several times.
 
-The same log is mapped once more with a scan a metre or half a radian apart, as many recorded logs have them.
+With loop closure the result does not depend on the seed: three seeds give the same bytes. The filter alone is run on ten seeds
+that were not used for tuning. The same log is mapped once more with a scan a metre or half a radian apart, as many recorded logs
+have them.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ from tests.benchmarks.real_places import data_dir
 
 ALONE = True
 
-SEEDS = range(10)
-THIN_SEEDS = range(5)
+SEEDS = range(3)
+FILTER_SEEDS = range(10)
 THIN_M, THIN_RAD = 1.0, 0.5
 
 
@@ -42,23 +44,22 @@ def rows() -> Iterator[Row]:
         say(f"killian: relations.trans.mean (m): {rounded(means)}; max: {rounded(largest, 2)}")
         yield Row("killian.mean", max(means), "m", 0.040)
         yield Row("killian.largest", max(largest), "m", 1.0)
+        different = len({(run / "trajectory.tum").read_bytes() for run in runs})
+        yield Row("killian.different_results", different, f"of {len(runs)} seeds", 1)
         reports = [report_of(run) for run in runs]
         yield Row("killian.total", min(report["timing"]["total_s"] for report in reports), "s")
         yield Row("killian.memory", max(report["memory"]["peak_mb"] for report in reports), "MB", 450.0)
         alone = [
-            errors_of(mapped(log, "paper/slam-sd", seed, out / f"alone-{seed}"), relations) for seed in SEEDS
+            errors_of(mapped(log, "paper/slam-sd", seed, out / f"alone-{seed}"), relations)
+            for seed in FILTER_SEEDS
         ]
         means = [s["mean"] for s in alone]
         say(f"killian, filter alone: relations.trans.mean (m): {rounded(means)}")
         good = sum(mean <= 0.060 for mean in means)
         yield Row("killian.filter_alone.good", good, f"of {len(means)}", len(means) - 1, at_least=True)
         thin = thinned(log, out / "thin.mcap")
-        means = [
-            errors_of(mapped(thin, "slam-sd", seed, out / f"thin-{seed}"), relations)["mean"]
-            for seed in THIN_SEEDS
-        ]
-        say(f"killian, a scan a metre: relations.trans.mean (m): {rounded(means)}")
-        yield Row("killian.thinned.mean", max(means), "m", 0.08)
+        mean = errors_of(mapped(thin, "slam-sd", 0, out / "thin"), relations)["mean"]
+        yield Row("killian.thinned.mean", mean, "m", 0.08)
 
 
 def errors_of(run: Path, relations: Path) -> Any:
