@@ -43,6 +43,10 @@ class WithPlugins(Mapping[str, Entry], Generic[Entry]):
     def __len__(self) -> int:
         return len(self._own) + len(self._entry_points)
 
+    def package_of(self, name: str) -> str:
+        """The method and its package in words, for messages; no text for one of the program's own."""
+        return "" if name in self._own else _description(self._entry_points[name])
+
     @cached_property
     def _entry_points(self) -> Mapping[str, EntryPoint]:
         found: dict[str, EntryPoint] = {}
@@ -57,9 +61,9 @@ class WithPlugins(Mapping[str, Entry], Generic[Entry]):
     def _load(self, point: EntryPoint) -> Entry:
         try:
             entry = point.load()
-        except (ImportError, AttributeError) as error:
+        except (Exception, SystemExit) as error:  # what its modules raise when they are imported
             raise ConfigError(
-                f"{_description(point)}: cannot be loaded ({error}); repair or uninstall the package"
+                f"{_description(point)}: cannot be loaded ({type(error).__name__}: {error}); repair or uninstall the package"
             ) from error
         if not isinstance(entry, self._kind):
             raise ConfigError(

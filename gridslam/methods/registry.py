@@ -108,6 +108,11 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
 METHODS: Mapping[str, MethodEntry] = WithPlugins(BUILT_IN, MethodEntry)
 
 
+def package_of(name: str) -> str:
+    """A method and its package in words, for messages; no text for one of the program's own."""
+    return METHODS.package_of(name) if isinstance(METHODS, WithPlugins) else ""
+
+
 def built_in_with(has: Callable[[MethodEntry], object]) -> list[str]:
     """The program's own methods that have something, for texts of help: no package is looked for."""
     return [name for name, entry in BUILT_IN.items() if has(entry)]

@@ -23,9 +23,15 @@ from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
+from gridslam.methods.packaged import PackagedMethod, naming
 from gridslam.methods.particle_history import ParticleHistory, Snapshot
 from gridslam.runs.odometry_path import OdometryPath
-from gridslam.runs.result_checks import refuse_empty_result, unused_stream_line, unused_streams
+from gridslam.runs.result_checks import (
+    refuse_empty_result,
+    refuse_wrong_result,
+    unused_stream_line,
+    unused_streams,
+)
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import Counts, merge_counts
 
@@ -158,13 +164,19 @@ def _run(
         require_streams(log, entry.needs)
         truth = log.truth()  # first, so that its errors are reported before the log is processed
         given = () if occupancy is None else (occupancy,)
-        method = build(config.method, config.seed, *given, **{name: i.value for name, i in further.items()})
+        values = {name: i.value for name, i in further.items()}
+        package = registry.package_of(config.method_name)
+        with naming(package):
+            method = build(config.method, config.seed, *given, **values)
+        if package:
+            method = PackagedMethod(method, package)
         opened = clock.now()
         history = ParticleHistory(method) if config.output.viewer else None
         fed = feed(log, history or method, show, stop, clock.now)
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = clock.now()
         result = method.result()
+        refuse_wrong_result(package or config.method_name, result)
         finished = clock.now()
         interrupted = fed.stopped or stop()
         counts = merge_counts(log.counters, result.counters)
@@ -218,7 +230,8 @@ def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[.
         raise ConfigError(
             f"method.name: {name} has no `gridslam {command}`; methods that have: {', '.join(able)}"
         )
-    builder: Callable[..., Method] = registry.load(reference)
+    with naming(registry.package_of(name)):
+        builder: Callable[..., Method] = registry.load(reference)
     return builder
 
 
@@ -236,7 +249,8 @@ def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise ConfigError(f"--{name} {path}: cannot be read ({error.strerror or error})") from error
-        inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
+        with naming(registry.package_of(method)):
+            inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
     return inputs
 
 

@@ -17,6 +17,7 @@ from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
 from gridslam.methods import registry
+from gridslam.methods.packaged import naming
 
 MethodConfig = TypeVar("MethodConfig", bound=BaseModel)
 
@@ -81,11 +82,13 @@ def validate_run_config(
     document: dict[str, Any], source: str, overridden: Collection[str] = ()
 ) -> RunConfig[BaseModel]:
     """The checked config. Raises ConfigError, which names `source` and marks key paths that --set has `overridden`."""
-    model = run_config_model(method_name(document, source))
+    name = method_name(document, source)
     try:
-        return model.model_validate(document)
+        with naming(registry.package_of(name)):
+            model = run_config_model(name)
+            return model.model_validate(document)
     except ValidationError as error:
-        raise config_error(error, model, source, overridden) from None
+        raise config_error(error, run_config_model(name), source, overridden) from None
 
 
 def run_config_model(method: str) -> type[RunConfig[BaseModel]]:

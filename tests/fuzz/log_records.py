@@ -54,7 +54,7 @@ def sample_events() -> list[tuple[str | None, Event]]:
     events: list[tuple[str | None, Event]] = [
         (None, Transform(S, "base_link", "laser", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True))
     ]
-    for i in range(1, 5):
+    for i in range(1, 4):
         t = i * S
         events += [
             ("/scan", LaserScan(t, "laser", np.ones(5, np.float32), -1.0, 0.5, 0.125, 30.0)),

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gridslam.core.errors import ConfigError
+from gridslam.api import map_log
+from gridslam.core.errors import ConfigError, GridslamError, LogError, MethodError
 from gridslam.methods import registry
 from gridslam.methods.plugins import WithPlugins, plugin_sources
 from gridslam.methods.registry import BUILT_IN, MethodEntry
@@ -79,3 +80,107 @@ def test_a_name_that_is_taken_is_an_error(packages: Path) -> None:
 def test_a_reference_that_leads_nowhere_is_an_error() -> None:
     with pytest.raises(ConfigError, match=r"no_such_module:Thing: .* cannot be loaded"):
         registry.load("no_such_module:Thing")
+
+
+BROKEN = """
+import sys
+import numpy as np
+from typing import Literal
+from pydantic import field_validator
+from gridslam.config.base import StrictModel
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.methods.base import RunResult
+from gridslam.methods.registry import InputKind, MethodEntry
+
+STAGE = {stage!r}
+
+def fail(stage):
+    if stage == STAGE:
+        raise {error}
+
+class Config(StrictModel):
+    name: Literal["added"] = "added"
+    level: int = 0
+
+    @field_validator("level")
+    @classmethod
+    def _check(cls, value):
+        fail("config")
+        return value
+
+def read(path):
+    fail("reader")
+
+class Mapper:
+    estimate = None
+
+    def __init__(self, config, seed, **inputs):
+        fail("build")
+
+    def process(self, event):
+        fail("process")
+
+    def result(self):
+        fail("result")
+        pose = [[np.nan if STAGE == "nan" else 1.0, 0.0, 0.0]]
+        stamp = -1 if STAGE == "stamp" else 1
+        grid = OccupancyGrid(np.full((2, 2), 0.5, np.float32), GridGeometry(0.1, (0.0, 0.0)))
+        maps = {{STAGE: grid}} if STAGE in ("../../evil", "/evil", "map", "") else {{}}
+        return RunResult(Trajectory(np.array([stamp]), np.array(pose)), grid, maps=maps)
+
+fail("import")
+KIND = InputKind("notes", reader="added_method:read")
+ENTRY = MethodEntry(config="added_method:Config", mapper="added_method:Mapper", needs=("scan",), inputs=(KIND,))
+"""
+
+
+def run_added(small_log: Path, folder: Path, stage: str, error: str, patch: pytest.MonkeyPatch) -> object:
+    install(folder, "added = added_method:ENTRY", code=BROKEN.format(stage=stage, error=error))
+    patch.setattr(registry, "METHODS", methods())
+    notes = folder / "notes.txt"
+    notes.touch()
+    return map_log(small_log, {"method": {"name": "added", "level": 1}}, inputs={"notes": notes})
+
+
+@pytest.mark.parametrize("stage", ["import", "config", "reader", "build", "process", "result"])
+@pytest.mark.parametrize("error", ["ZeroDivisionError('of mine')", "SystemExit('of mine')"])
+def test_whatever_a_method_of_a_package_raises_names_the_package(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, stage: str, error: str
+) -> None:
+    message = r"^method 'added' of the package added-method 1\.2: .*(ZeroDivisionError|SystemExit): of mine"
+    with pytest.raises(GridslamError, match=message):
+        run_added(small_log, packages, stage, error, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("stage", "message"),
+    [
+        ("nan", "poses that are not finite"),
+        ("stamp", "negative stamps"),
+        ("../../evil", "maps of the name"),
+        ("/evil", "maps of the name"),
+        ("map", "maps of the name"),
+        ("", "maps of the name"),
+    ],
+)
+def test_a_wrong_result_of_a_package_is_refused(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, stage: str, message: str
+) -> None:
+    with pytest.raises(MethodError, match=rf"added-method 1\.2: .*{message}"):
+        run_added(small_log, packages, stage, "AssertionError", monkeypatch)
+
+
+def test_an_error_that_is_raised_on_purpose_stays_as_it_is(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    error = "__import__('gridslam.core.errors').core.errors.LogError('this log is too dark')"
+    with pytest.raises(LogError, match=r"^this log is too dark$"):
+        run_added(small_log, packages, "process", error, monkeypatch)
+
+
+def test_ctrl_c_in_a_method_of_a_package_is_ctrl_c(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_added(small_log, packages, "process", "KeyboardInterrupt", monkeypatch)

@@ -1,0 +1,65 @@
+"""Methods of other packages at work: whatever they raise names their package."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gridslam.core.errors import GridslamError, MethodError
+from gridslam.core.messages import Event
+from gridslam.methods.base import Estimate, Method, RunResult
+
+
+@contextmanager
+def naming(package: str) -> Iterator[None]:
+    """Turn an error of a method's code into a MethodError that names its `package`; no text: the program's own method.
+
+    A GridslamError that was raised on purpose keeps its message and its kind.
+    """
+    try:
+        yield
+    except (GridslamError, MemoryError, ValidationError):
+        raise
+    except (Exception, SystemExit) as error:
+        if not package or _was_interrupted(error):
+            raise
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+        raise MethodError(
+            f"{package}: {type(error).__name__}: {error}{place}; report it to its authors"
+        ) from error
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+class PackagedMethod:
+    """A method of a package, whose errors name it."""
+
+    def __init__(self, method: Method, package: str) -> None:
+        self._method = method
+        self._package = package
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The method's own."""
+        with naming(self._package):
+            return self._method.estimate
+
+    def process(self, event: Event) -> None:
+        """Let the method process the event."""
+        with naming(self._package):
+            self._method.process(event)
+
+    def result(self) -> RunResult:
+        """The method's own."""
+        with naming(self._package):
+            return self._method.result()
