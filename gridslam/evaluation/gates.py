@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from gridslam.config.errors import nearest
+from gridslam.config.errors import nearest, short
 from gridslam.core.errors import ConfigError
 from gridslam.core.nested import flatten
 
@@ -43,18 +43,18 @@ def parse_gate(text: str) -> Gate:
     """The gate of a text: a key, a comparison, and a number, true or false. Raises ConfigError."""
     match = _GATE.fullmatch(text)
     if match is None:
-        raise ConfigError(f"--require {text!r}: expected KEY<=NUMBER (or >=, <, >, ==, !=)")
+        raise ConfigError(f"--require {short(text)}: expected KEY<=NUMBER (or >=, <, >, ==, !=)")
     key, comparison, word = match.groups()
     if word.lower() in _TRUTH_VALUES:
         if comparison not in ("==", "!="):
-            raise ConfigError(f"--require {text!r}: true and false are compared with == or !=")
+            raise ConfigError(f"--require {short(text)}: true and false are compared with == or !=")
         return Gate(key, comparison, _TRUTH_VALUES[word.lower()])
     try:
         bound = float(word)
     except ValueError:
         bound = math.nan
     if math.isnan(bound):
-        raise ConfigError(f"--require {text!r}: {word!r} is neither a number nor true or false")
+        raise ConfigError(f"--require {short(text)}: {short(word)} is neither a number nor true or false")
     return Gate(key, comparison, bound)
 
 

@@ -155,6 +155,12 @@ def test_metadata_that_is_none_is_an_unreadable_log(tmp_path: Path, text: str) -
         open_log(folder)
 
 
+def test_a_folder_of_metadata_alone_is_an_unreadable_log(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    with pytest.raises(LogError, match=r"metadata\.yaml: says nothing of a recording"):
+        open_log(tmp_path)
+
+
 def ros1_types() -> Any:
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register({"tf2_msgs/msg/TFMessage": HUMBLE.fielddefs["tf2_msgs/msg/TFMessage"]})

@@ -161,6 +161,8 @@ def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCou
     """The recordings that metadata.yaml names, all of them inside the folder, each once; without it, all parts."""
     if not metadata:
         files = recorded_parts(folder)
+        if not files:
+            raise LogError(f"{folder / _METADATA}: says nothing of a recording, and the folder has none")
         message_counts.note(
             f"{_METADATA} is missing: {', '.join(file.name for file in files[:8])} read one after the other"
         )
