@@ -7,6 +7,7 @@ A transform `T_a_b` maps points of frame b into frame a and reads "b expressed i
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 
 def wrap_angle(angle_rad: ArrayLike) -> Array:
     """Angles wrapped to (-pi, pi], same shape."""
+    if isinstance(angle_rad, float):
+        return np.asarray(_wrap_one(angle_rad))
     angle = np.asarray(angle_rad, dtype=np.float64)
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
     inside = (angle > -np.pi) & (angle <= np.pi)
@@ -27,16 +30,16 @@ def _wrap_one(angle: float) -> float:
     return angle if -math.pi < angle <= math.pi else math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
-def _compose_one(a: list[float], b: list[float]) -> Array:
+def _compose_one(a: Sequence[float], b: Sequence[float]) -> Array:
     """`compose` of two single poses: plain floats are ten times as fast as arrays of three."""
     cos, sin = math.cos(a[2]), math.sin(a[2])
     return np.array([a[0] + cos * b[0] - sin * b[1], a[1] + sin * b[0] + cos * b[1], _wrap_one(a[2] + b[2])])
 
 
-def _inverse_one(a: list[float]) -> Array:
+def _inverse_one(a: Sequence[float]) -> tuple[float, float, float]:
     """`inverse` of one pose."""
     cos, sin = math.cos(a[2]), math.sin(a[2])
-    return np.array([-cos * a[0] - sin * a[1], sin * a[0] - cos * a[1], _wrap_one(-a[2])])
+    return -cos * a[0] - sin * a[1], sin * a[0] - cos * a[1], _wrap_one(-a[2])
 
 
 def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
@@ -55,7 +58,7 @@ def inverse(T_a_b: ArrayLike) -> Array:
     """T_b_a."""
     a = np.asarray(T_a_b, dtype=np.float64)
     if a.ndim == 1:
-        return _inverse_one(a.tolist())
+        return np.array(_inverse_one(a.tolist()))
     cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = -cos * a[..., 0] - sin * a[..., 1]
     y = sin * a[..., 0] - cos * a[..., 1]
@@ -64,7 +67,11 @@ def inverse(T_a_b: ArrayLike) -> Array:
 
 def between(T_m_a: ArrayLike, T_m_b: ArrayLike) -> Array:
     """T_a_b: pose b seen from pose a."""
-    return compose(inverse(T_m_a), T_m_b)
+    a = np.asarray(T_m_a, dtype=np.float64)
+    b = np.asarray(T_m_b, dtype=np.float64)
+    if a.ndim == 1 and b.ndim == 1:
+        return _compose_one(_inverse_one(a.tolist()), b.tolist())
+    return compose(inverse(a), b)
 
 
 def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:

@@ -45,10 +45,14 @@ class PosePriors(NamedTuple):
 
 
 class YawSearch(NamedTuple):
-    """Headings `step_rad` apart, `steps` of them to each side, and the likelihood field that scores them."""
+    """Headings `step_rad` apart, `steps` of them to each side, and the likelihood field that scores them.
+
+    At most `max_points` of a scan are scored.
+    """
 
     step_rad: float
     steps: int
+    max_points: int
     sigma_m: float
     max_correspondence_m: float
 
@@ -184,6 +188,38 @@ def search_yaw(
             best_score = score
             best_yaw = yaw
     return np.array([predicted[0], predicted[1], best_yaw])
+
+
+@compiled
+def match_scan(
+    surfaces: TileMap,
+    scan: OrientedPoints,
+    prior: PosePrior,
+    search: YawSearch,
+    settings: Registration,
+) -> tuple[NDArray[np.float64], int]:
+    """The scan registered from the prior's pose, or from its best heading within the search's steps.
+
+    Returns the pose (3,) and the number of correspondences.
+    """
+    start = prior.pose
+    if search.steps > 0:
+        start = search_yaw(surfaces, even_sample(scan, search.max_points), start, search)
+    pose, _, used = register(surfaces, scan, start, prior, settings)
+    return pose, used
+
+
+@compiled
+def even_sample(scan: OrientedPoints, max_points: int) -> OrientedPoints:
+    """At most `max_points` of the points, distributed evenly over the scan."""
+    m = scan.points.shape[0]
+    if m <= max_points:
+        return scan
+    points, normals = np.empty((max_points, 2)), np.empty((max_points, 2))
+    for i in range(max_points):
+        copy_row(points, i, scan.points[i * m // max_points])
+        copy_row(normals, i, scan.normals[i * m // max_points])
+    return OrientedPoints(points, normals)
 
 
 def register_all(

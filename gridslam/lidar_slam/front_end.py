@@ -7,6 +7,7 @@ distances.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,6 +51,7 @@ MIN_RECOVERED_INLIER_RATIO = 0.5
 MAX_GAP_RATIO = 2.5  # after a gap of more scan periods than this the velocity is unknown
 RECENT_SCANS = 11  # scans since which odometry is compared when it stutters
 
+NO_SEARCH = YawSearch(YAW_STEP_RAD, 0, YAW_SEARCH_POINTS, YAW_SEARCH_SIGMA_M, YAW_SEARCH_CORRESPONDENCE_M)
 REGISTRATION = Registration(SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_M, MAX_ITERATIONS, 0.0)
 
 
@@ -127,8 +129,8 @@ class FrontEnd:
         steady = self._motion_at_constant_velocity(scan.stamp_ns, step)
         std = odometry_std(step, steady, self._odometry, min_std)
         predicted = se2.compose(self.pose, step)
-        start = self._with_best_yaw(scan, predicted, YAW_SEARCH_STDS * float(std[2]) - YAW_STEP_RAD)
-        match = self._register(scan, start, predicted, std)
+        search = _yaw_search(YAW_SEARCH_STDS * float(std[2]) - YAW_STEP_RAD)
+        match = self._register(scan, predicted, std, search)
         if match.inlier_ratio < MIN_INLIER_RATIO and len(scan.points) >= MIN_CORRESPONDENCES:
             guesses, window_rad = self._other_predictions(odometry, predicted, steady), RECOVERY_RAD
             if std[0] > RECOVERY_M:
@@ -162,11 +164,16 @@ class FrontEnd:
         ]
         return [np.asarray(guess) for guess in guesses]
 
-    def _register(self, scan: PreparedScan, start: Floats, predicted: Floats, std: Floats) -> ScanMatch:
-        """Register the scan in the active map from `start`, with the prediction and its standard deviations as prior."""
+    def _register(
+        self, scan: PreparedScan, predicted: Floats, std: Floats, search: YawSearch = NO_SEARCH
+    ) -> ScanMatch:
+        """Register the scan in the active map, with the prediction and its standard deviations as prior.
+
+        It starts from the prediction, or from its best heading within the search's steps.
+        """
         prior = PosePrior(predicted, np.diag(1.0 / std**2))
-        pose, _, used = surfel_registration.register(
-            self._store.map(self._active), scan.matching_points, start, prior, REGISTRATION
+        pose, used = surfel_registration.match_scan(
+            self._store.map(self._active), scan.matching_points, prior, search, REGISTRATION
         )
         if used < MIN_CORRESPONDENCES:
             return ScanMatch(predicted, 0.0, False)
@@ -181,26 +188,28 @@ class FrontEnd:
         std = np.array([RECOVERY_M, RECOVERY_M, RECOVERY_RAD])
         threshold = max(poor.inlier_ratio + MIN_RECOVERED_GAIN, MIN_RECOVERED_INLIER_RATIO)
         for guess in guesses:
-            start = self._with_best_yaw(scan, guess, window_rad)
-            match = self._register(scan, start, start, std)
+            match = self._register(scan, self._with_best_yaw(scan, guess, window_rad), std)
             if match.inlier_ratio > max(best.inlier_ratio, threshold):
                 best = match
         return best
 
     def _with_best_yaw(self, scan: PreparedScan, predicted: Floats, window_rad: float) -> Floats:
-        """The predicted pose with the best heading within +-window; as predicted if matching converges without a search."""
-        steps = int(np.ceil(window_rad / YAW_STEP_RAD))
-        if steps <= 0:
-            return predicted
-        search = YawSearch(YAW_STEP_RAD, steps, YAW_SEARCH_SIGMA_M, YAW_SEARCH_CORRESPONDENCE_M)
+        """The predicted pose with the best heading within +-window."""
         points = scan.subset(YAW_SEARCH_POINTS)
-        found = surfel_registration.search_yaw(self._store.map(self._active), points, predicted, search)
-        return np.asarray(found)
+        surfaces = self._store.map(self._active)
+        return np.asarray(
+            surfel_registration.search_yaw(surfaces, points, predicted, _yaw_search(window_rad))
+        )
 
     def _insert(self, index: int, scan: PreparedScan) -> None:
         self._store.own_endpoints(np.array([index]), self.pose[None], scan.surface)
         surfels.insert_surfels(self._store.map(index), self.pose, scan.surfaces)
         self._key_scan_counts[index] += 1
+
+
+def _yaw_search(window_rad: float) -> YawSearch:
+    """A search for the heading within +-window; of no steps if matching converges without a search."""
+    return NO_SEARCH._replace(steps=max(math.ceil(window_rad / YAW_STEP_RAD), 0))
 
 
 def _positions_around(pose: Floats, radius_m: float) -> list[Floats]:

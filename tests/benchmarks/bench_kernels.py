@@ -184,7 +184,7 @@ def yaw_search(rng: np.random.Generator) -> Pair:
     """The best of 13 headings of a scan of 180 points."""
     store, in_reference = room_map()
     scan, pose = room(180), np.array([0.02, -0.03, rng.uniform(-0.2, 0.2)])
-    search = surfel_registration.YawSearch(0.05, 6, 0.1, 0.3)
+    search = surfel_registration.YawSearch(0.05, 6, 1000, 0.1, 0.3)
 
     def kernel() -> object:
         return surfel_registration.search_yaw(store.map(0), surfels.OrientedPoints(*scan), pose, search)

@@ -131,7 +131,7 @@ def test_the_yaw_found_is_the_one_at_which_most_points_lie_on_surfaces(seed: int
     surfaces: reference.Surfaces = {}
     reference.insert(surfaces, *surface, CELL_M)
     found = surfel_registration.search_yaw(
-        store.map(0), OrientedPoints(points, normals), pose, YawSearch(0.05, 6, 0.1, 0.3)
+        store.map(0), OrientedPoints(points, normals), pose, YawSearch(0.05, 6, 1000, 0.1, 0.3)
     )
     offsets = 0.05 * np.arange(-6, 7)
     scores = reference.yaw_scores(surfaces, points, normals, pose, offsets, 0.1, 0.3)
