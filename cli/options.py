@@ -27,6 +27,14 @@ LogPath = Annotated[
         metavar="LOG", readable=False, help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag."
     ),
 ]
+LogPaths = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="LOG...",
+        readable=False,
+        help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag. Several logs become one map.",
+    ),
+]
 ConfigName = Annotated[
     str,
     typer.Option(
@@ -49,7 +57,7 @@ Strict = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Exit with 3 if any message of the log was damaged or lost, with 5 if the result is lost or inconsistent.",
+        help="Exit with 3 if any message of the log was damaged or lost, with 5 if the result is lost, inconsistent or apart.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]
@@ -89,6 +97,16 @@ Tags = Annotated[
         metavar="TAGS.yaml",
         readable=False,
         help=f"What the RFID tags are fixed to ({methods_with(lambda entry: 'tags' in entry.input_names)}).",
+    ),
+]
+Continue = Annotated[
+    Path | None,
+    typer.Option(
+        "--continue",
+        metavar="RUN",
+        readable=False,
+        help="A run directory or its session.npz: the log continues its map "
+        f"({methods_with(lambda entry: entry.is_continued)}).",
     ),
 ]
 

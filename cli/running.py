@@ -42,13 +42,19 @@ class RunOptions:
     strict: bool
     as_json: bool
     inputs: Mapping[str, Path] = field(default_factory=dict)
+    earlier: tuple[Path, ...] = ()  # logs that are mapped before `log`
     truth: Path | None = None
     truth_topic: str | None = None
 
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
     """Run, write the directory, print the summary. Exits with 130 if interrupted; with --strict 5 if doubtful, 3 if lossy."""
-    read = [options.log, *options.inputs.values(), *(p for p in (map_path, options.truth) if p)]
+    read = [
+        *options.earlier,
+        options.log,
+        *options.inputs.values(),
+        *(p for p in (map_path, options.truth) if p),
+    ]
     check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
@@ -96,7 +102,9 @@ def _run(
 
     with console.progress_bar(command) as show, announcing_compilation(notify):
         if command == "map":
-            done = map_log(options.log, config, inputs=options.inputs, progress=show, stop=stop)
+            done = map_log(
+                [*options.earlier, options.log], config, inputs=options.inputs, progress=show, stop=stop
+            )
         else:
             done = localize(options.log, map_path, config, inputs=options.inputs, progress=show, stop=stop)
         return done.run

@@ -28,8 +28,9 @@ from gridslam.maps.preview import render_map
 from gridslam.methods.base import Table
 from gridslam.report.document import report_document
 from gridslam.report.write import write_run
-from gridslam.runs.run import Run, Show, Stop, read_inputs, run_localize, run_map
+from gridslam.runs.run import Run, Show, Stop, read_inputs, run_localize
 from gridslam.runs.run_config import RunConfig, validate_run_config
+from gridslam.runs.several_logs import run_map_logs
 
 if TYPE_CHECKING:
     import numpy as np
@@ -120,27 +121,31 @@ def load_config(
 
 
 def map_log(
-    log: AnyPath,
+    log: AnyPath | Sequence[AnyPath],
     config: Config,
     *,
     drawing: AnyPath | None = None,
     tags: AnyPath | None = None,
+    session: AnyPath | None = None,
     inputs: Mapping[str, AnyPath] | None = None,
     seed: int | None = None,
     progress: Show | None = None,
     stop: Stop | None = None,
     **settings: object,
 ) -> FinishedRun:
-    """Map a log: what `gridslam map` does, without writing anything.
+    """Map a log, or several of one place as one map: what `gridslam map` does, without writing anything.
 
+    `session` is an earlier run directory (or its session.npz) whose map is continued.
     `config` and `settings` are those of `load_config`; `drawing` (handmap-slam) and `tags` (slam-sd) are files,
     `inputs` the files of further inputs of a plug-in method, by name. `progress` is
     called with a `Progress` now and then; when `stop` returns True, the run ends with what it has.
     Raises ConfigError, LogError (unreadable, or a stream is missing), MethodError.
     """
     loaded = load_config(config, (), seed, settings)
-    contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
-    return FinishedRun(run_map(loaded, Path(log), progress or _ignore, stop or _never, contents))
+    paths = _given({"drawing": drawing, "tags": tags, "session": session, **(inputs or {})})
+    contents = read_inputs(paths, loaded.method_name)
+    logs = [Path(log)] if isinstance(log, str | PathLike) else [Path(one) for one in log]
+    return FinishedRun(run_map_logs(loaded, logs, progress or _ignore, stop or _never, contents))
 
 
 def localize(

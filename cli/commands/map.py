@@ -5,11 +5,12 @@ from __future__ import annotations
 from ..options import (
     AsJson,
     ConfigName,
+    Continue,
     Drawing,
     Force,
     Inputs,
     Jobs,
-    LogPath,
+    LogPaths,
     Output,
     Overrides,
     RunTruth,
@@ -21,11 +22,12 @@ from ..options import (
 
 
 def run(
-    log: LogPath,
+    logs: LogPaths,
     config: ConfigName,
     output: Output,
     drawing: Drawing = None,
     tags: Tags = None,
+    session: Continue = None,
     further: Inputs = None,
     truth: RunTruth = None,
     truth_topic: TruthTopic = None,
@@ -36,11 +38,12 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Build a map and a trajectory from a log."""
+    """Build a map and a trajectory from a log, or one map from several logs in the order of the drives."""
     from ..running import RunOptions, given, run_command
 
     options = RunOptions(
-        log=log,
+        log=logs[-1],
+        earlier=tuple(logs[:-1]),
         config=config,
         output=output,
         overrides=tuple(override or ()),
@@ -49,7 +52,7 @@ def run(
         force=force,
         strict=strict,
         as_json=as_json,
-        inputs=given(further, drawing=drawing, tags=tags),
+        inputs=given(further, drawing=drawing, tags=tags, session=session),
         truth=truth,
         truth_topic=truth_topic,
     )

@@ -1,9 +1,20 @@
-"""Reading numpy files (.npy, .npz) that may be damaged."""
+"""Numpy files (.npy, .npz): written with the same bytes for the same values, read although they may be damaged."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+import math
+import zipfile
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of the zip format; np.savez would write the present time
+COMPRESSION_LEVEL = 4
+MAX_RATIO = 200  # of the unpacked size to that of the file, beyond MIN_UNPACKED_BYTES
+MIN_UNPACKED_BYTES = 64 << 20
 
 
 @contextmanager
@@ -17,3 +28,45 @@ def damage_as_value_error() -> Iterator[None]:
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise ValueError(f"a damaged numpy file: {reason}") from error
+
+
+def npz_bytes(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
+    """The content of an .npz file of arrays by name, compressed; `numpy.load` reads it."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:
+        for name, values in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            data = io.BytesIO()
+            np.lib.format.write_array(data, np.asarray(values, order="C"), allow_pickle=False)
+            archive.writestr(entry, data.getvalue())
+    return buffer.getvalue()
+
+
+def read_npz(content: bytes) -> dict[str, NDArray[np.generic]]:
+    """All arrays of an .npz file by name.
+
+    Nothing is unpickled, and no more memory is taken than `MAX_RATIO` times the file's size. Raises ValueError: the file is
+    damaged, or claims to hold more.
+    """
+    with damage_as_value_error(), zipfile.ZipFile(io.BytesIO(content)) as archive:
+        claimed = sum(entry.file_size for entry in archive.infolist())
+        if claimed > max(MAX_RATIO * len(content), MIN_UNPACKED_BYTES):
+            raise ValueError(f"it claims to hold {claimed} bytes")
+        return {
+            entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in archive.infolist()
+        }
+
+
+def _array(data: bytes) -> NDArray[np.generic]:
+    """The array of a .npy file. Raises ValueError: the header does not fit the data."""
+    stream = io.BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    if version != (1, 0):
+        raise ValueError(f"version {version} of the format")
+    shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    content = data[stream.tell() :]
+    if dtype.hasobject or is_fortran or math.prod(shape) * dtype.itemsize != len(content):
+        raise ValueError("an array of another type or size than its data")
+    return np.frombuffer(content, dtype).reshape(shape)

@@ -34,7 +34,8 @@ class CandidateLimits(NamedTuple):
 
     Candidates lie at least `min_travel_m` back on the trajectory, and within `view_m` of each other if `max_stds` standard
     deviations of their relative position are allowed for. That is between `min_std_m` and `max_std_m` in its widest direction.
-    A gap of more than `max_gap` nodes begins another passage, and each passage gives one candidate.
+    A gap of more than `max_gap` nodes begins another passage, and each passage gives one candidate. Nodes before `first_query`
+    get none.
     """
 
     min_travel_m: float
@@ -43,6 +44,7 @@ class CandidateLimits(NamedTuple):
     min_std_m: float
     max_std_m: float
     max_gap: int
+    first_query: int
 
 
 @compiled
@@ -251,5 +253,5 @@ def _loop_candidates(
     covariances: NDArray[np.float64],
 ) -> None:
     """Fill in the items first to last - 1 of `loop_candidates`."""
-    for b in range(first, last):
+    for b in range(max(first, limits.first_query), last):
         counts[b] = _candidates_of(b, poses, travel_m, edges, limits, nodes[b], covariances[b])

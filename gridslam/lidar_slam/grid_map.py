@@ -37,15 +37,8 @@ def draw_map(
     """
     if not len(scans):
         return OccupancyGrid(np.zeros((0, 0), np.float32), GridGeometry(resolution_m, (0.0, 0.0)))
-    bounds = np.array([_bounds(scan, pose) for scan, pose in zip(scans, poses, strict=True)])
-    lo = np.floor((bounds[:, 0].min(axis=0) - MARGIN_M) / resolution_m).astype(np.int64)
-    hi = np.ceil((bounds[:, 1].max(axis=0) + MARGIN_M) / resolution_m).astype(np.int64)
-    cols, rows = (int(v) for v in hi - lo)
-    if BYTES_PER_CELL * rows * cols > memory_limit_mb * 1e6:
-        raise MethodError(
-            f"the map would have {cols} x {rows} cells, more than method.memory_limit_mb = {memory_limit_mb:g} holds: "
-            "the trajectory is wrong, or raise the limit, or coarsen method.map.resolution_m"
-        )
+    bounds = np.concatenate([_bounds(scan, pose) for scan, pose in zip(scans, poses, strict=True)])
+    lo, rows, cols = grid_extent(bounds, resolution_m, memory_limit_mb, BYTES_PER_CELL)
     values = np.zeros((rows, cols), np.float32)
     last_update = np.zeros((rows, cols), np.int32)
     for number, (scan, pose) in enumerate(zip(scans, poses, strict=True), start=1):
@@ -77,6 +70,24 @@ def _probability(log_odds: NDArray[np.float32], last_update: NDArray[np.int32]) 
     np.reciprocal(log_odds, out=log_odds)
     log_odds[last_update == 0] = np.nan
     return log_odds
+
+
+def grid_extent(
+    points: NDArray[np.float64], resolution_m: float, memory_limit_mb: float, bytes_per_cell: float
+) -> tuple[NDArray[np.int64], int, int]:
+    """Lower-left corner (x, y) in cells, rows and columns of the grid around points `(n, 2)`, with a margin.
+
+    Raises MethodError if the grid would exceed the memory limit.
+    """
+    lo = np.floor((points.min(axis=0) - MARGIN_M) / resolution_m).astype(np.int64)
+    hi = np.ceil((points.max(axis=0) + MARGIN_M) / resolution_m).astype(np.int64)
+    cols, rows = (int(v) for v in hi - lo)
+    if bytes_per_cell * rows * cols > memory_limit_mb * 1e6:
+        raise MethodError(
+            f"the map would have {cols} x {rows} cells, more than method.memory_limit_mb = {memory_limit_mb:g} holds: "
+            "the trajectory is wrong, or raise the limit, or coarsen method.map.resolution_m"
+        )
+    return lo, rows, cols
 
 
 def _shortened(

@@ -67,11 +67,11 @@ class Doubt:
     """The reason why a finished result is not to be trusted.
 
     `status` replaces `complete` as the status of the run: `lost` for poses that the method itself does not believe,
-    `inconsistent` for results whose parts contradict each other. `reason` is one line for the user that says what was observed
-    and what to check.
+    `inconsistent` for results whose parts contradict each other, `apart` for drives that were not found to
+    overlap. `reason` is one line for the user that says what was observed and what to check.
     """
 
-    status: Literal["lost", "inconsistent"]
+    status: Literal["lost", "inconsistent", "apart"]
     reason: str
 
 
@@ -87,6 +87,8 @@ class RunResult:
     `occupancy` becomes map.pgm, and each of `maps` NAME.pgm beside it; `pictures` become NAME.png. `loops_ns` `(k, 2)` are the
     stamps of the poses that loop closures join, `untrusted_ns` `(k, 2)` the first and last stamps of parts of the trajectory that
     the method does not believe; `position_std` (m) belongs to the trajectory. These three are drawn in map.png.
+
+    `trajectories` become NAME.tum, and `files` are written as they are, under their names.
     """
 
     trajectory: Trajectory
@@ -97,6 +99,8 @@ class RunResult:
     objects: Sequence[PlacedObject] = ()
     series: Mapping[str, Series] = field(default_factory=dict)
     pictures: Mapping[str, Picture] = field(default_factory=dict)
+    trajectories: Mapping[str, Trajectory] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)
     timings_s: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json

@@ -18,13 +18,16 @@ class InputKind:
 
     `reader` and `example` are "module:function". The reader takes the file's path and returns the content; it raises a
     GridslamError for a file that it cannot use. `example` takes nothing and returns a content with which kernels are compiled
-    ahead. A run must be given an input that `is_needed`.
+    ahead. A run must be given an input that `is_needed`. `option` is the command's option for it, by default its name. Where
+    the input is named `in_run`, a run directory may be given for it.
     """
 
     name: str
     reader: str
     is_needed: bool = False
     example: str = ""
+    option: str = ""
+    in_run: str = ""
 
 
 DRAWING = InputKind(
@@ -32,6 +35,12 @@ DRAWING = InputKind(
     reader="gridslam.maps.drawing:load_drawing",
     is_needed=True,
     example="gridslam.simulation.scripted:scripted_drawing",
+)
+SESSION = InputKind(
+    "session",
+    reader="gridslam.lidar_slam.sessions.session_file:load_session",
+    option="continue",
+    in_run="session.npz",
 )
 TAGS = InputKind("tags", reader="gridslam.maps.tag_database:load_tag_database")
 
@@ -47,6 +56,7 @@ class MethodEntry:
     uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
     inputs: tuple[InputKind, ...] = ()  # what a run may be given besides the log
     localizes_without_map: bool = False  # its poses come from outside, so `localize` needs no map
+    is_continued: bool = False  # its mapper takes a session and the log's name, and leaves session.npz
     explorer: str = (
         ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
     )
@@ -70,7 +80,8 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
             mapper="gridslam.methods.slam_sd.method:SlamSd",
             needs=("scan",),
             uses=("odom", "imu", "tags"),
-            inputs=(TAGS,),
+            inputs=(TAGS, SESSION),
+            is_continued=True,
         ),
         "stereo-bayes": MethodEntry(
             config="gridslam.methods.stereo_bayes.config:StereoBayesConfig",
@@ -111,6 +122,11 @@ METHODS: Mapping[str, MethodEntry] = WithPlugins(BUILT_IN, MethodEntry)
 def package_of(name: str) -> str:
     """A method and its package in words, for messages; no text for one of the program's own."""
     return METHODS.package_of(name) if isinstance(METHODS, WithPlugins) else ""
+
+
+def option_of(name: str) -> str:
+    """The command's option for an input of a method."""
+    return next((k.option for e in BUILT_IN.values() for k in e.inputs if k.name == name and k.option), name)
 
 
 def built_in_with(has: Callable[[MethodEntry], object]) -> list[str]:

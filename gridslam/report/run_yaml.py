@@ -33,7 +33,8 @@ def write_run_yaml(path: Path, run: Run) -> None:
 def command_again(run: Run) -> str:
     """The command that reproduces the result of a run; for an exploration the command that maps its log."""
     command = "map" if run.command == "explore" else run.command
-    words = ["gridslam", command, run.log_path.name, "-c", "run.yaml"]
+    logs = [path.name for path in (*run.earlier_logs, run.log_path)]
+    words = ["gridslam", command, *logs, "-c", "run.yaml"]
     for option, name in run.given.items():
         words += [f"--{option}", name]
     return " ".join(shlex.quote(" ".join(word.split())) for word in [*words, "-o", "DIR"])

@@ -39,6 +39,10 @@ def write_run(
     with new_run_directory(directory, force) as folder:
         write_map_files(run, folder)
         write_tum(folder / "trajectory.tum", run.result.trajectory)
+        for name, trajectory in sorted(run.result.trajectories.items()):
+            write_tum(folder / f"{name}.tum", trajectory)
+        for name, content in sorted(run.result.files.items()):
+            write_atomic(folder / name, content)
         for name, table in sorted(run.result.tables.items()):
             write_table(folder / f"{name}.csv", table)
         write_run_yaml(folder / "run.yaml", run)

@@ -35,7 +35,7 @@ from gridslam.runs.result_checks import (
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import Counts, merge_counts
 
-Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent"]
+Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent", "apart"]
 Command = Literal["map", "localize", "explore"]
 
 MAX_BATCH = 256
@@ -75,6 +75,7 @@ class Run:
     process_s: float
     compile_s: float = 0.0  # compilation of kernels that were not cached; not part of the other times
     given: Mapping[str, str] = field(default_factory=dict)  # option of the command -> name of its file
+    earlier_logs: tuple[Path, ...] = ()  # mapped before `log_path`, as one map
     particles: tuple[Snapshot, ...] = ()  # recorded for the viewer log
     odometry: Trajectory = field(default_factory=Trajectory.empty)  # thinned, in the odometry's frame
 
@@ -165,6 +166,8 @@ def _run(
         truth = log.truth()  # first, so that its errors are reported before the log is processed
         given = () if occupancy is None else (occupancy,)
         values = {name: i.value for name, i in further.items()}
+        if entry.is_continued:
+            values["log_name"] = log_path.name
         package = registry.package_of(config.method_name)
         with naming(package):
             method = build(config.method, config.seed, *given, **values)
@@ -205,7 +208,7 @@ def _run(
             read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,
             compile_s=clock.seconds,
-            given={name: i.path.name for name, i in further.items()},
+            given={registry.option_of(name): i.path.name for name, i in further.items()},
             particles=history.snapshots if history else (),
             odometry=fed.odometry.trajectory(),
         )
@@ -245,10 +248,14 @@ def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
     kinds = {kind.name: kind for kind in registry.METHODS[method].inputs}
     inputs = {}
     for name, path in paths.items():
+        if kinds[name].in_run and path.is_dir():
+            path = path / kinds[name].in_run
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
-            raise ConfigError(f"--{name} {path}: cannot be read ({error.strerror or error})") from error
+            raise ConfigError(
+                f"--{kinds[name].option or name} {path}: cannot be read ({error.strerror or error})"
+            ) from error
         with naming(registry.package_of(method)):
             inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
     return inputs
@@ -260,7 +267,7 @@ def refuse_unknown_inputs(method: str, inputs: Collection[str]) -> None:
         if name not in registry.METHODS[method].input_names:
             able = [n for n, e in registry.METHODS.items() if name in e.input_names]
             methods = f"methods that have: {', '.join(able)}" if able else "nor has any other method"
-            raise ConfigError(f"--{name}: {method} has no use for it; {methods}")
+            raise ConfigError(f"--{registry.option_of(name)}: {method} has no use for it; {methods}")
 
 
 def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:

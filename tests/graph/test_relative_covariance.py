@@ -80,7 +80,7 @@ def test_a_return_is_a_candidate_only_as_long_as_it_is_uncertain() -> None:
     travel = np.arange(20.0)
     chain = edges_between(poses, [(k, k + 1) for k in range(19)])
     limits = CandidateLimits(
-        min_travel_m=5.0, view_m=2.0, max_stds=0.0, min_std_m=0.1, max_std_m=100.0, max_gap=2
+        min_travel_m=5.0, view_m=2.0, max_stds=0.0, min_std_m=0.1, max_std_m=100.0, max_gap=2, first_query=0
     )
     counts, nodes, _ = loop_candidates(poses, travel, directed_edges(20, chain), limits, 4)
     assert counts[19] == 1

@@ -8,7 +8,7 @@ the same, or if nothing else in its whole window comes near it; the others wait,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,30 +74,37 @@ class ClosedLoops:
 
 
 def close_loops(
-    track: Floats, fixed: Edges, segments: Segments, segment_m: float, clouds: SegmentClouds
+    start: ClosedLoops,
+    fixed: Edges,
+    segments: Segments,
+    segment_m: float,
+    clouds: SegmentClouds,
+    first_query: int = 0,
 ) -> ClosedLoops:
-    """Find loops between segments of a length, given the key scans' poses `(n, 3)`, and optimise the segments' poses.
+    """Find loops between segments of a length, and optimise the segments' poses, both from a start.
 
-    `fixed` are the edges that hold whatever is found: the front end's motions and landmarks.
+    `fixed` are the edges that hold whatever is found: the front end's motions and landmarks. Loops are searched for from the
+    segments from `first_query` on, to all before them.
     """
-    closed = ClosedLoops(track[segments.reference].copy())
-    if len(fixed) >= len(segments):  # landmarks, beyond the chain
-        closed.poses, _ = optimise(closed.poses, fixed, ROBUST_SCALE)
+    closed = replace(start, poses=start.poses.copy())
+    if len(fixed) + len(closed.accepted) >= len(segments):  # landmarks, beyond the chain
+        held = Edges.concatenate([fixed, closed.accepted.edges])
+        closed.poses, _ = optimise(closed.poses, held, ROBUST_SCALE)
     tried: list[Candidate] = []
     max_std_m = FIRST_STD_M
     for _ in range(MAX_ROUNDS):
         graph = directed_edges(len(segments), Edges.concatenate([fixed, closed.accepted.edges]))
-        found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m)
+        found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m, first_query)
         candidates = choose_candidates(found, tried)
         while not candidates and max_std_m < MAX_STD_M:
             max_std_m *= 2.0
-            found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m)
+            found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m, first_query)
             candidates = choose_candidates(found, tried)
         if not candidates:
             break
         tried += candidates
         closed.pairs_searched += len(candidates)
-        matches = match_candidates(candidates, closed.poses, segment_m, clouds)
+        matches = match_candidates(candidates, closed.poses, segments, segment_m, clouds)
         pool = LoopMatches.concatenate([closed.pending, matches.select(_is_plausible(matches))])
         accepted = is_supported(closed.poses, graph, pool)
         closed.pending = pool.select(~accepted)

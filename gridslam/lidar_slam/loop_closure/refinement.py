@@ -40,13 +40,14 @@ REGISTRATION = Registration(
 )
 
 
-def choose_pairs(poses: Floats, travel_m: Floats) -> tuple[Ints, Ints]:
+def choose_pairs(poses: Floats, travel_m: Floats, first_query: int = 0) -> tuple[Ints, Ints]:
     """Targets `(p,)` and queries `(p,)`, sorted by target: which segments are registered about which.
 
-    Of each visit the segment nearest to the query is its target.
+    Of each visit the segment nearest to the query is its target. Queries are the segments from `first_query` on.
     """
     near = cKDTree(poses[:, :2]).query_pairs(VIEW_M, output_type="ndarray")
     near = near[np.abs(travel_m[near[:, 1]] - travel_m[near[:, 0]]) >= MIN_TRAVEL_M]
+    near = near[near.max(axis=1, initial=0) >= first_query]
     target, query = near.min(axis=1, initial=len(poses)), near.max(axis=1, initial=0)
     order = np.lexsort((target, query))
     targets: list[int] = []
@@ -61,14 +62,15 @@ def choose_pairs(poses: Floats, travel_m: Floats) -> tuple[Ints, Ints]:
     return t[order], q_all[order]
 
 
-def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds) -> Edges:
-    """Edges `target` to `query` from the registration of segments, given their poses `(s, 3)`."""
-    target, query = choose_pairs(poses, segments.travel_m)
+def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds, first_query: int = 0) -> Edges:
+    """Edges `target` to `query` from the registration of segments from `first_query` on, given all poses `(s, 3)`."""
+    target, query = choose_pairs(poses, segments.travel_m, first_query)
     if not len(target):
         return Edges.none()
     centres, counts = np.unique(target, return_counts=True)
-    first = np.maximum(centres - HALF_SUBMAP_SEGMENTS, 0)
-    last = np.minimum(centres + HALF_SUBMAP_SEGMENTS, len(poses) - 1)
+    lowest, highest = segments.limits[centres].T
+    first = np.maximum(centres - HALF_SUBMAP_SEGMENTS, lowest)
+    last = np.minimum(centres + HALF_SUBMAP_SEGMENTS, highest)
     members = [se2.between(poses[c], poses[a : b + 1]) for c, a, b in zip(centres, first, last, strict=True)]
     submaps = SubmapMembers(
         first, last, _offsets(last - first + 1), np.concatenate(members), _offsets(counts)

@@ -17,6 +17,7 @@ from gridslam.kernels.segment_clouds import SegmentClouds
 from gridslam.kernels.submap_matching import SubmapDrawing, SubmapPairs, match_submaps
 from gridslam.kernels.surfel_registration import Registration
 from gridslam.kernels.window_search import WindowSearch
+from gridslam.lidar_slam.loop_closure.segments import Segments
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -105,9 +106,12 @@ class LoopMatches:
 
 
 def find_candidates(
-    poses: Floats, travel_m: Floats, graph: DirectedEdges, max_std_m: float
+    poses: Floats, travel_m: Floats, graph: DirectedEdges, max_std_m: float, first_query: int = 0
 ) -> list[Candidate]:
-    """All candidates up to an uncertainty, the least uncertain first, given the segments' poses `(s, 3)`."""
+    """All candidates up to an uncertainty, the least uncertain first, given the segments' poses `(s, 3)`.
+
+    Queries are the segments from `first_query` on.
+    """
     limits = CandidateLimits(
         MIN_TRAVEL_M,
         VIEW_M,
@@ -115,6 +119,7 @@ def find_candidates(
         min_std_m=MIN_STD_M,
         max_std_m=max_std_m,
         max_gap=MAX_GAP_SEGMENTS,
+        first_query=first_query,
     )
     counts, nodes, covariances = relative_covariance.loop_candidates(
         poses, travel_m, graph, limits, MAX_PASSAGES
@@ -128,21 +133,21 @@ def find_candidates(
 
 
 def match_candidates(
-    candidates: Sequence[Candidate], poses: Floats, segment_m: float, clouds: SegmentClouds
+    candidates: Sequence[Candidate],
+    poses: Floats,
+    segments: Segments,
+    segment_m: float,
+    clouds: SegmentClouds,
 ) -> LoopMatches:
     """Search for every query's submap about its target, given the segments' poses `(s, 3)` and their length."""
-    found = match_submaps(clouds, _submap_pairs(candidates, poses, segment_m), DRAWING, SEARCH, REGISTRATION)
+    pairs = _submap_pairs(candidates, poses, segments.limits, segment_m)
+    found = match_submaps(clouds, pairs, DRAWING, SEARCH, REGISTRATION)
     target = np.array([c.target for c in candidates])
     query = np.array([c.query for c in candidates])
     frames = np.array([_search_frame(poses[c.target], c.covariance) for c in candidates])
     T_target_frame = se2.between(poses[target], frames)
-    covariance = np.asarray(
-        np.linalg.inv(INFORMATION_WEIGHT * found.information + MIN_INFORMATION), np.float64
-    )
-    covariance = rotated(covariance, T_target_frame[:, 2])
-    covariance += np.diag([MATCH_STD_M**2, MATCH_STD_M**2, MATCH_STD_RAD**2])
     motions = se2.compose(T_target_frame, found.poses)
-    information = np.asarray(np.linalg.inv(covariance), np.float64)
+    information = edge_information(found.information, T_target_frame[:, 2])
     edges = Edges(target, query, motions, information, np.ones(len(target), np.bool_))
     std_m = np.array([c.std_m for c in candidates])
     return LoopMatches(
@@ -155,23 +160,37 @@ def match_candidates(
     )
 
 
+def edge_information(information: Floats, yaw_rad: Floats) -> Floats:
+    """Information `(m, 3, 3)` of edges from that of the registered points, in frames of the headings `(m,)` in the sources."""
+    covariance = np.asarray(np.linalg.inv(INFORMATION_WEIGHT * information + MIN_INFORMATION), np.float64)
+    covariance = rotated(covariance, yaw_rad)
+    covariance += np.diag([MATCH_STD_M**2, MATCH_STD_M**2, MATCH_STD_RAD**2])
+    return np.asarray(np.linalg.inv(covariance), np.float64)
+
+
 def _search_frame(pose: Floats, covariance: Floats) -> Floats:
     """The frame of a target's search: at its pose, the first axis along the widest direction of the uncertainty."""
     direction = np.linalg.eigh(covariance[:2, :2])[1][:, 1]
     return np.array([pose[0], pose[1], np.arctan2(direction[1], direction[0])])
 
 
-def _submap_pairs(candidates: Sequence[Candidate], poses: Floats, segment_m: float) -> SubmapPairs:
-    """The submaps about the candidates' targets and queries, with the windows of the search."""
+def _submap_pairs(
+    candidates: Sequence[Candidate], poses: Floats, limits: Ints, segment_m: float
+) -> SubmapPairs:
+    """The submaps about the candidates' targets and queries, with the windows of the search.
+
+    `limits` `(s, 2)` are the first and last segments of each segment's track.
+    """
     spans, starts, windows = [], [], []
     target_poses, query_poses = [], []
     for c in candidates:
         std = np.sqrt(np.linalg.eigvalsh(c.covariance[:2, :2])[::-1])
         window = np.maximum(WINDOW_STDS * std, MIN_WINDOW_M)
         yaw = max(WINDOW_STDS * np.sqrt(c.covariance[2, 2]), MIN_WINDOW_RAD)
-        query = max(0, c.query - QUERY_SEGMENTS), min(len(poses) - 1, c.query + QUERY_SEGMENTS)
+        (first, last), (query_first, query_last) = limits[c.target], limits[c.query]
+        query = max(query_first, c.query - QUERY_SEGMENTS), min(query_last, c.query + QUERY_SEGMENTS)
         half = min(int(np.ceil((window[0] + TARGET_RANGE_M) / segment_m)), MAX_TARGET_SEGMENTS)
-        target = max(0, c.target - half), min(c.target + half, query[0] - 1)
+        target = max(first, c.target - half), min(c.target + half, last, query[0] - 1)
         frame = _search_frame(poses[c.target], c.covariance)
         spans.append((*target, *query))
         target_poses.append(se2.between(frame, poses[target[0] : target[1] + 1]))

@@ -28,15 +28,23 @@ METRES_PER_RADIAN = 0.5  # of rotation, in the length of a segment: a turn on th
 class Segments:
     """Segment i holds the key scans first[i]..first[i + 1] - 1; key scan reference[i] carries its frame.
 
-    `travel_m` `(s,)` is the distance travelled from the first key scan to the reference.
+    `travel_m` `(s,)` is the distance travelled from the first key scan to the reference. The segments may belong to several
+    tracks: track t owns the segments tracks[t]..tracks[t + 1] - 1; without `tracks` there is one.
     """
 
     first: Ints
     reference: Ints
     travel_m: Floats
+    tracks: Ints | None = None
 
     def __len__(self) -> int:
         return len(self.reference)
+
+    @property
+    def limits(self) -> Ints:
+        """First and last segment `(s, 2)` of each segment's track: a submap about it stays within them."""
+        tracks = np.array([0, len(self)]) if self.tracks is None else self.tracks
+        return np.repeat(np.stack([tracks[:-1], tracks[1:] - 1], axis=1), np.diff(tracks), axis=0)
 
 
 def cut_segments(track: Floats, length_m: float) -> Segments:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, optimise
-from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, close_loops
+from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, ClosedLoops, close_loops
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.refinement import register_visits
 from gridslam.lidar_slam.loop_closure.segments import (
@@ -43,7 +43,7 @@ class ClosedTrajectory:
     unspanned: Ints
     longest_unspanned_m: float
     pairs_searched: int
-    registrations: int
+    visits: Edges
 
     @property
     def measures(self) -> dict[str, object]:
@@ -52,7 +52,7 @@ class ClosedTrajectory:
             "pairs_searched": self.pairs_searched,
             "loops_found": len(self.loops),
             "loops_rejected": self.loops_rejected,
-            "matches": self.registrations,
+            "matches": len(self.visits),
             "longest_unspanned_m": round(self.longest_unspanned_m, 1),
         }
 
@@ -70,7 +70,8 @@ def close_trajectory(
     drift = drift or DriftModel()
     segments = cut_segments(track, SEGMENT_M)
     fixed = _fixed_edges(track, segments, drift, landmarks)
-    closed = close_loops(track, fixed, segments, SEGMENT_M, collect_clouds(scans, track, segments))
+    start = ClosedLoops(track[segments.reference])
+    closed = close_loops(start, fixed, segments, SEGMENT_M, collect_clouds(scans, track, segments))
     poses = deform_track(track, segments, closed.poses)
     fine = cut_segments(track, REFINED_SEGMENT_M)
     at = poses[fine.reference]
@@ -86,12 +87,12 @@ def close_trajectory(
     travel_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))])
     return ClosedTrajectory(
         poses,
-        replace(loops, source=segments.reference[loops.source], target=segments.reference[loops.target]),
+        _edges_between_key_scans(loops, segments),
         loops_rejected=len(closed.rejected),
         unspanned=unspanned,
         longest_unspanned_m=float(np.diff(travel_m[unspanned], axis=1).max(initial=0.0)),
         pairs_searched=closed.pairs_searched,
-        registrations=len(matches),
+        visits=_edges_between_key_scans(matches, fine),
     )
 
 
@@ -108,6 +109,12 @@ def _fixed_edges(track: Floats, segments: Segments, drift: DriftModel, landmarks
     between = source != target
     moved = Edges(source, target, motions, landmarks.information, landmarks.is_loop)
     return Edges.concatenate([chain, moved.select(between)])
+
+
+def _edges_between_key_scans(edges: Edges, segments: Segments) -> Edges:
+    """The same edges, with key scans as nodes instead of segments."""
+    at = segments.reference
+    return replace(edges, source=at[edges.source], target=at[edges.target])
 
 
 def unspanned_stretches(loops: Edges, segments: Segments, n_keys: int) -> Ints:

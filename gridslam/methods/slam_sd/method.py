@@ -25,12 +25,23 @@ from gridslam.lidar_slam.map_consistency.assessment import assess_map
 from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.continuation import Continued, continue_session
+from gridslam.lidar_slam.sessions.session import Session
+from gridslam.lidar_slam.sessions.session_map import draw_session
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.map_consistency import with_consistency
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
+from gridslam.methods.slam_sd.session_result import (
+    constraints_of,
+    drive_of,
+    refuse_repeated_log,
+    scans_to_compare,
+    with_drives,
+    with_session_file,
+)
 from gridslam.methods.slam_sd.single_track import SingleTrack
 from gridslam.motion.scan_poses import PlacedScan
 
@@ -50,8 +61,20 @@ class SlamSd:
     Raises ConfigError if two tag databases are given.
     """
 
-    def __init__(self, config: SlamSdConfig, seed: int, tags: TagDatabase | None = None) -> None:
+    def __init__(
+        self,
+        config: SlamSdConfig,
+        seed: int,
+        tags: TagDatabase | None = None,
+        session: Session | None = None,
+        log_name: str = "log",
+    ) -> None:
+        if session is not None and not config.pose_graph.enabled:
+            raise ConfigError(
+                "method.pose_graph.enabled: false, but a session is continued by loop closure alone"
+            )
         self._config = config
+        self._session, self._log_name = session, log_name
         self._stopwatch = Stopwatch()
         self._tracker = self._new_tracker()
         self._odometry_check = OdometryCheck(self._new_tracker)
@@ -100,19 +123,31 @@ class SlamSd:
         }
         resolution_m = config.map.resolution_m
         loops = Edges.none()
+        session, continued = None, None
         if config.pose_graph.enabled:
             with self._stopwatch.stage("loop_closure"):
                 closed, measures["pose_graph"] = self._optimised(key_poses)
-            key_poses, loops = closed.poses, closed.loops
+                key_poses, loops = closed.poses, closed.loops
+                session, continued = self._session_with(closed)
+                if continued is not None:
+                    key_poses = session.poses_of(len(session.drives) - 1)
             resolution_m = config.pose_graph.resolution_m or resolution_m
         trajectory = self._tracker.corrected(key_poses)
         with self._stopwatch.stage("draw_map"):
             scans = self._tracker.key_scans
-            masked = self._objects.returns_on_objects(scans, key_poses)
-            static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
+            drawn = None
+            if continued is not None:
+                drawn = draw_session(continued.session, resolution_m, config.memory_limit_mb)
+                static = drawn.grid
+            else:
+                masked = self._objects.returns_on_objects(scans, key_poses)
+                static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
             objects = self._objects.result(static, key_poses, trajectory)
         with self._stopwatch.stage("map_consistency"):
-            consistency = assess_map(scans, key_poses, self._tracker.key_poses, loops, self._drift)
+            compared = (scans, key_poses, self._tracker.key_poses, loops)
+            if continued is not None:
+                compared = scans_to_compare(continued.session)
+            consistency = assess_map(*compared, self._drift)
         result = RunResult(
             trajectory,
             occupancy=static,
@@ -125,6 +160,10 @@ class SlamSd:
             untrusted_ns=tracker.unmatched_ns(),
         )
         result = with_consistency(result, consistency)
+        if continued is not None and drawn is not None:
+            result = with_drives(result, continued, drawn)
+        if session is not None:
+            result = with_session_file(result, session)
         return result if objects is None else objects.added_to(result)
 
     def _new_tracker(self) -> ScanTracker:
@@ -179,6 +218,21 @@ class SlamSd:
         moved_m = np.hypot(*(closed.poses - key_poses)[:, :2].T)
         largest = {"largest_correction_m": round(float(moved_m.max()), 4)}
         return closed, {**closed.measures, **largest}
+
+    def _session_with(self, closed: ClosedTrajectory) -> tuple[Session, Continued | None]:
+        """The session after this drive; and if it continues an earlier one, how."""
+        tracker = self._tracker
+        scans = [
+            self._objects.without_objects(key, scan, closed.poses)
+            for key, scan in enumerate(tracker.key_scans)
+        ]
+        drive = drive_of(self._log_name, tracker, scans)
+        constraints = constraints_of(closed, self._objects.landmarks(closed.poses))
+        if self._session is None:
+            return Session((drive,), closed.poses, np.zeros(1, np.int64), constraints), None
+        refuse_repeated_log(self._session, drive)
+        continued = continue_session(self._session, drive, closed.poses, constraints, self._drift)
+        return continued.session, continued
 
     def _process_scan(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan also goes through the filter and to the objects."""

@@ -1,0 +1,212 @@
+"""What has changed between drives: cells that one saw occupied and the next one free, and the reverse, as coherent places.
+
+A cell counts as changed where the two drives contradict each other beyond an error of the poses. Glass and people do not:
+they are seen free and occupied within one drive. A surface that is looked through only along directions in which it was never
+met may be glass as well, and is not counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.lidar_slam.sessions.evidence import CellFrame, Evidence, PlacedScans
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Kind = Literal["appeared", "vanished"]
+
+MIN_HITS = 2  # scans that met a surface
+SURFACE_RATIO = 0.6  # of hits to all that is said of a cell, on a surface that stands
+SOMETIMES_RATIO = 0.08  # and in a cell that was not always free: glass, people, poses that are not exact
+MIN_MISSES = 3  # scans that looked through a cell
+MAX_POSE_ERROR_M = 0.15
+JOINED_M = 0.2  # changed cells this near to each other are one place
+MIN_CELLS = 3
+MIN_LENGTH_M = 0.15
+BEHIND_M = 0.25  # a beam that passes a cell ends this far behind it, or farther
+MAX_ANGLE_RAD = np.radians(30.0)  # between a beam that met a surface and one that passes it
+SAME_VIEW_RATIO = 0.3  # of the cells, that were looked at from the same side by both drives
+FARTHEST_M = 12.0
+MAX_CELLS_LOOKED_AT = 400  # of one place
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A place that changed: its cells (row, col) `(n, 2)`, footprint, and when it was last and first seen so.
+
+    The footprint is a rectangle about (x, y) (m) with its longer side along `yaw_rad`. `before_ns` is the last stamp at which
+    the earlier drives saw the earlier state, `after_ns` the first at which drive number `drive` saw the later one.
+    """
+
+    kind: Kind
+    drive: int
+    cells: Ints
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    length_m: float
+    width_m: float
+    before_ns: int
+    after_ns: int
+
+    @property
+    def corners(self) -> Floats:
+        """Corners `(4, 2)` of the footprint."""
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [self.length_m, self.width_m]
+        return np.asarray(half @ np.array([[c, s], [-s, c]]) + [self.x_m, self.y_m])
+
+
+def find_changes(
+    before: Evidence, after: Evidence, earlier: PlacedScans, later: PlacedScans, frame: CellFrame, drive: int
+) -> list[Change]:
+    """Changes from the earlier state of a place to that of drive number `drive`, ordered by place."""
+    vanished = _contradicted(before, after, frame)
+    appeared = _contradicted(after, before, frame)
+    found = []
+    for kind, mask, met_by, passed_by in (
+        ("vanished", vanished, earlier, later),
+        ("appeared", appeared, later, earlier),
+    ):
+        for cells in _places(mask, frame):
+            seen = _observations(cells, met_by, passed_by, frame)
+            if seen is not None:
+                times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
+                found.append(_change(kind, drive, cells, times, frame))  # type: ignore[arg-type]
+    return sorted(found, key=lambda change: (change.x_m, change.y_m, change.kind))
+
+
+def _contradicted(surface: Evidence, free: Evidence, frame: CellFrame) -> Bools:
+    """Cells that stand on a surface by one drive, and that another one looks through without any surface near them."""
+    stands = _at_ratio(surface, SURFACE_RATIO, MIN_HITS)
+    radius = round(MAX_POSE_ERROR_M / frame.resolution_m)
+    was_met = dilated(_at_ratio(free, SOMETIMES_RATIO, 1), radius)
+    return stands & ~was_met & (free.misses >= MIN_MISSES)
+
+
+def _at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
+    return (evidence.hits >= hits) & (evidence.hits >= ratio * (evidence.hits + evidence.misses))
+
+
+def dilated(mask: Bools, radius: int) -> Bools:
+    """The cells within a radius (cells) of those of a mask."""
+    size = 2 * radius + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.dilate(mask.astype(np.uint8), disc).astype(np.bool_)
+
+
+def _places(mask: Bools, frame: CellFrame) -> list[Ints]:
+    """Cells `(n, 2)` of every coherent place that is large enough."""
+    joined = dilated(mask, max(round(0.5 * JOINED_M / frame.resolution_m), 1))
+    _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
+    cells = np.argwhere(mask)
+    label = labels[cells[:, 0], cells[:, 1]]
+    order = np.argsort(label, kind="stable")
+    groups = np.split(cells[order], np.flatnonzero(np.diff(label[order])) + 1) if len(cells) else []
+    return [
+        group
+        for group in groups
+        if len(group) >= MIN_CELLS and np.ptp(group, axis=0).max() + 1 >= MIN_LENGTH_M / frame.resolution_m
+    ]
+
+
+def _observations(
+    cells: Ints, met_by: PlacedScans, passed_by: PlacedScans, frame: CellFrame
+) -> tuple[int, int, int, int] | None:
+    """Last stamp of a beam that met the cells and first of one that passes them; first met, and last passed.
+
+    None if hardly any cell was passed in a direction in which it was met.
+    """
+    step = -(-len(cells) // MAX_CELLS_LOOKED_AT)
+    centres = frame.geometry.centres(cells[::step])
+    met = _looked_at(centres, met_by, frame, is_met=True)
+    passed = _looked_at(centres, passed_by, frame, is_met=False)
+    if not (len(met.cell) and len(passed.cell)):
+        return None
+    from_same_side = 0
+    for cell in range(len(centres)):
+        one, other = met.angle[met.cell == cell], passed.angle[passed.cell == cell]
+        if len(one) and len(other):
+            difference = np.abs(np.angle(np.exp(2j * (one[:, None] - other[None])))) / 2.0
+            from_same_side += bool(difference.min() <= MAX_ANGLE_RAD)
+    if from_same_side < SAME_VIEW_RATIO * len(centres):
+        return None
+    return (
+        int(met.stamp_ns.max()),
+        int(passed.stamp_ns.min()),
+        int(met.stamp_ns.min()),
+        int(passed.stamp_ns.max()),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Looks:
+    """Looks at cells: the cell, the direction of the beam, and its stamp, `(n,)` each."""
+
+    cell: Ints
+    angle: Floats
+    stamp_ns: Ints
+
+
+def _looked_at(centres: Floats, scans: PlacedScans, frame: CellFrame, *, is_met: bool) -> _Looks:
+    """The looks of scans at cells, either those that end there or those that pass."""
+    cells, angles, stamps = [], [], []
+    middle = centres.mean(axis=0)
+    radius = float(np.hypot(*(centres - middle).T).max())
+    away = np.hypot(*(scans.viewpoints - middle).T)
+    for k in np.flatnonzero(away <= FARTHEST_M + radius).tolist():
+        origin, beams = scans.viewpoints[k], scans.endpoints[k] - scans.viewpoints[k]
+        if not len(beams):
+            continue
+        beam_angle, beam_range = np.arctan2(beams[:, 1], beams[:, 0]), np.hypot(beams[:, 0], beams[:, 1])
+        order = np.argsort(beam_angle)
+        offset = centres - origin
+        angle, distance = np.arctan2(offset[:, 1], offset[:, 0]), np.hypot(offset[:, 0], offset[:, 1])
+        nearest = _nearest_angle(beam_angle[order], angle)
+        missed_by = np.abs(np.angle(np.exp(1j * (beam_angle[order][nearest] - angle)))) * distance
+        behind = beam_range[order][nearest] - distance
+        fits = np.abs(behind) <= 1.5 * frame.resolution_m if is_met else behind >= BEHIND_M
+        rows = np.flatnonzero(fits & (missed_by <= frame.resolution_m) & (distance <= FARTHEST_M))
+        cells.append(rows)
+        angles.append(angle[rows])
+        stamps.append(np.full(len(rows), scans.stamps_ns[k]))
+    if not cells:
+        return _Looks(np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int64))
+    return _Looks(np.concatenate(cells), np.concatenate(angles), np.concatenate(stamps))
+
+
+def _nearest_angle(ordered: Floats, angles: Floats) -> Ints:
+    """Rows of the nearest of ordered angles, which wrap around."""
+    after = np.searchsorted(ordered, angles) % len(ordered)
+    before = (after - 1) % len(ordered)
+    apart = [np.abs(np.angle(np.exp(1j * (ordered[k] - angles)))) for k in (before, after)]
+    return np.where(apart[0] <= apart[1], before, after)
+
+
+def _change(kind: Kind, drive: int, cells: Ints, times: tuple[int, int], frame: CellFrame) -> Change:
+    centres = frame.geometry.centres(cells)
+    origin = centres[0]
+    (x, y), (length, width), angle = cv2.minAreaRect((centres - origin).astype(np.float32))
+    yaw = float(np.radians(angle))
+    if width > length:
+        length, width, yaw = width, length, yaw + 0.5 * np.pi
+    yaw = float((yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+    cell = frame.resolution_m
+    return Change(
+        kind,
+        drive,
+        cells,
+        x_m=float(x + origin[0]),
+        y_m=float(y + origin[1]),
+        yaw_rad=yaw,
+        length_m=float(length + cell),
+        width_m=float(width + cell),
+        before_ns=times[0],
+        after_ns=times[1],
+    )

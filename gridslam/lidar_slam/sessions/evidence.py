@@ -1,0 +1,127 @@
+"""What the scans of a drive say of every cell: how often it held an endpoint, how often a beam crossed it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.kernels import log_odds
+from gridslam.lidar_slam.grid_map import UPDATE, grid_extent
+from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.maps.occupancy import GridGeometry
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+
+BYTES_PER_CELL = 40.0
+MAX_RANGE_M = 12.0  # farther away an error of the heading moves a beam past a corner
+HITS = log_odds.LogOddsUpdate(hit=1.0, miss=0.0, limit=1e6)
+MISSES = log_odds.LogOddsUpdate(hit=0.0, miss=1.0, limit=1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedScans:
+    """Endpoints `(r, 2)` of scans and their viewpoints `(n, 2)` in the map frame, with the scans' stamps `(n,)`."""
+
+    endpoints: Sequence[Floats]
+    viewpoints: Floats
+    stamps_ns: Ints
+
+    @staticmethod
+    def of(scans: Sequence[PreparedScan], poses: Floats) -> PlacedScans:
+        """Scans seen from their poses `(n, 3)`."""
+        return PlacedScans(
+            [se2.transform_points(pose, scan.returns) for pose, scan in zip(poses, scans, strict=True)],
+            np.array(
+                [
+                    se2.transform_points(pose, scan.viewpoint[None])[0]
+                    for pose, scan in zip(poses, scans, strict=True)
+                ]
+            ),
+            np.array([scan.stamp_ns for scan in scans], np.int64),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class CellFrame:
+    """A grid's lower-left corner (x, y) in cells, its rows, columns and cell size."""
+
+    corner: Ints
+    rows: int
+    cols: int
+    resolution_m: float
+
+    @staticmethod
+    def around(drives: Sequence[PlacedScans], resolution_m: float, memory_limit_mb: float) -> CellFrame:
+        """The grid around all that drives saw. Raises MethodError: it would exceed the memory limit."""
+        points = np.concatenate([part for drive in drives for part in (*drive.endpoints, drive.viewpoints)])
+        corner, rows, cols = grid_extent(points, resolution_m, memory_limit_mb, BYTES_PER_CELL)
+        return CellFrame(corner, rows, cols, resolution_m)
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """The geometry of the grid."""
+        x, y = (self.corner * self.resolution_m).tolist()
+        return GridGeometry(self.resolution_m, (x, y))
+
+    def zeros(self) -> Floats32:
+        """A grid of zeros."""
+        return np.zeros((self.rows, self.cols), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """How many scans had an endpoint in each cell within `MAX_RANGE_M`, and how many looked through it; float32 grids."""
+
+    hits: Floats32
+    misses: Floats32
+
+    @property
+    def log_odds(self) -> Floats32:
+        """The log-odds of a map with this evidence alone."""
+        summed = UPDATE.hit * self.hits + UPDATE.miss * self.misses
+        return np.clip(summed, -UPDATE.limit, UPDATE.limit).astype(np.float32)
+
+
+def collect_evidence(drive: PlacedScans, frame: CellFrame) -> Evidence:
+    """The evidence of one drive's scans."""
+    hits, misses, last = frame.zeros(), frame.zeros(), np.zeros((frame.rows, frame.cols), np.int32)
+    for number, (origin, endpoints) in enumerate(zip(drive.viewpoints, drive.endpoints, strict=True)):
+        beam = endpoints - origin
+        fraction = MAX_RANGE_M / np.maximum(np.hypot(beam[:, 0], beam[:, 1]), 1e-9)
+        near = origin + beam * np.minimum(fraction, 1.0)[:, None]
+        beams = _in_cells(origin, near, frame)
+        is_hit = fraction >= 1.0
+        for step, (grid, update) in enumerate(((hits, HITS), (misses, MISSES))):
+            log_odds.insert_scan_dense(
+                grid, last, scan_number=2 * number + step + 1, beams=beams, is_hit=is_hit, update=update
+            )
+    return Evidence(hits, misses)
+
+
+def insert_drive(
+    values: Floats32, last: NDArray[np.int32], drive: PlacedScans, frame: CellFrame, first: int
+) -> None:
+    """Add the scans of a drive to a grid of log-odds, as one map is drawn; the scans are numbered from `first` > 0."""
+    for number, (origin, endpoints) in enumerate(
+        zip(drive.viewpoints, drive.endpoints, strict=True), start=first
+    ):
+        log_odds.insert_scan_dense(
+            values,
+            last,
+            scan_number=number,
+            beams=_in_cells(origin, endpoints, frame),
+            is_hit=np.ones(len(endpoints), np.bool_),
+            update=UPDATE,
+        )
+
+
+def _in_cells(origin: Floats, endpoints: Floats, frame: CellFrame) -> log_odds.BeamBundle:
+    return log_odds.BeamBundle(
+        origin / frame.resolution_m - frame.corner, endpoints / frame.resolution_m - frame.corner
+    )

@@ -1,0 +1,222 @@
+"""Where in a map a drive was, with nothing known of it: every part of the drive is searched for in the whole map.
+
+The map is one submap, so that the strongest rival of a match is the best one anywhere else in the map. A place is accepted when
+several parts of the drive, searched for one by one, put the drive in the same place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairwise_disagreement
+from gridslam.graph.pose_graph import Edges
+from gridslam.graph.relative_covariance import directed_edges
+from gridslam.kernels.relative_covariance import DirectedEdges
+from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.kernels.submap_matching import SubmapMatches, SubmapPairs, match_submaps
+from gridslam.lidar_slam.loop_closure import search
+from gridslam.lidar_slam.loop_closure.closure import (
+    DISTINCT_RIVAL_RATIO,
+    MAX_CONTRADICTED,
+    MAX_RIVAL_RATIO,
+    MIN_EXPLAINED,
+    MIN_SCORE,
+)
+from gridslam.lidar_slam.loop_closure.search import LoopMatches
+from gridslam.lidar_slam.sessions.session import offsets
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+CLOUD_CELL_M = 0.1  # of the map one surface point is kept in each cell
+BEAM_CELL_M = 1.5  # and the beams of the last segment with its reference in each
+SPACINGS = 12, 6, 3  # segments between the parts that are searched for, until a place is found
+UNKNOWN_STD_M = 100.0  # of a place anywhere in the map
+MIN_AGREEING = 3  # parts of the drive that put it in one place
+MIN_LEAD = 2.0  # times the parts that agree on any other place
+SHORT_DRIVE_SEGMENTS = 9  # in a shorter drive too few parts can agree: one must be beyond doubt
+CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
+MARGIN_M = 10.0
+DRAWING = search.DRAWING._replace(max_points=200)  # enough in a window as large as the map, which costs time
+SEARCH = search.SEARCH._replace(yaw_step_rad=0.024, min_score=MIN_SCORE)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownMap:
+    """The segments of a map: their poses `(s, 3)`, clouds, and the edges that hold them."""
+
+    poses: Floats
+    clouds: SegmentClouds
+    edges: Edges
+
+
+def find_places(known: KnownMap, drive: KnownMap, first_query: int = 0) -> LoopMatches:
+    """Loops from segments of a map to segments of a drive whose place in it is unknown; none if it is not found.
+
+    Segments of the drive are numbered after those of the map. Those from `first_query` on are searched for.
+    """
+    union = _union(known)
+    if not len(union.points):
+        return LoopMatches.none()
+    size, end = len(known.poses), len(drive.poses)
+    own = end - first_query
+    graph = directed_edges(size + end, Edges.concatenate([known.edges, _shifted(drive.edges, size)]))
+    poses = np.concatenate([known.poses, drive.poses])
+    tried: set[int] = set()
+    pool = LoopMatches.none()
+    for spacing in SPACINGS:
+        begin = first_query + min(spacing // 2, own // 2)
+        queries = [q for q in range(begin, end, spacing) if q not in tried]
+        tried.update(queries)
+        if not queries:
+            continue
+        found = _search(union, known.poses, drive, np.array(queries, np.int64))
+        pool = LoopMatches.concatenate([pool, found])
+        agreeing = _agreeing(poses, graph, pool, own)
+        if agreeing.any():
+            return pool.select(agreeing)
+    return LoopMatches.none()
+
+
+def _agreeing(poses: Floats, graph: DirectedEdges, pool: LoopMatches, own: int) -> Bools:
+    """The matches `(m,)` that put the drive in one place, if there are enough of them and few elsewhere."""
+    none = np.zeros(len(pool), np.bool_)
+    if not len(pool):
+        return none
+    chi2, _ = pairwise_disagreement(poses, graph, pool.edges)
+    agree = chi2 < CHI2_3DOF_99
+    np.fill_diagonal(agree, False)
+    cliques = largest_cliques(agree)
+    is_distinct = pool.rival_score <= DISTINCT_RIVAL_RATIO * pool.score
+    is_clear = (
+        (pool.score >= CLEAR_SCORE)
+        & (pool.explained >= CLEAR_EXPLAINED)
+        & (pool.contradicted <= CLEAR_CONTRADICTED)
+        & (pool.rival_score <= CLEAR_RIVAL_RATIO * pool.score)
+    )
+    best = cliques[0]
+    rival = len(cliques[1]) if len(cliques) > 1 else 0
+    is_enough = len(best) >= MIN_AGREEING and is_distinct[best].any()
+    is_enough = is_enough or (own < SHORT_DRIVE_SEGMENTS and is_clear[best].any())
+    if not is_enough or len(best) < MIN_LEAD * rival:
+        return none
+    none[best] = True
+    return none
+
+
+@dataclass(frozen=True, slots=True)
+class _Union:
+    points: Floats
+    normals: Floats
+    beams: Floats
+
+
+def _union(known: KnownMap) -> _Union:
+    """The points and beams of all segments in the frame of the map, the last segment's where several saw the same."""
+    clouds, poses = known.clouds, known.poses
+    segment = np.repeat(np.arange(len(poses)), np.diff(clouds.first_point))
+    c, s = np.cos(poses[segment, 2]), np.sin(poses[segment, 2])
+    points = np.stack(
+        [
+            poses[segment, 0] + c * clouds.points[:, 0] - s * clouds.points[:, 1],
+            poses[segment, 1] + s * clouds.points[:, 0] + c * clouds.points[:, 1],
+        ],
+        axis=1,
+    )
+    nx, ny = clouds.normals.T
+    normals = np.stack([c * nx - s * ny, s * nx + c * ny], axis=1)
+    kept = _last_in_cells(points, CLOUD_CELL_M)
+    chosen = _last_in_cells(poses[:, :2], BEAM_CELL_M)
+    beams = [np.zeros((0, 4))]
+    for k in chosen.tolist():
+        own = clouds.beams[clouds.first_beam[k] : clouds.first_beam[k + 1]]
+        ends = se2.transform_points(poses[k], own.reshape(-1, 2))
+        beams.append(ends.reshape(-1, 4))
+    return _Union(points[kept], normals[kept], np.concatenate(beams))
+
+
+def _last_in_cells(points: Floats, cell_m: float) -> Ints:
+    """Rows, in order, of the last of the points `(n, 2)` in every cell."""
+    cells = np.floor(points / cell_m).astype(np.int64)
+    _, first = np.unique(cells[::-1], axis=0, return_index=True)
+    return np.sort(len(points) - 1 - first)
+
+
+def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) -> LoopMatches:
+    """Matches of segments of the drive, with their neighbours, in the whole map."""
+    low, high = union.points.min(axis=0) - MARGIN_M, union.points.max(axis=0) + MARGIN_M
+    centre = np.array([*(0.5 * (low + high)), 0.0])
+    window = np.array([*(0.5 * (high - low)), np.pi])
+    pairs = _pairs(drive.poses, queries, centre, window)
+    found = match_submaps(_with_map(drive.clouds, union), pairs, DRAWING, SEARCH, search.REGISTRATION)
+    is_plausible = (
+        (found.scores >= MIN_SCORE)
+        & (found.explained >= MIN_EXPLAINED)
+        & (found.contradicted <= MAX_CONTRADICTED)
+        & (found.rival_scores <= MAX_RIVAL_RATIO * found.scores)
+    )
+    return _as_loops(found, known_poses, queries).select(is_plausible)
+
+
+def _pairs(poses: Floats, queries: Ints, centre: Floats, window: Floats) -> SubmapPairs:
+    """Each query with its neighbours against the map, which is the last segment."""
+    n, count = len(poses), len(queries)
+    first = np.maximum(queries - search.QUERY_SEGMENTS, 0)
+    last = np.minimum(queries + search.QUERY_SEGMENTS, n - 1)
+    members = [se2.between(poses[q], poses[a : b + 1]) for q, a, b in zip(queries, first, last, strict=True)]
+    whole = np.full(count, n, np.int64)
+    return SubmapPairs(
+        target_first=whole,
+        target_last=whole,
+        target_row=np.arange(count + 1, dtype=np.int64),
+        target_poses=np.zeros((count, 3)),
+        query_first=first,
+        query_last=last,
+        query_row=offsets((last - first + 1).tolist()),
+        query_poses=np.concatenate(members),
+        starts=np.tile(centre, (count, 1)),
+        windows=np.tile(window, (count, 1)),
+    )
+
+
+def _with_map(clouds: SegmentClouds, union: _Union) -> SegmentClouds:
+    """The clouds of the drive, and the map as one more segment."""
+    return SegmentClouds(
+        np.concatenate([clouds.points, union.points]),
+        np.concatenate([clouds.normals, union.normals]),
+        np.append(clouds.first_point, len(clouds.points) + len(union.points)),
+        np.concatenate([clouds.beams, union.beams]),
+        np.append(clouds.first_beam, len(clouds.beams) + len(union.beams)),
+    )
+
+
+def _as_loops(found: SubmapMatches, known_poses: Floats, queries: Ints) -> LoopMatches:
+    """Matches in the frame of the map as edges from its nearest segments."""
+    target = np.asarray(cKDTree(known_poses[:, :2]).query(found.poses[:, :2])[1], np.int64)
+    edges = Edges(
+        target,
+        queries + len(known_poses),
+        np.asarray(se2.between(known_poses[target], found.poses)),
+        search.edge_information(found.information, -known_poses[target, 2]),
+        np.ones(len(queries), np.bool_),
+    )
+    return LoopMatches(
+        edges,
+        np.full(len(queries), UNKNOWN_STD_M),
+        score=found.scores,
+        rival_score=found.rival_scores,
+        explained=found.explained,
+        contradicted=found.contradicted,
+    )
+
+
+def _shifted(edges: Edges, by: int) -> Edges:
+    return Edges(
+        edges.source + by, edges.target + by, edges.T_source_target, edges.information, edges.is_loop
+    )

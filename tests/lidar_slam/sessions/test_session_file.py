@@ -1,0 +1,91 @@
+"""session.npz: what is written is read back, and what is damaged is refused with a reason."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from gridslam.core.errors import InputError
+from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.lidar_slam.sessions.session import Session
+from gridslam.lidar_slam.sessions.session_file import POINT_UNIT_M, read_session, session_bytes
+from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return session_of(drive_along(LAP[:60], "monday.mcap"))
+
+
+def test_a_session_is_read_back(session: Session) -> None:
+    content = session_bytes(session)
+    assert content == session_bytes(session)
+    read = read_session(content, "session.npz")
+    assert read.drives[0].log == "monday.mcap"
+    np.testing.assert_array_equal(read.poses, session.poses)
+    np.testing.assert_array_equal(read.drives[0].track, session.drives[0].track)
+    for one, other in zip(read.scans, session.scans, strict=True):
+        assert one.stamp_ns == other.stamp_ns
+        np.testing.assert_allclose(one.returns, other.returns, atol=POINT_UNIT_M)
+        np.testing.assert_allclose(one.surface_normals, other.surface_normals, atol=1e-4)
+
+
+def test_a_session_that_was_read_is_written_with_the_same_bytes(session: Session) -> None:
+    content = session_bytes(session)
+    assert session_bytes(read_session(content, "session.npz")) == content
+
+
+def changed(session: Session, **arrays: object) -> bytes:
+    """The session's file with other values for some arrays; None leaves one out."""
+    content = {**read_npz(session_bytes(session)), **{k.replace("__", "."): v for k, v in arrays.items()}}
+    return npz_bytes({name: np.asarray(values) for name, values in content.items() if values is not None})
+
+
+def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
+    head = np.frombuffer(b'{"format": "gridslam session", "version": 99, "logs": ["a"]}', np.uint8)
+    poses = session.poses.copy()
+    poses[3, 0] = np.nan
+    keys = session.drives[0].keys.copy()
+    keys[5] = 10_000
+    for content, reason in (
+        (changed(session, head=head), "version 99"),
+        (changed(session, head=None), "no readable head"),
+        (changed(session, returns=None), "returns is missing"),
+        (changed(session, key__pose=poses), "not finite"),
+        (changed(session, key__pose=session.poses[:-1]), "do not fit"),
+        (changed(session, key__scan=keys), "none of its drive's scans"),
+        (changed(session, key__returns=-np.ones(len(keys), np.int64)), "out of range"),
+        (changed(session, returns=np.full((9, 2), 2**30, np.int32)), "do not fit"),
+        (session_bytes(session)[:-200], "damaged"),
+        (b"not a zip file", "damaged"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            read_session(content, "session.npz")
+
+
+def test_objects_and_bombs_are_refused(session: Session) -> None:
+    buffer = io.BytesIO()
+    np.savez(buffer, head=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(InputError, match="damaged"):
+        read_session(buffer.getvalue(), "session.npz")
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("head.npy", bytes(200 << 20))
+    with pytest.raises(InputError, match="claims to hold"):
+        read_session(buffer.getvalue(), "session.npz")
+
+
+def test_altered_bytes_never_end_in_another_error(session: Session) -> None:
+    content = bytearray(session_bytes(session))
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        altered = content.copy()
+        for at in rng.integers(0, len(altered), 3):
+            altered[at] = rng.integers(0, 256)
+        try:
+            read_session(bytes(altered), "session.npz")
+        except InputError as error:
+            assert "session.npz" in str(error)

@@ -1,0 +1,59 @@
+"""Several logs as one map: the same as continuing run by run, and clear errors for wrong use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gridslam.api import map_log
+from gridslam.core.errors import ConfigError, InputError
+from gridslam.logs.config import LogConfig
+from gridslam.logs.convert import convert_log
+from gridslam.logs.open import open_log
+from tests.conftest import REPOSITORY
+
+LOG = REPOSITORY / "sample_logs" / "slam-sd.mcap"
+
+
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The sample log cut into two drives that overlap."""
+    folder = tmp_path_factory.mktemp("drives")
+    paths = [folder / "monday.mcap", folder / "thursday.mcap"]
+    for path, (start, end) in zip(paths, ((0.0, 40.0), (25.0, 65.0)), strict=True):
+        with open_log(LOG, LogConfig()) as log:
+            convert_log(log, path, start_s=start, end_s=end)
+    return paths
+
+
+def test_two_logs_are_mapped_as_one_continued_run_after_the_other(halves: list[Path], tmp_path: Path) -> None:
+    both = map_log(halves, "slam-sd")
+    run = map_log(halves[0], "slam-sd").save(tmp_path / "monday")
+    continued = map_log(halves[1], "slam-sd", session=run)
+    assert both.map is not None and continued.map is not None
+    np.testing.assert_array_equal(both.map.probability, continued.map.probability)
+    assert both.run.result.files == continued.run.result.files
+    assert [row[1] for row in both.tables["drives"].rows] == [path.name for path in halves]
+    folder = both.save(tmp_path / "both")
+    names = {path.name for path in folder.iterdir()}
+    assert {"session.npz", "changes.png", "changes.csv", "trajectory_1.tum", "trajectory_2.tum"} <= names
+    assert (np.diff(both.trajectory.stamps_ns) > 0).all()
+    assert len(both.trajectory) > len(map_log(halves[0], "slam-sd").trajectory)
+
+
+def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="ir-scan maps one log"):
+        map_log(halves, "ir-scan")
+    with pytest.raises(ConfigError, match="continue: ir-scan has no use"):
+        map_log(halves[0], "ir-scan", session=tmp_path)
+    with pytest.raises(ConfigError, match=r"--continue .*session.npz: cannot be read"):
+        map_log(halves[0], "slam-sd", session=tmp_path)
+    (tmp_path / "session.npz").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="not a session"):
+        map_log(halves[0], "slam-sd", session=tmp_path)
+    with pytest.raises(ConfigError, match="has this log already"):
+        map_log([halves[0], halves[0]], "slam-sd")
+    with pytest.raises(ConfigError, match="loop closure"):
+        map_log(halves, "slam-sd", pose_graph={"enabled": False})
