@@ -6,13 +6,16 @@ import functools
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gridslam.methods.registry import MethodEntry, built_in_with
 
 from . import console
+
+if TYPE_CHECKING:
+    from gridslam.logs.config import LogConfig
 
 
 def methods_with(has: Callable[[MethodEntry], object]) -> str:
@@ -114,6 +117,19 @@ Inputs = Annotated[
     list[str] | None,
     typer.Option("--input", metavar="NAME=FILE", help="A further input of a method of another package."),
 ]
+
+
+def reading_config(config: str | None, layout: Path | None) -> LogConfig:
+    """How `info` and `convert` read a log: by the `log` section of a config, and the layout of a CSV folder."""
+    from gridslam.logs.config import LogConfig
+
+    if config is None:
+        return LogConfig(csv=layout)
+    from gridslam.runs.run_config import load_run_config
+
+    settings = load_run_config(config, ()).log
+    return settings if layout is None else settings.model_copy(update={"csv": layout})
+
 
 _Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors to stderr.")]
 _Debug = Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")]

@@ -8,13 +8,23 @@ from typing import Annotated
 import typer
 
 from .. import console
-from ..options import AsJson, LogPath, Strict
+from ..options import AsJson, LogPath, Strict, reading_config
 from .info import LOSSY, Layout
 
 MAX_PROBLEMS = 20
 Destination = Annotated[
-    Path,
+    Path | None,
     typer.Argument(metavar="OUT", help="What to write: MCAP if the name ends in .mcap, else a CSV folder."),
+]
+Rosbag2Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="DIR", help="Write a rosbag2 folder instead of OUT."),
+]
+ReadingConfig = Annotated[
+    str | None,
+    typer.Option(
+        "--config", "-c", metavar="CONFIG", help="Read the log by the `log` section of this config."
+    ),
 ]
 Topics = Annotated[
     str, typer.Option("--topics", metavar="A,B", help="Only these topics (see gridslam info).")
@@ -30,7 +40,9 @@ Replace = Annotated[bool, typer.Option("--force", help="Replace what is there.")
 
 def run(
     log: LogPath,
-    output: Destination,
+    output: Destination = None,
+    rosbag2: Rosbag2Output = None,
+    config: ReadingConfig = None,
     topics: Topics = "",
     start: Start = None,
     end: End = None,
@@ -39,16 +51,28 @@ def run(
     strict: Strict = False,
     as_json: AsJson = False,
 ) -> None:
-    """Rewrite any readable log as MCAP or as a folder of CSV files."""
-    from gridslam.logs.config import LogConfig
+    """Rewrite any log as MCAP, as a folder of CSV files, or as a rosbag2 folder (-o)."""
+    from gridslam.core.errors import ConfigError
     from gridslam.logs.convert import convert_log
     from gridslam.logs.open import open_log
 
     from ..interruption import finishing
 
-    with open_log(log, LogConfig(csv=layout)) as opened:
+    if (output is None) == (rosbag2 is None):
+        raise ConfigError("name either OUT or -o DIR")
+    target = output or rosbag2
+    assert target is not None
+    with open_log(log, reading_config(config, layout)) as opened:
         chosen = [topic for topic in topics.split(",") if topic]
-        done = convert_log(opened, output, topics=chosen, start_s=start, end_s=end, force=force)
+        done = convert_log(
+            opened,
+            target,
+            topics=chosen,
+            start_s=start,
+            end_s=end,
+            force=force,
+            as_rosbag2=rosbag2 is not None,
+        )
         problems, is_lossy, counters = opened.problems, opened.is_lossy, opened.counters
     with finishing():
         for problem in problems[:MAX_PROBLEMS]:
@@ -57,7 +81,7 @@ def run(
             console.say(f"note: not converted, no method uses such messages: {', '.join(done.left_out)}")
         if as_json:
             document = {
-                "output": str(output),
+                "output": str(target),
                 "written": done.written,
                 "counters": counters,
                 "problems": problems,
@@ -67,6 +91,6 @@ def run(
             console.emit_table(("topic", "messages"), list(done.written.items()))
     if strict and is_lossy:
         console.complain(
-            f"error: {log}: not all of the log could be used, which --strict forbids; {output} has the rest"
+            f"error: {log}: not all of the log could be used, which --strict forbids; {target} has the rest"
         )
         raise typer.Exit(LOSSY)

@@ -98,7 +98,7 @@ def run(
     acceleration: Acceleration = 0.5,
     as_json: AsJson = False,
 ) -> None:
-    """PlannedPath the path of lines and arcs that takes the least time from start to goal on a map."""
+    """Plan the fastest path of lines and arcs from start to goal on a map."""
     import numpy as np
 
     from gridslam.kernels.compiling import announcing_compilation

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
-from gridslam.core.messages import Event, Transform
+from gridslam.core.messages import Event, StereoPair, Transform
 from gridslam.core.stamps import NS_PER_S
 from gridslam.logs.cameras import camera_of
 from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE
@@ -33,8 +33,9 @@ def convert_log(
     start_s: float | None = None,
     end_s: float | None = None,
     force: bool = False,
+    as_rosbag2: bool = False,
 ) -> Conversion:
-    """Write the streams of a log, including the truth.
+    """Write the streams of a log, including the truth; `as_rosbag2`: to a rosbag2 folder.
 
     `start_s` and `end_s` count from the log's first stamp, both included. Extrinsics are always written.
     Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists;
@@ -51,14 +52,14 @@ def convert_log(
                 f"--topics: the log has no topic {topic!r}; it has: {', '.join(sorted(known)) or 'none'}"
             )
     wanted = [info for info in streams if not topics or info.topic in topics]
-    if output.suffix != ".mcap":  # a CSV folder
+    if output.suffix != ".mcap" and not as_rosbag2:  # a CSV folder
         wanted = [info for info in wanted if info.kind not in WITHOUT_TABLE]
     names = _names(wanted)
     origin = min((i.first_stamp_ns for i in streams if i.first_stamp_ns is not None), default=0)
     first = None if start_s is None else origin + round(start_s * NS_PER_S)
     last = None if end_s is None else origin + round(end_s * NS_PER_S)
     written: Counter[str] = Counter()
-    with open_writer(output, force) as writer:
+    with open_writer(output, force, as_rosbag2) as writer:
         for kind, topic, event in log.events_by_stream(with_truth=True):
             if isinstance(event, Transform) and event.is_static:
                 writer.write(event)
@@ -67,7 +68,7 @@ def convert_log(
                 continue
             if last is not None and event.stamp_ns > last:
                 continue
-            writer.write(event, _topic_of(event, names[kind, topic]))
+            writer.write(event, topic_of(event, names[kind, topic]))
             written[topic] += 1
         if not written and (start_s is not None or end_s is not None):
             raise ConfigError(
@@ -81,8 +82,10 @@ def convert_log(
     return Conversion(dict(sorted(written.items())), left_out)
 
 
-def _topic_of(event: Event, topic: str | None) -> str | None:
+def topic_of(event: Event, topic: str | None) -> str | None:
     """The topic to write an event on; None, the usual one, if the topic would change the camera of the event."""
+    if isinstance(event, StereoPair):
+        return None
     camera = getattr(event, "camera", None)
     return None if camera and topic is not None and camera_of(topic) != camera else topic
 

@@ -36,16 +36,20 @@ class LogWriter(Protocol):
         """Remove what was written."""
 
 
-def open_writer(path: str | Path, force: bool = False) -> LogWriter:
-    """The writer for a path.
+def open_writer(path: str | Path, force: bool = False, as_rosbag2: bool = False) -> LogWriter:
+    """The writer for a path; `as_rosbag2`: a rosbag2 folder, whatever the name.
 
     Raises ConfigError where something is there already, unless it is a log of this format and `force` replaces it, and for
     the ending of a format that is only read.
     """
     path = Path(path)
+    if as_rosbag2:
+        from gridslam.logs.rosbag.writer import Rosbag2Writer
+
+        return Rosbag2Writer(path, force)
     if path.suffix in _READ_ONLY_FORMATS:
         raise ConfigError(
-            f"{path}: {path.suffix} is not written; name a file OUT.mcap or a folder for CSV files"
+            f"{path}: {path.suffix} is not written; name a file OUT.mcap, a folder for CSV files, or -o DIR for a rosbag2 folder"
         )
     if path.suffix == ".mcap":
         from gridslam.logs.mcap.writer import McapWriter

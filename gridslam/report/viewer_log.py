@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gridslam.core.messages import LaserScan, Range, Transform, readonly
+from gridslam.core import poses as se2
+from gridslam.core.messages import LaserScan, Odometry, Range, Transform, readonly
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
+from gridslam.logs.config import LogConfig
+from gridslam.logs.convert import topic_of
+from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.log import Log
 from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.open import open_log
@@ -22,40 +27,71 @@ from gridslam.methods.base import PlacedObject
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array
 from gridslam.runs.run import Run
 
-SHOWN = frozenset(
-    {"scan", "range", "odom"}
-)  # odom names the base frame; images are not needed and are not decoded
 MAX_PATH_POSES = 10_000
 OBJECT_SIZE_M, TEXT_SIZE_M = 0.4, 0.25
 STATIC_COLOUR, MOVED_COLOUR = (0.2, 0.5, 0.9, 0.8), (0.9, 0.5, 0.1, 0.8)
 
 
 def write_viewer_log(file: Path, run: Run, log_path: Path) -> None:
-    """Write map, path and objects first, then map -> base, scans and particles in time order.
+    """Write map, path and objects first, then the transforms, the log's own data and the particles in time order.
 
-    The scans are read again from the log at `log_path`, one at a time. Scans outside the time of the trajectory have no pose
-    and are left out. The same run gives the same bytes.
+    What the method reads is read again from the log at `log_path`, one event at a time. The same run gives the same bytes.
     """
-    kinds = [kind for kind in registry.METHODS[run.config.method_name].reads if kind in SHOWN]
+    kinds = registry.METHODS[run.config.method_name].reads
+    odometry = _Odometry.of(log_path, run.config.log) if "odom" in kinds else None
     with (
         open_log(log_path, run.config.log, kinds) as log,
         McapWriter(file) as writer,
     ):
-        for message in _messages(run, log):
+        for message in _messages(run, log, odometry):
             writer.append(message)
 
 
-def _messages(run: Run, log: Log) -> Iterator[Encoded]:
+def _messages(run: Run, log: Log, odometry: _Odometry | None) -> Iterator[Encoded]:
     trajectory = run.result.trajectory
     start = int(trajectory.stamps_ns.min()) if len(trajectory) else 0
     yield from _latched(run, log, start)
+    transforms = [_transforms(trajectory, MAP_FRAME, log.base_frame)]
+    if odometry is not None:
+        corrections = corrections_of(trajectory, odometry.path)
+        transforms = [
+            _transforms(corrections, MAP_FRAME, odometry.frame_id),
+            _transforms(odometry.path, odometry.frame_id, log.base_frame),
+        ]
     # Recorded order may have out-of-order stamps; a viewer sorts by stamp.
     yield from heapq.merge(
-        _transforms(trajectory, log.base_frame),
-        _scans(log, trajectory),
+        *transforms,
+        _recorded(log),
         (pose_array("/particles", s.stamp_ns, s.particles) for s in run.particles),
         key=lambda message: message.stamp_ns,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Odometry:
+    """The odometry's frame, and its path sorted by stamp."""
+
+    frame_id: str
+    path: Trajectory
+
+    @staticmethod
+    def of(log_path: Path, config: LogConfig) -> _Odometry | None:
+        """The odometry of a log; None without any, or if its frame is that of the map."""
+        with open_log(log_path, config, ("odom",)) as log:
+            found = [event for event in log.events() if isinstance(event, Odometry)]
+        if not found or found[0].frame_id == MAP_FRAME:
+            return None
+        stamps = np.array([event.stamp_ns for event in found], np.int64)
+        poses = np.array([(event.x_m, event.y_m, event.yaw_rad) for event in found])
+        return _Odometry(found[0].frame_id or "odom", Trajectory(stamps, poses).sorted())
+
+
+def corrections_of(trajectory: Trajectory, odometry: Trajectory) -> Trajectory:
+    """T_map_odom at the stamps of a trajectory; poses outside the time of the odometry have none."""
+    path = trajectory.sorted()
+    T_odom_base, inside = odometry.at(path.stamps_ns)
+    T_map_odom = se2.compose(path.poses[inside], se2.inverse(T_odom_base[inside]))
+    return Trajectory(path.stamps_ns[inside], np.asarray(T_map_odom).reshape(-1, 3))
 
 
 def _latched(run: Run, log: Log, start_ns: int) -> Iterator[Encoded]:
@@ -92,26 +128,24 @@ def _path(trajectory: Trajectory, start_ns: int) -> Encoded:
     return path("/path", start_ns, trajectory.stamps_ns[kept], trajectory.poses[kept])
 
 
-def _transforms(trajectory: Trajectory, base_frame: str) -> Iterator[Encoded]:
-    """T_map_base of every pose."""
-    for stamp, (x, y, yaw) in zip(trajectory.stamps_ns.tolist(), trajectory.poses.tolist(), strict=True):
+def _transforms(poses: Trajectory, parent: str, child: str) -> Iterator[Encoded]:
+    """T_parent_child at every stamp."""
+    for stamp, (x, y, yaw) in zip(poses.stamps_ns.tolist(), poses.poses.tolist(), strict=True):
         w, qx, qy, qz = quaternion_of_yaw(yaw).tolist()
-        yield from encode(Transform(stamp, MAP_FRAME, base_frame, (x, y, 0.0), (w, qx, qy, qz)))
+        yield from encode(Transform(stamp, parent, child, (x, y, 0.0), (w, qx, qy, qz)))
 
 
-def _scans(log: Log, trajectory: Trajectory) -> Iterator[Encoded]:
-    """Scans in the frames of their sensors; a reading of a ranger on a servo becomes a scan of one beam."""
-    if not len(trajectory):
-        return
-    first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
-    for topic, event in log.events_by_topic():
-        if not first <= event.stamp_ns <= last:
+def _recorded(log: Log) -> Iterator[Encoded]:
+    """The log's own data, the truth among it; a reading of a ranger on a servo becomes a scan of one beam as well."""
+    for kind, topic, event in log.events_by_stream(with_truth=True):
+        if isinstance(event, Transform) and event.is_static:
             continue
-        named = topic if topic.startswith("/") else None
-        if isinstance(event, LaserScan):
-            yield from encode(event, named or "/scan")
-        elif isinstance(event, Range):
-            yield from encode(_one_beam(event), named or "/range")
+        if kind == "truth":
+            yield from encode(event, TRUTH_TOPIC)
+            continue
+        yield from encode(event, topic_of(event, topic if topic.startswith("/") else None))
+        if isinstance(event, Range):
+            yield from encode(_one_beam(event), "/range_beams")
 
 
 def _one_beam(reading: Range) -> LaserScan:

@@ -143,6 +143,7 @@ def test_a_folder_that_holds_logs_is_told_to_name_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sample_mcap(tmp_path / "monday.mcap")
+    sample_mcap(tmp_path / "tuesday.mcap")
     code, _, err = run(capsys, "info", tmp_path)
     assert code == 3
     assert "it holds monday.mcap: name one of them" in err
@@ -181,3 +182,17 @@ def test_a_layout_may_be_given_for_a_folder_without_one(
     assert run(capsys, "info", tmp_path / "a")[0] == 3
     assert run(capsys, "convert", tmp_path / "a", tmp_path / "b", "--layout", layout)[0] == 0
     assert (tmp_path / "b" / "odom.csv").read_text().splitlines()[1] == "1.000000000,2.5,0.5,0.0,,"
+
+
+def test_convert_writes_a_rosbag2_folder_read_by_a_config(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = sample_mcap(tmp_path / "a.mcap")
+    config = tmp_path / "c.yaml"
+    config.write_text("method: {name: slam-sd}\nlog: {base_frame: chassis}\n")
+    code, _, err = run(capsys, "convert", log, "-o", tmp_path / "bag", "-c", config)
+    assert code == 0, err
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+    code, _, err = run(capsys, "convert", log, tmp_path / "b", "-o", tmp_path / "c")
+    assert code == 2
+    assert "either OUT or -o DIR" in err

@@ -14,8 +14,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
+from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan
-from gridslam.core.poses import quaternion_of_yaw, yaw_of_quaternion
+from gridslam.core.poses import yaw_of_quaternion
 from gridslam.logs.open import open_log
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
@@ -86,7 +87,7 @@ def test_another_reader_finds_all_parts(written: Path, run: Run) -> None:
     seconds = (run.result.trajectory.stamps_ns[-1] - run.result.trajectory.stamps_ns[0]) / 1e9
     assert counts.pop("/particles") == pytest.approx(seconds, abs=1)
     assert counts == {
-        "/tf_static": 1, "/map": 1, "/path": 1, "/objects": 1, "/tf": 60, "/scan": 60,
+        "/tf_static": 1, "/map": 1, "/path": 1, "/objects": 1, "/tf": 120, "/scan": 60, "/odom": 60, "/ground_truth": 60,
     }  # fmt: skip
 
 
@@ -132,27 +133,38 @@ def test_unknown_cells_are_minus_one_and_a_turned_map_is_turned() -> None:
 
 
 def test_scans_lie_where_the_trajectory_has_them(written: Path, run: Run, small_log: Path) -> None:
-    """scan frame -> base -> map is connected, and at each scan's stamp there is map -> base."""
+    """scan frame -> base -> odom -> map is connected, and at each scan's stamp odom -> base and map -> odom give map -> base."""
     found = decoded(written / "result.mcap")
-    poses = {}
+    links: dict[str, dict[int, Any]] = defaultdict(dict)
     for message in found["/tf"]:
         (transform,) = message.ros.transforms
-        assert transform.header.frame_id == "map"
-        poses[message.stamp_ns] = transform
+        links[transform.header.frame_id][message.stamp_ns] = transform
+    assert set(links) == {"map", "odom"}
     (static,) = found["/tf_static"][0].ros.transforms
-    assert {t.child_frame_id for t in poses.values()} == {static.header.frame_id}
+    assert {t.child_frame_id for t in links["map"].values()} == {"odom"}
+    assert {t.child_frame_id for t in links["odom"].values()} == {static.header.frame_id}
     assert {m.ros.header.frame_id for m in found["/scan"]} == {static.child_frame_id}
     trajectory = run.result.trajectory
     for stamp, pose in zip(trajectory.stamps_ns.tolist(), trajectory.poses, strict=True):
-        at = poses[stamp].transform
-        assert (at.translation.x, at.translation.y) == tuple(pose[:2])
-        q = [at.rotation.w, at.rotation.x, at.rotation.y, at.rotation.z]
-        assert q == pytest.approx(quaternion_of_yaw(pose[2]))
-    assert {m.stamp_ns for m in found["/scan"]} <= set(poses)
+        at = se2.compose(planar(links["map"][stamp]), planar(links["odom"][stamp]))
+        assert at == pytest.approx(pose, abs=1e-9)
+    assert {m.stamp_ns for m in found["/scan"]} <= set(links["map"])
     with open_log(small_log) as log:
         scans = [event for event in log.events() if isinstance(event, LaserScan)]
     for scan, message in zip(scans, found["/scan"], strict=True):
         assert np.array_equal(np.array(message.ros.ranges, np.float32), scan.ranges_m, equal_nan=True)
+
+
+def planar(transform: Any) -> np.ndarray:
+    at, q = transform.transform.translation, transform.transform.rotation
+    return np.array([at.x, at.y, yaw_of_quaternion(np.array([[q.w, q.x, q.y, q.z]]))[0]])
+
+
+def test_it_can_be_mapped_again(written: Path, run: Run) -> None:
+    again = run_map(run.config, written / "result.mcap", lambda progress: None, lambda: False)
+    assert np.array_equal(again.result.trajectory.stamps_ns, run.result.trajectory.stamps_ns)
+    assert np.array_equal(again.result.trajectory.poses, run.result.trajectory.poses)
+    assert again.truth is not None
 
 
 def test_particles_are_few_and_in_the_map_frame(written: Path) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Literal
 
 from gridslam.core.files import identity_of, partial_file, put_file, remove_left_over
@@ -19,13 +19,17 @@ _CHUNK_BYTES = 1 << 20
 
 
 class McapWriter:
-    """Writes events into an MCAP file that gets its name when `close` succeeds; the same events give the same bytes."""
+    """Writes events into an MCAP file that gets its name when `close` succeeds; the same events give the same bytes.
+
+    `qos_profiles` by topic: rosbag2's text of the quality of service with which the topic was offered.
+    """
 
     def __init__(
         self,
         path: str | Path,
         compression: Literal["zstd", "lz4", "none"] = "zstd",
         chunk_bytes: int = _CHUNK_BYTES,
+        qos_profiles: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         from mcap.writer import CompressionType, Writer
 
@@ -37,6 +41,7 @@ class McapWriter:
         self._writer = Writer(
             self._stream, chunk_size=chunk_bytes, compression=CompressionType[compression.upper()]
         )
+        self._qos_profiles = qos_profiles
         self._writer.start(profile="ros2", library="gridslam")
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
@@ -66,7 +71,11 @@ class McapWriter:
         """Append a message of any type of ROS 2 that is encoded already."""
         channel = self._channels.get((message.topic, message.type))
         if channel is None:
-            channel = self._writer.register_channel(message.topic, "cdr", self._schema(message.type))
+            qos = self._qos_profiles.get(message.topic)
+            metadata = {} if qos is None else {"offered_qos_profiles": qos}
+            channel = self._writer.register_channel(
+                message.topic, "cdr", self._schema(message.type), metadata
+            )
             self._channels[message.topic, message.type] = channel
         sequence = self._counts.get(channel, 0)
         self._counts[channel] = sequence + 1
