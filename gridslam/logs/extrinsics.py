@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
+from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
 from gridslam.logs.codecs import transform
 from gridslam.logs.config import ExtrinsicsConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
+
+MAX_TILT_COS = (
+    0.5  # of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
+)
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 
@@ -56,9 +61,10 @@ def mount(
     base_frame: str,
     stamp_ns: int,
     message_counts: MessageCounts,
+    on_robot: Collection[str] = (),
 ) -> list[Transform]:
     """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor
-    of the sensor's own tree (a camera on the wall), else the identity, with a note.
+    of the sensor's own tree (a camera on the wall), else the identity, with a note. Frames in `on_robot` are never on the wall.
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)
@@ -73,12 +79,25 @@ def mount(
             common = next((name for name in above if name in base_ancestors), None)
             if common is not None:
                 pose = rotations.compose(rotations.inverse(base_ancestors[common]), above[common])
-            elif len(above) > 1:
+            elif len(above) > 1 and frame not in on_robot:
                 parent, pose = list(above.items())[-1]
             else:
+                gap = f" (its tree ends at {list(above)[-1]})" if len(above) > 1 else ""
                 message_counts.note(
-                    f"no transform from {base_frame} to {frame}: taken as mounted at the robot's centre, "
+                    f"no transform from {base_frame} to {frame}{gap}: taken as mounted at the robot's centre, "
                     f"facing forward; if it is not, set log.extrinsics.{frame} with x, y, yaw"
                 )
         mounted.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
     return mounted
+
+
+def refuse_upright(mounted: Iterable[Transform]) -> None:
+    """Raises ConfigError: a planar lidar scans an upright plane, as in the optical frame of a camera."""
+    for sensor in mounted:
+        _, x, y, _ = rotations.normalise(sensor.quat_wxyz) or rotations.IDENTITY[1]
+        if abs(1.0 - 2.0 * (x * x + y * y)) < MAX_TILT_COS:
+            raise ConfigError(
+                f"log.extrinsics.{sensor.child_frame_id}: by tf this lidar scans an upright plane, as in the optical frame of "
+                "a camera; a map needs a level one. Give its true pose: log: {extrinsics: "
+                f"{{{sensor.child_frame_id}: {{x: 0.0, y: 0.0, yaw: 0.0}}}}}}"
+            )

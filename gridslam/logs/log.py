@@ -10,13 +10,15 @@ from types import TracebackType
 import numpy as np
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.messages import Event, Odometry, Transform
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import extrinsics, ordering
 from gridslam.logs.clock_steps import clock_epochs
+from gridslam.logs.clocks import check_overlap, restamp
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS, fault_of
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.moving_mount import MovingMount, moving_mounts
 from gridslam.logs.playback import events_of, file_states, true_pose_of
 from gridslam.logs.selection import select_streams
 from gridslam.logs.skips import Skip, SkipReason
@@ -42,6 +44,11 @@ class Log:
         self._opening = MessageCounts()
         self._truth = MessageCounts()
         self._lidars: dict[str, VirtualLidar] = {}
+        self._moving: dict[str, MovingMount] = {}
+        self._restamped: frozenset[int] = frozenset()
+        if self._for_a_method:
+            self._restamped = restamp(source.streams, self._selection.kind_of, self._opening)
+            check_overlap(source.streams, self._selection.kind_of, self._opening)
         self._static = self._with_virtual_lidars(self._mount())
         self._file_states = file_states(source.files)
         self._note_disorder()
@@ -138,7 +145,7 @@ class Log:
         if with_truth and self._selection.truth is not None:
             kind_of[self._selection.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
-        yield from events_of(
+        for kind, topic, event in events_of(
             self.path,
             self._source,
             kind_of,
@@ -148,7 +155,12 @@ class Log:
             states=self._file_states,
             lidars=self._lidars,
             with_repairs=self._for_a_method,
-        )
+            restamped=self._restamped,
+        ):
+            if isinstance(event, LaserScan) and (moving := self._moving.get(event.frame_id)):
+                transform, event = moving.placed(event)
+                yield "tf", "/tf", transform
+            yield kind, topic, event
 
     def truth(self) -> Trajectory | None:
         """The true trajectory: topic `log.truth`, else `trajectory.tum` beside the log; None without either.
@@ -212,6 +224,18 @@ class Log:
         ]
         edges = extrinsics.usable([*edges, *self._source.static_edges], self._opening)
         tree = extrinsics.tree_of(edges)
+        lidar_frames = [
+            frame
+            for i, kind in self._selection.kind_of.items()
+            if kind == "scan" and self._for_a_method
+            for frame in streams[i].frames
+        ]
+        in_place = [f for f in lidar_frames if f not in self._config.extrinsics]
+        self._moving = moving_mounts(self._source, in_place, tree, base)
+        for frame in self._moving:
+            self._opening.note(
+                f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
+            )
         self._refuse_unknown_frames(tree)
         needed += [
             f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.extrinsics
@@ -219,14 +243,24 @@ class Log:
         first = min(
             (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
         )
-        return extrinsics.mount(
-            needed,
+        mounted = extrinsics.mount(
+            [frame for frame in dict.fromkeys(needed) if frame not in self._moving],
             edges,
             config=self._config.extrinsics,
             base_frame=base,
             stamp_ns=first,
             message_counts=self._opening,
+            on_robot=lidar_frames,
         )
+        extrinsics.refuse_upright(
+            [m for m in mounted if m.child_frame_id in self._planar_lidars(lidar_frames)]
+        )
+        return mounted
+
+    def _planar_lidars(self, frames: list[str]) -> set[str]:
+        """Those of the frames in which planar lidars measure, no others."""
+        clouds = {f for s in self._source.streams if s.kind == "cloud" for f in s.frames}
+        return set(frames) - clouds - self._config.extrinsics.keys()
 
     def _refuse_unknown_frames(self, tree: extrinsics.Tree) -> None:
         """Raises ConfigError: the config gives extrinsics of a frame that the log does not have."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeAlias
@@ -42,20 +43,24 @@ def events_of(
     states: FileStates,
     lidars: Mapping[str, VirtualLidar] = MappingProxyType({}),
     with_repairs: bool = True,
+    restamped: frozenset[int] = frozenset(),
 ) -> Iterator[tuple[str, str, Event]]:
     """(kind, topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
     `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
     earlier ones. `states` are those of the files when the log was opened. `lidars` make scans of point clouds, by the
-    clouds' frame; `with_repairs` removes contradictions within scans.
+    clouds' frame; `with_repairs` removes contradictions within scans. The events of streams in `restamped` get the stamps that
+    the streams have.
 
     Raises LogError: the files have changed since the log was opened.
     """
     streams = source.streams
     ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
     ordered = ordering.in_planned_order(
-        _checked(source, kind_of, source.read(frozenset(kind_of), schedule), message_counts, with_repairs),
+        _checked(
+            source, kind_of, _restamped(source, kind_of, schedule, restamped), message_counts, with_repairs
+        ),
         ranks,
         size_of=_size_of,
         limit_bytes=limit_bytes,
@@ -115,6 +120,22 @@ def true_pose_of(event: Event | Skip) -> Odometry | None:
         x, y, yaw = (float(v) for v in event.pose)
         return Odometry(event.stamp_ns, event.frame_id, x, y, yaw)
     return event if isinstance(event, Odometry) else None
+
+
+def _restamped(
+    source: Source, kind_of: Mapping[int, str], schedule: Sequence[int], restamped: frozenset[int]
+) -> Iterator[tuple[int, Event | Skip]]:
+    """The items of the source, with the stamps of their streams where those have been replaced."""
+    items = source.read(frozenset(kind_of), schedule)
+    if not restamped:
+        yield from items
+        return
+    stamps = {i: iter(source.streams[i].stamps_ns) for i in restamped}
+    for index, event in items:
+        stamp = next(stamps[index], None) if index in stamps else None
+        if stamp is not None and not isinstance(event, Skip):
+            event = replace(event, stamp_ns=stamp)
+        yield index, event
 
 
 def _checked(

@@ -9,6 +9,7 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # w, x, y, z
 Rigid: TypeAlias = tuple[Vector, Quaternion]
 
+JOINT_NOISE_M, JOINT_NOISE_RAD = 1e-4, 1e-3
 IDENTITY: Rigid = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
@@ -40,6 +41,14 @@ def normalise(q: Quaternion) -> Quaternion | None:
     ):  # already one: keep its digits, so that a round trip through a file keeps them
         return q
     return (q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm)
+
+
+def is_same(a: Rigid, b: Rigid) -> bool:
+    """Whether two poses differ by no more than the noise of a joint that does not move."""
+    moved_m = max(abs(p - q) for p, q in zip(a[0], b[0], strict=True))
+    # |cos| of half the angle between; 1 - cos(h) is h^2 / 2.
+    half_cos = abs(sum(p * q for p, q in zip(a[1], b[1], strict=True)))
+    return moved_m <= JOINT_NOISE_M and 1.0 - half_cos <= JOINT_NOISE_RAD**2 / 8.0 + 1e-15
 
 
 def compose(T_a_b: Rigid, T_b_c: Rigid) -> Rigid:

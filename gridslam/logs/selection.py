@@ -64,9 +64,10 @@ def select_streams(
             candidates = _one_form(candidates, streams)
         elif kinds is not None and KINDS[kind].is_single and len(candidates) > 1:
             raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
-        if kind == "odom" and not candidates and named is None and kinds is not None:
-            candidates = _odometry_from_tf(streams, listed, config.base_frame or base_frame)
         kind_of.update(dict.fromkeys(candidates, kind))
+    if kinds is not None and "odom" in kinds and "odom" not in {*kind_of.values(), *config.topics}:
+        from_tf = _odometry_from_tf(streams, listed, config.base_frame or base_frame, kind_of)
+        kind_of.update(dict.fromkeys(from_tf, "odom"))
     base = config.base_frame or base_frame or _base_of(streams, kind_of, listed)
     return StreamSelection(_by_precedence(kind_of, streams), truth, base, listed)
 
@@ -140,20 +141,32 @@ def _ambiguous(kind: str, candidates: Sequence[RecordedStream]) -> str:
 
 
 def _odometry_from_tf(
-    streams: Sequence[RecordedStream], listed: Sequence[int], base_frame: str | None
+    streams: Sequence[RecordedStream], listed: Sequence[int], base_frame: str | None, kind_of: dict[int, str]
 ) -> list[int]:
-    """The tf streams of odom->base, for a log without odometry messages."""
+    """The tf streams of odom->base, for a log without odometry messages; of several robots the one whose scans are used."""
     robots = (base_frame,) if base_frame else _ROBOT_FRAMES
     found = [
         i
         for i in listed
         if streams[i].kind == "tf"
-        and streams[i].child_frame in robots
+        and (streams[i].child_frame in robots or streams[i].child_frame.rsplit("/", 1)[-1] in robots)
         and "odom" in streams[i].detail.split("->")[0]
     ]
     if len(found) > 1:
-        raise ConfigError(_ambiguous("odom", [streams[i] for i in found]).replace("/tf}}", "PARENT->CHILD}}"))
+        sensors = {_namespace(f) for i, kind in kind_of.items() if kind != "tf" for f in streams[i].frames}
+        of_sensors = [i for i in found if sensors == {_namespace(streams[i].child_frame)}]
+        found = of_sensors or found
+    if len(found) > 1:
+        choice = streams[found[0]].detail
+        raise ConfigError(
+            _ambiguous("odom", [streams[i] for i in found]).replace("odom: /tf}}", f'odom: "{choice}"}}}}')
+        )
     return found
+
+
+def _namespace(frame: str) -> str:
+    """The robot's name before a frame's own: `robot1` of `robot1/laser`; empty where there is none."""
+    return frame.rpartition("/")[0]
 
 
 def _base_of(streams: Sequence[RecordedStream], kind_of: dict[int, str], listed: Sequence[int]) -> str:

@@ -26,6 +26,7 @@ class RecordedStream:
     frames: dict[str, None] = field(default_factory=dict)  # an ordered set
     child_frame: str = ""
     constant: Rigid | None = None  # of a tf stream: its value, if it never changes
+    arrivals_ns: array[int] = field(default_factory=lambda: array("q"))  # when recorded; empty: not known
 
     @property
     def label(self) -> str:

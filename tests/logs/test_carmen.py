@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import ConfigError, LogError
-from gridslam.core.messages import LaserScan, Odometry
+from gridslam.core.messages import LaserScan, Odometry, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.convert import convert_log
@@ -67,6 +67,28 @@ def test_robotlaser_says_its_own_geometry_and_speed(tmp_path: Path) -> None:
     assert len(scan.ranges_m) == 4
     assert (odometry.x_m, odometry.vx_mps, odometry.wz_radps) == (1.0, 0.3, 0.1)
     assert extrinsics.translation_m == (0.5, 0.0, 0.0)  # laser at 1.5, robot at 1.0
+
+
+def test_rawlaser_says_its_own_geometry_and_odom_lines_are_the_odometry(tmp_path: Path) -> None:
+    raw = "RAWLASER1 4 -1.5707963 3.1415927 1.0471976 81.83 0.01 0 4 1 2 3 4 0 {time} host 0.1"
+    lines = [
+        line.format(time=time) for time in range(1, 5) for line in ("ODOM 5 6 0.5 0 0 0 {time} host 0", raw)
+    ]
+    with open_log(written(tmp_path, *lines), kinds=["scan", "odom"]) as log:
+        events = [e for e in log.events() if not isinstance(e, Transform)]
+    assert [type(e) for e in events] == [Odometry, LaserScan] * 4
+    assert events[1].ranges_m.tolist() == [1, 2, 3, 4]
+    assert events[1].angle_increment_rad == pytest.approx(1.0471976)
+    assert (events[0].x_m, events[0].y_m) == (5.0, 6.0)
+
+
+@pytest.mark.parametrize(("beams", "is_noted"), [(180, False), (361, False), (271, True), (541, True)])
+def test_a_number_of_beams_that_no_laser_of_180_degrees_has_is_noted(
+    tmp_path: Path, beams: int, is_noted: bool
+) -> None:
+    line = f"FLASER {beams} {'1.0 ' * beams}0 0 0 0 0 0 1 host 1"
+    with open_log(written(tmp_path, line, line)) as log:
+        assert any("field_of_view_deg" in problem for problem in log.problems) is is_noted
 
 
 def test_odom_lines_give_way_to_the_odometry_of_the_scans(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
     FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
     ROBOTLASER1 type start_angle field_of_view resolution max_range accuracy remission_mode n r.. m rem..
                 laser(x y theta) robot(x y theta) tv rv forward side turn ipc_timestamp host logger_timestamp
+    RAWLASER1 the same up to the remissions, then ipc_timestamp host logger_timestamp: no poses
     ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
 
 The tail is counted from the end; the time is ipc_timestamp.
@@ -26,6 +27,8 @@ from gridslam.logs.skips import SkipReason
 LASERS = {
     b"FLASER": "laser",
     b"RLASER": "rear_laser",
+    b"RAWLASER1": "laser",
+    b"RAWLASER2": "rear_laser",
     b"ROBOTLASER0": "laser0",
     b"ROBOTLASER1": "laser",
     b"ROBOTLASER2": "rear_laser",
@@ -38,12 +41,15 @@ _MAX_COUNT_DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class LaserLine:
-    """The fields of one laser line. `geometry` is (angle_min, increment, range_max) where the line has them."""
+    """The fields of one laser line. `geometry` is (angle_min, increment, range_max) where the line has them.
+
+    `robot_pose` is None in lines without poses.
+    """
 
     stamp_ns: int
     ranges: NDArray[np.float64]
     laser_pose: tuple[float, float, float]
-    robot_pose: tuple[float, float, float]
+    robot_pose: tuple[float, float, float] | None
     velocity: tuple[float, float] | None = None
     geometry: tuple[float, float, float] | None = None
 
@@ -117,7 +123,9 @@ def laser_line(word: bytes, line: bytes) -> LaserLine | SkipReason:
     """The fields of a laser line, or the reason why it cannot be used."""
     words = line.split()
     try:
-        return _robot_laser(words) if word.startswith(b"ROBOTLASER") else _old_laser(words)
+        if word.startswith((b"ROBOTLASER", b"RAWLASER")):
+            return _robot_laser(words, has_poses=word.startswith(b"ROBOT"))
+        return _old_laser(words)
     except (ValueError, IndexError):
         return SkipReason.UNREADABLE_LINE
 
@@ -136,26 +144,26 @@ def _old_laser(words: list[bytes]) -> LaserLine | SkipReason:
     return LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
 
 
-def _robot_laser(words: list[bytes]) -> LaserLine | SkipReason:
+def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
     count = int(words[8])
     if count < 0 or len(words) < count + 10:
         return SkipReason.WRONG_NUMBER_OF_FIELDS
     remissions = int(words[count + 9])
-    if remissions < 0 or len(words) != count + remissions + 24:
+    if remissions < 0 or len(words) != count + remissions + (24 if has_poses else 13):
         return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
         return SkipReason.BAD_STAMP
     start, _, resolution, range_max = (float(w) for w in words[2:6])
     ranges = np.array(list(map(float, words[9 : count + 9])))
-    tail = list(map(float, words[-14:-3]))
+    tail = list(map(float, words[-14:-3])) if has_poses else [0.0] * 11
     if not math.isfinite(sum(tail)):
         return SkipReason.NOT_FINITE
     return LaserLine(
         stamp,
         ranges,
         laser_pose=(tail[0], tail[1], tail[2]),
-        robot_pose=(tail[3], tail[4], tail[5]),
+        robot_pose=(tail[3], tail[4], tail[5]) if has_poses else None,
         velocity=(tail[6], tail[7]),
         geometry=(start, resolution, range_max),
     )
@@ -176,7 +184,7 @@ def odom_line(line: bytes) -> Odometry | SkipReason:
 
 
 def odometry_in(laser: LaserLine) -> Odometry:
-    x, y, yaw = laser.robot_pose
+    x, y, yaw = laser.robot_pose or (math.nan,) * 3
     vx, wz = laser.velocity or (math.nan, math.nan)
     return Odometry(laser.stamp_ns, "odom", x_m=x, y_m=y, yaw_rad=_yaw(yaw), vx_mps=vx, wz_radps=wz)
 

@@ -35,6 +35,8 @@ from gridslam.logs.streams import RecordedStream
 from gridslam.logs.text import TextLines, packing_of
 
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
+SICK_BEAMS = (90, 91, 180, 181, 360, 361, 720, 721)  # of the lasers of these logs, 180 degrees wide
+MIN_BEAMS = 60  # fewer are left of thinned scans, of whatever laser
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
@@ -53,6 +55,8 @@ class _LaserIndex:
     readings: int = 0
     offset: tuple[float, float, float] | None = None
     offset_varies: bool = False
+    has_poses: bool = True
+    beams: int = 0  # of the first line without angles of its own
     stamps: array[int] = field(default_factory=lambda: array("q"))
 
 
@@ -135,7 +139,7 @@ class CarmenSource:
         for batch in _batches((number, line) for number, line in self._lines if line[:1] != b"#"):
             words = [line[:_WORD_BYTES].split(b" ", 1)[0] for _, line in batch]
             at = [i for i, word in enumerate(words) if word in LASERS and batch[i][0] not in self._parsed]
-            together = [i for i in at if not words[i].startswith(b"ROBOTLASER")]
+            together = [i for i in at if not words[i].startswith((b"ROBOTLASER", b"RAWLASER"))]
             parsed: dict[int, LaserLine | SkipReason | None] = dict(
                 zip(together, old_laser_lines([batch[i][1] for i in together]), strict=True)
             )
@@ -153,6 +157,15 @@ class CarmenSource:
                 "scan", word.decode(), "CARMEN " + word.decode(), stamps_ns=index.stamps, frames={frame: None}
             )
         )
+        if (
+            index.beams >= MIN_BEAMS
+            and index.beams not in SICK_BEAMS
+            and self._config.field_of_view_deg is None
+        ):
+            self.message_counts.note(
+                f"{word.decode()}: lines of {index.beams} beams hold no angles: taken as 180 degrees wide; "
+                f"for another lidar set log.carmen.field_of_view_deg ({index.beams - 1} for beams at 1 degree)"
+            )
         piled = index.at_largest >= max(10, _MIN_PILED_FRACTION * index.readings)
         found = index.largest if piled else DEFAULT_RANGE_MAX_M
         self._range_max[word] = as_float32(self._config.range_max_m or found)
@@ -167,7 +180,8 @@ class CarmenSource:
 
     def _add_odometry(self, found: dict[bytes, _LaserIndex], odom: array[int]) -> None:
         """Add the odometry: that of the main laser's lines, or ODOM lines if there is no laser or the config names them."""
-        main = max(found, key=lambda word: len(found[word].stamps), default=None)
+        with_poses = [word for word in found if found[word].has_poses]
+        main = max(with_poses, key=lambda word: len(found[word].stamps), default=None)
         if odom and (main is None or self._odometry_topic == "ODOM"):
             source, stamps = b"ODOM", odom
         elif main is not None:
@@ -235,7 +249,12 @@ def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
         index.largest, index.at_largest = largest, 0
     if largest == index.largest:
         index.at_largest += int(np.count_nonzero(laser.ranges == largest))
+    if laser.geometry is None and not index.beams:
+        index.beams = len(laser.ranges)
     if index.offset_varies:
+        return
+    if laser.robot_pose is None:
+        index.has_poses = False
         return
     offset = _offset(laser)
     if index.offset is None:
@@ -246,7 +265,7 @@ def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
 
 def _offset(laser: LaserLine) -> tuple[float, float, float]:
     """T_robot_laser, rounded to the six decimals that the lines have."""
-    (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose, laser.laser_pose
+    (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose or (0.0, 0.0, 0.0), laser.laser_pose
     cos, sin = math.cos(ryaw), math.sin(ryaw)
     dx, dy = lx - rx, ly - ry
     turn = math.remainder(lyaw - ryaw, 2.0 * math.pi)

@@ -76,6 +76,7 @@ class McapFile:
     first_log_ns: int | None = None  # where the index says when recording began
     _size: int = 0
     _is_indexed: bool = False
+    _last: tuple[bytes, int] = b"", 0  # the data of the last message's record, and where its body begins
     _complete: bool = False
 
     def __post_init__(self) -> None:
@@ -96,6 +97,12 @@ class McapFile:
     def schemas(self) -> Mapping[int, Schema]:
         """Schemas by number."""
         return self._schemas.by_number
+
+    @property
+    def arrival_ns(self) -> int | None:
+        """The log time of the last message."""
+        data, start = self._last
+        return int.from_bytes(data[start + 6 : start + 14], "little", signed=True) if data else None
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel number, data) of every readable message in recorded order. The same messages on every call."""
@@ -216,6 +223,7 @@ class McapFile:
                 if length < MESSAGE_HEAD_BYTES:
                     self._lose("rest_of_damaged_chunk", at)
                     return
+                self._last = data, start
                 yield (
                     numbers.get(channel, channel) if numbers else channel,
                     data[start + MESSAGE_HEAD_BYTES : position],

@@ -36,5 +36,9 @@ class Container(Protocol):
     def schemas(self) -> Mapping[int, Schema]:
         """The same."""
 
+    @property
+    def arrival_ns(self) -> int | None:
+        """When the recorder got the message that `messages` has given last; None where that is not known."""
+
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel id, data)."""

@@ -6,6 +6,7 @@ else goes the general way.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from functools import lru_cache
@@ -94,7 +95,8 @@ def odometry(data: bytes) -> Odometry:
     at += -(at - 4) % 8
     x, y, _, qx, qy, qz, qw = _POSE.unpack_from(data, at)
     vx, _, _, _, _, wz = _TWIST.unpack_from(data, at + _POSE.size + _COVARIANCE)
-    yaw = canonical_yaw(yaw_of((qw, qx, qy, qz)))
+    is_set = qw or qx or qy or qz
+    yaw = canonical_yaw(yaw_of((qw, qx, qy, qz))) if is_set else math.nan
     frame = frame_text(data[16 : 15 + length] if length else b"")
     return Odometry(
         seconds * NS_PER_S + nanoseconds,

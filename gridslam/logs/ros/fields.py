@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from gridslam.core.messages import canonical_yaw
@@ -25,5 +26,6 @@ def valid_head(message: Any) -> tuple[int, str]:
 
 
 def yaw_of_orientation(orientation: Any) -> float:
-    """Canonical yaw (rad) of a geometry_msgs/Quaternion."""
-    return canonical_yaw(yaw_of((orientation.w, orientation.x, orientation.y, orientation.z)))
+    """Canonical yaw (rad) of a geometry_msgs/Quaternion; NaN where it is zero, which means that it was never set."""
+    quaternion = (orientation.w, orientation.x, orientation.y, orientation.z)
+    return canonical_yaw(yaw_of(quaternion)) if any(quaternion) else math.nan

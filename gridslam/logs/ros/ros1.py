@@ -82,6 +82,11 @@ class Ros1Messages:
             for number, c in self._container.channels.items()
         }
 
+    @property
+    def arrival_ns(self) -> int | None:
+        """When the last message arrived."""
+        return self._container.arrival_ns
+
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel, data); messages of ROS 1 in CDR."""
         for channel, data in self._container.messages():

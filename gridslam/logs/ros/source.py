@@ -15,7 +15,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Container
 from gridslam.logs.ros.decoder import DECODING_ERRORS, ChannelDecoder
 from gridslam.logs.ros.joints import Servos
-from gridslam.logs.rotations import normalise
+from gridslam.logs.rotations import is_same, normalise
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
 from gridslam.logs.streams import RecordedStream
 
@@ -167,6 +167,7 @@ class RosSource:
             return _SKIPPED
         stamp, frame = head
         stream.stamps_ns.append(stamp)
+        self._note_arrival(stream)
         if frame not in stream.frames and len(stream.frames) < _MAX_FRAMES:
             stream.frames[frame] = None
         if stream.kind == "odom" and not stream.child_frame:
@@ -208,8 +209,15 @@ class RosSource:
             )
         stream = self.streams[self._tf_streams[key]]
         stream.stamps_ns.append(transform.stamp_ns)
-        if stream.constant != value:
+        self._note_arrival(stream)
+        if stream.constant is not None and (value is None or not is_same(stream.constant, value)):
             stream.constant = None
+
+    def _note_arrival(self, stream: RecordedStream) -> None:
+        """Enter when the last message arrived."""
+        arrival = self._container.arrival_ns
+        if arrival is not None and -(2**63) <= arrival < 2**63:
+            stream.arrivals_ns.append(arrival)
 
     def _skip(self, decoder: ChannelDecoder, reason: SkipReason, number: int) -> None:
         self.message_counts.skip(decoder.kind, reason.value, f"{decoder.topic} message {number}")

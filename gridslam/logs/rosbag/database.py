@@ -35,6 +35,7 @@ class DatabaseFile:
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.files = [path]
+        self.arrival_ns: int | None = None
         self._message_counts = message_counts
         self._limit = limit_bytes
         self._is_indexed = False
@@ -54,17 +55,18 @@ class DatabaseFile:
         """(topic id, data) of every readable message."""
         number = 0
         query = (
-            "SELECT topic_id, CASE WHEN typeof(data) = 'blob' AND length(data) <= ? THEN data END FROM messages "
+            "SELECT topic_id, timestamp, CASE WHEN typeof(data) = 'blob' AND length(data) <= ? THEN data END FROM messages "
             "ORDER BY rowid"
         )
         try:
             with closing(self._connect()) as database:
-                for channel, data in database.execute(query, (self._limit,)):
+                for channel, arrival, data in database.execute(query, (self._limit,)):
                     number += 1
                     if number > max(self._message_limit, _MIN_MESSAGE_LIMIT):
                         self._lose("messages_beyond_one_per_byte", number)
                         break
                     if data is not None and isinstance(channel, int):
+                        self.arrival_ns = arrival if isinstance(arrival, int) else None
                         yield channel, data
                     else:
                         self._lose("unreadable_row", number)

@@ -71,6 +71,11 @@ class PackedMessages:
         """Schemas by number."""
         return self._container.schemas
 
+    @property
+    def arrival_ns(self) -> int | None:
+        """When the last message arrived."""
+        return self._container.arrival_ns
+
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel, data); what cannot be unpacked is empty, which counts as undecodable."""
         import zstandard

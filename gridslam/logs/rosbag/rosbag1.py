@@ -25,6 +25,7 @@ class Ros1Bag:
         self.path = path
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
+        self.arrival_ns: int | None = None
         self._message_counts = message_counts
         self._is_indexed = False
         try:
@@ -46,8 +47,9 @@ class Ros1Bag:
         read = 0
         try:
             with Reader(self.path) as reader:
-                for connection, _, raw in reader.messages():
+                for connection, arrival, raw in reader.messages():
                     read += 1
+                    self.arrival_ns = int(arrival)
                     yield connection.id, self._types.to_cdr(raw, connection.msgtype)
         except (ReaderError, *_DAMAGE) as error:
             if not self._is_indexed:

@@ -32,11 +32,18 @@ class Recordings:
         self._numbers: dict[tuple[str, str], int] = {}
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
+        self._reading: Container | None = None
+
+    @property
+    def arrival_ns(self) -> int | None:
+        """When the last message arrived."""
+        return None if self._reading is None else self._reading.arrival_ns
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel, data); channels of one topic and type have one number in all files."""
         for part in self._parts:
             numbers: dict[int, int] = {}
+            self._reading = part
             for channel, data in part.messages():
                 number = numbers.get(channel)
                 if number is None:

@@ -1,0 +1,120 @@
+"""Clocks of a log's streams: stamps that are missing or come from another clock are replaced by times of arrival.
+
+Stamps that are all zero were never set. Streams whose clocks differ by seconds cannot be joined; where the recorder noted
+the time of arrival of each message, that time shows by how much.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.errors import LogError
+from gridslam.core.stamps import NS_PER_S
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.streams import RecordedStream
+
+MAX_OFFSET_NS = 5 * NS_PER_S  # between clocks: what drivers and networks delay messages by is less
+MAX_DRIFT = 0.05  # of the recorder's clock against the stamps: beyond it is no clock, but counts, or copies
+MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry covers: below, an error and a note
+EDGE_NS = NS_PER_S  # scans so long before and after the odometry count as covered
+
+Stamps = NDArray[np.int64]
+
+
+def restamp(
+    streams: Sequence[RecordedStream], kind_of: Mapping[int, str], message_counts: MessageCounts
+) -> frozenset[int]:
+    """Replace stamps that were never set, and those of another clock than the recorder's; the streams that have new ones.
+
+    The stamps of the streams in `kind_of` are changed in place. Each replacement is noted. Raises LogError: stamps were never
+    set, and nothing replaces them.
+    """
+    used = [i for i in kind_of if len(streams[i].stamps_ns) > 1]
+    changed = set()
+    for index in used:
+        stream = streams[index]
+        if any(stream.stamps_ns):
+            continue
+        if _is_clock(stream.arrivals_ns, len(stream.stamps_ns)):
+            stream.stamps_ns = array("q", stream.arrivals_ns)
+            message_counts.note(f"{stream.label}: all stamps are 0: the times of arrival are used")
+            changed.add(index)
+        elif stream.kind in ("scan", "cloud", "odom"):
+            raise LogError(
+                f"{stream.label}: all stamps are 0, and the log has no times of arrival: set them when recording"
+            )
+    offsets = {i: offset for i in used if (offset := _clock_offset_ns(streams[i])) is not None}
+    if not offsets or max(offsets.values()) - min(offsets.values()) <= MAX_OFFSET_NS:
+        return frozenset(changed)
+    for index, offset in offsets.items():
+        if abs(offset) > MAX_OFFSET_NS:
+            stream = streams[index]
+            stream.stamps_ns = array("q", (np.asarray(stream.stamps_ns, np.int64) + offset).tobytes())
+            message_counts.note(
+                f"{stream.label}: its stamps are {abs(offset) / NS_PER_S:.1f} s {'behind' if offset > 0 else 'ahead of'} "
+                "the recorder's clock, those of other streams are not: shifted by that"
+            )
+            changed.add(index)
+    return frozenset(changed)
+
+
+def check_overlap(
+    streams: Sequence[RecordedStream], kind_of: Mapping[int, str], message_counts: MessageCounts
+) -> None:
+    """Raises LogError: the odometry covers hardly any of the scans, as where their clocks differ. Notes a partial overlap."""
+    scans = [i for i, kind in kind_of.items() if kind == "scan" and len(streams[i].stamps_ns)]
+    odometry = [i for i, kind in kind_of.items() if kind == "odom" and len(streams[i].stamps_ns)]
+    if not scans or not odometry:
+        return
+    covered = _stamps(streams[odometry[0]])
+    first, last = int(covered.min()), int(covered.max())
+    for index in scans:
+        stamps = _stamps(streams[index])
+        is_covered = (stamps >= first - EDGE_NS) & (stamps <= last + EDGE_NS)
+        fraction = float(is_covered.mean())
+        if fraction >= FULL_OVERLAP:
+            continue
+        spans = (
+            f"{streams[index].label} from {_seconds(int(stamps.min()))} to {_seconds(int(stamps.max()))} s, "
+            f"{streams[odometry[0]].label} from {_seconds(first)} to {_seconds(last)} s"
+        )
+        if fraction < MIN_OVERLAP:
+            raise LogError(
+                f"scans and odometry hardly overlap in time: {spans}. Their clocks differ; record both with one clock, or "
+                "leave the odometry out: log: {topics: {odom: []}}"
+            )
+        message_counts.note(f"odometry covers {fraction:.0%} of the scans: {spans}")
+
+
+def _is_clock(arrivals_ns: array[int], count: int) -> bool:
+    """Whether times of arrival are there and go on."""
+    if len(arrivals_ns) != count or count < 2:
+        return False
+    steps = np.diff(np.asarray(arrivals_ns, np.int64))
+    return bool(np.median(steps) > 0 and (steps >= 0).all())
+
+
+def _clock_offset_ns(stream: RecordedStream) -> int | None:
+    """What the recorder's clock is ahead of the stamps by; None where it is not the same from start to end.
+
+    Messages arrive late by varying times, never early: the least difference is the clocks'.
+    """
+    if not _is_clock(stream.arrivals_ns, len(stream.stamps_ns)):
+        return None
+    late = np.asarray(stream.arrivals_ns, np.int64) - _stamps(stream)
+    half = len(late) // 2
+    first, second = int(late[:half].min()), int(late[half:].min())
+    limit = min(MAX_OFFSET_NS, MAX_DRIFT * float(np.ptp(_stamps(stream))))
+    return min(first, second) if abs(first - second) <= limit else None
+
+
+def _stamps(stream: RecordedStream) -> Stamps:
+    return np.asarray(stream.stamps_ns, np.int64)
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns / NS_PER_S:.3f}"

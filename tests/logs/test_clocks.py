@@ -1,0 +1,86 @@
+"""Stamps that were never set, and clocks that differ: times of arrival help, and where there are none it is an error."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+import pytest
+
+from gridslam.core.errors import LogError
+from gridslam.logs.clocks import check_overlap, restamp
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.streams import RecordedStream
+
+S = 10**9
+START = 1_700_000_000 * S
+ARRIVALS = START + np.arange(100) * (S // 10)
+DELAY = 30_000_000
+
+
+def stream(kind: str, stamps: np.ndarray, arrivals: np.ndarray | None = ARRIVALS) -> RecordedStream:
+    found = RecordedStream(kind, f"/{kind}", "type", stamps_ns=array("q", stamps.tolist()))
+    found.arrivals_ns = array("q", [] if arrivals is None else arrivals.tolist())
+    return found
+
+
+def repaired(*streams: RecordedStream) -> tuple[list[np.ndarray], MessageCounts]:
+    counts = MessageCounts()
+    restamp(streams, {i: s.kind for i, s in enumerate(streams)}, counts)
+    return [np.array(s.stamps_ns) for s in streams], counts
+
+
+def test_stamps_that_are_all_zero_become_times_of_arrival() -> None:
+    (scans, odometry), counts = repaired(
+        stream("scan", np.zeros(100, np.int64)), stream("odom", ARRIVALS - DELAY)
+    )
+    assert (scans == ARRIVALS).all()
+    assert (odometry == ARRIVALS - DELAY).all()
+    assert counts.problems == ["/scan: all stamps are 0: the times of arrival are used"]
+
+
+@pytest.mark.parametrize("arrivals", [None, np.zeros(100, np.int64)])
+def test_stamps_that_are_all_zero_are_an_error_without_times_of_arrival(arrivals: np.ndarray | None) -> None:
+    with pytest.raises(LogError, match="all stamps are 0"):
+        repaired(stream("scan", np.zeros(100, np.int64), arrivals))
+
+
+@pytest.mark.parametrize("offset_s", [-1_699_999_900, -30, 30])
+@pytest.mark.parametrize("kind", ["scan", "odom"])
+def test_a_stream_of_another_clock_is_shifted_to_the_recorders(offset_s: int, kind: str) -> None:
+    other = {"scan": "odom", "odom": "scan"}[kind]
+    shifted, right = stream(kind, ARRIVALS - DELAY + offset_s * S), stream(other, ARRIVALS - DELAY)
+    (found, untouched), counts = repaired(shifted, right)
+    assert (found == ARRIVALS).all()
+    assert (untouched == ARRIVALS - DELAY).all()
+    assert len(counts.problems) == 1
+
+
+def test_streams_of_one_clock_stay_whatever_the_recorder_had() -> None:
+    simulated = np.arange(100) * (S // 10)
+    streams, counts = repaired(stream("scan", simulated), stream("odom", simulated + DELAY))
+    assert (streams[0] == simulated).all()
+    assert not counts.problems
+
+
+def test_times_of_arrival_that_run_at_another_pace_are_not_believed() -> None:
+    slow = ARRIVALS[:1] + (ARRIVALS - START) // 100
+    streams, counts = repaired(stream("scan", ARRIVALS - 60 * S, slow), stream("odom", ARRIVALS, slow))
+    assert (streams[0] == ARRIVALS - 60 * S).all()
+    assert not counts.problems
+
+
+def overlap(scans: np.ndarray, odometry: np.ndarray) -> list[str]:
+    counts = MessageCounts()
+    check_overlap([stream("scan", scans), stream("odom", odometry)], {0: "scan", 1: "odom"}, counts)
+    return counts.problems
+
+
+def test_scans_without_odometry_at_their_time_are_an_error_with_both_spans() -> None:
+    with pytest.raises(LogError, match=r"1699999900\.000 to 1699999909\.900 s.*1700000000\.000 to"):
+        overlap(ARRIVALS - 100 * S, ARRIVALS)
+
+
+def test_a_partial_overlap_is_noted_and_a_full_one_is_not() -> None:
+    assert "covers 40% of the scans" in overlap(ARRIVALS - 7 * S, ARRIVALS)[0]
+    assert not overlap(ARRIVALS, ARRIVALS[20:])
