@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, DoubtfulPlace, MapConsistency
+from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, MapConsistency
+from gridslam.lidar_slam.map_consistency.doubtful_places import DoubtfulPlace
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import Footprint, render_map
 from gridslam.methods.base import Doubt, Picture, RunResult

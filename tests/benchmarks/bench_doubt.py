@@ -23,7 +23,7 @@ from tests.benchmarks.real_places import data_dir
 from tests.benchmarks.tracked_places import TrackedPlace, place_of, tracked_log, tracked_place
 from tests.benchmarks.wrong_maps import loop_graph, maps_of
 
-SEEDS = range(20, 30)
+SEEDS = range(30, 40)
 TRAVEL_M = 600.0
 LOGS = ("aces", "mit-csail", "mit-killian")
 RIGHT_M, WRONG_M = 0.5, 1.0

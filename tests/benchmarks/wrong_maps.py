@@ -73,9 +73,11 @@ def loop_graph(place: TrackedPlace) -> LoopGraph:
 
 
 def maps_of(graph: LoopGraph, seed: int) -> Iterator[MadeMap]:
-    """Right and wrong maps; a truth decides which are wrong."""
+    """Right and wrong maps; a truth decides which are wrong. None of a place where the robot was never twice."""
     rng = np.random.default_rng(seed)
     loops, count = graph.loops, len(graph.loops)
+    if not count:
+        return
     none = np.zeros((count, 3))
     closed = close_trajectory(graph.place.scans, graph.place.track)
     yield MadeMap("as the program makes it", closed.poses, closed.loops)

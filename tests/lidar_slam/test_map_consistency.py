@@ -14,7 +14,10 @@ from gridslam.core.messages import LaserScan
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.config import ScanConfig
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map, doubt_of
+from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map
+from gridslam.lidar_slam.map_consistency.contradictions import Contradiction
+from gridslam.lidar_slam.map_consistency.displacement import Displacement
+from gridslam.lidar_slam.map_consistency.doubtful_places import agreeing_evidence, doubt_of
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 from gridslam.simulation.scene import Scene
@@ -174,6 +177,15 @@ def test_a_map_without_a_place_seen_twice_cannot_be_judged() -> None:
 def test_few_scans_give_no_doubt(count: int) -> None:
     scans, poses = scans_of([[]])
     assert isinstance(assess_map(scans[:count], poses[:count], poses[:count]), MapConsistency)
+
+
+def test_contradictions_add_up_where_the_same_displacement_explains_them() -> None:
+    none = np.zeros(0, np.int64)
+    places = [Contradiction(x, 0.0, wall_m=2.0, points=none) for x in (0.0, 10.0, 20.0, 100.0)]
+    shifts = [(1.2, 0.0), (-1.2, 0.4), (0.0, 1.2), (1.2, 0.0)]
+    moved = [Displacement(x, y, gain=0.5, seen_by=0, looked_through_by=1) for x, y in shifts]
+    # The first two agree, the third is explained otherwise, the last one is too far away.
+    assert agreeing_evidence(places, moved) == [2.0, 2.0, 1.0, 1.0]
 
 
 def test_doubt_grows_with_the_size_and_is_even_at_its_half() -> None:

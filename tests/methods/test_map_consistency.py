@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.map_consistency.assessment import DoubtfulPlace, MapConsistency, assess_map
+from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map
+from gridslam.lidar_slam.map_consistency.doubtful_places import DoubtfulPlace
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.map_consistency import with_consistency

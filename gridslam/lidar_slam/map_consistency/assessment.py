@@ -9,64 +9,35 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.graph.pose_graph import Edges
-from gridslam.graph.pose_graph import residuals as residual_poses
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.map_consistency.contradictions import Contradictions, find_contradictions
-from gridslam.lidar_slam.map_consistency.displacement import find_displacement
-from gridslam.lidar_slam.map_consistency.observations import Observations, observe
+from gridslam.lidar_slam.map_consistency.contradictions import find_contradictions
+from gridslam.lidar_slam.map_consistency.doubtful_places import (
+    DoubtfulPlace,
+    Kind,
+    contradicted_places,
+    strained_loops,
+    strained_places,
+)
+from gridslam.lidar_slam.map_consistency.observations import observe
 from gridslam.lidar_slam.map_consistency.passages import (
-    Passages,
     distance_driven,
     find_passages,
     spaced_scans,
 )
-from gridslam.lidar_slam.map_consistency.tension import StrainedPath, loop_residuals, max_strained
+from gridslam.lidar_slam.map_consistency.tension import loop_residuals, max_strained
 from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
-Kind = Literal["contradiction", "strain", "loop"]
-
-REASONS: dict[Kind, str] = {
-    "contradiction": "one of two passages is displaced by about {:.1f} m",
-    "strain": "the path departs by {:.1f} m from what scan matching measured",
-    "loop": "a loop closure is missed by {:.2f} m",
-}
 DOUBTFUL = 0.5  # maps with more doubt are warned about
-EVEN_EVIDENCE_M = (
-    1.2  # metres of contradicted wall times the gain of a displacement at which the doubt is 0.5
-)
-MIN_WALL_M = 1.0  # smaller contradictions are not looked into
-MAX_CONTRADICTIONS = 12  # the largest ones are looked into
-EVEN_STRAIN = 4.0  # standard deviations of the front end's drift at which the doubt is 0.5
-EVEN_RESIDUAL = 8.0  # normalised residual of an accepted loop at which the doubt is 0.5
-STEEPNESS = 3.0  # of the logistic curve over the logarithm
 MENTIONED = 0.1  # places with less doubt are not listed
 MAX_PLACES = 20
 MIN_SCANS = 3
-
-
-@dataclass(frozen=True, slots=True)
-class DoubtfulPlace:
-    """A place of the map (m), what is wrong there, by how much (m), its doubt, and two scans that show it."""
-
-    kind: Kind
-    x_m: float
-    y_m: float
-    size_m: float
-    doubt: float
-    stamps_ns: tuple[int, int]
-
-    @property
-    def reason(self) -> str:
-        """What is wrong, in words."""
-        return REASONS[self.kind].format(self.size_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,12 +135,12 @@ def assess_map(
     found = find_contradictions(observations)
     strained = max_strained(track, poses, rows, drift or DriftModel())
     stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
-    places = _contradicted_places(found, observations, passages, stamps)
-    places += _strained_places(strained, poses[rows], stamps)
+    places = contradicted_places(found, observations, passages, stamps)
+    places += strained_places(strained, poses[rows], stamps)
     residuals = np.zeros(1)
     if loops is not None and len(loops):
         residuals = loop_residuals(poses, loops)
-        places += _strained_loops(scans, poses, loops, residuals)
+        places += strained_loops(scans, poses, loops, residuals)
     places = sorted(places, key=lambda place: (-place.doubt, place.x_m, place.y_m))
     agreement = math.prod(1.0 - place.doubt for place in _worst_of_each_kind(places))
     unchecked = _longest_unchecked_m(passages.travel_m, passages.is_revisited)
@@ -183,56 +154,6 @@ def assess_map(
         revisited=float(passages.is_revisited.mean()),
         longest_unchecked_m=unchecked,
     )
-
-
-def doubt_of(value: float, even: float) -> float:
-    """A logistic curve over the logarithm of a positive value: 0.5 at `even`."""
-    return 1.0 / (1.0 + (even / value) ** STEEPNESS) if value > 0.0 else 0.0
-
-
-def _contradicted_places(
-    found: Contradictions, observations: Observations, passages: Passages, stamps: NDArray[np.int64]
-) -> list[DoubtfulPlace]:
-    places = []
-    for place in found.places[:MAX_CONTRADICTIONS]:
-        if place.wall_m < MIN_WALL_M:
-            break
-        moved = find_displacement(place, observations, passages)
-        doubt = doubt_of(place.wall_m * moved.gain, EVEN_EVIDENCE_M)
-        pair = int(stamps[moved.seen_by]), int(stamps[moved.looked_through_by])
-        size = float(np.hypot(moved.dx_m, moved.dy_m))
-        places.append(
-            DoubtfulPlace("contradiction", place.x_m, y_m=place.y_m, size_m=size, doubt=doubt, stamps_ns=pair)
-        )
-    return places
-
-
-def _strained_places(
-    strained: StrainedPath | None, poses: Floats, stamps: NDArray[np.int64]
-) -> list[DoubtfulPlace]:
-    if strained is None:
-        return []
-    x, y = poses[strained.middle, :2].tolist()
-    doubt = doubt_of(strained.strain, EVEN_STRAIN)
-    pair = int(stamps[strained.start]), int(stamps[strained.end])
-    size = strained.departure_m
-    return [DoubtfulPlace("strain", x, y_m=y, size_m=size, doubt=doubt, stamps_ns=pair)]
-
-
-def _strained_loops(
-    scans: Sequence[PreparedScan], poses: Floats, loops: Edges, residuals: Floats
-) -> list[DoubtfulPlace]:
-    worst = int(np.argmax(residuals))
-    source, target = int(loops.source[worst]), int(loops.target[worst])
-    x, y = poses[target, :2].tolist()
-    error = residual_poses(poses, loops)[worst]
-    doubt = doubt_of(float(residuals[worst]), EVEN_RESIDUAL)
-    stamps = scans[source].stamp_ns, scans[target].stamp_ns
-    return [
-        DoubtfulPlace(
-            "loop", x, y_m=y, size_m=float(np.hypot(error[0], error[1])), doubt=doubt, stamps_ns=stamps
-        )
-    ]
 
 
 def _worst_of_each_kind(places: Sequence[DoubtfulPlace]) -> list[DoubtfulPlace]:
