@@ -22,6 +22,7 @@ from .commands import (
     explore,
     info,
     localize,
+    maps,
     plan,
     simulate,
     sweep,
@@ -54,6 +55,7 @@ app.command("sweep")(common(sweep.run))
 app.command("info")(common(info.run))
 app.command("convert")(common(convert.run))
 app.add_typer(config.app, name="config")
+app.add_typer(maps.app, name="maps")
 app.command("warmup")(common(warmup.run))
 
 

@@ -1,0 +1,156 @@
+"""Maps cut out, turned and laid over each other; resolution and origin follow."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.errors import ConfigError
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+OCCUPIED_FROM, FREE_UP_TO = 0.65, 0.196
+WALL_CELLS = 3  # kept around what is reachable
+MAX_CELLS = 100_000_000
+COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
+MAX_LOG_ODDS = 6.0
+
+
+def crop_to_polygon(grid: OccupancyGrid, corners: Floats) -> OccupancyGrid:
+    """The cells whose centres lie inside a polygon `(n, 2)` of the map frame. Raises ConfigError: no known cell does."""
+    cells = _fractional_cells(grid.geometry, corners)[:, ::-1]
+    mask = np.zeros(grid.probability.shape, np.uint8)
+    scale = 1 << 4  # cv2 takes corners in sixteenths of a cell
+    limit = 4 * max(grid.probability.shape)
+    shifted = np.rint(np.clip(cells, -limit, limit) * scale).astype(np.int32)
+    cv2.fillPoly(mask, [shifted], 1, shift=4)
+    return _kept(grid, mask.astype(np.bool_), "the polygon holds no known cell of the map")
+
+
+def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
+    """What can be reached from a free point (2,) over free cells, with the walls about it. Raises ConfigError: it is not free."""
+    row, col = grid.geometry.cells(start_xy[None])[0]
+    free = grid.probability <= FREE_UP_TO
+    rows, cols = free.shape
+    if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
+        raise ConfigError(f"the point {start_xy[0]:g}, {start_xy[1]:g} does not lie in free space of the map")
+    _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    inside = (labels == labels[row, col]).astype(np.uint8)
+    around = cv2.dilate(inside, np.ones((2 * WALL_CELLS + 1,) * 2, np.uint8)).astype(np.bool_)
+    is_wall = around & (grid.probability > FREE_UP_TO)
+    return _kept(grid, inside.astype(np.bool_) | is_wall, "nothing is reachable")
+
+
+def _kept(grid: OccupancyGrid, mask: Bools, problem: str) -> OccupancyGrid:
+    """The cells of a mask in the smallest grid that holds the known ones."""
+    values = np.where(mask, grid.probability, np.float32(np.nan)).astype(np.float32)
+    return trimmed(OccupancyGrid(values, grid.geometry), problem)
+
+
+def trimmed(grid: OccupancyGrid, problem: str = "the map has no known cell") -> OccupancyGrid:
+    """The map without unknown rows and columns at its borders. Raises ConfigError: no cell is known."""
+    known = ~np.isnan(grid.probability)
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        raise ConfigError(problem)
+    x, y = grid.geometry.centres(np.array([[rows[0] - 0.5, cols[0] - 0.5]]))[0].tolist()
+    values = grid.probability[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].copy()
+    return OccupancyGrid(values, GridGeometry(grid.geometry.resolution_m, (x, y), grid.geometry.yaw_rad))
+
+
+def wall_direction(grid: OccupancyGrid) -> float:
+    """The heading (rad, in [-pi/4, pi/4)) that most walls run along or across in the map frame. Raises ConfigError: no wall."""
+    points = grid.geometry.centres(np.argwhere(grid.probability > OCCUPIED_FROM))
+    if not len(points):
+        raise ConfigError("the map has no wall whose direction could be found")
+    coarse = np.radians(np.arange(-45.0, 45.0, COARSE_DEG))
+    best = coarse[int(np.argmax([_alignment(points, a, grid.geometry.resolution_m) for a in coarse]))]
+    fine = best + np.radians(np.arange(-COARSE_DEG, COARSE_DEG + 1e-9, FINE_DEG))
+    found = fine[int(np.argmax([_alignment(points, a, grid.geometry.resolution_m) for a in fine]))]
+    return float((found + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+
+
+def _alignment(points: Floats, yaw_rad: float, cell_m: float) -> float:
+    """How much the points gather in few rows and columns of axes that are turned by `yaw_rad`."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    turned = points @ np.array([[c, -s], [s, c]])
+    total = 0.0
+    for axis in range(2):
+        rows = np.floor((turned[:, axis] - turned[:, axis].min()) / cell_m).astype(np.int64)
+        total += float((np.bincount(rows).astype(np.float64) ** 2).sum())
+    return total
+
+
+def moved(grid: OccupancyGrid, T_new_old: Floats) -> OccupancyGrid:
+    """The map in another frame, drawn anew on cells along its axes. Raises ConfigError: the map would be too large."""
+    rows, cols = grid.probability.shape
+    corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
+    ends = se2.transform_points(T_new_old, grid.geometry.centres(corners))
+    geometry, shape = _frame_around(ends, grid.geometry.resolution_m)
+    return trimmed(OccupancyGrid(resampled(grid, T_new_old, geometry, shape), geometry))
+
+
+def merged(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> OccupancyGrid:
+    """Both maps in the frame and at the resolution of the first one; where both know a cell their log-odds are added.
+
+    Raises ConfigError: the map would be too large.
+    """
+    ends = []
+    for grid, pose in ((base, np.zeros(3)), (other, T_base_other)):
+        rows, cols = grid.probability.shape
+        corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
+        ends.append(se2.transform_points(pose, grid.geometry.centres(corners)))
+    geometry, shape = _frame_around(np.concatenate(ends), base.geometry.resolution_m)
+    one = resampled(base, np.zeros(3), geometry, shape)
+    two = resampled(other, T_base_other, geometry, shape)
+    known = ~np.isnan(one), ~np.isnan(two)
+    log_odds = np.where(known[0], _log_odds(one), 0.0) + np.where(known[1], _log_odds(two), 0.0)
+    values = (1.0 / (1.0 + np.exp(-np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)))).astype(np.float32)
+    values[~(known[0] | known[1])] = np.nan
+    return trimmed(OccupancyGrid(values, geometry))
+
+
+def resampled(
+    grid: OccupancyGrid, T_new_old: Floats, geometry: GridGeometry, shape: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Probabilities `shape` of the map's cells under the centres of another grid's cells; NaN outside the map."""
+    T_old_new = se2.inverse(T_new_old)
+    values = np.full(shape, np.nan, np.float32)
+    rows, cols = grid.probability.shape
+    block = max((1 << 20) // max(shape[1], 1), 1)
+    for first in range(0, shape[0], block):
+        part = values[first : first + block]
+        at = np.indices(part.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0])
+        cells = grid.geometry.cells(se2.transform_points(T_old_new, geometry.centres(at)))
+        inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
+        flat = np.full(len(at), np.nan, np.float32)
+        flat[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
+        part[:] = flat.reshape(part.shape)
+    return values
+
+
+def _frame_around(points: Floats, cell_m: float) -> tuple[GridGeometry, tuple[int, int]]:
+    """A grid along the axes around points, whose corner lies on a multiple of the cell size."""
+    low = np.floor(points.min(axis=0) / cell_m + 1e-9)
+    cols, rows = (np.ceil(points.max(axis=0) / cell_m - 1e-9) - low).astype(np.int64).tolist()
+    if rows * cols > MAX_CELLS:
+        raise ConfigError(f"the map would have {cols} x {rows} cells; the limit is {MAX_CELLS}")
+    x, y = (low * cell_m).tolist()
+    return GridGeometry(cell_m, (x, y)), (rows, cols)
+
+
+def _fractional_cells(geometry: GridGeometry, points: Floats) -> Floats:
+    """Cells (row, col) of points, not rounded: a cell's centre is a whole number."""
+    offset = points - np.asarray(geometry.origin_xy_m)
+    c, s = np.cos(geometry.yaw_rad), np.sin(geometry.yaw_rad)
+    local = offset @ np.array([[c, -s], [s, c]]) / geometry.resolution_m
+    return np.asarray(local[:, ::-1] - 0.5)
+
+
+def _log_odds(probability: NDArray[np.float32]) -> Floats:
+    p = np.clip(np.nan_to_num(probability.astype(np.float64), nan=0.5), 1e-3, 1.0 - 1e-3)
+    return np.asarray(np.log(p / (1.0 - p)))
