@@ -13,7 +13,7 @@ import io
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import yaml
@@ -153,14 +153,19 @@ def cells_of_image(
         table = _threshold_cells(
             brightness if negate else 1.0 - brightness, occupied_thresh, free_thresh, graded=mode == "scale"
         )
-    cells = np.empty(image.levels.shape, np.int8)
-    top_first = cells[::-1]
-    for first in range(0, len(cells), ROWS_PER_BLOCK):
-        rows = slice(first, first + ROWS_PER_BLOCK)
-        top_first[rows] = table[image.levels[rows]]
+    top_first = _looked_up(table.astype(np.int8), image.levels)
     if mode != "raw" and image.opaque is not None:
         top_first[~image.opaque] = UNKNOWN
-    return cells
+    return top_first[::-1]
+
+
+def _looked_up(table: NDArray[Any], index: NDArray[Any]) -> NDArray[Any]:
+    """table[index] of an image `(rows, cols)`, in blocks of rows."""
+    found = np.empty(index.shape, table.dtype)
+    for first in range(0, len(index), ROWS_PER_BLOCK):
+        rows = slice(first, first + ROWS_PER_BLOCK)
+        found[rows] = table[index[rows]]
+    return found
 
 
 def _threshold_cells(
@@ -216,38 +221,48 @@ def cells_of_grid(grid: OccupancyGrid) -> NDArray[np.int8]:
 
     Raises ValueError: a probability lies outside [0, 1].
     """
-    known = ~np.isnan(grid.probability)
-    percent = np.where(known, grid.probability, 0.0) * 100.0
-    if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
-        raise ValueError("an occupancy probability lies outside [0, 1]")
-    return np.where(known, np.rint(percent), float(UNKNOWN)).astype(np.int8)
+    cells = np.empty(grid.probability.shape, np.int8)
+    for first in range(0, len(cells), ROWS_PER_BLOCK):
+        part = grid.probability[first : first + ROWS_PER_BLOCK]
+        known = ~np.isnan(part)
+        percent = np.where(known, part, 0.0) * 100.0
+        if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
+            raise ValueError("an occupancy probability lies outside [0, 1]")
+        cells[first : first + ROWS_PER_BLOCK] = np.where(known, np.rint(percent), float(UNKNOWN))
+    return cells
 
 
 def _image_bytes(cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: ImageFormat) -> bytes:
     if not cells.size:
         raise ConfigError("an empty map (no rows or no columns) cannot be saved")
     top_first = cells[::-1]
-    unknown = top_first == UNKNOWN
-    if mode == "trinary":
-        pixels = np.where(top_first >= np.rint(limits.occupied * 100.0), PIXEL_OCCUPIED, PIXEL_UNKNOWN)
-        pixels = np.where(top_first <= np.rint(limits.free * 100.0), PIXEL_FREE, pixels)
-        pixels = np.where(unknown, PIXEL_UNKNOWN, pixels)
-    elif mode == "scale":
-        pixels = np.rint((100.0 - top_first) / 100.0 * 255.0)
-        pixels = np.where(unknown, 128, pixels)
-    else:
-        pixels = np.where(unknown, 255, top_first)
-    image = Image.fromarray(pixels.astype(np.uint8))
+    image = Image.fromarray(
+        _looked_up(_pixel_of_value(mode, limits), top_first)
+    )  # -1, unknown, is the last entry
     if mode == "scale" and kind == "png":
-        image.putalpha(Image.fromarray(np.where(unknown, 0, 255).astype(np.uint8)))
+        image.putalpha(Image.fromarray(np.where(top_first == UNKNOWN, np.uint8(0), np.uint8(255))))
         image = image.convert("RGBA")
-    elif mode == "scale" and unknown.any():
+    elif mode == "scale" and (top_first == UNKNOWN).any():
         raise ConfigError(
             f"a scale map with unknown cells needs an alpha channel, which {kind} lacks: use png"
         )
     buffer = io.BytesIO()
     image.save(buffer, format={"pgm": "PPM", "png": "PNG", "bmp": "BMP"}[kind])
     return buffer.getvalue()
+
+
+def _pixel_of_value(mode: Mode, limits: Thresholds) -> NDArray[np.uint8]:
+    """The pixel `(102,)` of the cell values 0 to 100, and of an unknown cell at the end."""
+    value = np.arange(101.0)
+    if mode == "trinary":
+        pixels = np.where(value >= np.rint(limits.occupied * 100.0), PIXEL_OCCUPIED, PIXEL_UNKNOWN)
+        pixels = np.where(value <= np.rint(limits.free * 100.0), PIXEL_FREE, pixels)
+        unknown = PIXEL_UNKNOWN
+    elif mode == "scale":
+        pixels, unknown = np.rint((100.0 - value) / 100.0 * 255.0), 128
+    else:
+        pixels, unknown = value, 255
+    return np.append(pixels, unknown).astype(np.uint8)
 
 
 def _yaml_text(image_name: str, mode: Mode, geometry: GridGeometry, limits: Thresholds) -> str:

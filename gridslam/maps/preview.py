@@ -36,6 +36,7 @@ CELLS = (
     LegendEntry("area", ink.UNKNOWN, "unknown"),
 )
 BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
+BLOCKS_AT_ONCE = 128  # rows of a shrunk map that are made at once: large maps take much memory
 BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
 MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
 
@@ -201,18 +202,16 @@ def _finite_xy(rows: Floats | None) -> Floats:
 
 def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    cells = np.full((window.row1 - window.row0, window.col1 - window.col0), -1.0, np.float32)  # -1: unknown
-    rows, cols = grid.probability.shape
-    r0, r1 = max(window.row0, 0), min(window.row1, rows)
-    c0, c1 = max(window.col0, 0), min(window.col1, cols)
-    if r0 < r1 and c0 < c1:
-        part = grid.probability[r0:r1, c0:c1]
-        cells[r0 - window.row0 : r1 - window.row0, c0 - window.col0 : c1 - window.col0] = np.where(
-            np.isnan(part), -1.0, part
-        )
-    if window.zoom < 1.0:
-        k = round(1.0 / window.zoom)
-        cells = cells.reshape(cells.shape[0] // k, k, cells.shape[1] // k, k).max(axis=(1, 3))
+    k = round(1.0 / window.zoom) if window.zoom < 1.0 else 1
+    at_once = k * BLOCKS_AT_ONCE
+    cells = np.concatenate(
+        [
+            _highest_of_blocks(
+                grid, (first, min(first + at_once, window.row1)), (window.col0, window.col1), k
+            )
+            for first in range(window.row0, window.row1, at_once)
+        ]
+    )
     steps = np.rint(np.clip(cells[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
     occupancy = np.arange(256)[:, None] / 255.0
     table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
@@ -220,6 +219,22 @@ def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     colours[cells[::-1] < 0.0] = ink.UNKNOWN
     picture = Image.fromarray(colours).resize(window.size_px, Image.Resampling.NEAREST)
     return np.array(picture)
+
+
+def _highest_of_blocks(
+    grid: OccupancyGrid, row_limits: tuple[int, int], col_limits: tuple[int, int], k: int
+) -> NDArray[np.float32]:
+    """The highest probability of each block of k x k cells within the limits, which may lie outside; -1: unknown."""
+    (row0, row1), (col0, col1) = row_limits, col_limits
+    cells = np.full((row1 - row0, col1 - col0), -1.0, np.float32)
+    rows, cols = grid.probability.shape
+    r0, r1, c0, c1 = max(row0, 0), min(row1, rows), max(col0, 0), min(col1, cols)
+    if r0 < r1 and c0 < c1:
+        part = grid.probability[r0:r1, c0:c1]
+        cells[r0 - row0 : r1 - row0, c0 - col0 : c1 - col0] = np.where(np.isnan(part), np.float32(-1.0), part)
+    if k == 1:
+        return cells
+    return np.asarray(cells.reshape(cells.shape[0] // k, k, cells.shape[1] // k, k).max(axis=(1, 3)))
 
 
 def _draw_footprint(
