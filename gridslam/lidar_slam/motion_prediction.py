@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 
@@ -24,6 +25,8 @@ GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
 MIN_INLIER_RATIO = (
     0.4  # a match with fewer inliers may be wrong: the robot counts as lost, and the search widens
 )
+MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
+KEPT_SCANS = 16
 MAX_LOST_S = 5.0  # for so long: then the surroundings are new
 GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
 MIN_COMPARED_STEPS = 20  # the gyro is judged by its errors once it has been compared this often
@@ -82,6 +85,9 @@ class MotionPredictor:
         self._errors = {source: PredictionErrors() for source in MotionSource}
         self._used = dict.fromkeys(MotionSource, 0)
         self._previous: PlacedScan | None = None
+        self._recent: deque[tuple[PlacedScan, Floats]] = deque(
+            maxlen=KEPT_SCANS
+        )  # with matched poses, newest last
         self._previous_pose = np.zeros(3)  # matched
         self._previous_odometry = np.zeros(3)  # predicted, in the frame without jumps
         self._T_continuous_odom: Floats | None = None  # None: the frames are the same
@@ -98,8 +104,10 @@ class MotionPredictor:
         """Velocity (vx, vy, wz) `(3,)` at a scan that comes next, as well as it is known before matching."""
         previous = self._previous
         if previous is None or (previous.has_odometry and placed.has_odometry):
-            return twist_between(previous, placed)
+            return twist_between(self._earlier(placed)[0], placed)
         elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
+        if 0.0 <= elapsed_s < MIN_TWIST_S:
+            return self._twist
         if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
             return np.zeros(3)
         _, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
@@ -137,8 +145,9 @@ class MotionPredictor:
         if is_good:
             self._good_ns = placed.scan.stamp_ns
         if previous is not None and is_good:
-            self._learn(previous.scan.stamp_ns, placed.scan.stamp_ns, se2.between(self._previous_pose, pose))
+            self._learn(placed, pose)
         self._previous, self._previous_pose = placed, pose
+        self._recent.append((placed, pose))
 
     def measures(self) -> dict[str, object]:
         """How many scans each source predicted, and its errors, for the report."""
@@ -171,15 +180,25 @@ class MotionPredictor:
         lost_s = (stamp_ns - self._good_ns) * 1e-9
         return lost_s if elapsed_s < lost_s < MAX_LOST_S else elapsed_s
 
-    def _learn(self, start_ns: int, end_ns: int, matched: Floats) -> None:
-        """Take in the matched motion `(3,)` between two stamps."""
+    def _earlier(self, placed: PlacedScan) -> tuple[PlacedScan | None, Floats]:
+        """The last scan that is MIN_TWIST_S or more before this one, with its matched pose; else the previous scan."""
+        for earlier, pose in reversed(self._recent):
+            if placed.scan.stamp_ns - earlier.scan.stamp_ns >= MIN_TWIST_S * 1e9:
+                return earlier, pose
+        return self._previous, self._previous_pose
+
+    def _learn(self, placed: PlacedScan, pose: Floats) -> None:
+        """Take in the matched motion to a scan: since the previous scan, and since an earlier one for the velocity."""
+        matched = se2.between(self._previous_pose, pose)
         for source, step in self._steps.items():
             self._errors[source].add(step, matched)
-        elapsed_s = (end_ns - start_ns) * 1e-9
-        if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
+        end_ns = placed.scan.stamp_ns
+        earlier, earlier_pose = self._earlier(placed)
+        elapsed_s = 0.0 if earlier is None else (end_ns - earlier.scan.stamp_ns) * 1e-9
+        if not MIN_TWIST_S <= elapsed_s < MAX_SCAN_GAP_S:
             return
-        self._twist, self._twist_ns = matched / elapsed_s, end_ns
-        if MotionSource.GYRO in self._steps:
+        self._twist, self._twist_ns = se2.between(earlier_pose, pose) / elapsed_s, end_ns
+        if MotionSource.GYRO in self._steps and earlier is self._previous:
             self._gyro.compare(float(self._steps[MotionSource.GYRO][2]), float(matched[2]), elapsed_s)
 
 

@@ -26,6 +26,11 @@ Floats = NDArray[np.float64]
 MAX_WAIT_S = 10.0  # a scan that has waited longer for odometry is tracked without any
 
 
+def lidar_of(scan: LaserScan) -> str:
+    """The lidar that took a scan: its frame, without the stamp that the frame of a lidar on a moving joint has."""
+    return scan.frame_id.partition("@")[0]
+
+
 class ScanTracker:
     """The robot's path over all scans in the front end's frame, and the key scans on it.
 
@@ -47,6 +52,8 @@ class ScanTracker:
         self._matches: list[ScanMatch] = []
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans: list[PreparedScan] = []
+        self._lidar = ""  # of the last tracked scan
+        self._last_key_of: dict[str, int] = {}  # row of each lidar's last key scan
 
     @property
     def counters(self) -> Counter[str]:
@@ -126,6 +133,7 @@ class ScanTracker:
         motion = self._predictor.predict(placed)
         match = self._front_end.track(scan, motion.odometry, motion.min_std)
         self._counters["scan.unmatched"] += not match.is_matched
+        self._lidar = lidar_of(placed.scan)
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)
@@ -142,14 +150,16 @@ class ScanTracker:
 
     @property
     def is_key_scan_due(self) -> bool:
-        """Whether the last scan is far enough from the last key scan; the first scan always is."""
-        return not self.keys or self._spacing.is_due(self.track_poses[self.keys[-1]], self.pose)
+        """Whether the last scan is far enough from the last key scan of its lidar; the first scan always is."""
+        last = self._last_key_of.get(self._lidar)
+        return last is None or self._spacing.is_due(self.track_poses[last], self.pose)
 
     def add_key_scan(self, scan: PreparedScan) -> Floats:
         """Make the last tracked scan a key scan; returns the motion `(3,)` since the previous key scan, zero for the first."""
         step = se2.between(self.track_poses[self.keys[-1]], self.pose) if self.keys else np.zeros(3)
         self._front_end.add_key_scan(scan)
         self.keys.append(len(self.track_poses) - 1)
+        self._last_key_of[self._lidar] = self.keys[-1]
         self.key_scans.append(scan)
         return step
 

@@ -21,6 +21,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.moving_mount import MovingMount, moving_mounts
 from gridslam.logs.playback import events_of, file_states, true_pose_of
 from gridslam.logs.selection import select_streams
+from gridslam.logs.several_sensors import note_choice, refuse_unknown_places
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import RecordedStream, Source, StreamInfo
 from gridslam.logs.tum import LARGEST_M, read_trajectory
@@ -52,6 +53,8 @@ class Log:
         self._static = self._with_virtual_lidars(self._mount())
         self._file_states = file_states(source.files)
         self._note_disorder()
+        if self._for_a_method:
+            note_choice(source.streams, self._selection.kind_of, config, self._opening)
 
     def __enter__(self) -> Log:
         return self
@@ -252,6 +255,8 @@ class Log:
             message_counts=self._opening,
             on_robot=lidar_frames,
         )
+        fixed = [frame for frame in in_place if frame not in self._moving]
+        refuse_unknown_places(streams, self._selection, fixed, tree)
         extrinsics.refuse_upright(
             [m for m in mounted if m.child_frame_id in self._planar_lidars(lidar_frames)]
         )

@@ -40,7 +40,7 @@ def select_streams(
     """Select the streams of the wanted kinds; with `kinds` None, all streams.
 
     Raises ConfigError, which lists the candidates: two streams of a kind of which a method takes one (with `kinds`
-    None several are fine), or a configured topic that the log lacks.
+    None several are fine; so are several lidars with frames of their own), or a configured topic that the log lacks.
     """
     listed = sorted(range(len(streams)), key=lambda i: _precedence(streams[i]))
     truth = _truth(streams, listed, config)
@@ -62,8 +62,8 @@ def select_streams(
             )
         elif kind == "stereo":
             candidates = _one_form(candidates, streams)
-        elif kinds is not None and KINDS[kind].is_single and len(candidates) > 1:
-            raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
+        elif kinds is not None and len(candidates) > 1:
+            candidates = _of_one_kind(kind, candidates, streams)
         kind_of.update(dict.fromkeys(candidates, kind))
     if kinds is not None and "odom" in kinds and "odom" not in {*kind_of.values(), *config.topics}:
         from_tf = _odometry_from_tf(streams, listed, config.base_frame or base_frame, kind_of)
@@ -127,9 +127,23 @@ def _named(
             has = ", ".join(streams[i].label for i in pool) or "none"
             raise ConfigError(f"log.topics.{kind}: the log has no {kind} stream {topic!r}; it has: {has}")
         chosen += matches
-    if KINDS[kind].is_single and len(chosen) > 1:
-        raise ConfigError(_ambiguous(kind, [streams[i] for i in chosen]))
-    return chosen
+    return _of_one_kind(kind, chosen, streams) if len(chosen) > 1 else chosen
+
+
+def _of_one_kind(kind: str, candidates: list[int], streams: Sequence[RecordedStream]) -> list[int]:
+    """Those of several streams of a kind that a method gets: all lidars, where each has a frame of its own, and the densest IMU.
+
+    Raises ConfigError: the kind is one of which a method takes one.
+    """
+    if not KINDS[kind].is_single:
+        return candidates
+    used = [i for i in candidates if len(streams[i].stamps_ns)]
+    frames = [frame for i in used for frame in streams[i].frames]
+    if kind == "scan" and used and len(set(frames)) == len(frames):
+        return used
+    if kind == "imu":
+        return [max(candidates, key=lambda i: len(streams[i].stamps_ns))]
+    raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
 
 
 def _ambiguous(kind: str, candidates: Sequence[RecordedStream]) -> str:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, Imu, LaserScan, Odometry
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.logs.rotations import from_euler
 from gridslam.motion.scan_poses import PlacedScan
 from tests.methods.slam_sd import hall
 
@@ -122,3 +125,40 @@ def test_good_odometry_is_used_for_every_scan() -> None:
     tracker = tracked(hall.events(1))
     assert tracker.motion_measures["odometry"]["predicted_scans"] == len(hall.path(1))
     assert [isinstance(e, Odometry) for e in hall.events(1)].count(True) == len(hall.path(1))
+
+
+def two_lidars() -> list[Event]:
+    """The drive with the scans of a left and a right lidar, which stands askew and gives every second scan only."""
+    yaw, half = -1.2, hall.BEAMS // 2
+    mounts = [
+        Transform(0, "base_link", frame, (0.0, 0.0, 0.0), from_euler(0.0, 0.0, angle), is_static=True)
+        for frame, angle in (("left", 0.0), ("right", yaw))
+    ]
+    found: list[Event] = list(mounts)
+    count = 0
+    for event in hall.events(1):
+        if not isinstance(event, LaserScan):
+            found.append(event)
+            continue
+        first = event.angle_min_rad
+        middle = first + half * event.angle_increment_rad
+        found.append(replace(event, frame_id="left", ranges_m=event.ranges_m[half:], angle_min_rad=middle))
+        if count % 2 == 0:
+            ranges = event.ranges_m[:half]
+            found.append(replace(event, frame_id="right", ranges_m=ranges, angle_min_rad=first - yaw))
+        count += 1
+    return found
+
+
+@pytest.mark.parametrize("has_odometry", [True, False])
+def test_the_scans_of_two_lidars_are_tracked_together(has_odometry: bool) -> None:
+    events = [e for e in two_lidars() if has_odometry or not isinstance(e, Odometry)]
+    tracker = tracked(events)
+    stamps = np.array(tracker.stamps_ns)
+    expected = hall.path(1)[(stamps - stamps[0]) // hall.PERIOD_NS]
+    assert len(stamps) > 1.4 * len(hall.path(1))
+    difference = se2.between(expected, np.array(tracker.track_poses))
+    assert np.hypot(*difference[:, :2].T).max() < 0.15
+    key_scans = len(tracker.keys)
+    one = tracked(e for e in events if getattr(e, "frame_id", "") != "right")
+    assert key_scans > 1.5 * len(one.keys)
