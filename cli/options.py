@@ -13,6 +13,7 @@ import typer
 from gridslam.methods.registry import MethodEntry, built_in_with
 
 from . import console
+from .completion import complete_config
 
 if TYPE_CHECKING:
     from gridslam.logs.config import LogConfig
@@ -35,13 +36,18 @@ LogPaths = Annotated[
     typer.Argument(
         metavar="LOG...",
         readable=False,
-        help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag. Several logs become one map.",
+        help="A log: MCAP, CSV folder, CARMEN, rosbag2 or ROS 1 bag. Several logs, a pattern such as 'logs/*.mcap', or a "
+        "folder of logs become one map.",
     ),
 ]
 ConfigName = Annotated[
     str,
     typer.Option(
-        "--config", "-c", metavar="CONFIG", help="A YAML file, or a built-in config such as slam-sd."
+        "--config",
+        "-c",
+        metavar="CONFIG",
+        autocompletion=complete_config,
+        help="A YAML file, or a built-in config such as slam-sd.",
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="The run directory to write.")]
@@ -55,6 +61,14 @@ Overrides = Annotated[
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the run; overrides the config's.")]
 Jobs = Annotated[
     int | None, typer.Option("--jobs", min=1, help="Number of threads. The result does not depend on it.")
+]
+StartTime = Annotated[
+    float | None,
+    typer.Option("--start", metavar="S", min=0.0, help="Use the log from S seconds after its start."),
+]
+EndTime = Annotated[
+    float | None,
+    typer.Option("--end", metavar="S", min=0.0, help="Use the log up to S seconds after its start."),
 ]
 Strict = Annotated[
     bool,

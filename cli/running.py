@@ -171,6 +171,12 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
     return rows
 
 
+def span_overrides(start_s: float | None, end_s: float | None) -> list[str]:
+    """`--start S` and `--end S` as overrides of `log.start_s` and `log.end_s`."""
+    given_s = {"start_s": start_s, "end_s": end_s}
+    return [f"log.{name}={value!r}" for name, value in given_s.items() if value is not None]
+
+
 def start_override(text: str, option: str = "--start") -> str:
     """`--start x,y,yaw` as an override of `method.start`."""
     try:

@@ -7,12 +7,18 @@ from typing import Annotated
 import typer
 
 from .. import console
+from ..completion import complete_config
 from ..options import AsJson, Overrides, Seed, common
 
 app = typer.Typer(invoke_without_command=True, rich_markup_mode=None)
 
 ConfigArgument = Annotated[
-    str, typer.Argument(metavar="CONFIG", help="A YAML file, or a built-in config such as slam-sd.")
+    str,
+    typer.Argument(
+        metavar="CONFIG",
+        autocompletion=complete_config,
+        help="A YAML file, or a built-in config such as slam-sd.",
+    ),
 ]
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import console
+from ..completion import complete_config
 from ..options import AsJson, LogPath, Strict, reading_config
 from .info import LOSSY, Layout
 
@@ -23,7 +24,11 @@ Rosbag2Output = Annotated[
 ReadingConfig = Annotated[
     str | None,
     typer.Option(
-        "--config", "-c", metavar="CONFIG", help="Read the log by the `log` section of this config."
+        "--config",
+        "-c",
+        metavar="CONFIG",
+        autocompletion=complete_config,
+        help="Read the log by the `log` section of this config.",
     ),
 ]
 Topics = Annotated[

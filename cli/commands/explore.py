@@ -10,6 +10,7 @@ import typer
 from gridslam.methods.registry import built_in_with
 
 from .. import console
+from ..completion import complete_config
 from ..options import AsJson, Force, Jobs, Output, Seed
 from .simulate import WorldName
 
@@ -24,6 +25,7 @@ ExploringConfig = Annotated[
         "--config",
         "-c",
         metavar="CONFIG",
+        autocompletion=complete_config,
         help=f"A YAML file or a built-in config of a method that can explore: {', '.join(EXPLORING)}.",
     ),
 ]

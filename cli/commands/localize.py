@@ -10,6 +10,7 @@ import typer
 from ..options import (
     AsJson,
     ConfigName,
+    EndTime,
     Force,
     Inputs,
     Jobs,
@@ -34,8 +35,12 @@ MapPath = Annotated[
     ),
 ]
 Start = Annotated[
-    str | None,
-    typer.Option("--start", metavar="X,Y,YAW", help="Start pose (m, m, rad). Default: unknown."),
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="X,Y,YAW|S",
+        help="Start pose (m, m, rad; default: unknown), or use the log from S seconds after its start. Repeatable.",
+    ),
 ]
 
 
@@ -45,6 +50,7 @@ def run(
     output: Output,
     map_path: MapPath = None,
     start: Start = None,
+    end: EndTime = None,
     further: Inputs = None,
     truth: RunTruth = None,
     truth_topic: TruthTopic = None,
@@ -56,13 +62,20 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Localize the robot along a log on a given map."""
-    from ..running import RunOptions, given, run_command, start_override
+    from ..running import RunOptions, given, run_command, span_overrides, start_override
+
+    poses = [text for text in start or () if "," in text]
+    times = [seconds_of(text) for text in start or () if "," not in text]
 
     options = RunOptions(
         log=log,
         config=config,
         output=output,
-        overrides=(*(override or ()), *([start_override(start)] if start else [])),
+        overrides=(
+            *(override or ()),
+            *map(start_override, poses),
+            *span_overrides(times[-1] if times else None, end),
+        ),
         seed=seed,
         jobs=jobs,
         force=force,
@@ -73,3 +86,16 @@ def run(
         truth_topic=truth_topic,
     )
     run_command("localize", options, map_path)
+
+
+def seconds_of(text: str) -> float:
+    """The seconds of `--start S`. Raises ConfigError: neither a number nor a pose."""
+    from gridslam.core.errors import ConfigError
+
+    try:
+        return float(text)
+    except ValueError:
+        raise ConfigError(
+            f"--start {text}: expected a pose x,y,yaw in metres and radians, for example --start 1.5,-2,0.3, "
+            "or a number of seconds"
+        ) from None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from .. import console
 from ..options import (
     AsJson,
     ConfigName,
     Continue,
     Drawing,
+    EndTime,
     Force,
     Inputs,
     Jobs,
@@ -15,6 +17,7 @@ from ..options import (
     Overrides,
     RunTruth,
     Seed,
+    StartTime,
     Strict,
     Tags,
     TruthTopic,
@@ -31,6 +34,8 @@ def run(
     further: Inputs = None,
     truth: RunTruth = None,
     truth_topic: TruthTopic = None,
+    start: StartTime = None,
+    end: EndTime = None,
     override: Overrides = None,
     seed: Seed = None,
     jobs: Jobs = None,
@@ -39,14 +44,19 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Build a map and a trajectory from a log, or one map from several logs in the order of the drives."""
-    from ..running import RunOptions, given, run_command
+    from gridslam.logs.find import find_logs
 
+    from ..running import RunOptions, given, run_command, span_overrides
+
+    found = [log for path in logs for log in find_logs(path)]
+    if len(found) > len(logs):
+        console.say(f"one map from {len(found)} logs, in this order: {', '.join(map(str, found))}")
     options = RunOptions(
-        log=logs[-1],
-        earlier=tuple(logs[:-1]),
+        log=found[-1],
+        earlier=tuple(found[:-1]),
         config=config,
         output=output,
-        overrides=tuple(override or ()),
+        overrides=(*(override or ()), *span_overrides(start, end)),
         seed=seed,
         jobs=jobs,
         force=force,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .. import console
+from ..completion import complete_world
 from ..options import AsJson
 
 if TYPE_CHECKING:
@@ -16,7 +17,12 @@ if TYPE_CHECKING:
 
 STEPS = 1000  # of the progress bar
 WorldName = Annotated[
-    str, typer.Argument(metavar="WORLD", help="A world file (YAML), or a built-in world such as office.")
+    str,
+    typer.Argument(
+        metavar="WORLD",
+        autocompletion=complete_world,
+        help="A world file (YAML), or a built-in world such as office.",
+    ),
 ]
 WorldOverrides = Annotated[
     list[str] | None,

@@ -90,6 +90,14 @@ class LogConfig(StrictModel):
     order: Literal["recorded", "stamp"] | None = Field(
         None, description="within a stream: as recorded (default), or sorted by stamp"
     )
+    start_s: float | None = Field(
+        None,
+        ge=0.0,
+        description="Seconds after the log's start from which it is used. Absent: from the start.",
+    )
+    end_s: float | None = Field(
+        None, ge=0.0, description="Seconds after the log's start up to which it is used. Absent: to the end."
+    )
     base_frame: str | None = Field(None, description="absent: the odometry's child frame, else base_link")
     extrinsics: dict[str, ExtrinsicsConfig] = Field(
         default_factory=dict, description="by sensor frame; wins over tf_static"
@@ -101,6 +109,12 @@ class LogConfig(StrictModel):
         None, description="layout of a CSV folder: given here, or the path of a log.yaml"
     )
     limits: LogLimits = LogLimits()
+
+    @model_validator(mode="after")
+    def _span_in_order(self) -> LogConfig:
+        if self.start_s is not None and self.end_s is not None and self.start_s > self.end_s:
+            raise ValueError(f"start_s {self.start_s:g} is not before end_s {self.end_s:g}")
+        return self
 
     @field_validator("topics", mode="before")
     @classmethod

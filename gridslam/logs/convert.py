@@ -55,7 +55,7 @@ def convert_log(
     if output.suffix != ".mcap" and not as_rosbag2:  # a CSV folder
         wanted = [info for info in wanted if info.kind not in WITHOUT_TABLE]
     names = _names(wanted)
-    origin = min((i.first_stamp_ns for i in streams if i.first_stamp_ns is not None), default=0)
+    origin = log.start_ns
     first = None if start_s is None else origin + round(start_s * NS_PER_S)
     last = None if end_s is None else origin + round(end_s * NS_PER_S)
     written: Counter[str] = Counter()

@@ -11,6 +11,7 @@ import numpy as np
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import extrinsics, ordering
 from gridslam.logs.clock_steps import clock_epochs
@@ -89,6 +90,25 @@ class Log:
         return list(self._source.static_edges)
 
     @property
+    def start_ns(self) -> int:
+        """The first stamp of the log, from which `--start` and `--end` count."""
+        stamps = [info.first_stamp_ns for info in self.streams if info.first_stamp_ns is not None]
+        return min(stamps, default=0)
+
+    def _span_ns(self) -> tuple[int, int]:
+        """The stamps of the part that is used. Raises ConfigError: the log ends before it."""
+        start_s, end_s = self._config.start_s, self._config.end_s
+        if start_s is None and end_s is None:
+            return 0, END_NS
+        last = max((info.last_stamp_ns or 0 for info in self.streams), default=0)
+        first = self.start_ns + round((start_s or 0.0) * NS_PER_S)
+        if first > last:
+            raise ConfigError(
+                f"{self.path}: log.start_s {start_s:g}: the log has only {(last - self.start_ns) / NS_PER_S:.1f} s"
+            )
+        return first, END_NS if end_s is None else self.start_ns + round(end_s * NS_PER_S)
+
+    @property
     def event_count(self) -> int:
         """The largest number of events that `events()` yields, for progress."""
         return len(self._static) + sum(
@@ -159,6 +179,7 @@ class Log:
             lidars=self._lidars,
             with_repairs=self._for_a_method,
             restamped=self._restamped,
+            span_ns=self._span_ns(),
         ):
             if isinstance(event, LaserScan) and (moving := self._moving.get(event.frame_id)):
                 transform, event = moving.placed(event)

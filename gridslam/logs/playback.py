@@ -19,6 +19,7 @@ from gridslam.core.messages import (
     PointCloud,
     Transform,
 )
+from gridslam.core.stamps import END_NS
 from gridslam.logs import ordering
 from gridslam.logs.codecs import odometry
 from gridslam.logs.depth_units import DepthUnits
@@ -44,6 +45,7 @@ def events_of(
     lidars: Mapping[str, VirtualLidar] = MappingProxyType({}),
     with_repairs: bool = True,
     restamped: frozenset[int] = frozenset(),
+    span_ns: tuple[int, int] = (0, END_NS),
 ) -> Iterator[tuple[str, str, Event]]:
     """(kind, topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
@@ -51,7 +53,7 @@ def events_of(
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
     earlier ones. `states` are those of the files when the log was opened. `lidars` make scans of point clouds, by the
     clouds' frame; `with_repairs` removes contradictions within scans. The events of streams in `restamped` get the stamps that
-    the streams have.
+    the streams have. Events outside the stamps `span_ns` are left out.
 
     Raises LogError: the files have changed since the log was opened.
     """
@@ -75,6 +77,8 @@ def events_of(
         topic = streams[index].topic
         if isinstance(event, Skip):
             message_counts.skip(kind_of[index], event.reason.value, event.where)
+            continue
+        if not span_ns[0] <= event.stamp_ns <= span_ns[1]:
             continue
         if index in to_convert:
             if isinstance(event, PointCloud):

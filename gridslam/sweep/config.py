@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
@@ -14,6 +14,7 @@ from gridslam.config.base import StrictModel
 from gridslam.config.errors import config_error
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
+from gridslam.logs.find import find_logs
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
 MAX_SEEDS = 100_000
@@ -181,11 +182,32 @@ class SweepConfig(StrictModel):
 
 def load_sweep(path: Path) -> SweepConfig:
     """The checked sweep file. Raises ConfigError with the file, the key path and what is wrong there."""
-    document = read_yaml(path)
+    document = _with_found_logs(read_yaml(path), path.resolve().parent)
     try:
         return SweepConfig.model_validate(document)
     except ValidationError as error:
         raise config_error(error, SweepConfig, str(path)) from None
+
+
+def _with_found_logs(document: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The document with an entry for each log that a path, a pattern or a folder of logs means."""
+    logs = document.get("logs")
+    if not isinstance(logs, list):
+        return document
+    entries: list[object] = []
+    for item in logs:
+        entry = {"log": item} if isinstance(item, str) else item
+        text = entry.get("log") if isinstance(entry, dict) else None
+        if not isinstance(text, str) or "\0" in text:
+            entries.append(item)
+            continue
+        found = find_logs(folder / text)
+        name = entry.get("name")
+        for log in found:
+            label = f"{name}-{log.name.split('.')[0]}" if name and len(found) > 1 else name
+            named = {} if label is None else {"name": label}
+            entries.append({**entry, **named, "log": text if len(found) == 1 else str(log)})
+    return {**document, "logs": entries}
 
 
 def _name_of_config(text: str) -> str:

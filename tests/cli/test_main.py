@@ -366,3 +366,18 @@ def test_the_truth_of_a_run_may_be_named(
     assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "no", *missing)[0] == 3
     assert not (tmp_path / "no").exists()
     assert cli("map", small_log, "-c", config_file, "-o", tmp_path / "no", "--truth-topic", "/pose")[0] == 2
+
+
+def test_a_part_of_the_log_is_mapped_or_localized_in(
+    cli: Cli, small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    code, _, err = cli("map", small_log, "-c", config_file, "-o", tmp_path / "a", "--start", 1, "--end", 2)
+    assert code == 0, err
+    assert json.loads((tmp_path / "a" / "report.json").read_text())["trajectory"]["poses"] in (10, 11)
+    on_map = ("localize", small_log, "-c", config_file, "--map", tmp_path / "a" / "map.yaml")
+    code, _, err = cli(*on_map, "-o", tmp_path / "b", "--start", "0,0,0", "--start", 3)
+    assert code == 0, err
+    assert json.loads((tmp_path / "b" / "report.json").read_text())["trajectory"]["poses"] < 35
+    code, _, err = cli(*on_map, "-o", tmp_path / "c", "--start", "noon")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "a pose x,y,yaw" in err

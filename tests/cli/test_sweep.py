@@ -96,3 +96,16 @@ def test_without_dask_the_scheduler_says_what_to_install(
     arguments = ["sweep", str(sweep_file), "-o", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:1"]
     assert main(arguments) == 2
     assert "pip install 'gridslam[dask]'" in capsys.readouterr().err
+
+
+def test_a_pattern_of_logs_is_an_entry_for_each(
+    sweep_file: Path, small_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        (tmp_path / "logs" / name).mkdir(parents=True)
+        for file in small_log.iterdir():
+            (tmp_path / "logs" / name / file.name).write_bytes(file.read_bytes())
+    change(sweep_file, logs=["logs/*", {"name": "drive", "log": "logs/*"}], seeds=[0])
+    assert main(["sweep", str(sweep_file), "-o", str(tmp_path / "out"), "--json"]) == 0
+    groups = json.loads(capsys.readouterr().out)["groups"]
+    assert [group["log"] for group in groups] == ["one", "two", "drive-one", "drive-two"]

@@ -1,0 +1,57 @@
+"""Which logs a path means: the log itself, the matches of a pattern, or the recordings in a folder."""
+
+from __future__ import annotations
+
+import glob
+from pathlib import Path
+
+from gridslam.core.errors import LogError
+from gridslam.logs.csv.layout import default_files
+from gridslam.logs.csv.source import LOG_ENDINGS
+from gridslam.logs.datasets.open import open_dataset
+from gridslam.logs.rosbag.rosbag2 import recorded_parts
+
+LOG_FILES = ("metadata.yaml", "log.yaml")  # a folder with one of these is a log
+
+
+def find_logs(path: str | Path) -> list[Path]:
+    """The logs that a path means, sorted by name; a pattern has `*`, `?` or `[`.
+
+    A folder that is no log itself stands for the logs in it; without any, for itself, so that opening it says what is wrong.
+    Raises LogError: a pattern matches nothing.
+    """
+    path = Path(path)
+    if path.exists() or not glob.has_magic(str(path)):
+        return logs_inside(path)
+    matches = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207 - patterns may be absolute
+    found = [log for match in matches for log in logs_inside(Path(match))]
+    if not found:
+        raise LogError(f"{path}: matches no file")
+    return found
+
+
+def logs_inside(path: Path) -> list[Path]:
+    """The path itself if it is a file or a log, otherwise the logs that the folder holds."""
+    if not path.is_dir() or is_log_folder(path):
+        return [path]
+    inside = [
+        item for item in sorted(path.iterdir()) if not item.name.startswith(".") and _looks_like_log(item)
+    ]
+    return inside or [path]
+
+
+def is_log_folder(folder: Path) -> bool:
+    """Whether a folder is one log: a rosbag2 recording, a CSV folder or a dataset."""
+    names = (*LOG_FILES, *default_files())
+    if any((folder / name).is_file() for name in names) or recorded_parts(folder):
+        return True
+    try:
+        return open_dataset(folder) is not None
+    except LogError:  # a damaged dataset, which opening it again explains
+        return True
+
+
+def _looks_like_log(path: Path) -> bool:
+    if path.is_dir():
+        return not path.name.endswith(".truth") and is_log_folder(path)
+    return path.name.endswith(LOG_ENDINGS)
