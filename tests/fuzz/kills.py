@@ -61,7 +61,9 @@ def commands(folder: Path) -> Mapping[str, Command]:
     explore = ("explore", "hand-corridor-20", "--drawing", drawing, "-o", "OUT", "--longest", "6")
     return {
         "map": Command(("map", logs["slam-sd"], "-c", "slam-sd", "-o", "OUT"), "out"),
-        "localize": Command(("localize", logs["ispace-mcl"], "--map", true_map, "-o", "OUT"), "out"),
+        "localize": Command(
+            ("localize", logs["ispace-mcl"], "-c", "ispace-mcl", "--map", true_map, "-o", "OUT"), "out"
+        ),
         "convert": Command(("convert", logs["slam-sd"], "OUT"), "out"),
         "simulate": Command(("simulate", str(folder / "world.yaml"), "-o", "OUT"), "out.mcap"),
         "explore": Command(explore, "out"),
