@@ -89,8 +89,11 @@ def main_cluster(particles: Particles, radius_m: float, radius_rad: float, round
 def _moments(poses: Floats, weights: Floats) -> Belief:
     mass = float(weights.sum())
     normalised = weights / mass
-    yaw = np.arctan2(normalised @ np.sin(poses[:, 2]), normalised @ np.cos(poses[:, 2]))
-    mean = np.array([normalised @ poses[:, 0], normalised @ poses[:, 1], yaw])
+    # Sums, not products of matrices: the order in which a BLAS adds depends on the CPU.
+    sin, cos = (float(np.sum(normalised * part(poses[:, 2]))) for part in (np.sin, np.cos))
+    x, y = np.sum(normalised[:, None] * poses[:, :2], axis=0)
+    mean = np.array([x, y, np.arctan2(sin, cos)])
     off = poses - mean
     off[:, 2] = se2.wrap_angle(off[:, 2])
-    return Belief(mean, (off * normalised[:, None]).T @ off, mass)
+    covariance = np.sum((off * normalised[:, None])[:, :, None] * off[:, None, :], axis=0)
+    return Belief(mean, covariance, mass)
