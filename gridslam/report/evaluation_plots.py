@@ -62,7 +62,7 @@ def overlay_figure(results: Sequence[EvaluatedTrajectory], truth: Floats) -> Fig
 
 def error_figure(results: Sequence[EvaluatedTrajectory]) -> Figure:
     """Position and heading error over time."""
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = _figure(8.0, 4.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     start_ns = min(int(result.pairs.stamps_ns[0]) for result in results)
     for result, colour in zip(results, _colours(len(results)), strict=True):
@@ -111,7 +111,7 @@ def relative_figure(results: Sequence[EvaluatedTrajectory]) -> Figure | None:
 
     None if no path is long enough.
     """
-    figure = Figure(figsize=(8.0, 3.0), layout="constrained")
+    figure = _figure(8.0, 3.0)
     axes = figure.add_subplot()
     is_empty = True
     for result, colour in zip(results, _colours(len(results)), strict=True):
@@ -154,14 +154,27 @@ def files_of(figure: Figure) -> tuple[bytes, str]:
     with mpl.rc_context(STYLE):
         picture, text = io.BytesIO(), io.StringIO()
         figure.savefig(picture, format="png", dpi=DPI, metadata={"Software": None})
-        figure.set_layout_engine("none")  # the layout is known by now, and takes as long as drawing
+
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
     return picture.getvalue(), svg[svg.index("<svg") :]
 
 
+def _figure(width_in: float, height_in: float) -> Figure:
+    """A figure with margins for labels; a layout engine would take as long as drawing."""
+    figure = Figure(figsize=(width_in, height_in))
+    labels_in = {"left": 0.75, "right": 0.25, "bottom": 0.5, "top": 0.35}
+    figure.subplots_adjust(
+        left=labels_in["left"] / width_in,
+        right=1.0 - labels_in["right"] / width_in,
+        bottom=labels_in["bottom"] / height_in,
+        top=1.0 - labels_in["top"] / height_in,
+    )
+    return figure
+
+
 def _plane(title: str) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(7.0, 5.6), layout="constrained")
+    figure = _figure(7.0, 5.6)
     axes = figure.add_subplot()
     axes.set_title(title)
     axes.set_aspect("equal", adjustable="datalim")
