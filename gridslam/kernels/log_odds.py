@@ -101,9 +101,16 @@ def _insert_beams_all(
 
 
 @compiled
+def _added(log_odds: float, step: float, limit: float) -> float:
+    """The log-odds of a cell after one more update; NaN of a cell that nothing has changed yet counts as 0."""
+    before = 0.0 if np.isnan(log_odds) else log_odds
+    return min(max(before + step, -limit), limit)
+
+
+@compiled
 def insert_scan_dense(
     log_odds: NDArray[np.float32],
-    last_update: NDArray[np.int32],
+    last_update: NDArray[np.uint8],
     scan_number: int,
     beams: BeamBundle,
     is_hit: NDArray[np.bool_],
@@ -112,7 +119,8 @@ def insert_scan_dense(
     """Insert one scan into a dense grid (rows, cols): a cell changes at most once per scan, and a hit overrides a miss.
 
     The beams are in cells (x, y) from the grid's lower-left corner; `is_hit` `(m,)` says which ones met something at their
-    endpoint. `last_update` (rows, cols) records which scan changed a cell last; scan_number > 0 grows by 1.
+    endpoint. `last_update` (rows, cols) records which scan changed a cell last: no two scans have the same number until it is
+    cleared to 0.
     """
     hit, miss, limit = update.hit, update.miss, update.limit
     ends_cells = beams.endpoints
@@ -123,7 +131,7 @@ def insert_scan_dense(
         row, col = int(np.floor(ends_cells[i, 1])), int(np.floor(ends_cells[i, 0]))
         if 0 <= row < rows and 0 <= col < cols and last_update[row, col] != scan_number:
             last_update[row, col] = scan_number
-            log_odds[row, col] = min(max(log_odds[row, col] + hit, -limit), limit)
+            log_odds[row, col] = _added(log_odds[row, col], hit, limit)
     x0, y0 = beams.origin[0], beams.origin[1]
     for i in range(ends_cells.shape[0]):
         x1, y1 = ends_cells[i, 0], ends_cells[i, 1]
@@ -133,5 +141,5 @@ def insert_scan_dense(
             row, col = line.row, line.col
             if 0 <= row < rows and 0 <= col < cols and last_update[row, col] != scan_number:
                 last_update[row, col] = scan_number
-                log_odds[row, col] = min(max(log_odds[row, col] + miss, -limit), limit)
+                log_odds[row, col] = _added(log_odds[row, col], miss, limit)
             line = advance(line)

@@ -18,7 +18,23 @@ UPDATE = log_odds.LogOddsUpdate(
 )  # two misses nearly cancel a hit; 7 hits saturate
 MARGIN_M = 0.5  # around the scans
 SHORTENED_BY_M = 0.1  # beams to masked endpoints end this far before them: range noise and unevenness
-BYTES_PER_CELL = 8.0  # log-odds, which become the probability, and the number of the last update
+BYTES_PER_CELL = 5.0  # log-odds, which become the probability, and the number of the last update
+
+
+class LastUpdates:
+    """Which scan has changed each cell of a grid last, in one byte a cell: scans are numbered from 1 to 255 again and again."""
+
+    def __init__(self, rows: int, cols: int) -> None:
+        self.numbers = np.zeros((rows, cols), np.uint8)
+        self._number = 0
+
+    def next_scan(self) -> int:
+        """The number of one more scan; no cell has it yet."""
+        if self._number == np.iinfo(np.uint8).max:
+            self.numbers.fill(0)
+            self._number = 0
+        self._number += 1
+        return self._number
 
 
 def draw_map(
@@ -39,21 +55,21 @@ def draw_map(
         return OccupancyGrid(np.zeros((0, 0), np.float32), GridGeometry(resolution_m, (0.0, 0.0)))
     bounds = np.concatenate([_bounds(scan, pose) for scan, pose in zip(scans, poses, strict=True)])
     lo, rows, cols = grid_extent(bounds, resolution_m, memory_limit_mb, BYTES_PER_CELL)
-    values = np.zeros((rows, cols), np.float32)
-    last_update = np.zeros((rows, cols), np.int32)
-    for number, (scan, pose) in enumerate(zip(scans, poses, strict=True), start=1):
+    values = np.full((rows, cols), np.nan, np.float32)
+    last = LastUpdates(rows, cols)
+    for number, (scan, pose) in enumerate(zip(scans, poses, strict=True)):
         points = se2.transform_points(pose, scan.returns)
         origin = se2.transform_points(pose, scan.viewpoint[None])[0]
         is_hit = np.ones(len(points), np.bool_)
         if masked is not None:
-            is_hit = ~masked[number - 1]
+            is_hit = ~masked[number]
             points = _shortened(origin, points, ~is_hit)
         beams = log_odds.BeamBundle(origin / resolution_m - lo, points / resolution_m - lo)
         log_odds.insert_scan_dense(
-            values, last_update, scan_number=number, beams=beams, is_hit=is_hit, update=UPDATE
+            values, last.numbers, scan_number=last.next_scan(), beams=beams, is_hit=is_hit, update=UPDATE
         )
     corner = (float(lo[0] * resolution_m), float(lo[1] * resolution_m))
-    return OccupancyGrid(_probability(values, last_update), GridGeometry(resolution_m, corner))
+    return OccupancyGrid(to_probability(values), GridGeometry(resolution_m, corner))
 
 
 def _bounds(scan: PreparedScan, pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -62,13 +78,12 @@ def _bounds(scan: PreparedScan, pose: NDArray[np.float64]) -> NDArray[np.float64
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
-def _probability(log_odds: NDArray[np.float32], last_update: NDArray[np.int32]) -> NDArray[np.float32]:
-    """1 / (1 + exp(-log_odds)), computed in its place, as maps may be large; NaN where nothing was ever updated."""
+def to_probability(log_odds: NDArray[np.float32]) -> NDArray[np.float32]:
+    """1 / (1 + exp(-log_odds)), computed in its place, as maps may be large; NaN stays NaN."""
     np.negative(log_odds, out=log_odds)
     np.exp(log_odds, out=log_odds)
     log_odds += 1.0
     np.reciprocal(log_odds, out=log_odds)
-    log_odds[last_update == 0] = np.nan
     return log_odds
 
 

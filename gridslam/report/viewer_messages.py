@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encoded import Encoded
+from gridslam.maps.map_server import cells_of_grid
 from gridslam.maps.occupancy import OccupancyGrid
 
 MAP_FRAME = "map"
 CUBE, TEXT = 1, 9  # visualization_msgs/Marker.type
-UNKNOWN, CERTAIN = -1, 100  # nav_msgs/OccupancyGrid.data
 
 Colour = tuple[float, float, float, float]
 
@@ -24,8 +24,7 @@ def occupancy_grid(topic: str, stamp_ns: int, grid: OccupancyGrid) -> Encoded:
     body = CdrWriter().header(stamp_ns, MAP_FRAME)
     body.uint32(*_time(stamp_ns)).float32(grid.geometry.resolution_m).uint32(cols, rows)
     body.float64(*pose_values(x, y, grid.geometry.yaw_rad))
-    percent = np.where(np.isnan(grid.probability), UNKNOWN, np.rint(CERTAIN * grid.probability))
-    body.sequence(percent.astype(np.int8).ravel(), 1)
+    body.sequence(cells_of_grid(grid).ravel(), 1)
     return Encoded(topic, "nav_msgs/msg/OccupancyGrid", stamp_ns, body.data())
 
 

@@ -106,12 +106,12 @@ def dense_insertion(rng: np.random.Generator) -> Pair:
     """A scan of 180 beams into a grid of 400 x 400 cells, each changed once."""
     endpoints = around(rng, 180, 8.0) / 0.05 + 200.0
     values, last_update, hits = (
-        np.zeros((400, 400), np.float32),
-        np.zeros((400, 400), np.int32),
+        np.full((400, 400), np.nan, np.float32),
+        np.zeros((400, 400), np.uint8),
         np.ones(180, bool),
     )
     eye, in_cells = np.array([200.3, 200.4]), [(x, y) for x, y in endpoints.tolist()]
-    numbers = itertools.count(1)
+    numbers = itertools.cycle(range(1, 256))
 
     def kernel() -> object:
         beams = log_odds.BeamBundle(eye, endpoints)

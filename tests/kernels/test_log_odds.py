@@ -74,13 +74,13 @@ def test_inserting_many_scans_equals_inserting_them_one_by_one() -> None:
 def test_a_scan_changes_a_cell_of_the_dense_map_at_most_once_and_a_hit_overrides_a_miss(
     points: list[tuple[float, float]],
 ) -> None:
-    values, last_update = np.zeros((90, 90), np.float32), np.zeros((90, 90), np.int32)
+    values, last_update = np.full((90, 90), np.nan, np.float32), np.zeros((90, 90), np.uint8)
     origin, array = np.array([45.513, 45.487]), np.array(points) + 45.0
     beams, is_hit = log_odds.BeamBundle(origin, array), np.ones(len(array), np.bool_)
     log_odds.insert_scan_dense(values, last_update, 1, beams, is_hit, UPDATE)
     cells: dict[tuple[int, int], float] = {}
     reference.insert_once(cells, *origin.tolist(), [(x, y) for x, y in array.tolist()], HIT, MISS, LIMIT)
-    expected = np.zeros((90, 90), np.float32)
+    expected = np.full((90, 90), np.nan, np.float32)
     for cell, value in cells.items():
         expected[cell] = value
     np.testing.assert_allclose(values, expected, atol=1e-6)

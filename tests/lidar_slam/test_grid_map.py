@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import MethodError
-from gridslam.lidar_slam.grid_map import UPDATE, draw_map
+from gridslam.lidar_slam.grid_map import UPDATE, LastUpdates, draw_map
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import OccupancyGrid
 
@@ -54,3 +54,12 @@ def test_no_scan_gives_an_empty_map_and_a_pose_far_away_an_error() -> None:
     assert draw([], np.zeros((0, 3))).probability.size == 0
     with pytest.raises(MethodError, match=r"method\.memory_limit_mb"):
         draw([scan((1.0, 0.0))] * 2, np.array([[0.0, 0, 0], [1e5, 1e5, 0.0]]))
+
+
+def test_no_cell_has_the_number_of_the_next_scan_however_many_scans_there_were() -> None:
+    last = LastUpdates(1, 300)
+    for scan in range(300):
+        number = last.next_scan()
+        assert number > 0
+        assert not (last.numbers == number).any()
+        last.numbers[0, scan] = number

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import log_odds
-from gridslam.lidar_slam.grid_map import UPDATE, grid_extent
+from gridslam.lidar_slam.grid_map import UPDATE, LastUpdates, grid_extent
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry
 
@@ -90,31 +90,27 @@ class Evidence:
 
 def collect_evidence(drive: PlacedScans, frame: CellFrame) -> Evidence:
     """The evidence of one drive's scans."""
-    hits, misses, last = frame.zeros(), frame.zeros(), np.zeros((frame.rows, frame.cols), np.int32)
-    for number, (origin, endpoints) in enumerate(zip(drive.viewpoints, drive.endpoints, strict=True)):
+    hits, misses, last = frame.zeros(), frame.zeros(), LastUpdates(frame.rows, frame.cols)
+    for origin, endpoints in zip(drive.viewpoints, drive.endpoints, strict=True):
         beam = endpoints - origin
         fraction = MAX_RANGE_M / np.maximum(np.hypot(beam[:, 0], beam[:, 1]), 1e-9)
         near = origin + beam * np.minimum(fraction, 1.0)[:, None]
         beams = _in_cells(origin, near, frame)
         is_hit = fraction >= 1.0
-        for step, (grid, update) in enumerate(((hits, HITS), (misses, MISSES))):
+        for grid, update in ((hits, HITS), (misses, MISSES)):
             log_odds.insert_scan_dense(
-                grid, last, scan_number=2 * number + step + 1, beams=beams, is_hit=is_hit, update=update
+                grid, last.numbers, scan_number=last.next_scan(), beams=beams, is_hit=is_hit, update=update
             )
     return Evidence(hits, misses)
 
 
-def insert_drive(
-    values: Floats32, last: NDArray[np.int32], drive: PlacedScans, frame: CellFrame, first: int
-) -> None:
-    """Add the scans of a drive to a grid of log-odds, as one map is drawn; the scans are numbered from `first` > 0."""
-    for number, (origin, endpoints) in enumerate(
-        zip(drive.viewpoints, drive.endpoints, strict=True), start=first
-    ):
+def insert_drive(values: Floats32, last: LastUpdates, drive: PlacedScans, frame: CellFrame) -> None:
+    """Add the scans of a drive to a grid of log-odds (NaN: unknown), as one map is drawn."""
+    for origin, endpoints in zip(drive.viewpoints, drive.endpoints, strict=True):
         log_odds.insert_scan_dense(
             values,
-            last,
-            scan_number=number,
+            last.numbers,
+            scan_number=last.next_scan(),
             beams=_in_cells(origin, endpoints, frame),
             is_hit=np.ones(len(endpoints), np.bool_),
             update=UPDATE,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.lidar_slam.grid_map import LastUpdates, to_probability
 from gridslam.lidar_slam.sessions.changes import Change, dilated, find_changes
 from gridslam.lidar_slam.sessions.evidence import (
     CellFrame,
@@ -37,16 +38,15 @@ def draw_session(session: Session, resolution_m: float, memory_limit_mb: float) 
     """Draw the drives one after the other. Raises MethodError: the map would exceed the memory limit."""
     drives = [PlacedScans.of(drive.scans, session.poses_of(d)) for d, drive in enumerate(session.drives)]
     frame = CellFrame.around(drives, resolution_m, memory_limit_mb)
-    values, last = frame.zeros(), np.zeros((frame.rows, frame.cols), np.int32)
+    values = np.full((frame.rows, frame.cols), np.nan, np.float32)
+    last = LastUpdates(frame.rows, frame.cols)
     state = collect_evidence(drives[0], frame)
-    insert_drive(values, last, drives[0], frame, 1)
+    insert_drive(values, last, drives[0], frame)
     layer = np.zeros(values.shape, np.int16)
     changes: list[Change] = []
-    drawn = len(drives[0].endpoints)
     for d in range(1, len(drives)):
         own = collect_evidence(drives[d], frame)
-        insert_drive(values, last, drives[d], frame, drawn + 1)
-        drawn += len(drives[d].endpoints)
+        insert_drive(values, last, drives[d], frame)
         found = find_changes(state, own, _together(drives[:d]), drives[d], frame, d)
         changes += found
         changed = np.zeros(values.shape, np.bool_)
@@ -60,9 +60,7 @@ def draw_session(session: Session, resolution_m: float, memory_limit_mb: float) 
             np.where(renewed, own.hits, state.hits + own.hits),
             np.where(renewed, own.misses, state.misses + own.misses),
         )
-    probability = (1.0 / (1.0 + np.exp(-values))).astype(np.float32)
-    probability[last == 0] = np.nan
-    return SessionMap(OccupancyGrid(probability, frame.geometry), changes, layer)
+    return SessionMap(OccupancyGrid(to_probability(values), frame.geometry), changes, layer)
 
 
 def _together(drives: list[PlacedScans]) -> PlacedScans:

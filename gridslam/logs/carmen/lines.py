@@ -47,7 +47,7 @@ class LaserLine:
     """
 
     stamp_ns: int
-    ranges: NDArray[np.float64]
+    ranges: NDArray[np.float64] | NDArray[np.float32]
     laser_pose: tuple[float, float, float]
     robot_pose: tuple[float, float, float] | None
     velocity: tuple[float, float] | None = None

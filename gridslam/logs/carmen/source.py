@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -43,7 +43,7 @@ _MIN_PILED_FRACTION = 0.001
 _WORD_BYTES = 12  # ROBOTLASER1 and the space behind it
 _BATCH_LINES = 256
 _BATCH_BYTES = 1 << 19
-_KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (32 MB), again on each pass beyond
+_KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (16 MB), again on each pass beyond
 
 
 @dataclass(slots=True)
@@ -118,7 +118,7 @@ class CarmenSource:
                 _note_laser(found.setdefault(word, _LaserIndex()), laser)
                 readings += len(laser.ranges)
                 if readings <= _KEPT_READINGS:
-                    self._parsed[number] = laser
+                    self._parsed[number] = replace(laser, ranges=readonly(laser.ranges, np.float32))
             elif word == b"ODOM":
                 read = odom_line(line)
                 if isinstance(read, SkipReason):
