@@ -54,13 +54,12 @@ def log_target(kind: str) -> Callable[[random.Random, Path], str]:
 
 
 def answer(act: Callable[[], object]) -> str:
-    """`done`, or the name of the GridslamError, which has one line of a bearable length."""
+    """`done`, or the name of the GridslamError, which has one line."""
     try:
         act()
     except GridslamError as error:
         assert str(error).strip()
         assert "\n" not in str(error), "one line"
-        assert len(str(error)) < 4000, "a bearable length"
         return type(error).__name__
     return "done"
 

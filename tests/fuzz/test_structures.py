@@ -21,3 +21,15 @@ def test_damaged_structures_end_in_a_result_or_an_error(tmp_path: Path, target: 
         for seed in range(INPUTS.get(target, 20)):
             results.add(STRUCTURES[target](random.Random(f"{target} {seed}"), tmp_path))
     assert results
+
+
+@pytest.mark.parametrize(
+    ("target", "seed"),
+    [
+        ("mcap", 110156),  # wheels on the topic of a ranger's servo
+        ("yaml", 100804),  # metadata without any recording
+        ("map", 50644),  # a picture that says it has 2 GB
+    ],
+)
+def test_inputs_that_were_bugs_are_none_any_more(tmp_path: Path, target: str, seed: int) -> None:
+    STRUCTURES[target](random.Random(f"{target} {seed}"), tmp_path)
