@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from gridslam.lidar_slam.sessions.session import Session
+
 AnyPath: TypeAlias = "str | PathLike[str]"
 Config: TypeAlias = "str | PathLike[str] | Mapping[str, Any] | RunConfig[BaseModel]"
 
@@ -163,21 +165,35 @@ def localize(
 ) -> FinishedRun:
     """Localize along a log on a map (a map_server YAML or wean.dat): what `gridslam localize` does, without writing.
 
-    Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
+    Where `map_path` is a run directory with a session, the layer, table and picture `disagreement` show where the place differs
+    from it. Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
     """
     loaded = load_config(config, (), seed, settings)
     given_map = None if map_path is None else Path(map_path)
+    folder = given_map if given_map is not None and given_map.is_dir() else None
+    session = None if folder is None else _session_in(folder)
+    given_map = given_map if folder is None else folder / "map.yaml"
     contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
-    return FinishedRun(
-        run_localize(
-            loaded,
-            Path(log),
-            map_path=given_map,
-            show=progress or _ignore,
-            stop=stop or _never,
-            inputs=contents,
-        )
+    run = run_localize(
+        loaded,
+        Path(log),
+        map_path=given_map,
+        show=progress or _ignore,
+        stop=stop or _never,
+        inputs=contents,
     )
+    if session is not None and run.status != "interrupted":
+        from gridslam.runs.session_disagreement import with_disagreement
+
+        run = with_disagreement(run, session)
+    return FinishedRun(run)
+
+
+def _session_in(folder: Path) -> Session:
+    """The session of a run directory. Raises InputError: there is none."""
+    from gridslam.lidar_slam.sessions.session_file import FILE_NAME, load_session
+
+    return load_session(folder / FILE_NAME)
 
 
 def simulate(world: AnyPath, log: AnyPath, *, overrides: Sequence[str] = (), force: bool = False) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.api import map_log
+from gridslam.api import localize, map_log
 from gridslam.core.errors import ConfigError, InputError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.convert import convert_log
@@ -41,6 +41,17 @@ def test_two_logs_are_mapped_as_one_continued_run_after_the_other(halves: list[P
     assert {"session.npz", "changes.png", "changes.csv", "trajectory_1.tum", "trajectory_2.tum"} <= names
     assert (np.diff(both.trajectory.stamps_ns) > 0).all()
     assert len(both.trajectory) > len(map_log(halves[0], "slam-sd").trajectory)
+
+
+def test_localizing_in_a_session_shows_where_the_place_differs(halves: list[Path], tmp_path: Path) -> None:
+    run = map_log(halves[0], "slam-sd").save(tmp_path / "monday")
+    found = localize(halves[0], run, "ispace-mcl", start=[0.0, 0.0, 0.0])
+    layer = found.layers["disagreement"]
+    assert set(np.unique(layer)) <= {-1, 0, 1}
+    assert np.count_nonzero(layer) < 20
+    assert found.tables["disagreement"].columns[0] == "state"
+    with pytest.raises(InputError, match=r"session.npz: cannot be read"):
+        localize(halves[0], tmp_path, "ispace-mcl")
 
 
 def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -> None:

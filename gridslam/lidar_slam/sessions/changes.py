@@ -21,10 +21,13 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Kind = Literal["appeared", "vanished"]
 
-MIN_HITS = 2  # scans that met a surface
 SURFACE_RATIO = 0.6  # of hits to all that is said of a cell, on a surface that stands
 SOMETIMES_RATIO = 0.08  # and in a cell that was not always free: glass, people, poses that are not exact
-MIN_MISSES = 3  # scans that looked through a cell
+SURE_HITS, SURE_MISSES = (
+    2,
+    3,
+)  # scans that met a surface, and that looked through it: one cell of a place has so many
+MIN_HITS, MIN_MISSES = 1, 2  # and all others
 MAX_POSE_ERROR_M = 0.15
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
@@ -67,14 +70,12 @@ def find_changes(
     before: Evidence, after: Evidence, earlier: PlacedScans, later: PlacedScans, frame: CellFrame, drive: int
 ) -> list[Change]:
     """Changes from the earlier state of a place to that of drive number `drive`, ordered by place."""
-    vanished = _contradicted(before, after, frame)
-    appeared = _contradicted(after, before, frame)
     found = []
-    for kind, mask, met_by, passed_by in (
-        ("vanished", vanished, earlier, later),
-        ("appeared", appeared, later, earlier),
+    for kind, surface, free, met_by, passed_by in (
+        ("vanished", before, after, earlier, later),
+        ("appeared", after, before, later, earlier),
     ):
-        for cells in _places(mask, frame):
+        for cells in _places(_contradicted(surface, free, frame), _is_sure(surface, free), frame):
             seen = _observations(cells, met_by, passed_by, frame)
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
@@ -90,6 +91,11 @@ def _contradicted(surface: Evidence, free: Evidence, frame: CellFrame) -> Bools:
     return stands & ~was_met & (free.misses >= MIN_MISSES)
 
 
+def _is_sure(surface: Evidence, free: Evidence) -> Bools:
+    """Cells that one drive met, and another one looked through, often enough to stand for the cells around them."""
+    return (surface.hits >= SURE_HITS) & (free.misses >= SURE_MISSES)
+
+
 def _at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
     return (evidence.hits >= hits) & (evidence.hits >= ratio * (evidence.hits + evidence.misses))
 
@@ -101,8 +107,8 @@ def dilated(mask: Bools, radius: int) -> Bools:
     return cv2.dilate(mask.astype(np.uint8), disc).astype(np.bool_)
 
 
-def _places(mask: Bools, frame: CellFrame) -> list[Ints]:
-    """Cells `(n, 2)` of every coherent place that is large enough."""
+def _places(mask: Bools, sure: Bools, frame: CellFrame) -> list[Ints]:
+    """Cells `(n, 2)` of every coherent place that is large enough and has a sure cell."""
     joined = dilated(mask, max(round(0.5 * JOINED_M / frame.resolution_m), 1))
     _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
     cells = np.argwhere(mask)
@@ -112,7 +118,9 @@ def _places(mask: Bools, frame: CellFrame) -> list[Ints]:
     return [
         group
         for group in groups
-        if len(group) >= MIN_CELLS and np.ptp(group, axis=0).max() + 1 >= MIN_LENGTH_M / frame.resolution_m
+        if sure[group[:, 0], group[:, 1]].any()
+        and len(group) >= MIN_CELLS
+        and np.ptp(group, axis=0).max() + 1 >= MIN_LENGTH_M / frame.resolution_m
     ]
 
 
