@@ -21,14 +21,14 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Kind = Literal["appeared", "vanished"]
 
-SURFACE_RATIO = 0.6  # of hits to all that is said of a cell, on a surface that stands
+SURFACE_RATIO = 0.4  # of hits to all that is said of a cell, on a surface that stands
 SOMETIMES_RATIO = 0.08  # and in a cell that was not always free: glass, people, poses that are not exact
 SURE_HITS, SURE_MISSES = (
     2,
     3,
-)  # scans that met a surface, and that looked through it: one cell of a place has so many
+)  # scans that met a surface, and that looked through it, in one cell of a place
 MIN_HITS, MIN_MISSES = 1, 2  # and all others
-MAX_POSE_ERROR_M = 0.15
+MAX_POSE_ERROR_M = 0.1
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15

@@ -1,0 +1,104 @@
+"""Several drives as one map: a recorded log cut into drives, places that change between drives, and the cost of continuing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from gridslam.core.messages import Event, LaserScan
+from gridslam.evaluation.files import read_relations
+from gridslam.evaluation.relations import relation_errors
+from gridslam.lidar_slam.sessions.session_file import read_session
+from gridslam.methods.base import RunResult
+from gridslam.methods.slam_sd.config import SlamSdConfig
+from gridslam.methods.slam_sd.method import SlamSd
+from gridslam.simulation.places.config import Kind
+from tests.benchmarks.changed_worlds import drives_of, scores, truth_to_map
+from tests.benchmarks.harness import Row, say
+from tests.benchmarks.real_places import data_dir, events_of
+
+SEEDS = range(10)
+KINDS: tuple[Kind, ...] = ("office", "corridors")
+OVERLAP = 0.06  # of the log, on each side of a cut
+
+
+def rows() -> Iterator[Row]:
+    """Relations of cut logs, precision and recall of changed cells, and CPU time of the last of 1, 2, 4 and 8 drives."""
+    yield from _cut_log()
+    yield from _changed_places()
+
+
+def _cut_log() -> Iterator[Row]:
+    folder = data_dir()
+    if folder is None:
+        return
+    events = events_of(folder / "lidar" / "aces.clf.bz2")
+    relations = read_relations(folder / "lidar" / "aces.relations")
+    means: dict[str, float] = {}
+    for name, count, order in (
+        ("one", 1, [0]),
+        ("two", 2, [0, 1]),
+        ("reverse", 2, [1, 0]),
+        ("five", 5, [0, 1, 2, 3, 4]),
+    ):
+        result, _ = _mapped([_part(events, k, count) for k in order])
+        means[name] = float(relation_errors(result.trajectory, relations).errors.translation_m.mean())
+        say(f"aces in {name}: relations.trans.mean {means[name]:.4f} m")
+        if count > 1:
+            yield Row(f"sessions.aces.{name}.ratio", means[name] / means["one"], "of one drive")
+    parts = [_part(events, k, 8) for k in range(8)]
+    _, seconds = _mapped(parts)
+    say(f"aces in eight: CPU seconds of each drive: {np.round(seconds, 1).tolist()}")
+    yield Row("sessions.cost.eighth", seconds[7] / float(np.mean(seconds[:2])), "of the first two")
+
+
+def _part(events: Sequence[Event], k: int, count: int) -> list[Event]:
+    """The k-th of `count` parts of a log, which overlap."""
+    stamps = np.array([event.stamp_ns for event in events if isinstance(event, LaserScan)], np.int64)
+    low, high = (float(np.clip(v, 0.0, 1.0)) for v in (k / count - OVERLAP, (k + 1) / count + OVERLAP))
+    first, last = stamps[int(low * (len(stamps) - 1))], stamps[int(high * (len(stamps) - 1))]
+    return [event for event in events if first <= event.stamp_ns <= last or event.stamp_ns < stamps[0]]
+
+
+def _mapped(drives: Sequence[Sequence[Event]]) -> tuple[RunResult, list[float]]:
+    """The result of the last drive, each continuing the one before it, and the CPU time (s) of each."""
+    session, seconds = None, []
+    result = None
+    for k, events in enumerate(drives):
+        started = time.process_time()
+        method = SlamSd(SlamSdConfig(), 0, session=session, log_name=f"drive {k + 1}")
+        for event in events:
+            method.process(event)
+        result = method.result()
+        session = read_session(result.files["session.npz"], "session.npz")
+        seconds.append(time.process_time() - started)
+    assert result is not None
+    return result, seconds
+
+
+def _changed_places() -> Iterator[Row]:
+    for kind in KINDS:
+        totals = np.zeros(4, np.int64)
+        ratios, unjoined = [], 0
+        for seed in SEEDS:
+            drives = drives_of(kind, seed)
+            for k in range(1, len(drives.results)):
+                totals += scores(drives, k)
+            last = drives.results[-1]
+            unjoined += not all(r.measures["session"]["is_joined"] for r in drives.results[1:])  # type: ignore[index]
+            joint = [
+                truth_to_map(last.trajectories[f"trajectory_{k + 1}"], t)[1]
+                for k, t in enumerate(drives.truths)
+            ]
+            alone = [
+                truth_to_map(r.trajectory, t)[1] for r, t in zip(drives.alone, drives.truths, strict=True)
+            ]
+            ratios.append(float(np.mean(joint) / np.mean(alone)))
+        say(f"{kind}: right of reported {totals[:2].tolist()}, found of true {totals[2:].tolist()}")
+        say(f"{kind}: APE ratios {np.round(ratios, 2).tolist()}")
+        yield Row(f"sessions.{kind}.precision", totals[0] / max(totals[1], 1), "of reported cells")
+        yield Row(f"sessions.{kind}.recall", totals[2] / max(totals[3], 1), "of changed cells")
+        yield Row(f"sessions.{kind}.unjoined", unjoined, f"of {len(SEEDS)}")
+        yield Row(f"sessions.{kind}.ape_ratio", float(np.median(ratios)), "of each drive alone")

@@ -1,0 +1,177 @@
+"""Places of which some furniture stands in one drive and not in the next, and how well the changes are found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, Odometry
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.alignment import find_alignment
+from gridslam.evaluation.map_errors import sample
+from gridslam.lidar_slam.sessions.session_file import read_session
+from gridslam.methods.base import RunResult
+from gridslam.methods.slam_sd.config import SlamSdConfig
+from gridslam.methods.slam_sd.method import SlamSd
+from gridslam.simulation.places.build import place_document
+from gridslam.simulation.places.config import Kind
+from gridslam.simulation.route import drive_route
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.world_config import validate_world
+
+Floats = NDArray[np.float64]
+
+TRAVEL_M = 150.0
+CHANGED_RATIO = 0.2  # of the furniture, between two drives
+NEAR_M = 0.15  # a reported cell this near to a changed piece is right
+CELL_M = 0.05
+FURNITURE = 30  # pieces
+CLEARANCE_M = 0.45  # of the route
+
+
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """The result of the last of three drives, the results of each alone, the truth of all, and the changed pieces."""
+
+    results: list[RunResult]
+    alone: list[RunResult]
+    truths: list[Trajectory]
+    appeared: list[list[Floats]]  # corners (4, 2) of the pieces that are new in drive k
+    vanished: list[list[Floats]]
+
+
+def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
+    """Drives through a place of which a fifth of the furniture changes each time."""
+    document = place_document(kind, seed, TRAVEL_M)
+    rng = np.random.default_rng(seed)
+    walls = [*document["walls"], *furniture(document["robot"], rng)]
+    pieces = range(len(document["walls"]), len(walls))
+    absent = [
+        set(rng.permutation(pieces)[: max(round(CHANGED_RATIO * len(pieces)), 1)].tolist())
+        for _ in range(number)
+    ]
+    results, alone, truths = [], [], []
+    session = None
+    for k, missing in enumerate(absent):
+        world = {
+            **document,
+            "seed": 1000 * seed + k,
+            "walls": [w for i, w in enumerate(walls) if i not in missing],
+        }
+        truth: list[tuple[int, float, float, float]] = []
+        events = list(_events(world, truth))
+        own = _mapped(events, None, f"drive {k + 1}")
+        joint = own if session is None else _mapped(events, session, f"drive {k + 1}")
+        session = joint.files["session.npz"]
+        results.append(joint)
+        alone.append(own)
+        rows = np.array(truth)
+        truths.append(Trajectory(rows[:, 0].astype(np.int64), rows[:, 1:]))
+
+    def corners(chosen: set[int]) -> list[Floats]:
+        return [np.array(walls[i]["points"], np.float64) for i in sorted(chosen)]
+
+    new = [set[int]()] + [absent[k - 1] - absent[k] for k in range(1, number)]
+    gone = [set[int]()] + [absent[k] - absent[k - 1] for k in range(1, number)]
+    return Drives(results, alone, truths, [corners(c) for c in new], [corners(c) for c in gone])
+
+
+def furniture(robot: dict[str, object], rng: np.random.Generator) -> list[dict[str, object]]:
+    """Boxes beside the route, clear of the robot."""
+    route = np.array([robot["start"][:2], *(point[:2] for point in robot["route"])], np.float64)  # type: ignore[index, union-attr]
+    path = np.concatenate(
+        [np.linspace(a, b, max(int(np.hypot(*(b - a)) / 0.2), 2)) for a, b in pairwise(route)]
+    )
+    found: list[dict[str, object]] = []
+    while len(found) < FURNITURE:
+        centre = path[rng.integers(len(path))] + rng.uniform(-2.5, 2.5, 2)
+        size, yaw = rng.uniform(0.35, 0.9, 2), rng.uniform(-np.pi, np.pi)
+        corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5 * size
+        points = se2.transform_points(np.array([*centre, yaw]), corners).round(3)
+        if np.hypot(*(path - centre).T).min() > CLEARANCE_M + 0.5 * float(np.hypot(*size)):
+            found.append({"points": points.tolist(), "closed": True})
+    return found
+
+
+def _events(world: dict[str, object], truth: list[tuple[int, float, float, float]]) -> Iterator[Event]:
+    for event, is_truth in drive_route(Simulator(validate_world(world, "place"), Path())):
+        if is_truth:
+            assert isinstance(event, Odometry)
+            truth.append((event.stamp_ns, event.x_m, event.y_m, event.yaw_rad))
+        else:
+            yield event
+
+
+def _mapped(events: list[Event], session: bytes | None, log: str) -> RunResult:
+    known = None if session is None else read_session(session, "session.npz")
+    method = SlamSd(SlamSdConfig(), 0, session=known, log_name=log)
+    for event in events:
+        method.process(event)
+    return method.result()
+
+
+def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
+    """The true frame's pose in the map, and the root mean square error (m) of the path."""
+    true, inside = truth.at(path.stamps_ns)
+    found = find_alignment(path.poses[inside], true[inside], "se2")
+    assert found is not None
+    errors = se2.compose(found.T_truth_estimate, path.poses[inside])[:, :2] - true[inside, :2]
+    return np.asarray(se2.inverse(found.T_truth_estimate)), float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def contour_points(corners: Floats) -> Floats:
+    """Points about a cell apart along the sides of a piece."""
+    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return np.concatenate([np.linspace(a, b, max(int(np.hypot(*(b - a)) / CELL_M), 2)) for a, b in sides])
+
+
+def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
+    """Reported cells that are right, and all; true cells that were reported, and all, of drive number k.
+
+    A true cell lies on the contour of a changed piece, stands in the map of the drive that met it alone, and is free in that
+    of the other one alone.
+    """
+    result = drives.results[k]
+    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
+    layer = result.layers["changes"]
+    right = reported = found = true = 0
+    for sign, pieces, with_piece, without in (
+        (1, drives.appeared[k], k, k - 1),
+        (-1, drives.vanished[k], k - 1, k),
+    ):
+        cells = layer.geometry.centres(np.argwhere(np.asarray(layer.values) == sign * (k + 1)))
+        reported += len(cells)
+        if not pieces:
+            continue
+        contours = np.concatenate([contour_points(piece) for piece in pieces])
+        at = se2.transform_points(T_map_truth, contours)
+        if len(cells):
+            right += int((cKDTree(at).query(cells)[0] <= NEAR_M).sum())
+        is_true = _state(drives, with_piece, contours, 0.0)[0] & _state(drives, without, contours, 0.0)[1]
+        true += int(is_true.sum())
+        if len(cells) and is_true.any():
+            found += int((cKDTree(cells).query(at[is_true])[0] <= NEAR_M).sum())
+    return right, reported, found, true
+
+
+def _state(drives: Drives, k: int, points: Floats, _: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether true points are occupied, and free, in the map of drive k alone."""
+    alone = drives.alone[k]
+    assert alone.occupancy is not None
+    T_map_truth, _error = truth_to_map(alone.trajectory, drives.truths[k])
+    at = se2.transform_points(T_map_truth, points)
+    around = np.stack(
+        [
+            sample(alone.occupancy, at + np.array(d) * CELL_M)
+            for d in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+        ]
+    )
+    values = np.where(np.isnan(around), 0.5, around)
+    return np.asarray(values.max(axis=0) > 0.65), np.asarray(values.max(axis=0) < 0.35)
