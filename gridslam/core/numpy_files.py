@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of the zip format; np.savez would write the present time
 COMPRESSION_LEVEL = 4
+MAX_PLAIN_BYTES = 1 << 30  # larger arrays need the zip format with 64 bits
 MAX_RATIO = 200  # of the unpacked size to that of the file, beyond MIN_UNPACKED_BYTES
 MIN_UNPACKED_BYTES = 64 << 20
 
@@ -38,9 +39,8 @@ def npz_bytes(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
             entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
-            data = io.BytesIO()
-            np.lib.format.write_array(data, np.asarray(values, order="C"), allow_pickle=False)
-            archive.writestr(entry, data.getvalue())
+            with archive.open(entry, "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
+                np.lib.format.write_array(file, np.asarray(values, order="C"), allow_pickle=False)
     return buffer.getvalue()
 
 
