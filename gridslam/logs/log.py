@@ -21,6 +21,7 @@ from gridslam.logs.kinds import KINDS, fault_of
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.moving_mount import MovingMount, moving_mounts
 from gridslam.logs.playback import events_of, file_states, true_pose_of
+from gridslam.logs.repeats import is_looped, without_repeats
 from gridslam.logs.selection import select_streams
 from gridslam.logs.several_sensors import note_choice, refuse_unknown_places
 from gridslam.logs.skips import Skip, SkipReason
@@ -168,7 +169,7 @@ class Log:
         if with_truth and self._selection.truth is not None:
             kind_of[self._selection.truth] = "truth"
         limit_bytes = self._config.limits.reorder_mb << 20
-        for kind, topic, event in events_of(
+        items = events_of(
             self.path,
             self._source,
             kind_of,
@@ -180,7 +181,10 @@ class Log:
             with_repairs=self._for_a_method,
             restamped=self._restamped,
             span_ns=self._span_ns(),
-        ):
+        )
+        if self._for_a_method and is_looped(self._source.streams, self._selection.kind_of):
+            items = without_repeats(items, message_counts)
+        for kind, topic, event in items:
             if isinstance(event, LaserScan) and (moving := self._moving.get(event.frame_id)):
                 transform, event = moving.placed(event)
                 yield "tf", "/tf", transform

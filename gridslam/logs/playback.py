@@ -18,6 +18,7 @@ from gridslam.core.messages import (
     Odometry,
     PointCloud,
     Transform,
+    WheelTicks,
 )
 from gridslam.core.stamps import END_NS
 from gridslam.logs import ordering
@@ -30,6 +31,7 @@ from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
 from gridslam.logs.virtual_scan import VirtualLidar
+from gridslam.logs.wheel_turns import WheelTurns
 
 FileStates: TypeAlias = list[tuple[int, int]]  # size and time of change of each file
 
@@ -162,8 +164,15 @@ def _checked(
         for i, kind in kind_of.items()
         if kind == "depth" and with_repairs
     }
+    turns = {
+        i: WheelTurns(source.streams[i].label, message_counts)
+        for i, kind in kind_of.items()
+        if kind == "wheels" and with_repairs
+    }
     for index, event in items:
-        if isinstance(event, LaserScan) and index in checks:
+        if isinstance(event, WheelTicks) and index in turns:
+            event = turns[index].repaired(event)
+        elif isinstance(event, LaserScan) and index in checks:
             event = checks[index].repaired(event)
         elif isinstance(event, DepthImage) and index in units:
             event = units[index].repaired(event)

@@ -1,0 +1,45 @@
+"""Recordings of a playback that ran in a loop: what was played before is left out the second time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from gridslam.core.messages import Event
+from gridslam.logs.clock_steps import clock_epochs
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.streams import RecordedStream
+
+MIN_REPEATED = 0.5  # fraction of the stamps after a jump back that were there before to the nanosecond
+
+Item = tuple[str, str, Event]  # kind, topic, event
+
+
+def is_looped(streams: Sequence[RecordedStream], kind_of: Mapping[int, str]) -> bool:
+    """Whether the scans (or else the densest stream) have the same stamps again after the clocks have jumped back together."""
+    used = [i for i in kind_of if len(streams[i].stamps_ns) > 1]
+    stamps = [np.asarray(streams[i].stamps_ns, np.int64) for i in used]
+    epochs = clock_epochs(stamps)
+    scans = [place for place, i in enumerate(used) if kind_of[i] == "scan"]
+    for place in scans or [max(range(len(used)), key=lambda k: len(stamps[k]))] if used else []:
+        later = epochs[place] > 0
+        if later.any() and np.isin(stamps[place][later], stamps[place][~later]).mean() >= MIN_REPEATED:
+            return True
+    return False
+
+
+def without_repeats(items: Iterable[Item], message_counts: MessageCounts) -> Iterator[Item]:
+    """The items but for those of a stream and stamp that were there before; transforms, which share stamps, all stay."""
+    seen: dict[tuple[str, str], set[int]] = {}
+    for kind, topic, event in items:
+        if kind != "tf":
+            stamps = seen.setdefault((kind, topic), set())
+            if event.stamp_ns in stamps:
+                message_counts.count(f"repeated.{kind}")
+                message_counts.note(
+                    "the recording was played in a loop: what had been played before is left out"
+                )
+                continue
+            stamps.add(event.stamp_ns)
+        yield kind, topic, event
