@@ -18,10 +18,14 @@ def find_logs(path: str | Path) -> list[Path]:
     """The logs that a path means, sorted by name; a pattern has `*`, `?` or `[`.
 
     A folder that is no log itself stands for the logs in it; without any, for itself, so that opening it says what is wrong.
-    Raises LogError: a pattern matches nothing.
+    Raises LogError: a pattern matches nothing, or the name is one that no file can have.
     """
     path = Path(path)
-    if path.exists() or not glob.has_magic(str(path)):
+    try:
+        exists = path.exists()
+    except OSError as error:  # a name that is too long
+        raise LogError(f"{str(path)[:60]}...: {error.strerror}") from None
+    if exists or not glob.has_magic(str(path)):
         return logs_inside(path)
     matches = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207 - patterns may be absolute
     found = [log for match in matches for log in logs_inside(Path(match))]

@@ -70,3 +70,8 @@ def test_a_span_that_the_log_does_not_have_is_refused(small_log: Path) -> None:
         list(log.events())
     with pytest.raises(ValueError, match="is not before"):
         LogConfig(start_s=2.0, end_s=1.0)
+
+
+def test_a_name_that_is_too_long_is_refused_in_a_line() -> None:
+    with pytest.raises(LogError, match="File name too long"):
+        find_logs("x" * 5000)
