@@ -39,6 +39,7 @@ BEAM_CELL_M = 1.5  # and the beams of the last segment with its reference in eac
 SPACINGS = 12, 6, 3  # segments between the parts that are searched for, until a place is found
 UNKNOWN_STD_M = 100.0  # of a place anywhere in the map
 MIN_AGREEING = 3  # parts of the drive that put it in one place
+MANY_AGREEING, MANY_LEAD = 6, 3.0  # then none of them has to be distinct, as a corridor looks alike all along
 MIN_LEAD = 2.0  # times the parts that agree on any other place
 SHORT_DRIVE_SEGMENTS = 9  # in a shorter drive too few parts can agree: one must be beyond doubt
 CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
@@ -102,8 +103,9 @@ def _agreeing(poses: Floats, graph: DirectedEdges, pool: LoopMatches, own: int) 
     )
     best = cliques[0]
     rival = len(cliques[1]) if len(cliques) > 1 else 0
-    is_enough = len(best) >= MIN_AGREEING and is_distinct[best].any()
-    is_enough = is_enough or (own < SHORT_DRIVE_SEGMENTS and is_clear[best].any())
+    is_enough = len(best) >= MIN_AGREEING and bool(is_distinct[best].any())
+    is_enough = is_enough or len(best) >= max(MANY_AGREEING, MANY_LEAD * rival)
+    is_enough = is_enough or (own < SHORT_DRIVE_SEGMENTS and bool(is_clear[best].any()))
     if not is_enough or len(best) < MIN_LEAD * rival:
         return none
     none[best] = True
