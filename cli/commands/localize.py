@@ -30,7 +30,8 @@ MapPath = Annotated[
         "--map",
         metavar="MAP",
         readable=False,
-        help="The map: a map_server YAML, wean.dat(.gz), or a run with its session. Not needed by methods with absolute poses: "
+        help="The map: a map_server YAML, wean.dat(.gz), or a run with its session. "
+        "Not needed by methods with absolute poses as input: "
         f"{methods_with(lambda entry: entry.localizes_without_map)}.",
     ),
 ]

@@ -87,6 +87,7 @@ def test_one_of_both_streams_will_do() -> None:
 
     class FakeLog:
         path = "a.mcap"
+        is_lossy = False
 
         def __init__(self, *kinds: str) -> None:
             self.streams = [Info(kind) for kind in kinds]
