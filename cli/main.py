@@ -18,6 +18,7 @@ from .commands import (
     config,
     convert,
     correlation,
+    drawing,
     evaluate,
     explore,
     info,
@@ -56,6 +57,7 @@ app.command("info")(common(info.run))
 app.command("convert")(common(convert.run))
 app.add_typer(config.app, name="config")
 app.add_typer(maps.app, name="maps")
+app.add_typer(drawing.app, name="drawing")
 app.command("warmup")(common(warmup.run))
 
 

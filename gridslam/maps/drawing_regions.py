@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.distances import distances_to
-from gridslam.maps.drawing_light import in_even_light, is_light_uneven
+from gridslam.maps.drawing_light import in_even_light, is_light_uneven, strokes_in_even_light
+from gridslam.maps.drawing_marks import Marks, marks_of
 
 Mask = NDArray[np.bool_]
 
@@ -18,18 +19,8 @@ THIN_RATIO = (
     3.0  # a colour is that of the strokes if its widest area is narrower by this factor than the other's
 )
 SPECKLE_PX = 4  # largest size of specks of either colour, which are compression noise
-LEAK_WIDTHS_PX = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    6,
-    8,
-    11,
-    15,
-    20,
-)  # half widths of gaps to the outside that are closed, tried in order
+# Half widths of gaps to the outside that are closed, tried in order.
+LEAK_WIDTHS_PX = (0, 1, 2, 3, 4, 6, 8, 11, 15, 20)
 MIN_ENCLOSED_RATIO = 0.35  # of the strokes' surface that borders on enclosed space; less is a small loop
 START_RADIUS_PX = 3
 CLOSING_DIRECTIONS = 8
@@ -37,23 +28,30 @@ CLOSING_DIRECTIONS = 8
 
 @dataclass(frozen=True, slots=True)
 class Regions:
-    """Free space, wall surfaces, whether walls are the darker colour, and whether no outer wall encloses the free space."""
+    """Free space, wall surfaces, whether walls are the darker colour, and whether no outer wall encloses the free space.
+
+    `enclosed` is all other space within walls, `marks` are the strokes that are no walls, `gaps_closed` is a number.
+    """
 
     free: Mask
     walls: Mask
     walls_are_dark: bool
     is_open: bool
+    enclosed: Mask
+    marks: Marks
+    gaps_closed: int
 
 
-def classes_of(levels: NDArray[np.uint8]) -> Mask:
-    """Which pixels are dark, by Otsu's threshold, with specks of compression removed from either colour.
+def classes_of(levels: NDArray[np.uint8], is_photograph: bool = False) -> tuple[Mask, bool]:
+    """Which pixels are dark, by Otsu's threshold, with specks of compression removed; and whether the light was evened.
 
     In a photograph with uneven light, dark means darker than the paper around.
     """
     dark = _darker_class(levels)
-    if is_light_uneven(levels, dark):
-        dark = _darker_class(in_even_light(levels))
-    return _without_specks(~_without_specks(~dark))
+    is_uneven = is_light_uneven(levels, dark, is_photograph)
+    if is_uneven:
+        dark = strokes_in_even_light(in_even_light(levels))
+    return _without_specks(~_without_specks(~dark)), is_uneven
 
 
 def _darker_class(levels: NDArray[np.uint8]) -> Mask:
@@ -76,6 +74,10 @@ def regions_of(
     if not strokes.any() or strokes.all():
         return None
     barrier = _closed(strokes, gap_px)
+    marks = marks_of(strokes, barrier)
+    if marks.ignored.any():
+        strokes = strokes & ~marks.ignored
+        barrier = _closed(strokes, gap_px)
     if start is not None:
         start = _nearest_free(barrier, start)
     outside = _outside(barrier, start)
@@ -86,7 +88,27 @@ def regions_of(
         return None
     # Where the free space borders on the outside through a gap in the outer wall, a line closes the gap.
     seam = _grown(inside, 1) & outside if outside is not None else np.zeros_like(free)
-    return Regions(free & ~seam, (_grown(inside, 1) & barrier) | seam, walls_are_dark, is_open)
+    return Regions(
+        free=free & ~seam,
+        walls=(_grown(inside, 1) & barrier) | seam,
+        walls_are_dark=walls_are_dark,
+        is_open=is_open,
+        enclosed=inside & ~free & ~seam,
+        marks=marks,
+        gaps_closed=_count_gaps(barrier & ~strokes, strokes) + _count_gaps(seam, barrier),
+    )
+
+
+def _count_gaps(added: Mask, strokes: Mask) -> int:
+    """How many added parts join two strokes; others only fill notches."""
+    count, labels = cv2.connectedComponents(added.astype(np.uint8), connectivity=8)
+    grown = cv2.dilate(labels.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int64)
+    contacts, contact_labels = cv2.connectedComponents(
+        ((grown > 0) & strokes).astype(np.uint8), connectivity=8
+    )
+    touched = np.zeros(contacts, np.int64)
+    touched[contact_labels.ravel()] = grown.ravel()
+    return int((np.bincount(touched[1:], minlength=count)[1:] >= 2).sum())
 
 
 def _are_walls_dark(dark: Mask, start: tuple[int, int] | None) -> bool:

@@ -1,0 +1,138 @@
+"""Pictures of drawings: decoded upright, reduced if they are large photographs, and turned into brightness.
+
+Arrays have the top row first.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from gridslam.core.errors import MapError
+
+Levels = NDArray[np.uint8]
+Colours = NDArray[np.uint8]
+
+MAX_PIXELS = 16_000_000
+MIN_SIDE_PX = 16
+PHOTOGRAPH_SIDE_PX = 1600  # a photograph's longer side, to which it is reduced
+FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
+DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
+
+# Of EXIF; its values are those of a picture that the camera stored turned or mirrored.
+ORIENTATION_TAG = 0x0112
+UPRIGHT = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+PAINTED_LEVELS = 8  # a painted picture has 85 % of its pixels in as few levels; a photograph has noise
+PAINTED_RATIO = 0.85
+STRONG_COLOUR = 60  # difference of the channels of a coloured stroke, on white paper
+MIN_COLOURED_RATIO = 0.001
+
+
+def read_picture(path: Path) -> NDArray[np.uint8]:
+    """Brightness `(rows, cols)` or colours `(rows, cols, 3)`; a large photograph is reduced.
+
+    Raises MapError if it is no picture, too large or too small.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow warns about sizes and unusual palettes
+            with Image.open(path, formats=FORMATS) as image:
+                _check_size(path, *image.size)
+                pixels = _pixels(image)
+                return _reduced(_upright(pixels, image))
+    except Image.DecompressionBombError:
+        raise MapError(f"{path}: the drawing has more than {MAX_PIXELS} pixels; draw it smaller") from None
+    except DAMAGE as error:
+        raise MapError(f"{path}: not a readable picture ({error}); save the drawing as PNG or JPEG") from None
+
+
+def is_photograph(pixels: NDArray[np.uint8]) -> bool:
+    """Whether a picture has the many levels of a photograph, not the few of a painted picture."""
+    grey = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    counts = np.sort(np.bincount(grey.ravel(), minlength=256))
+    return bool(counts[-PAINTED_LEVELS:].sum() < PAINTED_RATIO * grey.size)
+
+
+def brightness_of(pixels: NDArray[np.uint8]) -> Levels:
+    """Brightness `(rows, cols)`. Coloured strokes count as dark on bright paper, and as bright on dark paper."""
+    if pixels.ndim == 2:
+        return pixels
+    grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
+    paper = np.median(pixels.reshape(-1, 3)[:: max(pixels.size // 300_000, 1)], axis=0)
+    gains = max(float(paper.max()), 1.0) / np.maximum(paper, 1.0)
+    balanced = pixels.astype(np.float32) * gains.astype(np.float32)
+    low, high = balanced.min(axis=2), np.minimum(balanced.max(axis=2), 255.0)
+    if (cv2.medianBlur(high - low, 3) > STRONG_COLOUR).mean() < MIN_COLOURED_RATIO:
+        return grey
+    return np.asarray(np.rint(low if np.median(grey) > 127.0 else high).astype(np.uint8))
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if min(width, height) < MIN_SIDE_PX:
+        raise MapError(
+            f"{path}: {width} x {height} pixels are too small for a drawing; at least {MIN_SIDE_PX} per side are needed"
+        )
+    if width * height > MAX_PIXELS:
+        raise MapError(
+            f"{path}: {width} x {height} pixels, at most {MAX_PIXELS} are read; scale the drawing down"
+        )
+
+
+def _pixels(image: Image.Image) -> NDArray[np.uint8]:
+    """Colours, or brightness if the picture has more than 8 bits or one channel.
+
+    Transparent pixels are paper: white, or black if the strokes are bright.
+    """
+    if image.mode.startswith(("I", "F")):
+        values = np.asarray(image, dtype=np.float64)
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        scaled = (np.nan_to_num(values, nan=low) - low) * (255.0 / max(high - low, 1e-9))
+        return np.asarray(np.rint(scaled).astype(np.uint8))
+    if image.mode in ("1", "L") and "transparency" not in image.info:
+        return np.array(image.convert("L"))
+    if "A" not in image.mode.upper() and "transparency" not in image.info:
+        return np.array(image.convert("RGB"))
+    rgba = np.asarray(image.convert("RGBA"))
+    colours = np.ascontiguousarray(rgba[..., :3])
+    grey = cv2.cvtColor(colours, cv2.COLOR_RGB2GRAY)
+    alpha = rgba[..., 3].astype(np.float32) / np.float32(255.0)
+    drawn = alpha > 0.5
+    strokes_are_bright = bool((~drawn).mean() > 0.05 and drawn.any() and np.median(grey[drawn]) > 127.0)
+    paper = np.float32(0.0 if strokes_are_bright else 255.0)
+    blended = colours * alpha[..., None] + paper * (1.0 - alpha[..., None])
+    return np.asarray(np.rint(blended).astype(np.uint8))
+
+
+def _upright(pixels: NDArray[np.uint8], image: Image.Image) -> NDArray[np.uint8]:
+    """The pixels as a viewer shows them, after the orientation that the camera noted."""
+    try:
+        orientation = image.getexif().get(ORIENTATION_TAG)
+    except (*DAMAGE, KeyError, TypeError, AttributeError, OverflowError):
+        return pixels  # notes that cannot be read do not make the picture unreadable
+    if not isinstance(orientation, int) or orientation not in UPRIGHT:
+        return pixels
+    return np.array(Image.fromarray(pixels).transpose(UPRIGHT[orientation]))
+
+
+def _reduced(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    rows, cols = pixels.shape[:2]
+    scale = PHOTOGRAPH_SIDE_PX / max(rows, cols)
+    if scale >= 1.0 or not is_photograph(pixels):
+        return pixels
+    size = (max(round(cols * scale), MIN_SIDE_PX), max(round(rows * scale), MIN_SIDE_PX))
+    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA))
