@@ -79,7 +79,7 @@ def marks_of(strokes: Mask, closed: Mask) -> Marks:
     low = boxes[walls, :2].min(axis=0)
     high = (boxes[walls, :2] + boxes[walls, 2:4]).max(axis=0)
     extent = float((high - low).max())
-    is_joined = _joined(labels, walls & (long_side > MAX_ARROW_RATIO * extent), closed)
+    is_joined = _joined(labels, walls, closed)
     kinds = _kinds(labels, boxes, is_joined, DrawingScale(_pen_of(strokes), extent))
     found = np.bincount(kinds, minlength=len(Mark))
     return Marks(
