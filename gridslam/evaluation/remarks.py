@@ -224,4 +224,4 @@ def no_pairs_hint(estimate: PoseSeries, truth: PoseSeries) -> str:
         zero = next((s.name for s in (estimate, truth) if int(s.stamps_ns.min()) < 1e9 * 86_400 * 365), None)
         cause = f"the stamps of {zero} count from another zero" if zero else "their times do not overlap"
         return f"{cause}; if both start together, use --time-offset {offset_s:.3f}"
-    return "a larger --max-difference or --sync interpolate pairs more"
+    return "a larger --max-difference pairs more"
