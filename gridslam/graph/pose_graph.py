@@ -123,12 +123,14 @@ def optimise(
     return estimate, weights
 
 
-def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
-    """Gauss-Newton step `(n, 3)` of all poses; node 0 is held."""
+def normal_equations(
+    poses: Floats, edges: Edges, weights: Floats | None = None
+) -> tuple[sparse.csc_matrix, Floats]:
+    """Hessian `(3n, 3n)` and gradient `(3n,)` of half the sum of the edges' squared errors, with weights `(m,)` (default 1)."""
     n = len(poses)
     error = residuals(poses, edges)
     source, target = jacobians(poses, edges)
-    weighted = edges.information * weights[:, None, None]
+    weighted = edges.information if weights is None else edges.information * weights[:, None, None]
     blocks, rows, cols = [], [], []
     gradient = np.zeros((n, 3))
     for left, i in ((source, edges.source), (target, edges.target)):
@@ -142,8 +144,14 @@ def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
         (np.concatenate(blocks).ravel(), (np.concatenate(rows).ravel(), np.concatenate(cols).ravel())),
         shape=(3 * n, 3 * n),
     ).tocsc()
-    step = np.zeros(3 * n)
+    return hessian, gradient.ravel()
+
+
+def _solve_step(poses: Floats, edges: Edges, weights: Floats) -> Floats:
+    """Gauss-Newton step `(n, 3)` of all poses; node 0 is held."""
+    hessian, gradient = normal_equations(poses, edges, weights)
+    step = np.zeros(3 * len(poses))
     step[3:] = splu(hessian[3:, 3:], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
-        -gradient.ravel()[3:]
+        -gradient[3:]
     )
-    return step.reshape(n, 3)
+    return step.reshape(-1, 3)

@@ -77,3 +77,27 @@ def test_a_loop_removes_the_drift_even_beside_a_wrong_loop(wrong: bool) -> None:
     np.testing.assert_array_equal(found[0], truth[0])
     if wrong:
         assert weights[-1] < 0.01
+
+
+def test_the_gradient_of_the_normal_equations_is_that_of_half_the_squared_errors() -> None:
+    rng = np.random.default_rng(1)
+    poses = circle(6)
+    edges = edges_of(poses, [(0, 1), (1, 4), (4, 2)], rng.normal(0.0, 0.1, (3, 3)), False)
+    weights = np.array([1.0, 0.5, 0.2])
+    hessian, gradient = pose_graph.normal_equations(poses, edges, weights)
+    for k in range(poses.size):
+        step = np.zeros(poses.size)
+        step[k] = 1e-6
+        ahead, behind = (poses + sign * step.reshape(-1, 3) for sign in (1.0, -1.0))
+        cost = [0.5 * float(weights @ pose_graph.chi_squared(p, edges)) for p in (ahead, behind)]
+        assert gradient[k] == pytest.approx((cost[0] - cost[1]) / 2e-6, rel=1e-4, abs=1e-2)
+    dense = hessian.toarray()
+    np.testing.assert_allclose(dense, dense.T, atol=1e-6)
+    assert np.linalg.eigvalsh(dense).min() > -1e-6
+
+
+def test_without_edges_the_normal_equations_are_zero() -> None:
+    hessian, gradient = pose_graph.normal_equations(circle(3), Edges.none())
+    assert hessian.shape == (9, 9)
+    assert hessian.nnz == 0
+    assert not gradient.any()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
-from gridslam.graph.pose_graph import Edges, jacobians, residuals
+from gridslam.graph.pose_graph import Edges, normal_equations
 from gridslam.methods.ir_scan.stacked_readings import StackedReadings
 from gridslam.methods.ir_scan.stops import Stop
 from gridslam.methods.ir_scan.wall_equations import block_diagonal, wall_terms
@@ -37,7 +37,7 @@ def adjust(stops: Sequence[Stop], cell_m: float, noise: RangeNoise) -> Floats:
     if not len(readings.stop):
         return poses
     for _ in range(MAX_STEPS):
-        hessian, gradient = _odometry_terms(poses, edges)
+        hessian, gradient = normal_equations(poses, edges)
         for term in (_absolute_pose_terms(poses, stops), *wall_terms(poses, readings, cell_m, noise)):
             hessian, gradient = hessian + term[0], gradient + term[1]
         step = spsolve(hessian.tocsc(), -gradient).reshape(-1, 3)
@@ -61,29 +61,6 @@ def odometry_edges(stops: Sequence[Stop]) -> Edges:
         information=np.array(information).reshape(-1, 3, 3),
         is_loop=np.zeros(len(target), bool),
     )
-
-
-def _odometry_terms(poses: Floats, edges: Edges) -> tuple[sparse.csr_matrix, Floats]:
-    """Hessian and gradient of the odometry."""
-    size = 3 * len(poses)
-    if not len(edges):
-        return sparse.csr_matrix((size, size)), np.zeros(size)
-    error = residuals(poses, edges).ravel()
-    by_source, by_target = jacobians(poses, edges)
-    m = len(edges)
-    rows = np.broadcast_to(np.arange(3 * m).reshape(m, 3, 1), (m, 3, 3))
-    columns = [
-        np.broadcast_to(3 * k[:, None, None] + np.arange(3), (m, 3, 3)) for k in (edges.source, edges.target)
-    ]
-    J = sparse.csr_matrix(
-        (
-            np.concatenate([by_source.ravel(), by_target.ravel()]),
-            (np.tile(rows.ravel(), 2), np.concatenate([c.ravel() for c in columns])),
-        ),
-        shape=(3 * m, size),
-    )
-    W = block_diagonal(edges.information)
-    return (J.T @ W @ J).tocsr(), np.asarray(J.T @ (W @ error))
 
 
 def _absolute_pose_terms(poses: Floats, stops: Sequence[Stop]) -> tuple[sparse.csr_matrix, Floats]:
