@@ -57,6 +57,8 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
                 return _reduced(_upright(pixels, image))
     except Image.DecompressionBombError:
         raise MapError(f"{path}: the drawing has more than {MAX_PIXELS} pixels; draw it smaller") from None
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        raise MapError(f"{path}: {error.strerror}") from None
     except DAMAGE as error:
         raise MapError(f"{path}: not a readable picture ({error}); save the drawing as PNG or JPEG") from None
 

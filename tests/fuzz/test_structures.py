@@ -32,4 +32,5 @@ def test_damaged_structures_end_in_a_result_or_an_error(tmp_path: Path, target: 
     ],
 )
 def test_inputs_that_were_bugs_are_none_any_more(tmp_path: Path, target: str, seed: int) -> None:
-    STRUCTURES[target](random.Random(f"{target} {seed}"), tmp_path)
+    """The target raises AssertionError where an input is handled wrongly."""
+    assert STRUCTURES[target](random.Random(f"{target} {seed}"), tmp_path)

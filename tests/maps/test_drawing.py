@@ -231,3 +231,8 @@ def test_drawings_by_people_enclose_a_place(data_dir):
         assert drawn.walls_are == "bright", path.name
         assert not drawn.is_open, path.name
         assert 0.2 < drawn.free.mean() < 0.95, path.name
+
+
+def test_a_drawing_that_is_not_there_is_said_to_be_missing(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match=r"nowhere\.png: No such file or directory$"):
+        load_drawing(tmp_path / "nowhere.png")
