@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import read_plain_file
+from gridslam.core.plain_files import read_plain_file
 
 MAX_BYTES = 1_000_000
 MAX_REPEATED = 100_000  # values repeated by aliases

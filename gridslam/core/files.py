@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO
 
 from gridslam.core.errors import ConfigError
 
@@ -225,22 +225,3 @@ def _umask() -> int:
     mask = os.umask(0o022)
     os.umask(mask)
     return mask
-
-
-def read_plain_file(path: Path, max_bytes: int) -> bytes:
-    """The content of a file.
-
-    Raises OSError: it cannot be read, is larger than `max_bytes`, or is a device or a pipe, which may never end.
-    """
-    with open_plain_file(path) as stream:
-        data = stream.read(max_bytes + 1)
-    if len(data) > max_bytes:
-        raise OSError(errno.EFBIG, f"larger than {max_bytes} bytes", str(path))
-    return data
-
-
-def open_plain_file(path: Path) -> BinaryIO:
-    """The file opened for reading. Raises OSError: it cannot be read, or is a device or a pipe, which may never end."""
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise OSError(errno.EINVAL, "a device or a pipe, no file", str(path))
-    return path.open("rb")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from pathlib import Path
 
 from gridslam.core.errors import InputError
+from gridslam.core.plain_files import open_plain_file
 from gridslam.evaluation.object_errors import MapObject
 
 _BOOLEANS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
@@ -18,7 +20,7 @@ def read_objects(path: Path) -> dict[str, MapObject]:
     If an id has several rows (poses over time), the last one counts. Raises InputError with the line.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
+        with io.TextIOWrapper(open_plain_file(path), "utf-8-sig", newline="") as stream:
             rows = csv.DictReader(stream)
             missing = {"id", "x", "y", "yaw"} - set(rows.fieldnames or ())
             if missing:

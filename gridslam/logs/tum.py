@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gridslam.core.errors import InputError
-from gridslam.core.files import open_plain_file
+from gridslam.core.plain_files import open_plain_file
 from gridslam.core.poses import yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.trajectory import Trajectory

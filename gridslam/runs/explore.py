@@ -6,7 +6,6 @@ mapping it again gives the same map.
 
 from __future__ import annotations
 
-import hashlib
 import heapq
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +18,7 @@ from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.kernels.compiling import timing_compilation
 from gridslam.logs.write import open_writer
@@ -160,9 +160,7 @@ def explore(
         write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
         finished = clock.now()
         hashes = {item.path.name: item.sha256 for item in inputs.values()}
-        hashes |= {
-            path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (world_path, log_path)
-        }
+        hashes |= {path.name: sha256_of(path) for path in (world_path, log_path)}
         run = Run(
             command="explore",
             config=config,

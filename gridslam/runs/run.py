@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,6 +14,7 @@ from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan
+from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
@@ -138,7 +138,7 @@ def run_localize(
         stop=stop,
         further=inputs,
     )
-    digest = hashlib.sha256(map_path.read_bytes()).hexdigest()
+    digest = sha256_of(map_path)
     return replace(
         run, inputs={**run.inputs, map_path.name: digest}, given={"map": map_path.name, **run.given}
     )
@@ -251,7 +251,7 @@ def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
         if kinds[name].in_run and path.is_dir():
             path = path / kinds[name].in_run
         try:
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest = sha256_of(path)
         except OSError as error:
             raise ConfigError(
                 f"--{kinds[name].option or name} {path}: cannot be read ({error.strerror or error})"

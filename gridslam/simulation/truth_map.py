@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,33 +41,25 @@ def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
         occupied[row, col] = True
     start = geometry.cells(np.array([scene.world.robot.start[:2]]))[0]
     free = reachable(~occupied, int(start[0]), int(start[1]))
-    values = np.where(occupied, 1.0, np.where(free, 0.0, np.nan)).astype(np.float32)
+    values = np.full((rows, cols), np.nan, np.float32)
+    values[free] = 0.0
+    values[occupied] = 1.0
     return OccupancyGrid(values, geometry)
 
 
 def reachable(free: NDArray[np.bool_], row: int, col: int) -> NDArray[np.bool_]:
     """Mask of the free cells that are 4-connected to a start cell; empty if the start is outside or not free."""
-    found = np.zeros_like(free)
+    import cv2
+
     rows, cols = free.shape
     if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
-        return found
-    queue = deque([(row, col)])
-    while queue:
-        r, c = queue.popleft()
-        if found[r, c]:
-            continue
-        left, right = c, c
-        while left > 0 and free[r, left - 1] and not found[r, left - 1]:
-            left -= 1
-        while right < cols - 1 and free[r, right + 1] and not found[r, right + 1]:
-            right += 1
-        found[r, left : right + 1] = True
-        for neighbour in (r - 1, r + 1):
-            if 0 <= neighbour < rows:
-                open_cells = free[neighbour, left : right + 1] & ~found[neighbour, left : right + 1]
-                starts = np.flatnonzero(open_cells & ~np.r_[False, open_cells[:-1]])
-                queue.extend((neighbour, left + int(k)) for k in starts)
-    return found
+        return np.zeros_like(free)
+    mask = np.ones((rows + 2, cols + 2), np.uint8)  # the cells not to enter, with a border
+    mask[1:-1, 1:-1] = ~free
+    cv2.floodFill(
+        np.zeros((rows, cols), np.uint8), mask, (col, row), 0, flags=4 | cv2.FLOODFILL_MASK_ONLY | (2 << 8)
+    )
+    return np.asarray(mask[1:-1, 1:-1] == 2)
 
 
 def _segment_points(segment: Array, resolution: float) -> Array:

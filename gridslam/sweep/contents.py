@@ -11,12 +11,12 @@ from typing import Any
 
 import gridslam
 from gridslam.core.errors import ConfigError
+from gridslam.core.plain_files import sha256_of
 from gridslam.maps.map_yaml import read_map_yaml
 from gridslam.methods.plugins import plugin_sources
 from gridslam.report.environment import made_with
 
 _WITHOUT_EFFECT_ON_RESULTS = frozenset({"cli", "sweep"})
-_BLOCK_BYTES = 1 << 20
 
 
 def content_key(**parts: Any) -> str:
@@ -34,7 +34,7 @@ def program_key() -> str:
         name = source.relative_to(package)
         if name.parts[0] not in _WITHOUT_EFFECT_ON_RESULTS:
             digest.update(f"{name.as_posix()}\0".encode() + source.read_bytes())
-    plugins = [_hash_of_folder(path) if path.is_dir() else _hash_of_file(path) for path in plugin_sources()]
+    plugins = [_hash_of_folder(path) if path.is_dir() else sha256_of(path) for path in plugin_sources()]
     return content_key(sources=digest.hexdigest(), versions=made_with().model_dump(), plugins=plugins)
 
 
@@ -48,7 +48,7 @@ class Hashes:
         """The hash of a file, or of all files of a folder with their names. Raises ConfigError: unreadable."""
         if path not in self._known:
             try:
-                self._known[path] = _hash_of_folder(path) if path.is_dir() else _hash_of_file(path)
+                self._known[path] = _hash_of_folder(path) if path.is_dir() else sha256_of(path)
             except OSError as error:
                 name = error.filename or path
                 raise ConfigError(f"{name}: cannot be read ({error.strerror or error})") from None
@@ -61,16 +61,8 @@ class Hashes:
         return content_key(yaml=self.of(path), image=self.of(path.parent / read_map_yaml(path).image))
 
 
-def _hash_of_file(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK_BYTES):
-            digest.update(block)
-    return digest.hexdigest()
-
-
 def _hash_of_folder(path: Path) -> str:
-    return content_key(files=[(name.as_posix(), _hash_of_file(path / name)) for name in _files_in(path)])
+    return content_key(files=[(name.as_posix(), sha256_of(path / name)) for name in _files_in(path)])
 
 
 def _files_in(path: Path) -> Iterable[Path]:

@@ -38,7 +38,7 @@ robot: {start: [1, 1, 0], route: [[1.3, 1]]}
 sensors: {lidar: {rate_hz: 5, beams: 60}, odometry: {}, gyro: {}}
 max_duration_s: 6
 """)
-LIMIT_S = 20.0  # of the longest simulated drive
+LIMIT_S, LIMIT_PIXELS = 20.0, 50_000_000  # of the longest simulated drive, of all its pictures
 
 
 def log_target(kind: str) -> Callable[[random.Random, Path], str]:
@@ -217,12 +217,23 @@ def world_schema() -> dict[str, Any]:
     return WorldConfig.model_json_schema()
 
 
+def pixels(world: WorldConfig) -> float:
+    """Pixels of all pictures that a world asks for, which is honest work."""
+    cameras = [*world.sensors.cameras, *world.fixed_cameras]
+    return world.max_duration_s * sum(c.width_px * c.height_px * c.rate_hz for c in cameras)
+
+
 def read_world(rng: random.Random, folder: Path) -> str:
     """A world with drawn values; valid ones are recorded, and the log is one that its own reader takes whole."""
     document = drawn(WORLD, world_schema(), rng, rng.choice((1, 1, 2, 4)))
     valid: list[WorldConfig] = []
     result = answer(lambda: valid.append(validate_world(document, "drawn.yaml")))
-    if not valid or valid[0].max_duration_s > LIMIT_S or valid[0].robot.laps > 3:
+    if (
+        not valid
+        or valid[0].max_duration_s > LIMIT_S
+        or valid[0].robot.laps > 3
+        or pixels(valid[0]) > LIMIT_PIXELS
+    ):
         return f"check {result}"
     output = folder / "world.mcap"
 

@@ -55,7 +55,7 @@ def damaged(document: Any, rng: random.Random) -> Any:
 def number_near(value: Any, rng: random.Random) -> Any:
     """Something else than a value: for a number mostly one of another size."""
     if isinstance(value, bool) or not isinstance(value, int | float) or rng.random() < 0.3:
-        return rng.choice(ODD)
+        return copy.deepcopy(rng.choice(ODD))  # or the next damage would change ODD
     factor = 10.0 ** rng.uniform(-12, 12) * rng.choice((1, 1, -1))
     scaled = float(value or 1) * factor if abs(value) < 1e280 else 0.0
     return round(scaled) if isinstance(value, int) else scaled
@@ -100,7 +100,7 @@ def resolved(part: Mapping[str, Any], schema: Mapping[str, Any], rng: random.Ran
 def value_of(part: Mapping[str, Any], schema: Mapping[str, Any], rng: random.Random, depth: int = 0) -> Any:
     """A value of a part of a schema; one in ten is an odd one."""
     if rng.random() < 0.1 or depth > 4:
-        return rng.choice(ODD)
+        return copy.deepcopy(rng.choice(ODD))
     part = resolved(part, schema, rng)
     kind = part.get("type")
     if "const" in part or "enum" in part:

@@ -23,6 +23,7 @@ from gridslam.logs.write import open_writer
 SCANS = 100
 BEAMS = 360
 SECONDS = 10  # longest time that reading one of these small logs may take
+WAITS = 20
 
 
 def sample_events(scans: int = SCANS, beams: int = BEAMS, seed: int = 0) -> Iterator[Event]:
@@ -123,18 +124,22 @@ def whole_chunk_messages(data: bytes, cut: int) -> int:
 
 @contextmanager
 def limit(seconds: float) -> Iterator[None]:
-    """TimeoutError when the block takes longer."""
+    """TimeoutError when the block takes more CPU time, or waits for WAITS times as long: other processes may run as well."""
 
     def stop(number: int, frame: object) -> None:
         raise TimeoutError(f"took more than {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    timers = {signal.ITIMER_PROF: (signal.SIGPROF, 1), signal.ITIMER_REAL: (signal.SIGALRM, WAITS)}
+    before = {number: signal.signal(number, stop) for number, _ in timers.values()}
+    for timer, (_, factor) in timers.items():
+        signal.setitimer(timer, factor * seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for timer in timers:
+            signal.setitimer(timer, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 Mutation = Callable[[bytes, random.Random], bytes]

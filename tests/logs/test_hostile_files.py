@@ -23,6 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, InputError, LogError
 from gridslam.core.messages import Imu, LaserScan, Odometry, Transform
+from gridslam.evaluation.object_files import read_objects
 from gridslam.logs import open_log, open_writer
 from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA
@@ -31,6 +32,7 @@ from gridslam.logs.ros.definitions import BadDefinitionError, checked_types, is_
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.types import ros2_types
 from gridslam.logs.tum import read_trajectory
+from gridslam.runs.run import read_inputs
 from tests.conftest import REPOSITORY
 from tests.logs.mutations import limit, sample_events
 from tests.logs.test_rosbag import rosbag2
@@ -305,6 +307,20 @@ def test_an_endless_device_is_refused_as_trajectory_and_as_configuration() -> No
             read_trajectory(Path("/dev/zero"))
         with pytest.raises(ConfigError, match=r"/dev/zero: cannot be read \(a device or a pipe"):
             read_yaml(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize(("option", "config"), [("tags", "slam-sd"), ("drawing", "handmap-slam")])
+def test_an_endless_device_is_refused_as_an_input_of_a_method(option: str, config: str) -> None:
+    with (
+        limit(5),
+        pytest.raises(ConfigError, match=rf"--{option} /dev/zero: cannot be read \(a device or a pipe"),
+    ):
+        read_inputs({option: Path("/dev/zero")}, config)
+
+
+def test_an_endless_device_is_refused_as_a_table_of_objects() -> None:
+    with limit(5), pytest.raises(InputError, match=r"/dev/zero: cannot be read \(a device or a pipe"):
+        read_objects(Path("/dev/zero"))
 
 
 def test_a_trajectory_of_nothing_but_line_ends_costs_no_memory(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from gridslam.logs.csv.fields import name_field, number_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.ros.fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20
@@ -24,7 +24,7 @@ def fault(info: CameraInfo) -> SkipReason | None:
     """The reason why no method can use the calibration; None where it can."""
     if not (0 < info.width_px <= MAX_SIDE_PX and 0 < info.height_px <= MAX_SIDE_PX):
         return SkipReason.BAD_IMAGE_SIZE
-    is_finite = all(np.isfinite(values).all() for values in (info.K, info.P, info.D))
+    is_finite = all(np.isfinite(values).all() for values in (info.K, info.P, info.D, info.R))
     return None if is_finite else SkipReason.NOT_FINITE
 
 
@@ -39,7 +39,7 @@ def from_ros(message: Any, topic: str) -> CameraInfo:
         D=readonly(message.d, np.float64),
         camera=camera_of(topic),
         R=readonly(np.asarray(message.r).reshape(3, 3), np.float64),
-        distortion_model=str(message.distortion_model),
+        distortion_model=plain_name(message.distortion_model),
     )
 
 

@@ -10,7 +10,7 @@ from gridslam.logs.csv.fields import number_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header, write_planar_pose
-from gridslam.logs.ros.fields import valid_head, yaw_of_orientation
+from gridslam.logs.ros.fields import frame_name, valid_head, yaw_of_orientation
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.skips import SkipReason
 
@@ -35,7 +35,7 @@ def from_ros(message: Any, topic: str) -> Odometry:
         yaw_rad=yaw_of_orientation(pose.orientation),
         vx_mps=float(twist.linear.x),
         wz_radps=float(twist.angular.z),
-        child_frame_id=str(message.child_frame_id).lstrip("/") or "base_link",
+        child_frame_id=frame_name(message.child_frame_id) or "base_link",
     )
 
 

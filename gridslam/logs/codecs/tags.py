@@ -13,7 +13,7 @@ from gridslam.logs.csv.fields import name_field, single_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.ros.fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 
@@ -26,8 +26,8 @@ def from_ros(message: Any, topic: str) -> TagInventory:
     """The inventory of a decoded gridslam_msgs/TagInventory."""
     return TagInventory(
         *valid_head(message),
-        antenna=str(message.antenna),
-        tag_ids=tuple(str(t) for t in message.tag_ids),
+        antenna=plain_name(message.antenna),
+        tag_ids=tuple(plain_name(t) for t in message.tag_ids),
         rssi_dbm=tuple(as_float32(r) for r in message.rssi_dbm),
     )
 

@@ -11,7 +11,7 @@ from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encoded import Encoded, single_message
-from gridslam.logs.ros.fields import head
+from gridslam.logs.ros.fields import frame_name, head
 from gridslam.logs.skips import SkipReason
 
 FARTHEST_M = 1e9  # from frame to frame: chains of such steps still have finite numbers
@@ -40,7 +40,7 @@ def from_ros(message: Any, is_static: bool) -> list[Transform]:
             Transform(
                 INVALID_STAMP_NS if stamp is None else stamp,
                 parent,
-                str(item.child_frame_id).lstrip("/"),
+                frame_name(item.child_frame_id),
                 translation_m=(float(t.x), float(t.y), float(t.z)),
                 quat_wxyz=(float(r.w), float(r.x), float(r.y), float(r.z)),
                 is_static=is_static,

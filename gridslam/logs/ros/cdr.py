@@ -37,13 +37,13 @@ class CdrReader:
         return self.numbers("d", count, 8)
 
     def text(self) -> str:
-        """A string (stored with its length and a closing zero)."""
+        """A string (stored with its length; a zero ends it)."""
         length = self.uint32()
         raw = self._data[self._at : self._at + length]
         if len(raw) != length:
             raise ValueError("string reaches beyond the message")
         self._at += length
-        return raw.rstrip(b"\0").decode()
+        return raw.partition(b"\0")[0].decode()
 
     def header(self) -> tuple[int, int, str]:
         """(seconds, nanoseconds, frame) of a std_msgs/Header."""

@@ -17,6 +17,7 @@ from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, c
 from gridslam.core.stamps import NS_PER_S, join_stamp
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
+from gridslam.logs.ros.fields import frame_name
 from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import yaw_of
 
@@ -50,13 +51,13 @@ def head(data: bytes) -> tuple[int, bytes] | None:
 @lru_cache(maxsize=1024)
 def frame_text(frame: bytes) -> str:
     """frame_id as text, without the leading slash of old tf."""
-    return frame.decode().lstrip("/")
+    return frame_name(frame.decode())
 
 
 @lru_cache(maxsize=1024)
 def plain_text(name: bytes) -> str:
     """The name of a joint, or of the frame that the joint turns, unchanged: the two are compared."""
-    return name.decode()
+    return name.decode().partition("\0")[0]
 
 
 def scan(data: bytes) -> LaserScan:

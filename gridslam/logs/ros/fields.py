@@ -11,10 +11,20 @@ from gridslam.logs.rotations import yaw_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
+def plain_name(value: object) -> str:
+    """A name of a message: a zero ends it, as in C, and no format can hold one."""
+    return str(value).partition("\0")[0]
+
+
+def frame_name(value: object) -> str:
+    """A frame's name without the leading slash of old tf."""
+    return plain_name(value).lstrip("/")
+
+
 def head(message: Any) -> tuple[int | None, str]:
     """(stamp_ns, frame) of a message with a header; the stamp is None where it is invalid."""
     header = message.header
-    return join_stamp(int(header.stamp.sec), int(header.stamp.nanosec)), str(header.frame_id).lstrip("/")
+    return join_stamp(int(header.stamp.sec), int(header.stamp.nanosec)), frame_name(header.frame_id)
 
 
 def valid_head(message: Any) -> tuple[int, str]:

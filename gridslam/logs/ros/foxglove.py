@@ -13,6 +13,7 @@ from gridslam.core.messages import Event, Transform
 from gridslam.logs.codecs import depth
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.kinds import foxglove_converter
+from gridslam.logs.ros.fields import frame_name
 from gridslam.logs.ros.foxglove_fields import stamp_ns_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
@@ -37,10 +38,10 @@ def kind_of_message(type_name: str, kind: str, message: Any, topic: str) -> str:
 def head(message: Any) -> tuple[int | None, str]:
     """(stamp_ns, frame)."""
     if hasattr(message, "header"):
-        stamp, frame = message.header.stamp, str(message.header.frame_id)
+        stamp, frame = message.header.stamp, frame_name(message.header.frame_id)
     else:
-        stamp, frame = message.timestamp, str(getattr(message, "frame_id", ""))
-    return stamp_ns_of(stamp), frame.lstrip("/")
+        stamp, frame = message.timestamp, frame_name(getattr(message, "frame_id", ""))
+    return stamp_ns_of(stamp), frame
 
 
 def transforms(message: Any, is_static: bool) -> list[Transform]:
@@ -51,13 +52,13 @@ def transforms(message: Any, is_static: bool) -> list[Transform]:
             stamp, parent = head(item)
             child, t, r = item.child_frame_id, item.transform.translation, item.transform.rotation
         else:
-            stamp, parent = stamp_ns_of(item.timestamp), str(item.parent_frame_id).lstrip("/")
+            stamp, parent = stamp_ns_of(item.timestamp), frame_name(item.parent_frame_id)
             child, t, r = item.child_frame_id, item.translation, item.rotation
         found.append(
             Transform(
                 INVALID_STAMP_NS if stamp is None else stamp,
                 parent,
-                str(child).lstrip("/"),
+                frame_name(child),
                 translation_m=(float(t.x), float(t.y), float(t.z)),
                 quat_wxyz=(float(r.w), float(r.x), float(r.y), float(r.z)),
                 is_static=is_static,

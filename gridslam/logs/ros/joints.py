@@ -9,7 +9,7 @@ import numpy as np
 
 from gridslam.core.messages import Transform, WheelTicks
 from gridslam.logs.config import WheelsConfig
-from gridslam.logs.ros.fields import head
+from gridslam.logs.ros.fields import head, plain_name
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
@@ -27,7 +27,7 @@ def joint_state(message: Any) -> JointState:
     """The joints of a decoded sensor_msgs/JointState."""
     stamp_ns, frame = head(message)
     positions = np.asarray(message.position, np.float64).tolist()
-    return JointState(stamp_ns, frame, [str(name) for name in message.name], positions)
+    return JointState(stamp_ns, frame, [plain_name(joint) for joint in message.name], positions)
 
 
 class Servos:

@@ -1,0 +1,38 @@
+"""Files that a user names are read as far as a limit; a device or a pipe, which may never end, is refused."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+from pathlib import Path
+from typing import BinaryIO
+
+_BLOCK_BYTES = 1 << 20
+
+
+def read_plain_file(path: Path, max_bytes: int) -> bytes:
+    """The content of a file.
+
+    Raises OSError: it cannot be read, is larger than `max_bytes`, or is a device or a pipe.
+    """
+    with open_plain_file(path) as stream:
+        data = stream.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"larger than {max_bytes} bytes", str(path))
+    return data
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file's content. Raises OSError: it cannot be read, or is a device or a pipe."""
+    digest = hashlib.sha256()
+    with open_plain_file(path) as stream:
+        while block := stream.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def open_plain_file(path: Path) -> BinaryIO:
+    """The file opened for reading. Raises OSError: it cannot be read, or is a device or a pipe."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "a device or a pipe, no file", str(path))
+    return path.open("rb")
