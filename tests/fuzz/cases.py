@@ -60,7 +60,7 @@ def files_of(folder: Path) -> list[Path]:
     return [path for path in sorted(folder.iterdir()) if path.suffix not in (".png", ".db3-wal")]
 
 
-def outcome(path: Path, scratch: Path) -> str:
+def result_of(path: Path, scratch: Path) -> str:
     """What comes of an input, in a line."""
     path = path.resolve()
     try:
@@ -123,7 +123,7 @@ def lost(counters: dict[str, int]) -> int:
 def read_and_converted(path: Path, scratch: Path) -> str:
     """Read a log, and convert it to MCAP, CSV and MCAP: the events stay the same, and nothing more is lost.
 
-    Only the first conversion may change the order among streams, where a stamp steps back, and names a camera without a name.
+    Only the first conversion may change the order among streams, where stamps are out of order, and name a nameless camera.
     """
     events, counters = events_of(path)
     if events:
@@ -150,13 +150,13 @@ def unnamed(event: bytes) -> bytes:
 
 
 def main(folders: list[str]) -> int:
-    """Print the outcome of every input; 1 if one is wrong."""
+    """Print what comes of every input; 1 if one is wrong."""
     wrong = 0
     for path in (path for folder in folders for path in files_of(Path(folder))):
         with tempfile.TemporaryDirectory() as scratch:
             try:
                 with limits():
-                    line = outcome(path, Path(scratch))
+                    line = result_of(path, Path(scratch))
             except (Exception, OutOfLimits) as error:
                 wrong += 1
                 line = f"BUG {type(error).__name__}: {error}"

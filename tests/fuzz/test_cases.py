@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.fuzz.cases import files_of, limits, outcome
+from tests.fuzz.cases import files_of, limits, result_of
 
 # The beginning of what `tests.fuzz.cases` says of it. What cannot be used is counted as lost, and the rest is read.
-OUTCOMES = {
+RESULTS = {
     # faults
     "faults/fz_cfg_1_s0.yaml": "ConfigError: fz_cfg_1_s0.yaml: method.weight: expected 'likelihood-field', 'beam'",
     "faults/fz_cfg_1_s1.yaml": "ConfigError: fz_cfg_1_s1.yaml: method.scan.chord_spacing_m: no such key (known:",
@@ -111,15 +111,15 @@ OUTCOMES = {
 }
 
 
-@pytest.mark.parametrize("name", OUTCOMES)
+@pytest.mark.parametrize("name", RESULTS)
 def test_an_input_with_a_known_fault_ends_as_it_should(cases_dir: Path, tmp_path: Path, name: str) -> None:
     with limits():
-        found = outcome(cases_dir / name, tmp_path)
-    assert found.startswith(OUTCOMES[name])
+        found = result_of(cases_dir / name, tmp_path)
+    assert found.startswith(RESULTS[name])
 
 
 def test_no_input_is_left_out(cases_dir: Path) -> None:
     found = {
         f"{folder}/{path.name}" for folder in ("faults", "attacks") for path in files_of(cases_dir / folder)
     }
-    assert found == set(OUTCOMES)
+    assert found == set(RESULTS)
