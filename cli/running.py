@@ -55,7 +55,7 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         *options.inputs.values(),
         *(p for p in (map_path, options.truth) if p),
     ]
-    check_free(options.output, options.force, read)
+    before = check_free(options.output, options.force, read)
     config = load_run_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:
@@ -68,7 +68,7 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         _print_problems(run)
         if run.result.doubt is not None and run.status != "interrupted":
             console.say(f"warning: {run.status}: {run.result.doubt.reason}")
-        document = write_run(run, options.output, options.force)
+        document = write_run(run, options.output, options.force, before=before)
     with finishing():
         if options.as_json:
             console.emit_json(document)

@@ -90,7 +90,7 @@ def run(
     from ..interruption import finishing, stop_on_signals
     from ..running import start_override
 
-    check_free(output, force, [drawing])
+    before = check_free(output, force, [drawing])
     overrides = [*(override or ())]
     if start_in_drawing is not None:
         overrides.append(start_override(start_in_drawing, "--start-in-drawing"))
@@ -114,7 +114,7 @@ def run(
             )
         for problem in done.run.problems:
             console.say(f"{world}: {problem}")
-        document = write_run(done.run, output, force, (folder / LOG_NAME, folder / TRUTH_NAME))
+        document = write_run(done.run, output, force, (folder / LOG_NAME, folder / TRUTH_NAME), before)
     with finishing():
         if as_json:
             console.emit_json(document)

@@ -135,8 +135,7 @@ def run(
         ),
     )
     start_pose, goal_pose = np.array(_pose("--start", start, False)), np.array(_pose("--goal", goal, True))
-    if output is not None:
-        check_free(output, force)
+    before = check_free(output, force) if output is not None else None
     occupancy = load_any_map(map_path)
     with announcing_compilation(
         lambda: console.say("compiling the planner, once per installation: half a minute")
@@ -144,7 +143,7 @@ def run(
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())
     with finishing():
         if output is not None:
-            write_plan(output, plan, occupancy, discs, map_path, force=force)
+            write_plan(output, plan, occupancy, discs, map_path, force=force, before=before)
         if as_json:
             console.emit_json(plan_document(plan, map_path))
         else:

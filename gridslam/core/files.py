@@ -123,6 +123,7 @@ def put_folder(folder: Path, target: Path, before: Identity | None = ANY) -> Non
     aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".old", dir=target.parent))
     target.replace(aside)
     try:
+        refuse_if_made_since(aside, before)  # another process may have been quicker than the check above
         folder.replace(target)
     except BaseException:
         with suppress(OSError):

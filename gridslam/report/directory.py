@@ -10,24 +10,34 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import check_name, making, partial_folder, put_folder, refuse_to_replace
+from gridslam.core.files import (
+    ANY,
+    Identity,
+    check_name,
+    identity_of,
+    making,
+    partial_folder,
+    put_folder,
+    refuse_to_replace,
+)
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
 MIN_FREE_BYTES = 64 << 20  # a large map with its layers, pictures and report
 
 
-def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
+def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> Identity | None:
     """Raise ConfigError unless a run may be written here: a new path, an empty folder, or with `force` an earlier run.
 
     An earlier run that contains one of the `inputs` is never replaced. The check is made before a run and again before writing.
+    Returns what is there now, by which writing notices that another process has put something there since.
     """
     check_name(directory)
     if directory.is_symlink() and not directory.exists():
         raise ConfigError(f"{directory}: a broken symbolic link; choose another output folder")
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
         _check_parent(directory)
-        return
+        return None
     if not is_run_directory(directory):
         raise ConfigError(
             f"{directory}: exists and is not a run directory, so it is never replaced; choose another output folder"
@@ -38,6 +48,7 @@ def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> Non
         )
     refuse_to_replace(directory, inputs)
     _check_parent(directory)
+    return identity_of(directory)
 
 
 def is_run_directory(directory: Path) -> bool:
@@ -50,11 +61,12 @@ def is_run_directory(directory: Path) -> bool:
 
 
 @contextmanager
-def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
+def new_run_directory(directory: Path, force: bool = False, before: Identity | None = ANY) -> Iterator[Path]:
     """A temporary folder beside `directory`, renamed to it at the end of the block, removed after an error.
 
-    An earlier run is deleted only after the new one is in place. Remains of killed runs are removed.
-    Raises ConfigError as `check_free`, or if the folder cannot be created.
+    An earlier run is deleted only after the new one is in place. Remains of killed runs are removed. `before` is what
+    `check_free` found before the run. Raises ConfigError as `check_free`, or if the folder cannot be created, or if another
+    process has written it since.
     """
     target = directory.resolve()
     check_free(target, force)
@@ -63,7 +75,7 @@ def new_run_directory(directory: Path, force: bool = False) -> Iterator[Path]:
     with partial_folder(target) as folder:
         yield folder
         check_free(target, force)
-        put_folder(folder, target)
+        put_folder(folder, target, before)
 
 
 def _check_parent(directory: Path) -> None:

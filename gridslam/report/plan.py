@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gridslam
-from gridslam.core.files import write_atomic
+from gridslam.core.files import ANY, Identity, write_atomic
 from gridslam.core.poses import wrap_angle
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Table
@@ -81,11 +81,12 @@ def write_plan(
     discs: Floats,
     map_path: Path,
     force: bool = False,
+    before: Identity | None = ANY,
 ) -> None:
     """Write path.csv, segments.csv, path.png and report.json; raises ConfigError as `new_run_directory` does."""
     times, poses, speeds = plan.path.sampled(SPACING)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds]).tolist()
-    with new_run_directory(directory, force) as folder:
+    with new_run_directory(directory, force, before) as folder:
         write_table(folder / "path.csv", Table(("t", "x", "y", "yaw", "speed"), rows))
         write_table(
             folder / "segments.csv", Table(SEGMENT_COLUMNS, [segment_row(s) for s in plan.path.segments])

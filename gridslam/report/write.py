@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from gridslam.core.files import write_atomic
+from gridslam.core.files import ANY, Identity, write_atomic
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.maps.preview import render_map
@@ -26,17 +26,21 @@ from gridslam.runs.run import Run
 
 
 def write_run(
-    run: Run, directory: Path, force: bool = False, further: Iterable[Path] = ()
+    run: Run,
+    directory: Path,
+    force: bool = False,
+    further: Iterable[Path] = (),
+    before: Identity | None = ANY,
 ) -> dict[str, object]:
     """Write all files of a run; the directory appears when they are complete. Returns the document of report.json.
 
     `further`: files and folders that are moved into the directory (log and ground truth of an exploration).
-    Raises ConfigError: the directory exists or cannot be written.
+    `before`: what `check_free` found there before the run. Raises ConfigError: the directory exists or cannot be written.
     """
     started = time.perf_counter()
     further = tuple(further)
     log_path = next((path for path in further if path.name == run.log_path.name), run.log_path)
-    with new_run_directory(directory, force) as folder:
+    with new_run_directory(directory, force, before) as folder:
         write_map_files(run, folder)
         write_tum(folder / "trajectory.tum", run.result.trajectory)
         for name, trajectory in sorted(run.result.trajectories.items()):

@@ -13,7 +13,14 @@ import numpy as np
 import yaml
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import partial_folder, put_folder, remove, write_atomic
+from gridslam.core.files import (
+    identity_of,
+    partial_folder,
+    put_folder,
+    refuse_if_made_since,
+    remove,
+    write_atomic,
+)
 from gridslam.core.messages import Odometry
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.stamps import format_stamp
@@ -81,6 +88,7 @@ def record_world(
     it is something else.
     """
     truth = truth_folder(output)
+    log_before, truth_before = identity_of(output), identity_of(truth)
     simulator = Simulator(world, folder)
     grid = true_map(simulator.scene, world.truth)  # first, since it may raise an error
     counts: Counter[str] = Counter()
@@ -100,8 +108,9 @@ def record_world(
             write_truth(folder_of_truth, world, simulator.scene, path, grid)
             (folder_of_truth / UNFINISHED).touch()
             if force:
+                refuse_if_made_since(output, log_before)
                 remove(output)
-            put_folder(folder_of_truth, truth)
+            put_folder(folder_of_truth, truth, truth_before)
     (truth / UNFINISHED).unlink(missing_ok=True)  # the log has its name now
     return Recorded(dict(sorted(counts.items())), simulator.time_s, simulator.robot.distance_m, truth)
 

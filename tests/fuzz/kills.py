@@ -1,4 +1,4 @@
-"""Kill commands at random moments: `python -m tests.fuzz.kills [KILLS [SEED]]`.
+"""Kill commands at random moments: `python -m tests.fuzz.kills [KILLS [SEED [COMMAND...]]]`.
 
 Each command is ended by SIGKILL at random moments of its run. Its output then is absent or whole, and the next run of the same
 command, in the same place, gives the bytes of a run that nobody disturbed. Then two of each run at the same time: one
@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,6 +47,13 @@ class Command:
 def commands(folder: Path) -> Mapping[str, Command]:
     """The commands, on small inputs that are made in the folder."""
     logs = {name: _beginning(SAMPLES / f"{name}.mcap", folder) for name in ("slam-sd", "ispace-mcl")}
+    again = _beginning(SAMPLES / "slam-sd.mcap", folder, 2.0 * SECONDS, SECONDS, "again.mcap")
+    earlier = folder / "earlier"
+    subprocess.run(
+        program_command("map", logs["slam-sd"], "-c", "slam-sd", "-o", earlier),
+        check=True,
+        capture_output=True,
+    )
     (folder / "world.yaml").write_text(WORLD)
     (folder / "sweep.yaml").write_text(SWEEP.replace("LOG", logs["slam-sd"]))
     true_map = str(SAMPLES / "ispace-mcl.truth" / "map.yaml")
@@ -60,23 +67,25 @@ def commands(folder: Path) -> Mapping[str, Command]:
         "convert": Command(("convert", logs["slam-sd"], "OUT"), "out"),
         "simulate": Command(("simulate", str(folder / "world.yaml"), "-o", "OUT"), "out.mcap"),
         "explore": Command(explore, "out"),
+        "continued": Command(("map", again, "-c", "slam-sd", "--continue", str(earlier), "-o", "OUT"), "out"),
         "sweep": Command(
             ("sweep", str(folder / "sweep.yaml"), "-o", "OUT", "--jobs", "1"), "out", continues=True
         ),
     }
 
 
-def _beginning(log: Path, folder: Path) -> str:
-    """The first seconds of a sample log."""
-    path = folder / log.name
+def _beginning(log: Path, folder: Path, end_s: float = SECONDS, start_s: float = 0.0, name: str = "") -> str:
+    """A few seconds of a sample log."""
+    path = folder / (name or log.name)
     with open_log(log) as opened:
-        convert_log(opened, path, start_s=0.0, end_s=SECONDS)
+        convert_log(opened, path, start_s=start_s, end_s=end_s)
     return str(path)
 
 
-def start(command: Command, folder: Path) -> subprocess.Popen[str]:
+def start(command: Command, folder: Path, *further: str) -> subprocess.Popen[str]:
     """The command as a process that writes into the folder."""
     arguments = [part.replace("OUT", str(folder / command.output)) for part in command.arguments]
+    arguments += further
     return subprocess.Popen(
         program_command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=folder
     )
@@ -157,29 +166,34 @@ def _clear(place: Path) -> None:
     place.mkdir()
 
 
-def two_at_once(name: str, command: Command, folder: Path) -> list[str]:
-    """Run a command twice at the same time; returns the problems."""
-    place = folder / f"{name}-twice"
+def two_at_once(name: str, command: Command, folder: Path, *further: str) -> list[str]:
+    """Run a command twice at the same time, over an earlier output with `--force`; returns the problems."""
+    place = folder / f"{name}-twice{''.join(further)}"
     place.mkdir()
-    both = [start(command, place) for _ in range(2)]
+    if further:
+        start(command, place).communicate()
+    both = [start(command, place, *further) for _ in range(2)]
     errors = [process.communicate()[1] for process in both]
     codes = [process.returncode for process in both]
     spoken = [err for code, err in zip(codes, errors, strict=True) if code == 2 and "error: " in err]
     if len(spoken) == 1 and contents(place) == contents(folder / f"{name}-whole"):
         return []
-    return [f"{name}: two at once end with {codes}: {errors}"]
+    return [f"{name} {further}: two at once end with {codes}: {errors}"]
 
 
-def main(arguments: list[str], wanted: Callable[[str], bool] = lambda name: True) -> int:
+def main(arguments: list[str]) -> int:
     """Kill all commands; the number of problems."""
     kills = int(arguments[0]) if arguments else 17
     rng = random.Random(int(arguments[1]) if len(arguments) > 1 else 0)
+    names = arguments[2:]
     problems: list[str] = []
     with tempfile.TemporaryDirectory() as made:
         for name, command in commands(Path(made)).items():
-            if wanted(name):
+            if name in names or not names:
                 problems += check(name, command, Path(made), kills, rng)
                 problems += two_at_once(name, command, Path(made))
+                if not command.continues:
+                    problems += two_at_once(name, command, Path(made), "--force")
     sys.stdout.write("".join(f"PROBLEM {problem}\n" for problem in problems) or "nothing half made\n")
     return len(problems)
 

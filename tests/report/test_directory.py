@@ -185,3 +185,23 @@ def test_a_full_disk_is_refused_before_the_run(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("gridslam.report.directory.MIN_FREE_BYTES", 1 << 62)
     with pytest.raises(ConfigError, match=r"MB are free there"):
         check_free(tmp_path / "run", force=False)
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_of_two_runs_into_one_folder_at_once_one_is_kept_and_the_other_is_told(
+    tmp_path: Path, earlier: bool
+) -> None:
+    target = tmp_path / "out"
+    if earlier:
+        with new_run_directory(target) as folder:
+            write_marked(folder, "earlier")
+    before = check_free(target, force=True)
+    with new_run_directory(target, force=True) as folder:
+        write_marked(folder, "first")
+    with (
+        pytest.raises(ConfigError, match="another process has written it meanwhile"),
+        new_run_directory(target, True, before) as folder,
+    ):
+        write_marked(folder, "second")
+    assert (target / "mark").read_text() == "first"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
