@@ -15,9 +15,12 @@ Floats = NDArray[np.float64]
 
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
-MIN_LAG_S = 0.05  # of a fault: half a period of common scans
+MIN_LAG_S = 0.05  # of a fault, and at least the period of the odometry: between its poses motion is not known
 YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
-MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance
+MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance ...
+MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations of its mean
+UNDECIDED_Z_SCORE = 1.5  # from here on more motion may decide
+MAX_YAW_SCALE = 1.3  # rotations that are wrong by a factor up to this, as by a wrong wheelbase, are no lag
 MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
 MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
 MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
@@ -30,13 +33,14 @@ MAX_SCALE_IQR = (
 class OdometryCorrection:
     """What is wrong with odometry: it is `lag_s` late, its translation must be multiplied by `scale`, and its yaw be mirrored.
 
-    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels.
+    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `is_undecided`: more motion may show a lag.
     """
 
     lag_s: float = 0.0
     scale: float = 1.0
     mirrors_yaw: bool = False
     mirrors_y: bool = False
+    is_undecided: bool = False
 
     @property
     def faults(self) -> list[str]:
@@ -71,8 +75,8 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     if not len(starts) or len(odometry) < 2:
         return OdometryCorrection()
     windows = _Windows(track, odometry, starts, ends)
-    lag_s, is_mirrored = windows.lag_and_sign()
-    found = OdometryCorrection(lag_s, 1.0, is_mirrored)
+    lag_s, is_mirrored, is_undecided = windows.lag_and_sign()
+    found = OdometryCorrection(lag_s, 1.0, is_mirrored, is_undecided=is_undecided)
     if is_mirrored:
         both = [replace(found, mirrors_y=mirrors) for mirrors in (False, True)]
         found = min(both, key=windows.translation_cost)
@@ -93,24 +97,30 @@ class _Windows:
         self._matched[:, 2] = yaw[ends] - yaw[starts]
         order = np.argsort(odometry.stamps_ns, kind="stable")
         self._odometry_s = self._seconds(odometry.stamps_ns[order])
+        self._period_s = float(np.median(np.diff(self._odometry_s)))
         self._odometry = odometry.poses[order].copy()
         self._odometry[:, 2] = np.unwrap(self._odometry[:, 2])
 
-    def lag_and_sign(self) -> tuple[float, bool]:
-        """Lag (s) of the odometry and whether its yaw is mirrored; 0 and False without evidence."""
-        rotation = self._matched[:, 2]
-        if np.abs(rotation).sum() < MIN_ROTATION_RAD:
-            return 0.0, False
-        costs = {sign: np.array([self._yaw_cost(float(lag), sign) for lag in LAGS_S]) for sign in (1.0, -1.0)}
-        as_is = costs[1.0][len(LAGS_S) // 2]
-        sign = 1.0 if costs[1.0].min() <= costs[-1.0].min() else -1.0
-        best = costs[sign]
-        if best.min() > MAX_COST_RATIO * as_is:
-            return 0.0, False
-        lag_s = float(LAGS_S[int(best.argmin())])
-        at_zero = best[len(LAGS_S) // 2]
-        is_late = abs(lag_s) >= MIN_LAG_S and best.min() < MAX_COST_RATIO * at_zero
-        return (lag_s if is_late else 0.0), sign < 0.0
+    def lag_and_sign(self) -> tuple[float, bool, bool]:
+        """Lag (s) of the odometry, whether its yaw is mirrored, and whether more motion may show a lag.
+
+        The lag is 0 and the yaw not mirrored without evidence.
+        """
+        if np.abs(self._matched[:, 2]).sum() < MIN_ROTATION_RAD:
+            return 0.0, False, False
+        errors = {sign: np.array([self._yaw_errors(float(lag), sign) for lag in LAGS_S]) for sign in (1, -1)}
+        smallest = {sign: float(error.mean(axis=1).min()) for sign, error in errors.items()}
+        is_mirrored = smallest[-1] < MAX_COST_RATIO * smallest[1]
+        found = errors[-1 if is_mirrored else 1]
+        costs, at_zero = found.mean(axis=1), len(LAGS_S) // 2
+        best = int(costs.argmin())
+        lag_s = float(LAGS_S[best])
+        if abs(lag_s) < MIN_LAG_S:
+            return 0.0, is_mirrored, False
+        z_score = self._z_score(found[at_zero] - found[best])
+        if costs[best] < MAX_COST_RATIO * costs[at_zero] or z_score > MIN_Z_SCORE:
+            return (lag_s if abs(lag_s) >= self._period_s else 0.0), is_mirrored, False
+        return 0.0, is_mirrored, z_score > UNDECIDED_Z_SCORE
 
     def translation_cost(self, correction: OdometryCorrection) -> float:
         """Mean difference (m) of the windows' translations."""
@@ -129,10 +139,18 @@ class _Windows:
         is_clear = max(middle, 1.0 / middle) > MIN_SCALE_RATIO and high - low < MAX_SCALE_IQR * middle
         return float(middle) if is_clear else 1.0
 
-    def _yaw_cost(self, lag_s: float, sign: float) -> float:
-        """Mean absolute difference (rad) of the windows' rotations, and the noise."""
+    def _yaw_errors(self, lag_s: float, sign: float) -> Floats:
+        """Absolute differences `(n,)` (rad) of the windows' rotations, at the best scale of the odometry's, and the noise."""
         rotation = sign * (self._at(self._end_s, lag_s)[:, 2] - self._at(self._start_s, lag_s)[:, 2])
-        return float(np.abs(rotation - self._matched[:, 2]).mean()) + YAW_NOISE_RAD
+        matched = self._matched[:, 2]
+        scale = float(rotation @ matched) / max(float(rotation @ rotation), YAW_NOISE_RAD)
+        scale = min(max(scale, 1.0 / MAX_YAW_SCALE), MAX_YAW_SCALE)
+        return np.asarray(np.abs(scale * rotation - matched) + YAW_NOISE_RAD)
+
+    def _z_score(self, differences: Floats) -> float:
+        """Mean of differences `(n,)` of the windows in its standard deviations; windows that overlap are not independent."""
+        independent = max(float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
+        return float(differences.mean() * np.sqrt(independent) / max(float(differences.std()), 1e-9))
 
     def _at(self, times_s: Floats, lag_s: float) -> Floats:
         """Odometry poses `(n, 3)` that were recorded `lag_s` after the times, linear in between."""

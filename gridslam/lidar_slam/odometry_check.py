@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from gridslam.lidar_slam.scan_tracker import ScanTracker
 Floats = NDArray[np.float64]
 
 MIN_ROTATION_RAD, MIN_DISTANCE_M = 4.0, 6.0  # by odometry: enough motion to judge it by
-MAX_SCANS = 600  # where the robot moves less; bounds memory and delay
+MAX_SCANS = 600  # where the robot moves less, or no lag is certain; bounds memory and delay
 
 
 class OdometryCheck:
@@ -27,9 +28,13 @@ class OdometryCheck:
     """
 
     def __init__(self, build_tracker: Callable[[], ScanTracker]) -> None:
-        self._build_tracker = build_tracker
+        self._tracker: ScanTracker | None = build_tracker()
         self._held: list[Event] | None = []
+        self._tracked = 0  # of the held events
         self._scans = 0
+        self._next_check = (
+            0  # number of scans from which on odometry is checked, once the robot has moved enough
+        )
         self._moved = np.zeros(2)  # m, rad
         self._last: Odometry | None = None
         self._early: deque[Odometry] = deque()  # corrected odometry later than the last event
@@ -47,13 +52,13 @@ class OdometryCheck:
         elif isinstance(event, LaserScan):
             self._scans += 1
             has_moved = self._moved[0] > MIN_DISTANCE_M and self._moved[1] > MIN_ROTATION_RAD
-            if has_moved or self._scans >= MAX_SCANS:
+            if self._scans >= MAX_SCANS or (has_moved and self._scans >= self._next_check):
                 yield from self._check()
 
     def flush(self) -> Iterator[Event]:
         """The events that are still held back."""
         if self._held is not None:
-            yield from self._check()
+            yield from self._check(is_last=True)
         yield from self._early
         self._early.clear()
 
@@ -73,11 +78,16 @@ class OdometryCheck:
         faults = self.correction.faults
         return [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
 
-    def _check(self) -> Iterator[Event]:
-        held, self._held = self._held or [], None
+    def _check(self, is_last: bool = False) -> Iterator[Event]:
+        """Decide on the odometry and give on the events held back; wait for more motion where that may decide better."""
+        held = self._held or []
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         if len(odometry) > 1 and self._scans > 1:
-            self.correction = calibrate(self._tracked(held), _trajectory(odometry))
+            self.correction = calibrate(self._path(held), _trajectory(odometry))
+        if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
+            self._next_check = 2 * self._scans
+            return
+        self._held, self._tracker = None, None
         for event in held:
             yield from self._give(event)
 
@@ -99,16 +109,15 @@ class OdometryCheck:
         if np.isfinite(odometry.pose).all():
             self._last = odometry
 
-    def _tracked(self, held: list[Event]) -> Trajectory:
+    def _path(self, held: list[Event]) -> Trajectory:
         """The path over the held scans by matching alone."""
-        tracker = self._build_tracker()
-        for event in held:
-            if not isinstance(event, Odometry):
-                for placed in tracker.process(event):
-                    tracker.track_scan(placed)
-        for placed in tracker.flush():
+        tracker = self._tracker
+        if tracker is None:
+            return Trajectory.empty()
+        without_odometry = [e for e in held[self._tracked :] if not isinstance(e, Odometry)]
+        for placed in chain.from_iterable([*map(tracker.process, without_odometry), tracker.flush()]):
             tracker.track_scan(placed)
-        self.checked_scans = len(tracker.stamps_ns)
+        self._tracked, self.checked_scans = len(held), len(tracker.stamps_ns)
         return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))
 
 

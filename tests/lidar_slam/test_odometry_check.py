@@ -53,6 +53,30 @@ def test_lag_scale_and_signs_are_found_together(lag_s: float, scale: float, sign
     assert bool(found.faults) == (lag_s != 0.0 or scale != 1.0 or signs != (1, 1))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lag_is_found_in_noise_once_there_is_motion_enough(seed: int) -> None:
+    truth = winding()
+    noise = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.012, len(truth)))
+    noisy = truth.poses + np.column_stack([np.zeros((len(truth), 2)), noise - 0.05 * truth.poses[:, 2]])
+    late = Trajectory(truth.stamps_ns + round(0.15 * NS), noisy)
+    assert calibrate(truth, Trajectory(truth.stamps_ns, noisy)).lag_s == 0.0
+    assert calibrate(truth, late).lag_s == pytest.approx(0.15, abs=0.04)
+    short = slice(0, 160)
+    found = calibrate(Trajectory(truth.stamps_ns[short], truth.poses[short]), late)
+    assert found.lag_s or found.is_undecided
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "rate_hz", "found_s"), [(0.15, 4.0, 0.0), (0.15, 20.0, 0.15), (0.3, 4.0, 0.3)]
+)
+def test_a_lag_shorter_than_the_period_of_the_odometry_is_no_fault(
+    lag_s: float, rate_hz: float, found_s: float
+) -> None:
+    path, odometry = winding(), winding(rate_hz=rate_hz)
+    late = Trajectory(odometry.stamps_ns + round(lag_s * NS), odometry.poses)
+    assert calibrate(path, late).lag_s == pytest.approx(found_s, abs=0.03)
+
+
 def test_a_robot_that_stands_shows_no_fault() -> None:
     stamps = np.arange(100, dtype=np.int64) * NS // 10
     still = Trajectory(stamps, np.zeros((100, 3)))
