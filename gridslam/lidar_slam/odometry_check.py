@@ -1,4 +1,4 @@
-"""Holds back the first part of a log until its odometry is checked against its scans, then gives all events on."""
+"""Holds back the first part of a log until its odometry and scans are checked against each other, then gives all events on."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate
+from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 
 Floats = NDArray[np.float64]
@@ -22,7 +23,9 @@ MAX_SCANS = 600  # where the robot moves less, or no lag is certain; bounds memo
 
 
 class OdometryCheck:
-    """Gives on the events of a log, with odometry corrected where it is found to be wrong; good odometry stays as it is.
+    """Gives on the events of a log, with odometry corrected where it is wrong, and scans without returns from the robot itself.
+
+    Good odometry and scans stay as they are.
 
     `build_tracker` makes the tracker that follows the first scans without odometry.
     """
@@ -39,6 +42,7 @@ class OdometryCheck:
         self._last: Odometry | None = None
         self._early: deque[Odometry] = deque()  # corrected odometry later than the last event
         self.correction = OdometryCorrection()
+        self.own_bodies: list[OwnBody] = []
         self.checked_scans = 0
 
     def process(self, event: Event) -> Iterator[Event]:
@@ -74,14 +78,16 @@ class OdometryCheck:
         }
 
     def notes(self) -> list[str]:
-        """One line that names the faults; empty for good odometry."""
+        """One line that names the faults, and one for each body in view; empty for a good log."""
         faults = self.correction.faults
-        return [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
+        wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
+        return wrong + [body.note for body in self.own_bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and give on the events held back; wait for more motion where that may decide better."""
         held = self._held or []
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
+        self._find_own_bodies(held)
         if len(odometry) > 1 and self._scans > 1:
             self.correction = calibrate(self._path(held), _trajectory(odometry))
         if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
@@ -93,6 +99,7 @@ class OdometryCheck:
 
     def _give(self, event: Event) -> Iterator[Event]:
         """The event with corrections; odometry waits until events have reached its corrected stamp."""
+        event = self._without_bodies(event)
         if not self.correction.faults:
             yield event
         elif isinstance(event, Odometry):
@@ -109,13 +116,27 @@ class OdometryCheck:
         if np.isfinite(odometry.pose).all():
             self._last = odometry
 
+    def _find_own_bodies(self, held: list[Event]) -> None:
+        """Look for the robot's body in the scans of a robot that turns: beside a straight drive a wall looks like one."""
+        self.own_bodies = find_own_bodies(e for e in held if isinstance(e, LaserScan))
+        if self.own_bodies and self._moved[1] < MIN_ROTATION_RAD:
+            yaw = np.unwrap(self._path(held).poses[:, 2])
+            if np.abs(np.diff(yaw)).sum() < MIN_ROTATION_RAD:
+                self.own_bodies = []
+
+    def _without_bodies(self, event: Event) -> Event:
+        if isinstance(event, LaserScan):
+            for body in self.own_bodies:
+                event = body.removed_from(event)
+        return event
+
     def _path(self, held: list[Event]) -> Trajectory:
         """The path over the held scans by matching alone."""
         tracker = self._tracker
         if tracker is None:
             return Trajectory.empty()
-        without_odometry = [e for e in held[self._tracked :] if not isinstance(e, Odometry)]
-        for placed in chain.from_iterable([*map(tracker.process, without_odometry), tracker.flush()]):
+        scans = [self._without_bodies(e) for e in held[self._tracked :] if not isinstance(e, Odometry)]
+        for placed in chain.from_iterable([*map(tracker.process, scans), tracker.flush()]):
             tracker.track_scan(placed)
         self._tracked, self.checked_scans = len(held), len(tracker.stamps_ns)
         return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))

@@ -1,0 +1,131 @@
+"""Finds what a lidar sees of its own robot: returns that keep their bearing and range while all others change."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import LaserScan, readonly
+
+Floats = NDArray[np.float64]
+
+MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is no farther from its lidar
+TOLERANCE_M = 0.03  # noise of near returns
+MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in view for a part of them
+CHANGED_M, MIN_CHANGED_FRACTION = (
+    0.1,
+    0.5,
+)  # change of ranges, and fraction of the beams, that tell views apart
+MIN_VIEWS = 15  # that differ
+MAX_BODY_FRACTION = (
+    0.5  # of the beams: a lidar that sees more of its robot than this stands in a narrow place
+)
+EDGE_BEAMS, EDGE_M = 2, 0.15  # readings beside a body that mix it with what is behind
+
+
+class BeamLayout(NamedTuple):
+    """The beams of a lidar: its frame, their number, first bearing and step (rad); those of a whole circle begin at -pi."""
+
+    frame_id: str
+    number: int
+    first_rad: float
+    step_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnBody:
+    """Farthest range (m) `(n,)` of the robot's body by beam of one lidar; 0 where a beam does not meet it."""
+
+    beams: BeamLayout
+    limits_m: Floats
+
+    def removed_from(self, scan: LaserScan) -> LaserScan:
+        """The scan with readings of the body as NaN; a scan with other beams is left as it is."""
+        beams, order = _beams_of(scan)
+        if beams != self.beams:
+            return scan
+        is_body = scan.ranges_m <= self.limits_m[order]
+        if not is_body.any():
+            return scan
+        return replace(scan, ranges_m=readonly(np.where(is_body, np.nan, scan.ranges_m), np.float32))
+
+    @property
+    def sectors(self) -> list[tuple[float, float, float]]:
+        """First and last bearing (deg) and range (m) of each part of the body, in the lidar's frame."""
+        hit = np.flatnonzero(self.limits_m)
+        parts = np.split(hit, np.flatnonzero(np.diff(hit) > 1) + 1)
+        degrees = np.degrees(self.beams.first_rad + self.beams.step_rad * np.arange(self.beams.number))
+        return [
+            (float(degrees[p[0]]), float(degrees[p[-1]]), float(self.limits_m[p].max() - EDGE_M))
+            for p in parts
+        ]
+
+    @property
+    def note(self) -> str:
+        """One line for people."""
+        parts = [f"{first:.0f} to {last:.0f} deg ({range_m:.2f} m)" for first, last, range_m in self.sectors]
+        return f"{self.beams.frame_id} sees the robot itself at bearings {', '.join(parts)}; these returns are left out"
+
+
+def find_own_bodies(scans: Iterable[LaserScan]) -> list[OwnBody]:
+    """The body of the robot in the view of each lidar, given scans of a robot that drives and turns; those that see none are
+    left out.
+    """
+    by_beams: dict[BeamLayout, list[NDArray[np.float32]]] = defaultdict(list)
+    for scan in scans:
+        beams, order = _beams_of(scan)
+        sorted_ranges = np.empty_like(scan.ranges_m)
+        sorted_ranges[order] = scan.ranges_m
+        by_beams[beams].append(sorted_ranges)
+    bodies = []
+    for beams, ranges in by_beams.items():
+        limits_m = _body_limits(np.array(ranges, np.float64))
+        if limits_m.any():
+            bodies.append(OwnBody(beams, limits_m))
+    return bodies
+
+
+def _beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
+    """The beams of a scan, and the place `(n,)` of each of its readings among them.
+
+    A scan of the whole circle may begin at any bearing.
+    """
+    frame, count, step = scan.frame_id.partition("@")[0], len(scan.ranges_m), scan.angle_increment_rad
+    places = np.arange(count)
+    if count and abs(abs(step) * count - 2.0 * np.pi) < 0.5 * abs(step):
+        circle_step = 2.0 * np.pi / count
+        first = round((scan.angle_min_rad + np.pi) / circle_step - 0.5)
+        return BeamLayout(frame, count, 0.5 * circle_step - np.pi, circle_step), (
+            first + (places if step > 0.0 else -places)
+        ) % count
+    return BeamLayout(frame, count, scan.angle_min_rad, step), places
+
+
+def _body_limits(ranges: Floats) -> Floats:
+    """Farthest range of the body `(n,)` by beam, 0 without a body, given ranges `(scans, n)`."""
+    none = np.zeros(ranges.shape[1])
+    views = _different_views(np.where(np.isfinite(ranges), ranges, 0.0))
+    if len(views) < MIN_VIEWS:
+        return none
+    middle = np.median(views, axis=0)
+    is_constant = (np.abs(views - middle) < TOLERANCE_M).mean(axis=0) >= MIN_CONSTANT_FRACTION
+    is_body = is_constant & (middle > 0.0) & (middle < MAX_BODY_M)
+    if not 0.0 < is_body.mean() < MAX_BODY_FRACTION:
+        return none
+    limits = np.where(is_body, middle + EDGE_M, 0.0)
+    padded = np.pad(limits, EDGE_BEAMS)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * EDGE_BEAMS + 1).max(axis=1))
+
+
+def _different_views(ranges: Floats) -> Floats:
+    """Those of the scans `(scans, n)` in which most ranges have changed since the one chosen before; 0 is no return."""
+    chosen = [0]
+    for i in range(1, len(ranges)):
+        if (np.abs(ranges[i] - ranges[chosen[-1]]) > CHANGED_M).mean() > MIN_CHANGED_FRACTION:
+            chosen.append(i)
+    return ranges[chosen]
