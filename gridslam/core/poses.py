@@ -32,14 +32,19 @@ def _wrap_one(angle: float) -> float:
 
 def _compose_one(a: Sequence[float], b: Sequence[float]) -> Array:
     """`compose` of two single poses: plain floats are ten times as fast as arrays of three."""
-    cos, sin = math.cos(a[2]), math.sin(a[2])
-    return np.array([a[0] + cos * b[0] - sin * b[1], a[1] + sin * b[0] + cos * b[1], _wrap_one(a[2] + b[2])])
+    (ax, ay, a_yaw), (bx, by, b_yaw) = a, b
+    cos, sin = math.cos(a_yaw), math.sin(a_yaw)
+    yaw = a_yaw + b_yaw
+    if not -math.pi < yaw <= math.pi:
+        yaw = _wrap_one(yaw)
+    return np.array((ax + cos * bx - sin * by, ay + sin * bx + cos * by, yaw))
 
 
 def _inverse_one(a: Sequence[float]) -> tuple[float, float, float]:
     """`inverse` of one pose."""
-    cos, sin = math.cos(a[2]), math.sin(a[2])
-    return -cos * a[0] - sin * a[1], sin * a[0] - cos * a[1], _wrap_one(-a[2])
+    x, y, yaw = a
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return -cos * x - sin * y, sin * x - cos * y, _wrap_one(-yaw)
 
 
 def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
@@ -67,8 +72,8 @@ def inverse(T_a_b: ArrayLike) -> Array:
 
 def between(T_m_a: ArrayLike, T_m_b: ArrayLike) -> Array:
     """T_a_b: pose b seen from pose a."""
-    a = np.asarray(T_m_a, dtype=np.float64)
-    b = np.asarray(T_m_b, dtype=np.float64)
+    a = np.asarray(T_m_a, np.float64)
+    b = np.asarray(T_m_b, np.float64)
     if a.ndim == 1 and b.ndim == 1:
         return _compose_one(_inverse_one(a.tolist()), b.tolist())
     return compose(inverse(a), b)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+from numba.core.runtime import rtsys
 
 IMPORT_OF_KERNELS = re.compile(r"^from gridslam\.kernels\.([\w.]+) import ", re.MULTILINE)
 
@@ -48,9 +49,14 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
     _impl_class = ContentFiles
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code kept for a signature; None where there is none, or where its files are damaged."""
+        """The machine code kept for a signature; None where there is none, or where its files are damaged.
+
+        What only compiling needs is not set up here as numba does: it takes longer than all loading.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
         except Exception:  # a cut or empty pickle raises almost anything
             return None
 

@@ -67,7 +67,7 @@ def _normal_equations(
     information: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], int]:
     """The scan's part of a Gauss-Newton step: fills `information` `(3, 3)`; returns gradient (3,) and correspondences."""
-    points, normals = scan.points, scan.normals
+    points, normals, pool = scan.points, scan.normals, surfaces.pool
     information[:] = 0.0
     g0 = g1 = g2 = 0.0
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -81,10 +81,10 @@ def _normal_equations(
         tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, max_correspondence_m)
         if tile < 0:
             continue
-        cell = surfaces.pool[tile, row, col]
-        scale = 1.0 / np.sqrt(cell[NX] * cell[NX] + cell[NY] * cell[NY])
-        mx, my = cell[NX] * scale, cell[NY] * scale
-        e = mx * (x - cell[X]) + my * (y - cell[Y])
+        mean_nx, mean_ny = pool[tile, row, col, NX], pool[tile, row, col, NY]
+        scale = 1.0 / np.sqrt(mean_nx * mean_nx + mean_ny * mean_ny)
+        mx, my = mean_nx * scale, mean_ny * scale
+        e = mx * (x - pool[tile, row, col, X]) + my * (y - pool[tile, row, col, Y])
         w = 1.0 / (1.0 + (e / sigma_m) ** 2)
         w = w * w / (sigma_m * sigma_m)
         j = my * rx - mx * ry
@@ -164,7 +164,7 @@ def search_yaw(
     A point at distance d from the nearest surface element scores exp(-d^2 / (2 sigma^2)). Of equal scores the smallest
     offset wins.
     """
-    points, normals = scan.points, scan.normals
+    points, normals, pool = scan.points, scan.normals, surfaces.pool
     best_score = -1.0
     best_yaw = predicted[2]
     for k in range(2 * search.steps + 1):
@@ -181,8 +181,7 @@ def search_yaw(
             ny = s * normals[i, 0] + c * normals[i, 1]
             tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, search.max_correspondence_m)
             if tile >= 0:
-                cell = surfaces.pool[tile, row, col]
-                d2 = (x - cell[X]) ** 2 + (y - cell[Y]) ** 2
+                d2 = (x - pool[tile, row, col, X]) ** 2 + (y - pool[tile, row, col, Y]) ** 2
                 score += np.exp(-0.5 * d2 / (search.sigma_m * search.sigma_m))
         if score > best_score:
             best_score = score

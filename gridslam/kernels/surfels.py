@@ -94,19 +94,6 @@ def _insert_surfels_all(
 
 
 @compiled
-def _outwards(centre: int, i: int) -> int:
-    """The i-th of centre, centre + 1, centre - 1, centre + 2, ..."""
-    half = (i + 1) >> 1
-    return centre + half if i & 1 else centre - half
-
-
-@compiled
-def _gap(value: float, cell: int, size: float) -> float:
-    """Distance of a coordinate from a cell of the grid; 0 inside."""
-    return max(cell * size - value, value - (cell + 1) * size, 0.0)
-
-
-@compiled
 def nearest_surfel(
     tile_map: TileMap, x: float, y: float, nx: float, ny: float, max_distance_m: float
 ) -> tuple[int, int, int]:
@@ -114,25 +101,24 @@ def nearest_surfel(
     directory, pool, origin = tile_map.directory, tile_map.pool, tile_map.origin
     size = tile_map.resolution_m
     span_m = min(max_distance_m, MAX_SEARCH_CELLS * size)
-    row_0, row_1 = int(np.floor((y - span_m) / size)), int(np.floor((y + span_m) / size))
-    col_0, col_1 = int(np.floor((x - span_m) / size)), int(np.floor((x + span_m) / size))
-    row, col = int(np.floor(y / size)), int(np.floor(x / size))
+    per_m = 1.0 / size
+    row_0, row_1 = int(np.floor((y - span_m) * per_m)), int(np.floor((y + span_m) * per_m))
+    col_0, col_1 = int(np.floor((x - span_m) * per_m)), int(np.floor((x + span_m) * per_m))
+    own_row, own_col = int(np.floor(y / size)), int(np.floor(x / size))
     best = max_distance_m * max_distance_m
     b_tile, b_row, b_col = -1, 0, 0
     has_normal = nx != 0.0 or ny != 0.0
-    # From the point's own cell outwards: what is found there excludes most of the others, as elements lie in their cells.
-    for i in range(2 * max(row - row_0, row_1 - row) + 1):
-        r = _outwards(row, i)
+    # The point's own row and column come first: what is found there excludes most of the others, as elements lie in their cells.
+    for i in range(row_0 - 1, row_1 + 1):
+        r = own_row if i < row_0 else i
         t_row = (r >> TILE_BITS) - origin[0]
-        row_gap = _gap(y, r, size)
-        if r < row_0 or r > row_1 or t_row < 0 or t_row >= directory.shape[0] or row_gap * row_gap >= best:
+        row_gap = max(r * size - y, y - (r + 1) * size, 0.0)
+        if (i == own_row) or t_row < 0 or t_row >= directory.shape[0] or row_gap * row_gap >= best:
             continue
-        for j in range(2 * max(col - col_0, col_1 - col) + 1):
-            q = _outwards(col, j)
-            if q < col_0 or q > col_1:
-                continue
-            col_gap = _gap(x, q, size)
-            if row_gap * row_gap + col_gap * col_gap >= best:
+        for j in range(col_0 - 1, col_1 + 1):
+            q = own_col if j < col_0 else j
+            col_gap = max(q * size - x, x - (q + 1) * size, 0.0)
+            if j == own_col or row_gap * row_gap + col_gap * col_gap >= best:
                 continue
             t_col = (q >> TILE_BITS) - origin[1]
             if t_col < 0 or t_col >= directory.shape[1]:
@@ -140,14 +126,15 @@ def nearest_surfel(
             tile = directory[t_row, t_col]
             if tile < 0:
                 continue
-            cell = pool[tile, r & TILE_MASK, q & TILE_MASK]
-            if cell[COUNT] <= 0.0:
+            row, col = r & TILE_MASK, q & TILE_MASK
+            if pool[tile, row, col, COUNT] <= 0.0:
                 continue
-            dx, dy = cell[X] - x, cell[Y] - y
+            dx, dy = pool[tile, row, col, X] - x, pool[tile, row, col, Y] - y
             d = dx * dx + dy * dy
             if d < best:
-                if has_normal and cell[NX] * nx + cell[NY] * ny < MIN_NORMAL_AGREEMENT:
+                agreement = pool[tile, row, col, NX] * nx + pool[tile, row, col, NY] * ny
+                if has_normal and agreement < MIN_NORMAL_AGREEMENT:
                     continue
                 best = d
-                b_tile, b_row, b_col = tile, r & TILE_MASK, q & TILE_MASK
+                b_tile, b_row, b_col = tile, row, col
     return b_tile, b_row, b_col

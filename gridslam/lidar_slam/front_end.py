@@ -51,6 +51,7 @@ MIN_RECOVERED_INLIER_RATIO = 0.5
 MAX_GAP_RATIO = 2.5  # after a gap of more scan periods than this the velocity is unknown
 RECENT_SCANS = 11  # scans since which odometry is compared when it stutters
 
+DIAGONAL = (range(3), range(3))
 NO_SEARCH = YawSearch(YAW_STEP_RAD, 0, YAW_SEARCH_POINTS, YAW_SEARCH_SIGMA_M, YAW_SEARCH_CORRESPONDENCE_M)
 REGISTRATION = Registration(SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_M, MAX_ITERATIONS, 0.0)
 
@@ -171,13 +172,15 @@ class FrontEnd:
 
         It starts from the prediction, or from its best heading within the search's steps.
         """
-        prior = PosePrior(predicted, np.diag(1.0 / std**2))
+        information = np.zeros((3, 3))
+        information[DIAGONAL] = 1.0 / std**2
+        prior = PosePrior(predicted, information)
         pose, used = surfel_registration.match_scan(
             self._store.map(self._active), scan.matching_points, prior, search, REGISTRATION
         )
         if used < MIN_CORRESPONDENCES:
             return ScanMatch(predicted, 0.0, False)
-        pose[2] = float(se2.wrap_angle(pose[2]))
+        pose[2] = se2.wrap_angle(float(pose[2]))
         return ScanMatch(pose, used / len(scan.points), True)
 
     def _recover(
@@ -209,6 +212,8 @@ class FrontEnd:
 
 def _yaw_search(window_rad: float) -> YawSearch:
     """A search for the heading within +-window; of no steps if matching converges without a search."""
+    if window_rad <= 0.0:
+        return NO_SEARCH
     return NO_SEARCH._replace(steps=max(math.ceil(window_rad / YAW_STEP_RAD), 0))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,10 +42,8 @@ class KeyScanSpacing:
 
     def is_due(self, last_key_pose: Floats, pose: Floats) -> bool:
         """Whether the robot has moved far enough from the pose `(3,)` at the last key scan."""
-        moved = se2.between(last_key_pose, pose)
-        return (
-            float(np.hypot(moved[0], moved[1])) > self.distance_m or abs(float(moved[2])) > self.rotation_rad
-        )
+        x, y, yaw = se2.between(last_key_pose, pose).tolist()
+        return math.hypot(x, y) > self.distance_m or abs(yaw) > self.rotation_rad
 
 
 def distribute_corrections(track: Floats, keys: NDArray[np.int64], key_poses: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum
@@ -53,23 +54,23 @@ class PredictionErrors:
 
     def __init__(self) -> None:
         self.steps = 0
-        self._squares = np.zeros(2)
+        self._squares_m2 = self._squares_rad2 = 0.0
 
     def add(self, predicted: Floats, matched: Floats) -> None:
         """Take in a step `(3,)` by the source and by matching, both in the robot's frame."""
-        error = predicted - matched
-        yaw = float(se2.wrap_angle(error[2]))
-        self._squares += (error[0] * error[0] + error[1] * error[1], yaw * yaw)
+        x, y, yaw = (predicted - matched).tolist()
+        self._squares_m2 += x * x + y * y
+        self._squares_rad2 += math.remainder(yaw, 2.0 * math.pi) ** 2
         self.steps += 1
 
     @property
     def rms_rad(self) -> float:
         """Root mean square error of the heading of a step (rad)."""
-        return float(np.sqrt(self._squares[1] / max(self.steps, 1)))
+        return math.sqrt(self._squares_rad2 / max(self.steps, 1))
 
     def measures(self) -> dict[str, object]:
         """The errors for the report."""
-        rms_m = float(np.sqrt(self._squares[0] / max(self.steps, 1)))
+        rms_m = math.sqrt(self._squares_m2 / max(self.steps, 1))
         return {
             "compared_scans": self.steps,
             "rms_error_m": round(rms_m, 4),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,15 +32,15 @@ def odometry_std(
 
     They grow with the motion and with the difference from `expected_step` `(3,)`, the motion at constant velocity.
     """
-    distance_m, rotation_rad = float(np.hypot(step[0], step[1])), abs(float(step[2]))
+    (x, y, yaw), (expected_x, expected_y, expected_yaw) = step.tolist(), expected_step.tolist()
+    distance_m, rotation_rad = math.hypot(x, y), abs(yaw)
     translation = (
         TRANSLATION_FLOOR_M + config.translation_per_m * distance_m + TRANSLATION_PER_RAD_M * rotation_rad
     )
     rotation = ROTATION_FLOOR_RAD + config.rotation_per_rad * rotation_rad + ROTATION_PER_M_RAD * distance_m
-    change = np.abs(step - expected_step)
-    translation += ACCELERATION_NOISE * float(np.hypot(change[0], change[1]))
-    rotation += ACCELERATION_NOISE * min(float(change[2]), np.pi)
-    return np.asarray(np.maximum([translation, translation, rotation], min_std))
+    translation += ACCELERATION_NOISE * math.hypot(x - expected_x, y - expected_y)
+    rotation += ACCELERATION_NOISE * min(abs(yaw - expected_yaw), math.pi)
+    return np.asarray(np.maximum((translation, translation, rotation), min_std))
 
 
 def odometry_limits(config: OdometryConfig) -> OdometryLimits:

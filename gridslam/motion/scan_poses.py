@@ -117,7 +117,8 @@ class ScanPoses:
         self._previous = (since_ns, self._continuous)
         if elapsed_s > MAX_ODOMETRY_GAP_S:
             self.counters["odometry.gaps"] += 1
-        if self._limits.has_jumped(float(np.hypot(step[0], step[1])), float(step[2]), abs(elapsed_s)):
+        x, y, yaw = step.tolist()
+        if self._limits.has_jumped(math.hypot(x, y), yaw, abs(elapsed_s)):
             self.counters["odometry.jumps"] += 1
             self._has_jumped = True
         else:
