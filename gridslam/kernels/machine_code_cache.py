@@ -114,10 +114,12 @@ def sources_of(module: Path) -> set[Path]:
 
 
 def imported_by(source: Path) -> Iterator[Path]:
-    """The files of the kernel modules that one imports."""
+    """The files of the kernel modules that one imports; this file decides where machine code lies, not what it is."""
     root = next((folder for folder in source.parents if folder.name == "kernels"), source.parent)
     for name in IMPORT_OF_KERNELS.findall(source.read_text(encoding="utf-8")):
-        yield root.joinpath(*name.split(".")).with_suffix(".py")
+        file = root.joinpath(*name.split(".")).with_suffix(".py")
+        if file != Path(__file__):
+            yield file
 
 
 def _user_cache() -> Path:
