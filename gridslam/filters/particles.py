@@ -67,12 +67,7 @@ def main_cluster(particles: Particles, radius_m: float, radius_rad: float, round
     The mean of all particles would lie between clusters, perhaps in a wall.
     """
     poses, weights = particles.poses, particles.weights
-    bins = np.floor(poses / (radius_m, radius_m, radius_rad)).astype(np.int64)
-    bins -= bins.min(axis=0)
-    extent = bins.max(axis=0) + 1
-    member = (bins[:, 0] * extent[1] + bins[:, 1]) * extent[2] + bins[:, 2]
-    if np.prod(extent, dtype=np.float64) > _MAX_DIRECT_BINS:
-        _, member = np.unique(member, return_inverse=True)
+    member = bin_of(poses, radius_m, radius_rad)
     near = member == np.argmax(np.bincount(member, weights))
     for _ in range(rounds):
         mean = _moments(poses[near], weights[near]).mean
@@ -84,6 +79,17 @@ def main_cluster(particles: Particles, radius_m: float, radius_rad: float, round
             break
         near = inside
     return _moments(poses[near], weights[near])
+
+
+def bin_of(poses: Floats, bin_m: float, bin_rad: float) -> NDArray[np.int64]:
+    """Number `(n,)` of each pose's bin of position and heading."""
+    bins = np.floor(poses / (bin_m, bin_m, bin_rad)).astype(np.int64)
+    bins -= bins.min(axis=0)
+    extent = bins.max(axis=0) + 1
+    member = (bins[:, 0] * extent[1] + bins[:, 1]) * extent[2] + bins[:, 2]
+    if np.prod(extent, dtype=np.float64) > _MAX_DIRECT_BINS:
+        _, member = np.unique(member, return_inverse=True)
+    return np.asarray(member)
 
 
 def _moments(poses: Floats, weights: Floats) -> Belief:

@@ -9,7 +9,7 @@ from gridslam.core.errors import MapError
 from gridslam.filters.free_space import draw_free_poses, free_cells
 from gridslam.filters.kld import particles_needed
 from gridslam.filters.particles import Particles, main_cluster, moments
-from gridslam.filters.resampling import AdaptiveSize, resample
+from gridslam.filters.resampling import AdaptiveSize, Strata, resample, resample_strata
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 
@@ -75,6 +75,30 @@ def test_resampling_keeps_the_mean():
     drawn = resample(particles, size, rng)
     assert moments(drawn).mean[0] == pytest.approx(moments(particles).mean[0], abs=0.01)
     np.testing.assert_allclose(drawn.weights, 1.0 / 4000)
+
+
+def test_strata_keep_their_weights_however_often_they_are_resampled():
+    rng = np.random.default_rng(5)
+    places = np.repeat(np.arange(10), 400)
+    poses = np.column_stack([10.0 * places + 0.5, np.full(4000, 0.5), np.full(4000, 0.25)])
+    poses += rng.normal(0.0, 0.01, poses.shape)
+    weights = np.where(places == 3, 0.9, 0.1 / 9)
+    particles = Particles(poses, weights / weights.sum())
+    size = AdaptiveSize(min=1000, max=1000, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.2)
+    for _ in range(50):
+        particles = resample_strata(particles, Strata.of(particles, 1.0, 0.5), size, rng)
+    kept = np.bincount((particles.poses[:, 0] // 10).astype(int), particles.weights, 10)
+    np.testing.assert_allclose(kept, np.where(np.arange(10) == 3, 0.9, 0.1 / 9), rtol=1e-9)
+
+
+def test_an_unlikely_stratum_has_the_root_of_its_weight_in_particles():
+    rng = np.random.default_rng(6)
+    poses = np.repeat([[0.5, 0.5, 0.25], [9.5, 0.5, 0.25]], 500, axis=0)
+    particles = Particles(poses, np.repeat([0.9999, 0.0001], 500) / 500)
+    size = AdaptiveSize(min=1000, max=1000, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.2)
+    drawn = resample_strata(particles, Strata.of(particles, 1.0, 0.5), size, rng)
+    assert (drawn.poses[:, 0] > 5.0).sum() == pytest.approx(1000 * 0.01 / 1.01, abs=1)
+    assert drawn.weights[drawn.poses[:, 0] > 5.0].sum() == pytest.approx(0.0001)
 
 
 def test_free_poses_lie_in_free_cells_of_a_rotated_map():

@@ -20,7 +20,10 @@ BEHIND_WALL_WEIGHT = 0.5  # of a beam that ends at a wall behind another one: fu
 OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
 HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
 SMOOTHING = 0.7  # weight of the past in the running mean of the inlier ratio: a mean over about three updates
-LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized
+LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized,
+LOCALIZED_MASS = (
+    0.99  # if the main cluster has this weight: the robot is elsewhere with a probability below 1 %
+)
 LOST_CONFIDENCE = 0.3  # below it the status is lost
 
 
@@ -70,7 +73,7 @@ class ConfidenceMonitor:
             self._inlier_ratio = SMOOTHING * past + (1.0 - SMOOTHING) * present
         inlier_ratio = 0.0 if self._inlier_ratio is None else self._inlier_ratio
         confidence = confidence_of(inlier_ratio, belief, self._limits)
-        return Assessment(inlier_ratio, distance, confidence, _status(confidence))
+        return Assessment(inlier_ratio, distance, confidence, _status(confidence, belief.mass))
 
     def _inlier_ratio_of(self, beams: Beams, pose: Floats, distances: Floats) -> float:
         """Ratio of the returned beams that agree with the map from a pose; ambiguous beams count in part.
@@ -100,7 +103,7 @@ def confidence_of(inlier_ratio: float, belief: Belief, limits: InlierLimits) -> 
     return float(by_inliers * min(belief.mass, 1.0) * by_std)
 
 
-def _status(confidence: float) -> str:
-    if confidence >= LOCALIZED_CONFIDENCE:
+def _status(confidence: float, mass: float) -> str:
+    if confidence >= LOCALIZED_CONFIDENCE and mass >= LOCALIZED_MASS:
         return "localized"
     return "lost" if confidence < LOST_CONFIDENCE else "uncertain"

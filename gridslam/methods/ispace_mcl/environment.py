@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.kernel_density import kernel_density
 from gridslam.filters.particles import Particles
-from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.distances import distances_to
 from gridslam.sensors.fixed_camera import FloorDetections
 from gridslam.sensors.floor_cells import FloorCells
@@ -19,10 +18,10 @@ from gridslam.sensors.floor_cells import FloorCells
 Floats = NDArray[np.float64]
 
 _CUTOFF = 4.0  # bandwidths: beyond them the kernel is taken as 0
+_FAR = 1e-3  # nearness below which the past of an object does not matter
+_PAST_CUTOFF_M = 2.0  # distance at which an object's past position cannot be the robot's
 _MIN_WEIGHT = 1e-300
-_MAX_CELLS, _HEADINGS = 60, 60  # of the moving cells, and headings at each, between which proposals choose
 _SAME_MOMENT_M = 0.05  # frames between which the robot moves less are taken as simultaneous
-_PROPOSAL_STD = np.array([0.15, 0.15, 0.05])  # m, m, rad
 DENSITY_BANDWIDTH_M = 0.5  # kernel of the paper's densities; smaller ones lose the robot in a missed frame
 
 
@@ -37,9 +36,20 @@ class DetectionLikelihood:
 
     bandwidth_m: float = 0.3  # standard deviation of a detection's position
     radius_m: float = 0.15  # an object nearer than this to a pose may be the robot's own surface
+    past_bandwidth_m: float = 0.3  # standard deviation of a track about the robot's path
     detection: float = 0.85  # probability that a robot in view is detected
     clutter_per_m2: float = 0.1  # people expected per square metre
     frame_weight: float = 0.5  # power of a frame's likelihood: simultaneous frames have common errors
+
+
+@dataclass(frozen=True, slots=True)
+class ObservedTrack:
+    """A moving object of a frame: its floor cells, and those of the same object in earlier frames, latest first, each with the
+    robot's pose T_now_then `(3,)` at that frame.
+    """
+
+    moving: FloorCells
+    past: tuple[tuple[Floats, FloorCells], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +62,16 @@ class CameraObservation:
     moving: FloorCells
     in_view: FloorCells
     T_now_then: Floats
+    tracks: tuple[ObservedTrack, ...] = ()
+
+    def seen_after(self, step: Floats) -> CameraObservation:
+        """The observation for a later scan, to which the robot came by the motion `step` `(3,)`."""
+        back = se2.inverse(step)
+        tracks = tuple(
+            ObservedTrack(t.moving, tuple((se2.compose(back, then), cells) for then, cells in t.past))
+            for t in self.tracks
+        )
+        return CameraObservation(self.moving, self.in_view, se2.compose(back, self.T_now_then), tracks)
 
 
 def moving_cells(detections: FloorDetections, cell_m: float, min_area_m2: float) -> FloorCells:
@@ -92,41 +112,42 @@ class DetectionWeight:
         transforms = [observation.T_now_then for observation in observations]
         for observation, positions in zip(observations, past_positions(transforms, poses), strict=True):
             in_view = is_in_cells(observation.in_view, positions)
-            near = self._proximity(observation.moving, positions)
+            near = self._proximity(observation, positions, poses)
             ratio = np.where(in_view, 1.0 - p.detection, 1.0 - p.detection * near)
             total += np.log(ratio + p.detection * density * near)
         return p.frame_weight * total
 
-    def _proximity(self, moving: FloorCells, positions: Floats) -> Floats:
+    def _proximity(self, observation: CameraObservation, positions: Floats, poses: Floats) -> Floats:
+        """Proximity `(n,)` of positions `(n, 2)` to the moving object that agrees best, for robots with poses `(n, 3)` now.
+
+        An object counts as far as its past agrees with the robot's own path: it is a person if it moves otherwise.
+        """
+        tracks = observation.tracks or (ObservedTrack(observation.moving),)
+        best = np.zeros(len(positions))
+        for track in tracks:
+            near = self._nearness(track.moving, positions)
+            if track.past:
+                is_near = np.flatnonzero(near > _FAR)
+                near[is_near] *= self._agreement(track, poses[is_near])
+            best = np.maximum(best, near)
+        return best
+
+    def _agreement(self, track: ObservedTrack, poses: Floats) -> Floats:
+        """How well the past `(n,)` of an object agrees with the paths of robots with poses `(n, 3)` now, from 0 to 1."""
+        p = self._likelihood
+        squares = np.zeros(len(poses))
+        transforms = [T_now_then for T_now_then, _ in track.past]
+        for (_, cells), then in zip(track.past, past_positions(transforms, poses), strict=True):
+            distance = distance_to_cells(cells, then, p.radius_m + _PAST_CUTOFF_M)
+            squares += np.maximum(distance - p.radius_m, 0.0) ** 2
+        return np.asarray(np.exp(-0.5 * squares / (len(track.past) * p.past_bandwidth_m**2)))
+
+    def _nearness(self, moving: FloorCells, positions: Floats) -> Floats:
         """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest moving cell, less the robot's own radius."""
         p = self._likelihood
         max_distance_m = p.radius_m + _CUTOFF * p.bandwidth_m
         distance = distance_to_cells(moving, positions, max_distance_m)
         return np.asarray(np.exp(-0.5 * (np.maximum(distance - p.radius_m, 0.0) / p.bandwidth_m) ** 2))
-
-
-def sample_proposals(
-    cells: Floats,
-    log_weight: Callable[[Floats], Floats],
-    count: int,
-    rng: np.random.Generator,
-) -> Floats | None:
-    """Poses `(count, 3)` about the moving cells `(k, 2)`, with headings that agree with the onboard sensor; None without cells.
-
-    `log_weight` returns the onboard log-weights `(n,)` of poses `(n, 3)`.
-    """
-    if not len(cells):
-        return None
-    kept = min(len(cells), _MAX_CELLS)
-    cells = cells[(np.arange(kept) * len(cells)) // kept]
-    headings = np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False)
-    poses = np.column_stack([np.repeat(cells, _HEADINGS, axis=0), np.tile(headings, len(cells))])
-    score = log_weight(poses)
-    weights = np.exp(score - score.max())
-    chosen = systematic_resampling(weights / weights.sum(), count, rng)
-    sampled: Floats = poses[chosen] + rng.standard_normal((count, 3)) * _PROPOSAL_STD
-    sampled[:, 2] = se2.wrap_angle(sampled[:, 2])
-    return sampled
 
 
 class DensityWeight:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
-from gridslam.core.trajectory import pose_at
+from gridslam.methods.ispace_mcl.camera_frames import CameraFrame, ScanOdometry
 from gridslam.methods.ispace_mcl.environment import CameraObservation, moving_cells
+from gridslam.methods.ispace_mcl.tracks import MovingObjectTracker
 from gridslam.sensors.fixed_camera import (
     COLOUR_AND_DEPTH,
     COLOUR_ONLY,
     DetectionParameters,
     FixedCamera,
-    FloorDetections,
     FrameSkip,
     Pinhole,
 )
@@ -31,7 +30,6 @@ SILENT_S = 5.0  # a camera without frames for longer is reported as silent
 # A detection says little about a scan that comes later than this: the odometry in between is known, but people move on.
 MAX_AGE_S = 0.6
 DENSITY_MAX_AGE_S = 1.2  # the density product needs the latest frame of every camera, also of slow ones
-_KEPT_POSES = 200
 
 
 class CameraSkip(str, Enum):
@@ -51,8 +49,7 @@ class FixedCameras:
     """Collects camera messages and returns, for a scan, the latest frame of each camera that is not too old.
 
     A camera is identified by the frame of its messages. Every message that is not used is counted: `counters` holds used.image,
-    used.depth and skipped.image.<reason>; `reasons` has the same by camera. `floor` are the floor cells
-    on which the robot may be.
+    used.depth and skipped.image.<reason>; `reasons` has the same by camera. The robot may be on the cells of `floor`.
     """
 
     def __init__(
@@ -70,19 +67,15 @@ class FixedCameras:
         self._sensor_extrinsics: dict[str, Transform] = {}
         self._images: dict[str, Image] = {}
         self._depths: dict[str, DepthImage] = {}
-        self._waiting: dict[str, tuple[int, FloorDetections]] = {}
-        self._latest: dict[str, tuple[int, FloorDetections]] = {}  # the last one of each camera that was used
+        self._waiting: dict[str, CameraFrame] = {}
+        self._latest: dict[str, CameraFrame] = {}  # the last one of each camera that was used
+        self._trackers: dict[str, MovingObjectTracker] = {}
         self._last_ns: dict[str, int] = {}
-        self._path: deque[tuple[int, Floats]] = deque(maxlen=_KEPT_POSES)
+        self._path = ScanOdometry()
         self._moving: list[FloorCells] = []  # moving cells of each frame that was used
         self.fixed: dict[str, FixedCamera] = {}
         self.counters: Counter[str] = Counter()
         self.reasons: dict[str, Counter[str]] = {}
-
-    @property
-    def cell_m(self) -> float:
-        """Size of a floor cell, m."""
-        return self._parameters.cell_m
 
     def add_info(self, info: CameraInfo) -> None:
         """Store a calibration; one that is not finite, or has no focal length, is skipped and counted."""
@@ -116,23 +109,23 @@ class FixedCameras:
     def add_pose(self, stamp_ns: int, odometry: Floats, odometry_jumped: bool) -> None:
         """Store T_odom_base `(3,)` at a scan; a jump of the odometry invalidates all earlier poses."""
         if odometry_jumped:
-            self._path.clear()
-        self._path.append((stamp_ns, odometry))
+            self._path = ScanOdometry()
+        self._path.add(stamp_ns, odometry)
 
     def observations_at(self, stamp_ns: int) -> list[CameraObservation]:
         """The latest unused frame of each camera at the stamp of a scan whose pose was added."""
         observations = []
         for name in sorted(self._waiting):
-            frame_ns, detections = self._waiting[name]
-            if frame_ns > stamp_ns:
+            frame = self._waiting[name]
+            if frame.stamp_ns > stamp_ns:
                 continue  # the frame is newer than the scan
             del self._waiting[name]
-            observation = self._observation(name, frame_ns, detections, stamp_ns)
+            observation = frame.observation(self._path, stamp_ns, self._max_age_s)
             if observation is None:
                 self._skip(name, CameraSkip.OUT_OF_STEP, with_depth=True)
                 continue
             self._count_use(name)
-            self._latest[name] = frame_ns, detections
+            self._latest[name] = frame
             self._moving.append(observation.moving)
             observations.append(observation)
         return observations
@@ -141,19 +134,9 @@ class FixedCameras:
         """The latest frame of every camera, used before or not; empty unless one of them is new."""
         if not self.observations_at(stamp_ns):
             return []
-        latest = (self._observation(name, *self._latest[name], stamp_ns) for name in sorted(self._latest))
+        frames = (self._latest[name] for name in sorted(self._latest))
+        latest = (frame.observation(self._path, stamp_ns, self._max_age_s) for frame in frames)
         return [observation for observation in latest if observation is not None]
-
-    def _observation(
-        self, name: str, frame_ns: int, detections: FloorDetections, stamp_ns: int
-    ) -> CameraObservation | None:
-        """A camera's detections with the odometry since the frame; None if the frame is too old or its odometry unknown."""
-        odometry = self._pose_at(frame_ns)
-        if odometry is None or stamp_ns - frame_ns > self._max_age_s * 1e9:
-            return None
-        moving = moving_cells(detections, self._parameters.cell_m, self._parameters.min_area_m2)
-        in_view = self.fixed[name].coverage.select(detections.is_visible)
-        return CameraObservation(moving, in_view, se2.between(self._path[-1][1], odometry))
 
     def coverage(self) -> FloorCells:
         """The floor cells that at least one camera covers."""
@@ -165,7 +148,7 @@ class FixedCameras:
 
     def finish(self) -> None:
         """Count the messages that no scan used before the log ended, and the cameras that were silent at its end."""
-        end_ns = self._path[-1][0] if self._path else 0
+        end_ns = self._path.end_ns or 0
         for name, last_ns in self._last_ns.items():
             if end_ns - last_ns > SILENT_S * 1e9:
                 self.reasons[name]["silences"] += 1
@@ -223,7 +206,11 @@ class FixedCameras:
             return
         if name in self._waiting:
             self._skip(name, CameraSkip.BETWEEN_UPDATES, with_depth=True)
-        self._waiting[name] = (image.stamp_ns, detections)
+        tracker = self._trackers.setdefault(name, MovingObjectTracker())
+        moving = moving_cells(detections, self._parameters.cell_m, self._parameters.min_area_m2)
+        in_view = camera.coverage.select(detections.is_visible)
+        objects = tracker.add(image.stamp_ns, moving)
+        self._waiting[name] = CameraFrame(image.stamp_ns, moving, in_view, objects)
 
     def _camera(self, name: str, image: Image, depth: DepthImage) -> FixedCamera | CameraSkip:
         """The camera of a frame, or the reason why it cannot be used."""
@@ -241,14 +228,6 @@ class FixedCameras:
         if known is not None and known.shape != depth.depth_m.shape:
             return CameraSkip.SIZE_CHANGED
         return self.fixed[name]
-
-    def _pose_at(self, stamp_ns: int) -> Floats | None:
-        """T_odom_base at a stamp between scans; None before the first scan."""
-        if not self._path or stamp_ns < self._path[0][0]:
-            return None
-        if stamp_ns >= self._path[-1][0]:
-            return self._path[-1][1]
-        return pose_at(stamp_ns, [stamp for stamp, _ in self._path], [pose for _, pose in self._path])
 
     def _skip(self, name: str, reason: CameraSkip | FrameSkip, with_depth: bool = False) -> None:
         self.counters[f"skipped.image.{reason.value}"] += 1

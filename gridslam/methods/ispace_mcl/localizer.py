@@ -13,7 +13,12 @@ from gridslam.core import poses as se2
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.filters.free_space import free_cells
 from gridslam.filters.particles import Belief, Particles, main_cluster, moments
-from gridslam.filters.resampling import AdaptiveSize, resample, systematic_resampling
+from gridslam.filters.resampling import (
+    AdaptiveSize,
+    Strata,
+    resample,
+    resample_strata,
+)
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
@@ -28,7 +33,6 @@ from gridslam.methods.ispace_mcl.environment import (
     DensityWeight,
     DetectionWeight,
     all_moving,
-    sample_proposals,
 )
 from gridslam.methods.ispace_mcl.initial_particles import initial_particles
 from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, TrackedPose
@@ -51,12 +55,8 @@ CLUSTER_M, CLUSTER_RAD = 1.0, 0.5  # radius of the main cluster
 KLD_ERROR = 0.02
 KLD_QUANTILE = 2.33
 KLD_BIN_M, KLD_BIN_RAD = 0.25, 0.175
+ONE_PLACE_MASS = 0.9999  # weight of the main cluster from which the particles are resampled together
 JUMP_STD = np.array([0.5, 0.5, 0.3])  # of the motion that a jump of the odometry may hide: m, m, rad
-
-PROPOSAL_FRACTION = 0.1  # of the particles, redrawn about detections while the robot is not found
-FOUND_MASS = 0.8  # weight of the main cluster from which the robot counts as found
-AGREEMENT_SMOOTHING = 0.8  # of the running mean of the cameras' log-likelihood of the belief
-DISAGREEMENT = -0.3  # below this mean the cameras see the believed place and detect nothing there
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,9 @@ class Localizer:
         self._window = ScanWindow()
         self._relocalizer: Relocalizer | None = None
         if config.search.enabled:
-            self._relocalizer = Relocalizer(PoseSearch(field, free, SEARCH), visibility)
+            self._relocalizer = Relocalizer(
+                PoseSearch(field, free, SEARCH), visibility, self._camera_log_likelihood
+            )
         self._noise = OdometryNoise(
             **config.motion.model_dump(), wild_fraction=advanced.slip_fraction, wild_factor=SLIP_NOISE_FACTOR
         )
@@ -104,9 +106,9 @@ class Localizer:
             bin_rad=KLD_BIN_RAD,
         )
         self.particles = initial_particles(config, free, occupancy, rng)
+        self._keeps_hypotheses = config.search.enabled and advanced.camera_weight == "detection"
         self._is_initialised = config.start is not None
         self._schedule = SearchSchedule(has_start=self._is_initialised)
-        self._agreement = 0.0  # running mean of the cameras' log-likelihood of the belief
         self._detections: DetectionWeight | None = None
         self._density: DensityWeight | None = None
         if advanced.camera_weight == "detection":
@@ -132,11 +134,11 @@ class Localizer:
         travel_m = float(np.hypot(step[0], step[1]))
         with self.stopwatch.stage("propagate"):
             self._predict(step, odometry_jumped)
-        self._window.add(odometry, beams.extrinsics[:2], beams.points)
+        self._window.add(odometry, beams.extrinsics[:2], beams.points, observations)
         self._schedule.travel(travel_m)
         if not self._is_initialised:
             with self.stopwatch.stage("search"):
-                self._is_initialised = self._search_map(None, observations)
+                self._is_initialised = self._search_map(None)
         with self.stopwatch.stage("weigh"):
             self._weigh(beams, all_moving(observations))
         with self.stopwatch.stage("environment"):
@@ -144,19 +146,15 @@ class Localizer:
         with self.stopwatch.stage("assess"):
             belief = self._cluster()
             assessment = self._monitor.assess(belief, beams)
-        self._update_agreement(observations, belief)
         self._schedule.assessed(assessment.status, travel_m)
         if self._relocalizer is not None and self._schedule.is_due(assessment.status):
             with self.stopwatch.stage("search"):
-                if self._search_map(belief, observations):
+                if self._search_map(belief):
                     belief = self._cluster()
                     assessment = self._monitor.assess(belief, beams)
         count, all_particles = len(self.particles), moments(self.particles)
         with self.stopwatch.stage("resample"):
-            self._resample()
-        if observations:
-            with self.stopwatch.stage("propose"):
-                self._propose(observations, beams, belief)
+            self._resample(belief.mass)
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)
 
@@ -171,35 +169,11 @@ class Localizer:
         elif self._density is not None:
             self.particles = self._density.reweighted(observations, self.particles)
 
-    def _update_agreement(self, observations: Sequence[CameraObservation], belief: Belief) -> None:
-        """Update the running mean of the cameras' log-likelihood of the belief."""
-        if observations:
-            present = float(self._camera_log_likelihood(observations, belief.mean[None])[0])
-            self._agreement = AGREEMENT_SMOOTHING * self._agreement + (1.0 - AGREEMENT_SMOOTHING) * present
-
     def _camera_log_likelihood(self, observations: Sequence[CameraObservation], poses: Floats) -> Floats:
         """Log-likelihoods `(n,)` of poses `(n, 3)` by the fixed cameras; 0 with the paper's densities."""
         if self._detections is None:
             return np.zeros(len(poses))
         return self._detections.log_likelihood(observations, poses)
-
-    def _propose(self, observations: Sequence[CameraObservation], beams: Beams, belief: Belief) -> None:
-        """While the robot is not found, redraw some particles about the detections."""
-        if self._detections is None or (belief.mass >= FOUND_MASS and self._agreement >= DISAGREEMENT):
-            return
-        count = int(PROPOSAL_FRACTION * len(self.particles))
-        used = beams.subsampled(self._config.scan.beams)
-        if not count or not len(used.points):
-            return
-        moving = all_moving(observations)
-        sampled = sample_proposals(
-            moving, lambda poses: self._log_weight(used, poses, moving), count, self._rng
-        )
-        if sampled is None:
-            return
-        kept = systematic_resampling(self.particles.weights, len(self.particles) - count, self._rng)
-        self.particles = Particles.even(np.concatenate([self.particles.poses[kept], sampled]))
-        self.counters["proposals"] += count
 
     def _predict(self, step: Floats, odometry_jumped: bool) -> None:
         poses = sample_motion(self.particles.poses, step, self._noise, self._rng)
@@ -218,15 +192,25 @@ class Localizer:
         else:
             self.counters["scan.without_returns"] += 1
 
-    def _resample(self) -> None:
-        if self.particles.effective_size < self._config.advanced.resample_below * len(self.particles):
-            self.particles = resample(self.particles, self._size, self._rng)
-            self.counters["resamplings"] += 1
+    def _resample(self, mass: float) -> None:
+        """Resample when few particles carry the weight; while the pose is undecided, by strata, which keep alike places apart."""
+        particles, threshold = self.particles, self._config.advanced.resample_below * len(self.particles)
+        if not self._keeps_hypotheses or mass >= ONE_PLACE_MASS:
+            if particles.effective_size >= threshold:
+                return
+            self.particles = resample(particles, self._size, self._rng)
+        else:
+            strata = Strata.of(particles, CLUSTER_M, CLUSTER_RAD)
+            drawn = strata.flattened(particles.weights)
+            if drawn.sum() ** 2 / (drawn**2).sum() >= threshold:
+                return
+            self.particles = resample_strata(particles, strata, self._size, self._rng)
+        self.counters["resamplings"] += 1
 
     def _cluster(self) -> Belief:
         return main_cluster(self.particles, CLUSTER_M, CLUSTER_RAD)
 
-    def _search_map(self, belief: Belief | None, observations: Sequence[CameraObservation]) -> bool:
+    def _search_map(self, belief: Belief | None) -> bool:
         """Search the map; returns whether the particles have changed. `belief` is the tracked pose, None if there is none yet."""
         if self._relocalizer is None:
             return False
@@ -237,7 +221,6 @@ class Localizer:
             None if belief is None else TrackedPose(self.particles, belief, self._schedule.prior_log_odds),
             self._config.particles.max,
             self._rng,
-            lambda poses: self._camera_log_likelihood(observations, poses),
         )
         if comparison is None:
             return False
@@ -245,7 +228,8 @@ class Localizer:
         if comparison.particles is None:
             return False
         self.particles = comparison.particles
-        self._monitor.restart()
-        self._schedule.prior_log_odds = 0.0
-        self.counters["injections"] += 1
+        if comparison.is_switch:
+            self._monitor.restart()
+            self._schedule.prior_log_odds = 0.0
+            self.counters["injections"] += 1
         return True

@@ -57,7 +57,7 @@ class IspaceMcl:
         )
         self._uses_density = advanced.camera_weight != "detection"
         free = free_cells(occupancy, advanced.free_threshold)
-        self._cameras = FixedCameras(
+        self.cameras = FixedCameras(
             advanced.camera_root_frame,
             floor_cells(free, occupancy, detection.cell_m),
             detection,
@@ -92,7 +92,7 @@ class IspaceMcl:
         elif isinstance(event, Transform):
             if event.is_static:
                 self._sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
-                self._cameras.add_extrinsics(event)
+                self.cameras.add_extrinsics(event)
                 self._depth.add_extrinsics(event)
         elif isinstance(event, DepthImage) and self._depth.accepts(event.frame_id):
             for scan in self._depth.add(event):
@@ -113,11 +113,11 @@ class IspaceMcl:
 
     def _add_to_cameras(self, event: Event) -> None:
         if isinstance(event, Image):
-            self._cameras.add_image(event)
+            self.cameras.add_image(event)
         elif isinstance(event, DepthImage):
-            self._cameras.add_depth(event)
+            self.cameras.add_depth(event)
         elif isinstance(event, CameraInfo):
-            self._cameras.add_info(event)
+            self.cameras.add_info(event)
 
     def result(self) -> RunResult:
         """Finish the run and return the trajectory, the table `localization` and the series of the report."""
@@ -126,9 +126,9 @@ class IspaceMcl:
         self._depth.check()
         for placed in self._scans.flush():
             self._localize(placed)
-        self._cameras.finish()
+        self.cameras.finish()
         counters = self._counters + self._localizer.counters + self._scans.counters
-        counters += self._cameras.counters + self._depth.counters
+        counters += self.cameras.counters + self._depth.counters
         path = self._history.trajectory()
         series = self._history.series()
         return RunResult(
@@ -145,13 +145,13 @@ class IspaceMcl:
         )
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:
-        coverage = self._cameras.coverage()
+        coverage = self.cameras.coverage()
         if not len(coverage):
             return {}
-        return {"cameras": coverage_picture(self._occupancy, coverage, self._cameras.moving(), path)}
+        return {"cameras": coverage_picture(self._occupancy, coverage, self.cameras.moving(), path)}
 
     def _camera_measures(self) -> dict[str, object]:
-        measures = self._cameras.measures()
+        measures = self.cameras.measures()
         return {"cameras": measures} if measures else {}
 
     def _localize(self, placed: PlacedScan) -> None:
@@ -159,7 +159,7 @@ class IspaceMcl:
         if self._beam_count not in (None, beams):
             self._counters["scan.beam_count_changes"] += 1
         self._beam_count = beams
-        self._cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.odometry_jumped)
+        self.cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.odometry_jumped)
         if self._is_update_due(placed):
             self._weigh(placed)
         if self._update is None or self._updated_at is None:
@@ -194,7 +194,7 @@ class IspaceMcl:
         last = placed.odometry if self._updated_at is None else self._updated_at
         step = se2.between(last, placed.odometry)
         # The paper's density is that of all moving points at a moment, so it needs the latest frame of every camera.
-        cameras = self._cameras
+        cameras = self.cameras
         observations_at = cameras.all_observations_at if self._uses_density else cameras.observations_at
         observations = observations_at(placed.scan.stamp_ns)
         self._update = self._localizer.update(

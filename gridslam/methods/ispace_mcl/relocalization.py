@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.filters.resampling import systematic_resampling
+from gridslam.methods.ispace_mcl.environment import CameraObservation
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import (
@@ -29,6 +30,7 @@ from gridslam.sensors.visibility import BeamSegments, VisibilityField
 
 Floats = NDArray[np.float64]
 LogLikelihood = Callable[[Floats], Floats]
+CameraLogLikelihood = Callable[[Sequence[CameraObservation], Floats], Floats]
 
 BIN_M, BIN_RAD = 0.5, 0.26  # one hypothesis for each bin of position and heading
 SEARCH = PoseSearchSettings(
@@ -42,7 +44,7 @@ SEARCH = PoseSearchSettings(
     bin_m=BIN_M,
     bin_rad=BIN_RAD,
 )
-FINALISTS = 60  # of these, the most that are compared with the tracked pose
+FINALISTS = 200  # of these, the most that are compared with the tracked pose
 
 MATCH_STD_M = 0.2  # of the window's points about walls: matched scans add their own error
 RANDOM_WEIGHT = 0.1  # weight of beams that the map does not explain
@@ -54,9 +56,11 @@ MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a
 KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it
+DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 TRACKED_FRACTION = 0.3  # fraction of the particles that continue as they are when hypotheses get particles
 
 _MIN_RELATIVE_WEIGHT = 1e-4  # hypotheses with less than this of the best one's likelihood get no particles
+_PARTICLES_EACH = 50  # about a hypothesis that had none
 _PARTICLE_STD = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
 _SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
 _CLIMB_ROUNDS, _CLIMB_SHRINK = 4, 0.7
@@ -75,17 +79,23 @@ class TrackedPose:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Result of a comparison: new particles, None if the tracked ones are kept; and whether no hypothesis comes near them."""
+    """Result of a comparison: new particles, None if the tracked ones are kept; whether no hypothesis comes near them; and
+    whether another one took over from the tracked pose.
+    """
 
     particles: Particles | None
-    is_confirmed: bool
+    is_confirmed: bool = False
+    is_switch: bool = False
 
 
 class Relocalizer:
     """Searches the map for the scans of a window, and compares the hypotheses with the tracked pose."""
 
-    def __init__(self, search: PoseSearch, visibility: VisibilityField) -> None:
+    def __init__(
+        self, search: PoseSearch, visibility: VisibilityField, by_cameras: CameraLogLikelihood
+    ) -> None:
         self._search = search
+        self._by_cameras = by_cameras  # log-likelihoods (n,) of poses (n, 3)
         self._visibility = visibility
         self._table = log_likelihood_table(visibility.field, MATCH_STD_M, RANDOM_WEIGHT)
 
@@ -113,51 +123,51 @@ class Relocalizer:
         """Log-likelihoods `(k, n)` of k past scans, latest first, for robots that are at poses `(n, 3)` now.
 
         Each pose is traced back along the odometry and drawn to the map at every scan: a hypothesis about the present must have
-        been possible all along. The log-odds of a single scan between two poses are bounded, because a place may have changed.
+        been possible all along, to the map and to the fixed cameras. The log-odds of a single scan between two poses are bounded,
+        because a place may have changed.
         """
-        scores = np.zeros((len(past), len(poses)))
+        scores, by_cameras = np.zeros((2, len(past), len(poses)))
         for row, scan in enumerate(past):
             if len(scan.beams):
                 score = self._score(scan.beams)
                 scores[row] = score(poses)
                 for step_m, step_rad in _TRACING_STEPS:
                     poses, scores[row] = climb(score, poses, scores[row], step_m, step_rad)
+            if scan.observations:
+                by_cameras[row] = self._by_cameras(scan.observations, poses)
             poses = se2.compose(poses, se2.inverse(scan.step))
         best = scores.max(axis=1, keepdims=True)
-        return np.asarray(np.maximum(scores, best - MAX_SCAN_LOG_ODDS))
+        return np.asarray(np.maximum(scores, best - MAX_SCAN_LOG_ODDS) + by_cameras)
 
     def compare(
-        self,
-        window: ScanWindow,
-        tracked: TrackedPose | None,
-        count: int,
-        rng: np.random.Generator,
-        camera_log_likelihood: LogLikelihood,
+        self, window: ScanWindow, tracked: TrackedPose | None, count: int, rng: np.random.Generator
     ) -> Comparison | None:
         """Compare the tracked particles with the hypotheses of a search; None if the window has too few beams.
 
-        `count` is the number of new particles. `camera_log_likelihood` returns log-likelihoods `(n,)` of poses `(n, 3)` by the
-        fixed cameras.
+        `count` is the number of new particles.
         """
         beams = window.recent(MAX_BEAMS)
         if len(beams) < MIN_BEAMS:
             return None
         found = self.search(beams)
-        if tracked is None:
-            scored = PoseHypotheses(found.poses, found.scores + camera_log_likelihood(found.poses))
-            return Comparison(_sample(scored, count, rng), False)
-        own = self.refine(tracked.belief.mean[None], beams)
-        others = _elsewhere(found, own.poses[0])
         past = window.past(PAST_BEAMS)
-        scores = self.trace_back(np.concatenate([own.poses[:1], others.poses]), past)
-        own_score = float(scores[:, 0].sum() + camera_log_likelihood(own.poses[:1])[0])
-        own_score += tracked.prior_log_odds
-        other_scores = with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS)
-        others = PoseHypotheses(others.poses, other_scores + camera_log_likelihood(others.poses))
-        lead = own_score - others.scores.max(initial=-np.inf)
-        if lead > -SWITCH_LOG_ODDS:
-            return Comparison(None, lead > CONFIRM_LOG_ODDS)
-        return Comparison(_mixture(tracked.particles, own_score, others, count, rng), False)
+        if tracked is None:
+            seen = past[0].observations
+            scored = PoseHypotheses(found.poses, found.scores + self._by_cameras(seen, found.poses))
+            return Comparison(_sample(scored, count, rng), is_switch=True)
+        own = self.refine(tracked.belief.mean[None], beams)
+        others = _elsewhere(found.poses, own.poses[0])
+        scores = self.trace_back(np.concatenate([own.poses[:1], others]), past)
+        own_score = float(scores[:, 0].sum()) + tracked.prior_log_odds
+        found = PoseHypotheses(others, with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS))
+        lead = own_score - found.scores.max(initial=-np.inf)
+        if lead < -SWITCH_LOG_ODDS:
+            particles = _mixture(tracked.particles, own_score, found, count, rng)
+            return Comparison(particles, is_switch=True)
+        is_confirmed = lead > CONFIRM_LOG_ODDS
+        if tracked.belief.mass > DECIDED_MASS:
+            return Comparison(None, is_confirmed)
+        return Comparison(_with_overlooked(tracked, own_score, found, rng), is_confirmed)
 
 
 def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
@@ -172,11 +182,30 @@ def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
     return np.asarray(np.maximum(latest[-1], carried))
 
 
-def _elsewhere(found: PoseHypotheses, pose: Floats) -> PoseHypotheses:
-    """The hypotheses that are about another place than the pose `(3,)`."""
-    off = found.poses - pose
+def _elsewhere(poses: Floats, pose: Floats) -> Floats:
+    """Those of the poses `(n, 3)` that are about another place than the pose `(3,)`."""
+    off = poses - pose
     same = (np.hypot(off[:, 0], off[:, 1]) < _SAME_M) & (np.abs(se2.wrap_angle(off[:, 2])) < _SAME_RAD)
-    return PoseHypotheses(found.poses[~same], found.scores[~same])
+    return np.asarray(poses[~same])
+
+
+def _with_overlooked(
+    tracked: TrackedPose, own_score: float, found: PoseHypotheses, rng: np.random.Generator
+) -> Particles | None:
+    """The particles with new ones at the hypotheses that have none, weighted against the main cluster; None if all have some."""
+    off = found.poses[:, None, :] - tracked.particles.poses
+    is_near = np.hypot(off[..., 0], off[..., 1]) < _SAME_M
+    is_near &= np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD
+    likely = found.scores > own_score + np.log(_MIN_RELATIVE_WEIGHT)
+    new = likely & ~is_near.any(axis=1)
+    if not new.any():
+        return None
+    overlooked = PoseHypotheses(found.poses[new], found.scores[new])
+    weights = tracked.belief.mass * np.exp(overlooked.scores - own_score)
+    added = _sample(overlooked, _PARTICLES_EACH * int(new.sum()), rng)
+    poses = np.concatenate([tracked.particles.poses, added.poses])
+    joined = np.r_[tracked.particles.weights, added.weights * weights.sum()]
+    return Particles(poses, joined / joined.sum())
 
 
 def _sample(found: PoseHypotheses, count: int, rng: np.random.Generator) -> Particles:

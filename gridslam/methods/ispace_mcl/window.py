@@ -6,6 +6,7 @@ Odometry alone would blur the map, so consecutive scans are matched to each othe
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
+from gridslam.methods.ispace_mcl.environment import CameraObservation
 from gridslam.sensors.visibility import BeamSegments
 
 Floats = NDArray[np.float64]
@@ -42,13 +44,17 @@ _SEARCH_RAD, _SEARCH_RAD_PER_RAD, _SEARCH_RAD_PER_M = 0.06, 0.3, 0.3
 
 @dataclass(slots=True)
 class _WindowScan:
-    """Points `(m, 2)` and sensor position `(2,)` in the robot's frame, and T_previous_this by odometry or by matching."""
+    """Points `(m, 2)` and sensor position `(2,)` in the robot's frame, and T_previous_this by odometry or by matching.
+
+    `observations` are those of the fixed cameras since the scan before.
+    """
 
     odometry: Floats
     viewpoint: Floats
     points: Floats
     step: Floats
     is_matched: bool
+    observations: list[CameraObservation]
 
     def beams(self, max_beams: int) -> BeamSegments:
         """At most `max_beams` of the beams, evenly from the scan."""
@@ -58,10 +64,13 @@ class _WindowScan:
 
 @dataclass(frozen=True, slots=True)
 class PastScan:
-    """A scan's beams in the robot's frame at its stamp, and T_previous_this `(3,)` from the scan before it."""
+    """A scan's beams in the robot's frame at its stamp, T_previous_this `(3,)` from the scan before it, and the observations of
+    the fixed cameras since then.
+    """
 
     step: Floats
     beams: BeamSegments
+    observations: Sequence[CameraObservation]
 
 
 class ScanWindow:
@@ -78,22 +87,30 @@ class ScanWindow:
         """Remove all scans, as after a jump of the odometry."""
         self._scans.clear()
 
-    def add(self, odometry: Floats, viewpoint: Floats, points: Floats) -> None:
+    def add(
+        self,
+        odometry: Floats,
+        viewpoint: Floats,
+        points: Floats,
+        observations: Sequence[CameraObservation] = (),
+    ) -> None:
         """Add a scan at T_odom_base `(3,)` with sensor position `(2,)` and points `(m, 2)` in the robot's frame.
 
-        The new scan replaces the last one if that is close to the one before.
+        The new scan replaces the last one if that is close to the one before. The last one's `observations` of the fixed cameras
+        are kept.
         """
         kept = points if len(points) <= _MAX_POINTS else points[_evenly(len(points), _MAX_POINTS)]
         if not self._scans:
-            self._scans.append(_WindowScan(odometry, viewpoint, kept, np.zeros(3), True))
+            first = _WindowScan(odometry, viewpoint, kept, np.zeros(3), True, list(observations))
+            self._scans.append(first)
             return
-        if len(self._scans) > 1:
-            before = self._scans[-2]
-            step = se2.between(before.odometry, self._scans[-1].odometry)
-            if self._is_close(step):
-                self._scans.pop()
+        last, earlier = self._scans[-1], []
+        if len(self._scans) > 1 and self._is_close(se2.between(self._scans[-2].odometry, last.odometry)):
+            step = se2.between(last.odometry, odometry)
+            earlier = [observation.seen_after(step) for observation in self._scans.pop().observations]
         step = se2.between(self._scans[-1].odometry, odometry)
-        self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False))
+        seen = [*earlier, *observations]
+        self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False, seen))
 
     def recent(self, max_beams: int) -> BeamSegments:
         """The beams of the last scans in the robot's present frame, at most `max_beams`, equally many of each scan."""
@@ -118,7 +135,7 @@ class ScanWindow:
     def past(self, max_beams: int) -> list[PastScan]:
         """All scans from the latest to the oldest, each with at most `max_beams` beams."""
         self._match()
-        return [PastScan(scan.step, scan.beams(max_beams)) for scan in reversed(self._scans)]
+        return [PastScan(s.step, s.beams(max_beams), s.observations) for s in reversed(self._scans)]
 
     def _match(self) -> None:
         """Correct the steps that are still those of the odometry."""

@@ -15,10 +15,10 @@ from gridslam.methods.ispace_mcl.environment import (
     DensityWeight,
     DetectionLikelihood,
     DetectionWeight,
+    ObservedTrack,
     distance_to_cells,
     is_in_cells,
     moving_cells,
-    sample_proposals,
 )
 from gridslam.methods.ispace_mcl.weighing import FIELD_BEAM_WEIGHT, RANDOM_WEIGHT, log_weight_of
 from gridslam.sensors.fixed_camera import FloorDetections
@@ -77,6 +77,32 @@ def test_an_older_frame_is_compared_with_the_past_position() -> None:
     assert found[0] > found[2] + 1.0
 
 
+def test_an_object_that_moved_otherwise_than_the_robot_is_a_person() -> None:
+    """The robot drives ahead by half a metre between frames; an object comes towards it, another stands."""
+    back = [np.array([-0.5 * k, 0.0, 0.0]) for k in (1, 2, 3)]
+
+    def at(x: float) -> FloorCells:
+        return FloorCells.containing(np.array([[x, 2.05]]), CELL_M)
+
+    def log_likelihood(speed: float) -> float:
+        past = tuple((then, at(2.05 - speed * (k + 1))) for k, then in enumerate(back))
+        seen = replace(frame((2.05, 2.05)), tracks=(ObservedTrack(at(2.05), past),))
+        return float(DetectionWeight().log_likelihood([seen], np.array([[2.05, 2.05, 0.0]]))[0])
+
+    unseen = float(DetectionWeight().log_likelihood([frame()], np.array([[2.05, 2.05, 0.0]]))[0])
+    assert log_likelihood(0.5) > 1.0
+    assert log_likelihood(-0.5) == pytest.approx(unseen, abs=CUT)
+    assert log_likelihood(0.0) < 0.0
+
+
+def test_an_observation_seen_from_a_later_scan_has_the_robot_farther_back() -> None:
+    past = ((np.array([-1.0, 0.0, 0.0]), frame((1.05, 2.05)).moving),)
+    seen = replace(frame((2.05, 2.05)), tracks=(ObservedTrack(frame((2.05, 2.05)).moving, past),))
+    later = seen.seen_after(np.array([0.5, 0.0, 0.0]))
+    assert later.T_now_then == pytest.approx([-0.5, 0.0, 0.0])
+    assert later.tracks[0].past[0][0] == pytest.approx([-1.5, 0.0, 0.0])
+
+
 def test_the_papers_weight_is_the_product_of_both_densities() -> None:
     rng = np.random.default_rng(3)
     poses = np.column_stack([rng.uniform(0.0, 4.0, (300, 2)), rng.uniform(-3, 3, 300)])
@@ -124,18 +150,6 @@ def test_distances_and_memberships_of_cells_agree_with_all_pairs() -> None:
     distance = np.hypot(*(centres[:, None] - cells.centres).transpose(2, 0, 1)).min(axis=1)
     np.testing.assert_allclose(distance_to_cells(cells, positions, 0.8), np.minimum(distance, 0.8), atol=1e-5)
     assert np.array_equal(is_in_cells(cells, positions), distance < 0.05)
-
-
-def test_proposals_lie_at_moving_cells_with_headings_that_agree_with_the_scan() -> None:
-    sampled = sample_proposals(
-        np.array([[1.05, 2.05], [4.05, 4.05]]),
-        lambda poses: -20.0 * np.abs(poses[:, 2] - 1.0) - 10.0 * (poses[:, 0] > 3.0),
-        400,
-        np.random.default_rng(0),
-    )
-    assert sampled is not None
-    assert np.median(sampled, axis=0) == pytest.approx([1.05, 2.05, 1.0], abs=0.1)
-    assert sample_proposals(np.zeros((0, 2)), lambda p: p[:, 0], 10, np.random.default_rng(0)) is None
 
 
 def test_a_beam_that_ends_at_a_detection_is_half_explained_and_other_beams_are_unchanged() -> None:
