@@ -178,7 +178,10 @@ _KINDS = (
     MessageKind(
         "scan",
         LaserScan,
-        ros={"sensor_msgs/msg/LaserScan": scan.from_ros},
+        ros={
+            "sensor_msgs/msg/LaserScan": scan.from_ros,
+            "sensor_msgs/msg/MultiEchoLaserScan": scan.from_multi_echo,
+        },
         foxglove={"foxglove.LaserScan": scan.from_foxglove},
         to_ros=scan.to_ros,
         csv=CsvTableKind(
@@ -196,7 +199,11 @@ _KINDS = (
     MessageKind(
         "cloud",
         PointCloud,
-        ros={"sensor_msgs/msg/PointCloud2": cloud.from_ros},
+        ros={
+            "sensor_msgs/msg/PointCloud2": cloud.from_ros,
+            "livox_ros_driver/msg/CustomMsg": cloud.from_livox,
+            "livox_ros_driver2/msg/CustomMsg": cloud.from_livox,
+        },
         to_ros=cloud.to_ros,
         fault=cloud.fault,
         is_sensor=True,

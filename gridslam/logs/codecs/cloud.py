@@ -1,4 +1,4 @@
-"""Point clouds: sensor_msgs/PointCloud2 of any field layout."""
+"""Point clouds: sensor_msgs/PointCloud2 of any field layout, and livox_ros_driver's CustomMsg."""
 
 from __future__ import annotations
 
@@ -41,6 +41,19 @@ def from_ros(message: Any, topic: str) -> PointCloud:
         frame,
         readonly(points[usable], np.float32),
         readonly(offsets[usable] if len(offsets) else offsets, np.float32),
+    )
+
+
+def from_livox(message: Any, topic: str) -> PointCloud:
+    """The cloud of a decoded livox_ros_driver(2)/CustomMsg; points at the origin are no returns."""
+    stamp_ns, frame = valid_head(message)
+    if len(message.points) > _MAX_POINTS:
+        raise UnusableMessageError(SkipReason.TOO_MANY_POINTS)
+    points = np.array([(p.x, p.y, p.z) for p in message.points], np.float32).reshape(-1, 3)
+    offsets_s = np.array([p.offset_time for p in message.points], np.float64) * 1e-9
+    usable = np.isfinite(points).all(axis=1) & points.any(axis=1)
+    return PointCloud(
+        stamp_ns, frame, readonly(points[usable], np.float32), readonly(offsets_s[usable], np.float32)
     )
 
 

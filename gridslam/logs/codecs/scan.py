@@ -1,8 +1,9 @@
-"""Laser scans: checks, sensor_msgs/LaserScan, foxglove.LaserScan, rows of CSV."""
+"""Laser scans: checks, sensor_msgs/LaserScan and MultiEchoLaserScan, foxglove.LaserScan, rows of CSV."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,9 +38,32 @@ def fault(scan: LaserScan) -> SkipReason | None:
 
 def from_ros(message: Any, topic: str) -> LaserScan:
     """The scan of a decoded sensor_msgs/LaserScan."""
+    return _scan(message, message.ranges)
+
+
+def from_multi_echo(message: Any, topic: str) -> LaserScan:
+    """The scan of a decoded sensor_msgs/MultiEchoLaserScan: each beam's strongest echo, the first without intensities."""
+    intensities = message.intensities
+    has_intensities = len(intensities) == len(message.ranges)
+    ranges = [
+        _strongest(beam.echoes, intensities[i].echoes if has_intensities else ())
+        for i, beam in enumerate(message.ranges)
+    ]
+    return _scan(message, ranges)
+
+
+def _strongest(ranges: Sequence[float], intensities: Sequence[float]) -> float:
+    """The range (m) of the echo of the largest intensity, of the first among equal ones; infinite without an echo."""
+    if not len(ranges):
+        return math.inf
+    return float(ranges[int(np.argmax(intensities))] if len(intensities) == len(ranges) else ranges[0])
+
+
+def _scan(message: Any, ranges: Any) -> LaserScan:
+    """A scan with the angles and limits of a message and the given ranges (m)."""
     return LaserScan(
         *valid_head(message),
-        readonly(message.ranges, np.float32),
+        readonly(ranges, np.float32),
         angle_min_rad=as_float32(message.angle_min),
         angle_increment_rad=as_float32(message.angle_increment),
         range_min_m=as_float32(message.range_min),

@@ -45,6 +45,19 @@ class Ros1Types:
         self._store = get_typestore(Stores.EMPTY)
         self._store.register(types)
 
+    def schema_of(self, name: str) -> Schema:
+        """The schema of a type's messages in CDR: by its name where ROS 2 has it, else by the definition in the file."""
+        from rosbags.typesys import TypesysError
+
+        present = present_name(name)
+        if present in ros2_types().fielddefs:
+            return Schema(present, "", b"")
+        try:
+            text, _ = self._store.generate_msgdef(present, ros_version=2)
+        except (TypesysError, *_DAMAGE):
+            return Schema(present, "", b"")
+        return Schema(present, "ros2msg", text.encode())
+
     def to_cdr(self, raw: bytes, name: str) -> bytes:
         """The message in CDR; empty, which counts as undecodable, where it cannot be converted."""
         from rosbags.serde import SerdeError
@@ -104,5 +117,6 @@ class Ros1Messages:
         if channel.encoding != ENCODING:
             self.schemas[channel.schema_id] = schema
             return None
-        self.schemas[number] = Schema(present_name(schema.name), "", b"")
-        return Ros1Types([(schema.name, schema.data.decode("utf-8", "replace"))]), schema.name
+        types = Ros1Types([(schema.name, schema.data.decode("utf-8", "replace"))])
+        self.schemas[number] = types.schema_of(schema.name)
+        return types, schema.name

@@ -10,7 +10,7 @@ from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
-from gridslam.logs.ros.ros1 import Ros1Types, present_name
+from gridslam.logs.ros.ros1 import Ros1Types
 from gridslam.logs.ros.source import RosSource
 
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
@@ -38,7 +38,7 @@ class Ros1Bag:
         self._types = Ros1Types((c.msgtype, c.msgdef.data) for c in connections)
         for connection in connections:
             self.channels[connection.id] = Channel(connection.topic, "cdr", connection.id)
-            self.schemas[connection.id] = Schema(present_name(connection.msgtype), "", b"")
+            self.schemas[connection.id] = self._types.schema_of(connection.msgtype)
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(connection, data in CDR) of every readable message."""
