@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import Odometry, canonical_yaw
+from gridslam.core.messages import Odometry, canonical_yaw, readonly
 from gridslam.core.stamps import parse_stamp
 from gridslam.logs.carmen.decimals import parse_decimals
 from gridslam.logs.skips import SkipReason
@@ -37,6 +37,7 @@ LASERS = {
 OTHERS = frozenset({b"ODOM", b"PARAM", b"SYNC", b"TRUEPOS"})
 _TAIL = 6  # numbers behind the ranges of an old laser line: the laser's pose and the robot's
 _MAX_COUNT_DIGITS = 6
+ODOM_WORDS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class LaserLine:
     """
 
     stamp_ns: int
-    ranges: NDArray[np.float64] | NDArray[np.float32]
+    ranges: NDArray[np.float32]
     laser_pose: tuple[float, float, float]
     robot_pose: tuple[float, float, float] | None
     velocity: tuple[float, float] | None = None
@@ -95,6 +96,7 @@ def old_laser_lines(lines: Sequence[bytes]) -> list[LaserLine | None]:
         values = parse_decimals(b" ".join([numbers[i] for i in used])) if used else np.zeros(0)
     except ValueError:
         return [None] * len(lines)
+    readings = readonly(values, np.float32)
     taken: list[LaserLine | None] = [None] * len(lines)
     end = 0
     for i in used:
@@ -102,7 +104,7 @@ def old_laser_lines(lines: Sequence[bytes]) -> list[LaserLine | None]:
         stamp = stamps[i]
         tail = values[end - _TAIL : end].tolist()
         if stamp is not None and math.isfinite(sum(tail)):
-            ranges = values[start : end - _TAIL]
+            ranges = readings[start : end - _TAIL]
             taken[i] = LaserLine(stamp, ranges, tuple(tail[:3]), tuple(tail[3:]))
     return taken
 
@@ -140,7 +142,7 @@ def _old_laser(words: list[bytes]) -> LaserLine | SkipReason:
     tail = list(map(float, words[count + 2 : count + 8]))
     if not math.isfinite(sum(tail)):
         return SkipReason.NOT_FINITE
-    ranges = np.array(list(map(float, words[2 : count + 2])))
+    ranges = readonly(list(map(float, words[2 : count + 2])), np.float32)
     return LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
 
 
@@ -155,7 +157,7 @@ def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
     if stamp is None:
         return SkipReason.BAD_STAMP
     start, _, resolution, range_max = (float(w) for w in words[2:6])
-    ranges = np.array(list(map(float, words[9 : count + 9])))
+    ranges = readonly(list(map(float, words[9 : count + 9])), np.float32)
     tail = list(map(float, words[-14:-3])) if has_poses else [0.0] * 11
     if not math.isfinite(sum(tail)):
         return SkipReason.NOT_FINITE
@@ -169,9 +171,24 @@ def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
     )
 
 
+def odom_stamps(lines: Sequence[bytes]) -> list[int | SkipReason]:
+    """Of each ODOM line its stamp, or the reason why it cannot be used: as `odom_line` says, of many lines at once."""
+    split = [line.split() for line in lines]
+    used = [words for words in split if len(words) == ODOM_WORDS]
+    try:
+        parse_decimals(b" ".join([word for words in used for word in words[1:6]]) if used else b"0")
+    except ValueError:
+        used = []
+    if len(used) < len(lines):  # one of them is odd
+        read = [odom_line(line) for line in lines]
+        return [found.stamp_ns if isinstance(found, Odometry) else found for found in read]
+    stamps = [parse_stamp(words[7].decode("ascii", "replace")) for words in used]
+    return [SkipReason.BAD_STAMP if stamp is None else stamp for stamp in stamps]
+
+
 def odom_line(line: bytes) -> Odometry | SkipReason:
     words = line.split()
-    if len(words) != 10:
+    if len(words) != ODOM_WORDS:
         return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[7].decode("ascii", "replace"))
     if stamp is None:

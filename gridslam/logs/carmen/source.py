@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from gridslam.core.messages import Event, LaserScan, Transform, as_float32, readonly
+from gridslam.core.messages import Event, LaserScan, Transform, as_float32
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import (
     LASERS,
@@ -25,6 +25,7 @@ from gridslam.logs.carmen.lines import (
     beam_angles,
     laser_line,
     odom_line,
+    odom_stamps,
     odometry_in,
     old_laser_lines,
 )
@@ -111,6 +112,7 @@ class CarmenSource:
         odom = array("q")
         front_offset: float | None = None
         readings = 0
+        odom_lines: list[tuple[int, bytes]] = []
         for number, word, line, laser in self._taken_apart():
             if isinstance(laser, SkipReason):
                 self.message_counts.skip("scan", laser.value, self._place(number))
@@ -118,21 +120,30 @@ class CarmenSource:
                 _note_laser(found.setdefault(word, _LaserIndex()), laser)
                 readings += len(laser.ranges)
                 if readings <= _KEPT_READINGS:
-                    self._parsed[number] = replace(laser, ranges=readonly(laser.ranges, np.float32))
+                    self._parsed[number] = laser
             elif word == b"ODOM":
-                read = odom_line(line)
-                if isinstance(read, SkipReason):
-                    self.message_counts.skip("odom", read.value, self._place(number))
-                else:
-                    odom.append(read.stamp_ns)
+                odom_lines.append((number, line))
+                if len(odom_lines) >= _BATCH_LINES:
+                    self._note_odom(odom_lines, odom)
+                    odom_lines = []
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
             elif word and word not in OTHERS:
                 self.message_counts.count("unused.other")
+        self._note_odom(odom_lines, odom)
         self._lines.shorten(self._parsed, _WORD_BYTES)
         for word, index in found.items():
             self._add_laser(word, index, front_offset)
         self._add_odometry(found, odom)
+
+    def _note_odom(self, lines: Sequence[tuple[int, bytes]], stamps: array[int]) -> None:
+        """Add the stamps of numbered ODOM lines; those that cannot be used are counted."""
+        found = odom_stamps([line for _, line in lines])
+        for (number, _), stamp in zip(lines, found, strict=True):
+            if isinstance(stamp, SkipReason):
+                self.message_counts.skip("odom", stamp.value, self._place(number))
+            else:
+                stamps.append(stamp)
 
     def _taken_apart(self) -> Iterator[tuple[int, bytes, bytes, LaserLine | SkipReason | None]]:
         """(number, first word, line, fields of a laser line) of every line; laser lines are parsed in batches."""
@@ -216,7 +227,7 @@ class CarmenSource:
         return LaserScan(
             laser.stamp_ns,
             LASERS[word],
-            readonly(laser.ranges, np.float32),
+            laser.ranges,
             angle_min_rad=as_float32(angle_min),
             angle_increment_rad=as_float32(increment),
             range_min_m=0.0,
@@ -265,6 +276,8 @@ def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
 
 def _offset(laser: LaserLine) -> tuple[float, float, float]:
     """T_robot_laser, rounded to the six decimals that the lines have."""
+    if laser.robot_pose == laser.laser_pose:
+        return 0.0, 0.0, 0.0
     (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose or (0.0, 0.0, 0.0), laser.laser_pose
     cos, sin = math.cos(ryaw), math.sin(ryaw)
     dx, dy = lx - rx, ly - ry
