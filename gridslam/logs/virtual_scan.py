@@ -46,16 +46,18 @@ class VirtualLidar:
 
     def scan(self, cloud: PointCloud) -> LaserScan:
         """The scan of a cloud; beams without a return in the band are NaN, since nothing is known there."""
-        points = cloud.points_m.astype(np.float64) @ self.rotation.T
-        height = points[:, 2] + self.translation_m[2]
+        given = cloud.points_m.astype(np.float64)
+        height = given @ self.rotation[2] + self.translation_m[2]
+        used = np.flatnonzero((height >= self.min_height_m) & (height <= self.max_height_m))
+        points = given[used] @ self.rotation[:2].T
         ranges = np.hypot(points[:, 0], points[:, 1])
-        used = (height >= self.min_height_m) & (height <= self.max_height_m)
-        used &= (ranges >= MIN_RANGE_M) & (ranges <= MAX_RANGE_M)
-        bearings = np.arctan2(points[used, 1], points[used, 0])
+        is_near = (ranges >= MIN_RANGE_M) & (ranges <= MAX_RANGE_M)
+        used, points, ranges = used[is_near], points[is_near], ranges[is_near]
+        bearings = np.arctan2(points[:, 1], points[:, 0])
         beams = ((bearings + math.pi) * (BEAMS / (2.0 * math.pi))).astype(np.int64) % BEAMS
-        nearest, beam_of = _nearest_of_each(beams, ranges[used])
+        nearest, beam_of = _nearest_of_each(beams, ranges)
         values = np.full(BEAMS, np.nan)
-        values[beam_of] = ranges[used][nearest]
+        values[beam_of] = ranges[nearest]
         increment = 2.0 * math.pi / BEAMS
         first, step, start_s, time_increment_s = 0, 1, 0.0, 0.0
         if len(cloud.times_s) and len(beam_of):
@@ -92,11 +94,11 @@ def virtual_lidar(frame: str, mounted: Transform, config: CloudConfig) -> Virtua
 
 def _nearest_of_each(beams: NDArray[np.int64], ranges: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices of the points that are nearest in their beams, and those beams."""
-    order = np.lexsort((ranges, beams))
-    is_first = np.ones(len(order), np.bool_)
-    is_first[1:] = beams[order][1:] != beams[order][:-1]
-    nearest = order[is_first]
-    return nearest, beams[nearest]
+    smallest = np.full(BEAMS, np.inf)
+    np.minimum.at(smallest, beams, ranges)
+    candidates = np.flatnonzero(ranges == smallest[beams])
+    beam_of, first = np.unique(beams[candidates], return_index=True)  # of equal ranges the first
+    return candidates[first], beam_of
 
 
 def _sweep(beam_of: NDArray[np.int64], times: Floats) -> tuple[int, int, float, float]:

@@ -1,4 +1,4 @@
-"""Reading scans: messages a second on one core, and the memory of reading a log much larger than it."""
+"""Reading scans and point clouds: messages a second on one core, and the memory of reading a log much larger than it."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gridslam.core.messages import LaserScan
-from gridslam.logs import open_log
+from gridslam.core.messages import LaserScan, PointCloud, Transform
+from gridslam.logs import LogConfig, open_log
 from gridslam.logs.mcap.writer import McapWriter
 from tests.benchmarks.harness import Row
 
 ALONE = True
 
 SCANS, BEAMS = 20_000, 360
+CLOUDS, RINGS, COLUMNS = 40, 64, 1024
 READ = """
 import sys
 from gridslam.logs import open_log
@@ -37,6 +38,11 @@ def rows() -> Iterator[Row]:
             write(path, compression, SCANS)
             rate = max(SCANS / seconds_of_reading(path) for _ in range(3))
             yield Row(f"logs.mcap.{compression}.scans", rate, "1/s", bound=40_000, at_least=True)
+        clouds = Path(folder) / "clouds.mcap"
+        write_clouds(clouds)
+        yield Row(
+            "logs.mcap.clouds", max(clouds_per_s(clouds) for _ in range(3)), "1/s", bound=60, at_least=True
+        )
         write(Path(folder) / "large.mcap", "none", 10 * SCANS)
         size_mb = (Path(folder) / "large.mcap").stat().st_size / 1e6
         yield Row("logs.mcap.large", size_mb, "MB")
@@ -51,6 +57,29 @@ def write(path: Path, compression: str, count: int) -> None:
         for i in range(count):
             ranges = np.round(room + random_numbers.normal(0, 0.01, BEAMS), 3).astype(np.float32)
             writer.write(LaserScan(10**18 + i * 10**8, "laser", ranges, -3.125, 0.0174, 0.1, 30.0))
+
+
+def write_clouds(path: Path) -> None:
+    """Clouds of a spinning lidar one metre above the ground, with the times of their points."""
+    random_numbers = np.random.default_rng(0)
+    bearing = np.tile(np.linspace(-np.pi, np.pi, COLUMNS, endpoint=False), RINGS)
+    slope = np.tan(np.repeat(np.linspace(-0.3, 0.3, RINGS), COLUMNS))
+    times = ((bearing + np.pi) * (0.1 / (2.0 * np.pi))).astype(np.float32)
+    with McapWriter(path, "none") as writer:
+        level = (1.0, 0.0, 0.0, 0.0)
+        writer.write(Transform(10**18, "base_link", "lidar", (0.0, 0.0, 1.0), level, is_static=True))
+        for i in range(CLOUDS):
+            ranges = random_numbers.uniform(2.0, 20.0, len(bearing))
+            points = ranges[:, None] * np.column_stack([np.cos(bearing), np.sin(bearing), slope])
+            writer.write(PointCloud(10**18 + i * 10**8, "lidar", points.astype(np.float32), times))
+
+
+def clouds_per_s(path: Path) -> float:
+    """Clouds made into scans by second of CPU time."""
+    with open_log(path, LogConfig(base_frame="base_link"), kinds=["scan"]) as log:
+        started = time.process_time()
+        assert sum(isinstance(event, LaserScan) for event in log.events()) == CLOUDS
+        return CLOUDS / (time.process_time() - started)
 
 
 def seconds_of_reading(path: Path) -> float:

@@ -57,6 +57,16 @@ def message(names: str, dtype: np.dtype, rows: np.ndarray, **changes: object) ->
     return SimpleNamespace(**{**given, **changes})
 
 
+def test_the_nearest_return_of_each_bearing_is_kept_with_its_time() -> None:
+    rng = np.random.default_rng(5)
+    bearing, ranges = rng.uniform(-math.pi, math.pi, 5000), rng.uniform(0.5, 30.0, 5000)
+    points = np.column_stack([ranges * np.cos(bearing), ranges * np.sin(bearing), np.zeros(5000)])
+    found = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(cloud_of(points)).ranges_m
+    beam = ((bearing + math.pi) * (BEAMS / (2.0 * math.pi))).astype(int) % BEAMS
+    expected = [ranges[beam == k].min() if (beam == k).any() else math.nan for k in range(BEAMS)]
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
 def test_any_order_of_fields_padding_and_byte_order_gives_the_same_points() -> None:
     xyz = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [np.nan, 0.0, 0.0]])
     for order in "<>":
