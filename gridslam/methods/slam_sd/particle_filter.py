@@ -1,9 +1,10 @@
 """The Rao-Blackwellised filter: particles are trajectories with maps of their own (Grisetti et al. 2007).
 
 A key scan enters the particles' maps only after a window of later key scans. The front end has already used the scans of the
-window for the matched motion, so weighting with them again would use the same information twice. Weights therefore stay even
-until the robot returns to a known place. Then not only the last pose is corrected: the path since the particle's last match is
-deformed to the new end, and its map is redrawn (block sampling, Doucet, Briers and Senecal 2006).
+window for the matched motion, so weighting with them again would use the same information twice. On new ground no particle
+matches its map, and the weights stay as they are: what a scan shows of old walls far away would wear out the particles'
+diversity before it is needed. When the robot returns to a known place, not only the last pose is corrected: the path since the
+particle's last match is deformed to the new end, and its map is redrawn (block sampling, Doucet, Briers and Senecal 2006).
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.residual_resampling import residual_ancestors
 from gridslam.kernels.surfel_registration import PosePriors
-from gridslam.kernels.surfels import OrientedPoints
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.config import FilterConfig
 from gridslam.methods.slam_sd.drift import Drift, deformed_path
+from gridslam.methods.slam_sd.map_search import RecentSubmap, Search, search_maps
 from gridslam.methods.slam_sd.particle_grids import ParticleGrids
 
 Floats = NDArray[np.float64]
@@ -28,20 +29,17 @@ FIRST_CAPACITY = 256  # key scans; doubled when it is full
 MATCHING_POINTS = 80  # of a key scan, at most: each is matched in every particle's map
 INFORMATION_WEIGHT = 0.05  # of a scan's match: the errors of neighbouring points are not independent
 LIKELIHOOD_WEIGHT = 0.01  # power of the scan likelihood in a particle's weight, for the same reason
-MAX_EVIDENCE = 1.0  # one observation lowers a log weight by at most this: no scan alone rejects a particle
+MAX_EVIDENCE = 1.0  # one observation of objects lowers a log weight by at most this
+MAX_SCAN_EVIDENCE = (
+    0.2  # and one scan by this: key scans see the same walls for metres, and other particles still search
+)
 RESAMPLING_RATIO = 0.5  # particles are resampled when N_eff falls below this fraction of their number
 REDRAWING_DISTANCE_M = 0.1  # a map is redrawn when the path of the scans in it moves farther
 MIN_DEFORMATION_M = 0.03  # smaller corrections move the last pose only
 MIN_DEFORMATION_RAD = 0.01
 
-# A particle without a match for SEARCH_AFTER key scans searches for its map, at every SEARCH_INTERVAL-th key scan, from
-# SEARCH_STARTS poses drawn from its drift. The map itself may be deformed, so the drift is at least SEARCH_STD.
-SEARCH_AFTER = 20
-SEARCH_INTERVAL = 3
-SEARCH_STARTS = 6
-SEARCH_STD = np.array([0.5, 0.5, 0.05])  # x, y (m), yaw (rad)
-SEARCH_MIN_INLIER_RATIO = 0.6
-SEARCH_MIN_GAIN = 0.3  # log likelihood per point by which a found pose must be better than the predicted one
+SEARCH_AFTER = 20  # key scans without a match, after which a particle searches for its map
+SEARCH_INTERVAL = 3  # key scans between two searches
 
 
 class ParticleFilter:
@@ -60,6 +58,7 @@ class ParticleFilter:
         self.matched_particles = 0  # at the last key scan
         self._paths = np.zeros((particles, FIRST_CAPACITY, 3))
         self._step_std = np.zeros((FIRST_CAPACITY, 3))  # of the step to each key scan
+        self._track = [np.zeros(3)]  # the front end's poses of the key scans
         self._scans: list[PreparedScan] = []
         self._inserted = 0  # number of key scans in the maps
         self._best = 0
@@ -127,7 +126,9 @@ class ParticleFilter:
         self._predict(scan, step, step_std)
         if len(self._scans) > 1:
             likelihood = self._match(scan)
-            self._add_evidence(LIKELIHOOD_WEIGHT * (likelihood - likelihood.max()))
+            if self.matched_particles:
+                gain = LIKELIHOOD_WEIGHT * (likelihood - likelihood.max())
+                self._add_evidence(np.maximum(gain, -MAX_SCAN_EVIDENCE))
             self._resample_if_needed()
         while len(self._scans) - self._inserted > self._config.window_key_scans:
             poses = np.ascontiguousarray(self._paths[:, self._inserted])
@@ -144,7 +145,7 @@ class ParticleFilter:
         self._scans[key] = scan
 
     def add_evidence(self, log_likelihood: Floats) -> None:
-        """Weight the particles by another observation than the scan: `(n,)` log likelihoods, bounded like those of a scan.
+        """Weight the particles by another observation than the scan: `(n,)` log likelihoods, bounded below the largest.
 
         For tagged objects this is P(I|D) P(L|D) of slam-sd's eq. 6 (`landmarks.py`).
         """
@@ -159,6 +160,7 @@ class ParticleFilter:
         self._scans.append(scan)
         self._step_std[key] = step_std
         if key:
+            self._track.append(se2.compose(self._track[-1], step))
             before = self._paths[:, key - 1]
             noise = self._rng.standard_normal(before.shape) * step_std
             self._paths[:, key] = se2.compose(before, step + noise)
@@ -170,40 +172,21 @@ class ParticleFilter:
         points = scan.subset(MATCHING_POINTS)
         predicted = self.poses.copy()
         priors = PosePriors(predicted, self.drift.information())
-        matched, information, inlier_ratio = self.grids.register(points, predicted, priors, min_inlier_ratio)
-        lost = (inlier_ratio < min_inlier_ratio) & (self.drift.unmatched_key_scans > SEARCH_AFTER)
+        found = self.grids.register(points, predicted, priors, min_inlier_ratio)
+        lost = self.drift.unmatched_key_scans > SEARCH_AFTER
+        found.inlier_ratio[lost] = 0.0
         if lost.any() and len(self._scans) % SEARCH_INTERVAL == 0:
-            self._search(points, predicted, lost, (matched, information, inlier_ratio))
-            better = self._is_better(scan, points, matched, predicted)
-            inlier_ratio[~better & lost] = 0.0
-        is_matched = inlier_ratio >= min_inlier_ratio
+            recent = RecentSubmap.of(self._scans[self._inserted :], self._track[self._inserted :])
+            again = search_maps(
+                self.grids, recent, Search(predicted, self.drift, lost), min_inlier_ratio, self._rng
+            )
+            for old, new in zip(found, again, strict=True):
+                old[lost] = new[lost]
+        is_matched = found.inlier_ratio >= min_inlier_ratio
         self.matched_particles = int(is_matched.sum())
         if is_matched.any():
-            self._draw(predicted, matched, INFORMATION_WEIGHT * information, is_matched)
+            self._draw(predicted, found.poses, INFORMATION_WEIGHT * found.information, is_matched)
         return self.grids.log_likelihood(scan.viewpoint, points, self.poses)
-
-    def _search(
-        self, points: OrientedPoints, predicted: Floats, lost: Bools, best: tuple[Floats, Floats, Floats]
-    ) -> None:
-        """Search for the maps of lost particles `(n,)`, and write better matches into `best`.
-
-        `best` holds poses `(n, 3)`, information `(n, 3, 3)` and inlier ratios `(n,)`.
-        """
-        matched, information, inlier_ratio = best
-        priors = PosePriors(predicted, self.drift.information(SEARCH_STD))
-        for _ in range(SEARCH_STARTS):
-            starts = predicted + self.drift.sample(self._rng, SEARCH_STD)
-            found = self.grids.register(points, starts, priors, self._config.min_inlier_ratio)
-            better = lost & (found[2] > inlier_ratio) & (found[2] >= SEARCH_MIN_INLIER_RATIO)
-            matched[better], information[better], inlier_ratio[better] = (part[better] for part in found)
-
-    def _is_better(
-        self, scan: PreparedScan, points: OrientedPoints, found: Floats, predicted: Floats
-    ) -> Bools:
-        """Whether the scan, free space included, is clearly likelier at the found than at the predicted poses `(n,)`."""
-        at_found = self.grids.log_likelihood(scan.viewpoint, points, found)
-        gain = at_found - self.grids.log_likelihood(scan.viewpoint, points, predicted)
-        return np.asarray(gain > SEARCH_MIN_GAIN * len(points.points))
 
     def _draw(self, predicted: Floats, matched: Floats, information: Floats, is_matched: Bools) -> None:
         """Draw the matched particles' poses about their matches, and deform their paths to them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,14 @@ MIN_CORRESPONDENCE_RATIO = (
     0.5  # of `min_inlier_ratio`: with fewer correspondences no match is possible any more
 )
 ENDPOINT_MODEL = EndpointModel(SIGMA_M, MAX_CORRESPONDENCE_M, RANDOM_RATIO)
+
+
+class Matches(NamedTuple):
+    """Poses `(n, 3)`, the scan's information about them `(n, 3, 3)`, and the inlier ratios `(n,)`."""
+
+    poses: Floats
+    information: Floats
+    inlier_ratio: Floats
 
 
 class ParticleGrids:
@@ -68,11 +77,8 @@ class ParticleGrids:
 
     def register(
         self, scan: OrientedPoints, starts: Floats, priors: PosePriors, min_inlier_ratio: float
-    ) -> tuple[Floats, Floats, Floats]:
-        """Register a scan in every particle's map, from starts `(n, 3)`.
-
-        Returns poses `(n, 3)`, the scan's information about them `(n, 3, 3)`, and the inlier ratios `(n,)`.
-        """
+    ) -> Matches:
+        """Register a scan in every particle's map, from starts `(n, 3)`."""
         settings = Registration(
             SIGMA_M,
             MAX_CORRESPONDENCE_M,
@@ -83,7 +89,7 @@ class ParticleGrids:
         poses, information, used = surfel_registration.register_all(
             self.surfaces.maps, scan, starts, priors, settings
         )
-        return poses, information, used / max(len(scan.points), 1)
+        return Matches(poses, information, used / max(len(scan.points), 1))
 
     def log_likelihood(self, viewpoint: Floats, scan: OrientedPoints, poses: Floats) -> Floats:
         """Log likelihood `(n,)` of a scan at poses `(n, 3)`, each in its particle's map; `viewpoint` (2,) is the lidar's."""

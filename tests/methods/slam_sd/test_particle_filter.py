@@ -8,7 +8,7 @@ import pytest
 from gridslam.filters.residual_resampling import residual_ancestors
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.config import FilterConfig
-from gridslam.methods.slam_sd.particle_filter import ParticleFilter
+from gridslam.methods.slam_sd.particle_filter import MAX_SCAN_EVIDENCE, ParticleFilter
 
 WINDOW = 3
 CONFIG = FilterConfig(window_key_scans=WINDOW)
@@ -67,3 +67,21 @@ def test_evidence_is_relative_to_the_best_path_and_bounded() -> None:
     np.testing.assert_allclose(change - change[0], [0.0, -0.2, -1.0, -0.1, -0.3, -0.4], atol=1e-12)
     assert particles.log_weights.max() == 0.0
     assert particles.trajectories.shape == (6, 2, 3)
+
+
+def test_new_ground_does_not_choose_among_the_particles() -> None:
+    particles = filled(WINDOW + 2)
+    particles.log_weights[:] = 0.0
+    for k in range(12):
+        particles.add_key_scan(wall_scan(offset_m=1.0 + k), STEP, STEP_STD)
+        assert particles.matched_particles == 0
+    assert not particles.log_weights.any()
+
+
+def test_one_scan_lowers_a_weight_by_a_small_amount() -> None:
+    particles = filled(WINDOW + 2)
+    particles.log_weights[:] = 0.0
+    particles._paths[3, len(particles._scans) - 1, 1] += 1.0
+    particles.add_key_scan(wall_scan(), STEP, STEP_STD)
+    assert 0 < particles.matched_particles < 6
+    assert particles.log_weights.min() == pytest.approx(-MAX_SCAN_EVIDENCE)
