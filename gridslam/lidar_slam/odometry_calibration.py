@@ -71,10 +71,9 @@ class OdometryCorrection:
 
 def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     """The faults of odometry, given the robot's path by scan matching alone; without clear evidence there are none."""
-    starts, ends = _windows(track.stamps_ns)
-    if not len(starts) or len(odometry) < 2:
+    windows = windows_of(track, odometry)
+    if windows is None:
         return OdometryCorrection()
-    windows = _Windows(track, odometry, starts, ends)
     lag_s, is_mirrored, is_undecided = windows.lag_and_sign()
     found = OdometryCorrection(lag_s, 1.0, is_mirrored, is_undecided=is_undecided)
     if is_mirrored:
@@ -83,7 +82,13 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     return replace(found, scale=windows.scale(lag_s))
 
 
-class _Windows:
+def windows_of(track: Trajectory, odometry: Trajectory) -> MotionWindows | None:
+    """The motions of both over windows of about `WINDOW_S`; None where there is none."""
+    starts, ends = _windows(track.stamps_ns)
+    return MotionWindows(track, odometry, starts, ends) if len(starts) and len(odometry) > 1 else None
+
+
+class MotionWindows:
     """Motions of the track and of the odometry over the same windows."""
 
     def __init__(
@@ -100,6 +105,11 @@ class _Windows:
         self._period_s = float(np.median(np.diff(self._odometry_s)))
         self._odometry = odometry.poses[order].copy()
         self._odometry[:, 2] = np.unwrap(self._odometry[:, 2])
+
+    def motions(self, correction: OdometryCorrection) -> tuple[Floats, Floats]:
+        """Motions `(n, 3)` of the windows by corrected odometry and by matching."""
+        start, end = (correction.poses(self._at(t, correction.lag_s)) for t in (self._start_s, self._end_s))
+        return se2.between(start, end), self._matched
 
     def lag_and_sign(self) -> tuple[float, bool, bool]:
         """Lag (s) of the odometry, whether its yaw is mirrored, and whether more motion may show a lag.
@@ -124,8 +134,8 @@ class _Windows:
 
     def translation_cost(self, correction: OdometryCorrection) -> float:
         """Mean difference (m) of the windows' translations."""
-        start, end = (correction.poses(self._at(t, correction.lag_s)) for t in (self._start_s, self._end_s))
-        return float(np.hypot(*(se2.between(start, end) - self._matched)[:, :2].T).mean())
+        moved, matched = self.motions(correction)
+        return float(np.hypot(*(moved - matched)[:, :2].T).mean())
 
     def scale(self, lag_s: float) -> float:
         """Factor by which the odometry's distances must be multiplied; 1 without evidence."""

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate
+from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
+from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
 from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 
@@ -43,6 +44,7 @@ class OdometryCheck:
         self._early: deque[Odometry] = deque()  # corrected odometry later than the last event
         self.correction = OdometryCorrection()
         self.own_bodies: list[OwnBody] = []
+        self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
         self.checked_scans = 0
 
     def process(self, event: Event) -> Iterator[Event]:
@@ -81,7 +83,8 @@ class OdometryCheck:
         """One line that names the faults, and one for each body in view; empty for a good log."""
         faults = self.correction.faults
         wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
-        return wrong + [body.note for body in self.own_bodies]
+        found = [] if self.mount is None else [mount_note(self.mount)]
+        return wrong + found + [body.note for body in self.own_bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and give on the events held back; wait for more motion where that may decide better."""
@@ -89,7 +92,9 @@ class OdometryCheck:
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         self._find_own_bodies(held)
         if len(odometry) > 1 and self._scans > 1:
-            self.correction = calibrate(self._path(held), _trajectory(odometry))
+            path, by_odometry = self._path(held), _trajectory(odometry)
+            self.correction = calibrate(path, by_odometry)
+            self._find_mount(held, path, by_odometry)
         if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
             self._next_check = 2 * self._scans
             return
@@ -100,6 +105,12 @@ class OdometryCheck:
     def _give(self, event: Event) -> Iterator[Event]:
         """The event with corrections; odometry waits until events have reached its corrected stamp."""
         event = self._without_bodies(event)
+        if (
+            self.mount is not None
+            and isinstance(event, Transform)
+            and event.child_frame_id == self.mount.child_frame_id
+        ):
+            event = self.mount
         if not self.correction.faults:
             yield event
         elif isinstance(event, Odometry):
@@ -115,6 +126,17 @@ class OdometryCheck:
             self._moved += (np.hypot(step[0], step[1]), abs(step[2]))
         if np.isfinite(odometry.pose).all():
             self._last = odometry
+
+    def _find_mount(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> None:
+        """Find where the only lidar sits, if the log does not say it."""
+        frames = {e.frame_id for e in held if isinstance(e, LaserScan)}
+        assumed = assumed_mount(held, next(iter(frames))) if len(frames) == 1 else None
+        windows = windows_of(path, odometry)
+        self.mount = None
+        if assumed is not None and windows is not None:
+            mount = solve_mount(*windows.motions(self.correction))
+            base = next(e.child_frame_id for e in held if isinstance(e, Odometry))
+            self.mount = None if mount is None else with_mount(assumed, mount, base)
 
     def _find_own_bodies(self, held: list[Event]) -> None:
         """Look for the robot's body in the scans of a robot that turns: beside a straight drive a wall looks like one."""
