@@ -63,7 +63,8 @@ class LaserScan:
     """One sweep of a planar lidar: beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame.
 
     `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
-    `angle_max_rad` is what the message says of its last beam; NaN where it says nothing.
+    `angle_max_rad` is what the message says of its last beam; NaN where it says nothing. `has_uncertain_sense`: the message
+    contradicts itself about the sense in which its beams turn.
     """
 
     stamp_ns: int
@@ -75,6 +76,7 @@ class LaserScan:
     range_max_m: float
     time_increment_s: float = 0.0
     angle_max_rad: float = field(default=float("nan"), compare=False)
+    has_uncertain_sense: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
 MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance ...
 MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations of its mean
 UNDECIDED_Z_SCORE = 1.5  # from here on more motion may decide
-MAX_YAW_SCALE = 1.3  # rotations that are wrong by a factor up to this, as by a wrong wheelbase, are no lag
 MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
 MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
 MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
@@ -150,12 +149,9 @@ class MotionWindows:
         return float(middle) if is_clear else 1.0
 
     def _yaw_errors(self, lag_s: float, sign: float) -> Floats:
-        """Absolute differences `(n,)` (rad) of the windows' rotations, at the best scale of the odometry's, and the noise."""
+        """Absolute differences `(n,)` (rad) of the windows' rotations, and the noise."""
         rotation = sign * (self._at(self._end_s, lag_s)[:, 2] - self._at(self._start_s, lag_s)[:, 2])
-        matched = self._matched[:, 2]
-        scale = float(rotation @ matched) / max(float(rotation @ rotation), YAW_NOISE_RAD)
-        scale = min(max(scale, 1.0 / MAX_YAW_SCALE), MAX_YAW_SCALE)
-        return np.asarray(np.abs(scale * rotation - matched) + YAW_NOISE_RAD)
+        return np.asarray(np.abs(rotation - self._matched[:, 2]) + YAW_NOISE_RAD)
 
     def _z_score(self, differences: Floats) -> float:
         """Mean of differences `(n,)` of the windows in its standard deviations; windows that overlap are not independent."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
@@ -32,6 +33,7 @@ class OdometryCheck:
     """
 
     def __init__(self, build_tracker: Callable[[], ScanTracker]) -> None:
+        self._build_tracker = build_tracker
         self._tracker: ScanTracker | None = build_tracker()
         self._held: list[Event] | None = []
         self._tracked = 0  # of the held events
@@ -44,6 +46,7 @@ class OdometryCheck:
         self._early: deque[Odometry] = deque()  # corrected odometry later than the last event
         self.correction = OdometryCorrection()
         self.own_bodies: list[OwnBody] = []
+        self.reverses_scans = False  # those whose messages contradict themselves about their sense
         self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
         self.checked_scans = 0
 
@@ -84,6 +87,10 @@ class OdometryCheck:
         faults = self.correction.faults
         wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
         found = [] if self.mount is None else [mount_note(self.mount)]
+        if self.reverses_scans:
+            found.append(
+                "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
+            )
         return wrong + found + [body.note for body in self.own_bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
@@ -92,7 +99,8 @@ class OdometryCheck:
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         self._find_own_bodies(held)
         if len(odometry) > 1 and self._scans > 1:
-            path, by_odometry = self._path(held), _trajectory(odometry)
+            by_odometry = _trajectory(odometry)
+            path = self._decide_sense(held, self._path(held), by_odometry)
             self.correction = calibrate(path, by_odometry)
             self._find_mount(held, path, by_odometry)
         if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
@@ -104,7 +112,7 @@ class OdometryCheck:
 
     def _give(self, event: Event) -> Iterator[Event]:
         """The event with corrections; odometry waits until events have reached its corrected stamp."""
-        event = self._without_bodies(event)
+        event = self._repaired(event)
         if (
             self.mount is not None
             and isinstance(event, Transform)
@@ -127,6 +135,14 @@ class OdometryCheck:
         if np.isfinite(odometry.pose).all():
             self._last = odometry
 
+    def _decide_sense(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
+        """The path, anew with the beams of scans of uncertain sense reversed where odometry turns the other way."""
+        is_uncertain = any(isinstance(e, LaserScan) and e.has_uncertain_sense for e in held)
+        if self.reverses_scans or not is_uncertain or not calibrate(path, odometry).mirrors_yaw:
+            return path
+        self.reverses_scans, self._tracker, self._tracked = True, self._build_tracker(), 0
+        return self._path(held)
+
     def _find_mount(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> None:
         """Find where the only lidar sits, if the log does not say it."""
         frames = {e.frame_id for e in held if isinstance(e, LaserScan)}
@@ -146,22 +162,32 @@ class OdometryCheck:
             if np.abs(np.diff(yaw)).sum() < MIN_ROTATION_RAD:
                 self.own_bodies = []
 
-    def _without_bodies(self, event: Event) -> Event:
-        if isinstance(event, LaserScan):
-            for body in self.own_bodies:
-                event = body.removed_from(event)
-        return event
+    def _repaired(self, event: Event) -> Event:
+        """A scan without returns from the robot and in its right sense; other events as they are."""
+        if not isinstance(event, LaserScan):
+            return event
+        for body in self.own_bodies:
+            event = body.removed_from(event)
+        return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
 
     def _path(self, held: list[Event]) -> Trajectory:
         """The path over the held scans by matching alone."""
         tracker = self._tracker
         if tracker is None:
             return Trajectory.empty()
-        scans = [self._without_bodies(e) for e in held[self._tracked :] if not isinstance(e, Odometry)]
+        scans = [self._repaired(e) for e in held[self._tracked :] if not isinstance(e, Odometry)]
         for placed in chain.from_iterable([*map(tracker.process, scans), tracker.flush()]):
             tracker.track_scan(placed)
         self._tracked, self.checked_scans = len(held), len(tracker.stamps_ns)
         return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))
+
+
+def reversed_sense(scan: LaserScan) -> LaserScan:
+    """The scan with the same readings, the first one at the angle of the last."""
+    last_rad = scan.angle_min_rad + scan.angle_increment_rad * (len(scan.ranges_m) - 1)
+    return replace(
+        scan, angle_min_rad=as_float32(last_rad), angle_increment_rad=as_float32(-scan.angle_increment_rad)
+    )
 
 
 def _trajectory(odometry: list[Odometry]) -> Trajectory:

@@ -54,7 +54,9 @@ class ScanPlausibility:
             f"angle_increment {increment:.6g} contradicts angle_min, angle_max and {count} beams: "
             f"{expected:.6g} is used",
         )
-        return replace(scan, angle_increment_rad=as_float32(expected))
+        return replace(
+            scan, angle_increment_rad=as_float32(expected), has_uncertain_sense=increment * expected < 0.0
+        )
 
     def _range_limit(self, scan: LaserScan) -> LaserScan:
         """A range_max of 0 states nothing."""

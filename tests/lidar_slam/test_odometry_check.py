@@ -13,7 +13,7 @@ from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.odometry_calibration import calibrate
-from gridslam.lidar_slam.odometry_check import OdometryCheck
+from gridslam.lidar_slam.odometry_check import OdometryCheck, reversed_sense
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from tests.methods.slam_sd import hall
 
@@ -113,3 +113,18 @@ def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_ne
     stamps = [e.stamp_ns for e in given]
     assert stamps == sorted(stamps)
     assert sum(isinstance(e, LaserScan) for e in given) == len(hall.path(1))
+
+
+def test_odometry_decides_on_the_sense_of_scans_that_contradict_themselves() -> None:
+    right = [e for e in hall.events(1) if isinstance(e, LaserScan)]
+    wrong = [
+        replace(reversed_sense(e), has_uncertain_sense=True) if isinstance(e, LaserScan) else e
+        for e in hall.events(1)
+    ]
+    check, given = checked(wrong)
+    assert any("is that of the odometry" in note for note in check.notes())
+    assert not check.correction.faults
+    scans = [e for e in given if isinstance(e, LaserScan)]
+    for found, expected in zip(scans, right, strict=True):
+        assert found.angle_min_rad == pytest.approx(expected.angle_min_rad, abs=1e-5)
+        assert found.angle_increment_rad == pytest.approx(expected.angle_increment_rad)
