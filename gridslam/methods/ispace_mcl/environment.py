@@ -36,9 +36,12 @@ class DetectionLikelihood:
 
     bandwidth_m: float = 0.3  # standard deviation of a detection's position
     radius_m: float = 0.15  # an object nearer than this to a pose may be the robot's own surface
-    past_bandwidth_m: float = 0.3  # standard deviation of a track about the robot's path
+    past_bandwidth_m: float = 0.2  # standard deviation of a track about the robot's path
     detection: float = 0.85  # probability that a robot in view is detected
     clutter_per_m2: float = 0.1  # people expected per square metre
+    tracked_per_m2: float = (
+        0.4  # the same where a tracked object is expected: a person walks on as steadily as a robot
+    )
     frame_weight: float = 0.5  # power of a frame's likelihood: simultaneous frames have common errors
 
 
@@ -108,29 +111,35 @@ class DetectionWeight:
     def log_likelihood(self, observations: Sequence[CameraObservation], poses: Floats) -> Floats:
         """Log-likelihoods `(n,)` of poses `(n, 3)`, summed over the observations."""
         total, p = np.zeros(len(poses)), self._likelihood
-        density = 1.0 / (p.clutter_per_m2 * 2.0 * np.pi * p.bandwidth_m**2)
         transforms = [observation.T_now_then for observation in observations]
         for observation, positions in zip(observations, past_positions(transforms, poses), strict=True):
             in_view = is_in_cells(observation.in_view, positions)
-            near = self._proximity(observation, positions, poses)
+            near, gain = self._detections_near(observation, positions, poses)
             ratio = np.where(in_view, 1.0 - p.detection, 1.0 - p.detection * near)
-            total += np.log(ratio + p.detection * density * near)
+            total += np.log(ratio + p.detection * gain)
         return p.frame_weight * total
 
-    def _proximity(self, observation: CameraObservation, positions: Floats, poses: Floats) -> Floats:
-        """Proximity `(n,)` of positions `(n, 2)` to the moving object that agrees best, for robots with poses `(n, 3)` now.
+    def _detections_near(
+        self, observation: CameraObservation, positions: Floats, poses: Floats
+    ) -> tuple[Floats, Floats]:
+        """Proximity `(n,)` of positions `(n, 2)` to the moving objects, and N(d) / clutter `(n,)` of the object that agrees
+        best, for robots with poses `(n, 3)` now.
 
-        An object counts as far as its past agrees with the robot's own path: it is a person if it moves otherwise.
+        An object counts as far as its past agrees with the robot's own path: it is a person if it moves otherwise. One that has
+        a past was to be expected near by, robot or not, so that it says less.
         """
-        tracks = observation.tracks or (ObservedTrack(observation.moving),)
-        best = np.zeros(len(positions))
-        for track in tracks:
+        p = self._likelihood
+        nearest, best = np.zeros((2, len(positions)))
+        for track in observation.tracks or (ObservedTrack(observation.moving),):
             near = self._nearness(track.moving, positions)
+            clutter_per_m2 = p.clutter_per_m2
             if track.past:
+                clutter_per_m2 = p.tracked_per_m2
                 is_near = np.flatnonzero(near > _FAR)
                 near[is_near] *= self._agreement(track, poses[is_near])
-            best = np.maximum(best, near)
-        return best
+            nearest = np.maximum(nearest, near)
+            best = np.maximum(best, near / (clutter_per_m2 * 2.0 * np.pi * p.bandwidth_m**2))
+        return nearest, best
 
     def _agreement(self, track: ObservedTrack, poses: Floats) -> Floats:
         """How well the past `(n,)` of an object agrees with the paths of robots with poses `(n, 3)` now, from 0 to 1."""

@@ -90,7 +90,8 @@ def test_an_object_that_moved_otherwise_than_the_robot_is_a_person() -> None:
         return float(DetectionWeight().log_likelihood([seen], np.array([[2.05, 2.05, 0.0]]))[0])
 
     unseen = float(DetectionWeight().log_likelihood([frame()], np.array([[2.05, 2.05, 0.0]]))[0])
-    assert log_likelihood(0.5) > 1.0
+    new = float(DetectionWeight().log_likelihood([frame((2.05, 2.05))], np.array([[2.05, 2.05, 0.0]]))[0])
+    assert 0.5 < log_likelihood(0.5) < new  # a tracked object was to be expected there
     assert log_likelihood(-0.5) == pytest.approx(unseen, abs=CUT)
     assert log_likelihood(0.0) < 0.0
 
