@@ -15,6 +15,7 @@ from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import CameraInfo, Transform
 from gridslam.sensors.background import ColourBackground, Depth, DepthBackground
 from gridslam.sensors.floor_cells import FloorCells
+from gridslam.sensors.lens import Lens
 
 Floats = NDArray[np.float64]
 
@@ -23,37 +24,46 @@ Floats = NDArray[np.float64]
 class Pinhole:
     """Pinhole camera: focal lengths and principal point in pixels, and T_map_optical as rotation `(3, 3)` and position `(3,)`.
 
-    The optical frame has x to the right, y down and z forward. Images must be rectified: lens distortion is not corrected.
+    The optical frame has x to the right, y down and z forward. `lens` is that of raw images; None if they are rectified.
     """
 
     focal_px: tuple[float, float]
     centre_px: tuple[float, float]
     rotation: Floats
     position: Floats
+    lens: Lens | None = None
 
     @staticmethod
-    def of(info: CameraInfo, extrinsics: Transform) -> Pinhole:
-        """The camera of a calibration message and the static transform of its optical frame."""
+    def of(info: CameraInfo, extrinsics: Transform, is_raw: bool = False) -> Pinhole:
+        """The camera of a calibration message and the static transform of its optical frame; `is_raw`: its images are not
+        rectified.
+        """
         K = info.K
         return Pinhole(
             (float(K[0, 0]), float(K[1, 1])),
             (float(K[0, 2]), float(K[1, 2])),
             rotation_matrix(extrinsics.quat_wxyz),
             np.array(extrinsics.translation_m),
+            Lens.of(info) if is_raw else None,
         )
 
     def to_map(self, rows: NDArray[np.int64], cols: NDArray[np.int64], depth_m: Floats) -> Floats:
         """Map points `(n, 3)` of pixels (row, col) with depths along the optical axis `(n,)`."""
-        x = (cols - self.centre_px[0]) / self.focal_px[0] * depth_m
-        y = (rows - self.centre_px[1]) / self.focal_px[1] * depth_m
-        return np.asarray(np.stack([x, y, depth_m], axis=1) @ self.rotation.T + self.position)
+        centre, focal = self.centre_px, self.focal_px
+        directions = np.stack([(cols - centre[0]) / focal[0], (rows - centre[1]) / focal[1]], axis=1)
+        if self.lens is not None:
+            directions = self.lens.undistorted(directions)
+        points = np.column_stack([directions * depth_m[:, None], depth_m])
+        return np.asarray(points @ self.rotation.T + self.position)
 
     def to_pixels(self, points: Floats) -> tuple[Floats, Floats]:
         """Pixels `(n, 2)` (row, col) of map points `(n, 3)`, and their depths `(n,)`, which are <= 0 behind the camera."""
         local = (points - self.position) @ self.rotation
         with np.errstate(divide="ignore", invalid="ignore"):
-            cols = local[:, 0] / local[:, 2] * self.focal_px[0] + self.centre_px[0]
-            rows = local[:, 1] / local[:, 2] * self.focal_px[1] + self.centre_px[1]
+            directions = local[:, :2] / local[:, 2:]
+        if self.lens is not None:
+            directions = self.lens.distorted(directions)
+        rows, cols = (directions * self.focal_px + self.centre_px)[:, ::-1].T
         return np.stack([rows, cols], axis=1), local[:, 2]
 
 

@@ -222,7 +222,7 @@ class FixedCameras:
                 return CameraSkip.NO_CALIBRATION
             if name not in self._sensor_extrinsics:
                 return CameraSkip.NOT_FIXED
-            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name])
+            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name], image.is_raw)
             self.fixed[name] = FixedCamera(pinhole, self._parameters, self._floor)
         known = self.fixed[name].depth.depth_m
         if known is not None and known.shape != depth.depth_m.shape:
