@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .. import console
-from ..options import AsJson, LogPath, Strict
+from ..completion import complete_config
+from ..options import AsJson, LogPath, Strict, reading_config
 
 if TYPE_CHECKING:
     from gridslam.logs.log import Log
+    from gridslam.methods.registry import MethodEntry
 
 LOSSY = 3
 MAX_ROWS = 60
@@ -26,9 +28,21 @@ Layout = Annotated[
     ),
 ]
 
+MethodConfig = Annotated[
+    str | None,
+    typer.Option(
+        "--config",
+        "-c",
+        metavar="CONFIG",
+        autocompletion=complete_config,
+        help="Show what a run with this config would use of the log.",
+    ),
+]
+
 
 def run(
     log: LogPath,
+    config: MethodConfig = None,
     layout: Layout = None,
     check: Check = False,
     strict: Strict = False,
@@ -44,16 +58,22 @@ def run(
     A second table shows the extrinsics: "sensor" is the sensor's frame, "on" the frame that it is mounted on, "yaw deg" its
     yaw about z.
 
-    Notes on stderr name what cannot be used and what had to be assumed.
+    Notes on stderr name what cannot be used and what had to be assumed. With -c, the column "used" says which streams a run would
+    take, and notes are those of the run; a log that lacks what the method needs is an error.
     """
-    from gridslam.logs.config import LogConfig
     from gridslam.logs.open import open_log
+    from gridslam.logs.requirements import require_streams
 
-    with open_log(log, LogConfig(csv=layout)) as opened:
+    method = _method_of(config)
+    with open_log(log, reading_config(config, layout), None if method is None else method.reads) as opened:
+        if method is not None:
+            require_streams(opened, method.needs)
         if check:
             for _ in opened.events():
                 pass
         document = describe(opened)
+        if method is not None:
+            document |= _use(opened, method)
     if as_json:
         console.emit_json(document)
     else:
@@ -61,6 +81,24 @@ def run(
     if strict and document["is_lossy"]:
         console.complain(f"error: {log}: not all of the log can be used, which --strict forbids")
         raise typer.Exit(LOSSY)
+
+
+def _method_of(config: str | None) -> MethodEntry | None:
+    """The method of a config."""
+    if config is None:
+        return None
+    from gridslam.methods.registry import METHODS
+    from gridslam.runs.run_config import load_run_config
+
+    return METHODS[load_run_config(config).method_name]
+
+
+def _use(log: Log, method: MethodEntry) -> dict[str, Any]:
+    """What a run of the method takes of the log: labels of streams, and the kinds that it could take and the log lacks."""
+    used = [info for info in log.streams if info.used and info.count]
+    present = {info.kind for info in used}
+    missing = [kind for kind in method.uses if kind not in present]
+    return {"used": [f"{info.kind} {info.label}" for info in used], "missing": missing}
 
 
 def describe(log: Log) -> dict[str, Any]:
@@ -80,6 +118,7 @@ def describe(log: Log) -> dict[str, Any]:
             "last": None if i.last_stamp_ns is None else format_stamp(i.last_stamp_ns),
             "frame": i.frame,
             "out_of_order": i.out_of_order,
+            "used": i.used,
         }
         for i in log.streams
     ]
@@ -116,11 +155,18 @@ def _show(document: dict[str, Any]) -> None:
         ("base frame", document["base_frame"]),
     ]
     console.emit_table(("", ""), facts)
+    heads: tuple[str, ...] = ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order")
     rows = [_row(stream) for stream in document["streams"]]
+    if "missing" in document:
+        heads = (*heads, "used")
+        rows = [
+            (*row, "yes" if stream["used"] else "no")
+            for row, stream in zip(rows, document["streams"], strict=True)
+        ]
     console.emit("")
-    console.emit_table(
-        ("stream", "topic", "type", "messages", "rate Hz", "frame", "out of order"), rows[:MAX_ROWS]
-    )
+    console.emit_table(heads, rows[:MAX_ROWS])
+    if document.get("missing"):
+        console.emit(f"not in the log, and the method does without: {', '.join(document['missing'])}")
     if len(rows) > MAX_ROWS:
         console.emit(f"and {len(rows) - MAX_ROWS} more; --json shows all")
     if document["extrinsics"]:

@@ -31,6 +31,22 @@ def test_info_shows_the_streams(tmp_path: Path, capsys: pytest.CaptureFixture[st
     )
 
 
+def test_info_with_a_config_says_what_a_run_would_use(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = sample_mcap(tmp_path / "a.mcap")
+    code, out, _ = run(capsys, "info", log, "-c", "slam-sd")
+    assert code == 0
+    rows = {line.split()[0]: line.split()[-1] for line in out.splitlines() if len(line.split()) > 6}
+    assert (rows["stream"], rows["scan"], rows["odom"]) == ("used", "yes", "yes")
+    assert "the method does without: imu, tags" in out
+    _, out, _ = run(capsys, "info", log, "-c", "slam-sd", "--json")
+    assert json.loads(out)["missing"] == ["imu", "tags"]
+    code, _, err = run(capsys, "info", log, "-c", "ir-scan")
+    assert code != 0
+    assert "no range stream, which the method needs" in err
+
+
 def test_info_as_json_keeps_every_digit_of_a_stamp(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
