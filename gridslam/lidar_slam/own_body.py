@@ -78,6 +78,8 @@ def find_own_bodies(scans: Iterable[LaserScan]) -> list[OwnBody]:
     """
     by_beams: dict[BeamLayout, list[NDArray[np.float32]]] = defaultdict(list)
     for scan in scans:
+        if not len(scan.ranges_m):
+            continue
         beams, order = _beams_of(scan)
         sorted_ranges = np.empty_like(scan.ranges_m)
         sorted_ranges[order] = scan.ranges_m
@@ -97,7 +99,7 @@ def _beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
     """
     frame, count, step = scan.frame_id.partition("@")[0], len(scan.ranges_m), scan.angle_increment_rad
     places = np.arange(count)
-    if count and abs(abs(step) * count - 2.0 * np.pi) < 0.5 * abs(step):
+    if abs(abs(step) * count - 2.0 * np.pi) < 0.5 * abs(step):
         circle_step = 2.0 * np.pi / count
         first = round((scan.angle_min_rad + np.pi) / circle_step - 0.5)
         return BeamLayout(frame, count, 0.5 * circle_step - np.pi, circle_step), (

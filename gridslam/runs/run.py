@@ -164,22 +164,14 @@ def _run(
     with timing_compilation() as clock, open_log(log_path, config.log, entry.reads) as log:
         require_streams(log, entry.needs)
         truth = log.truth()  # first, so that its errors are reported before the log is processed
-        given = () if occupancy is None else (occupancy,)
-        values = {name: i.value for name, i in further.items()}
-        if entry.is_continued:
-            values["log_name"] = log_path.name
-        package = registry.package_of(config.method_name)
-        with naming(package):
-            method = build(config.method, config.seed, *given, **values)
-        if package:
-            method = PackagedMethod(method, package)
+        method = _built_method(build, config, log_path, occupancy, further)
         opened = clock.now()
         history = ParticleHistory(method) if config.output.viewer else None
         fed = feed(log, history or method, show, stop, clock.now)
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = clock.now()
         result = method.result()
-        refuse_wrong_result(package or config.method_name, result)
+        refuse_wrong_result(registry.package_of(config.method_name) or config.method_name, result)
         finished = clock.now()
         interrupted = fed.stopped or stop()
         counts = merge_counts(log.counters, result.counters)
@@ -212,6 +204,24 @@ def _run(
             particles=history.snapshots if history else (),
             odometry=fed.odometry.trajectory(),
         )
+
+
+def _built_method(
+    build: Callable[..., Method],
+    config: RunConfig[BaseModel],
+    log_path: Path,
+    occupancy: OccupancyGrid | None,
+    further: Mapping[str, Input],
+) -> Method:
+    """The method with its inputs; what a method of another package raises names the package."""
+    given = () if occupancy is None else (occupancy,)
+    values = {name: item.value for name, item in further.items()}
+    if registry.METHODS[config.method_name].is_continued:
+        values["log_name"] = log_path.name
+    package = registry.package_of(config.method_name)
+    with naming(package):
+        method = build(config.method, config.seed, *given, **values)
+    return PackagedMethod(method, package) if package else method
 
 
 def status_of(result: RunResult, *, is_interrupted: bool, is_lossy: bool) -> Status:

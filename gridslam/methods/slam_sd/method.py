@@ -110,17 +110,10 @@ class SlamSd:
             self._process_scan(placed)
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
-        config, particles, tracker = self._config, self._filter, self._tracker
-        key_poses = particles.best_trajectory
+        config, tracker = self._config, self._tracker
+        key_poses = self._filter.best_trajectory
         self._objects.finish(key_poses)
-        measures: dict[str, object] = {
-            "particles": len(particles.poses),
-            "key_scans": len(self._tracker.keys),
-            "resamplings": particles.resamplings,
-            "maps_redrawn": particles.redrawn_maps,
-            "tiles_mb": round(particles.memory_mb, 3),
-            "motion": {**self._tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
-        }
+        measures = self._measures()
         resolution_m = config.map.resolution_m
         loops = Edges.none()
         session, continued = None, None
@@ -165,6 +158,18 @@ class SlamSd:
         if session is not None:
             result = with_session_file(result, session)
         return result if objects is None else objects.added_to(result)
+
+    def _measures(self) -> dict[str, object]:
+        """Numbers about tracking and filter, for the report."""
+        particles, tracker = self._filter, self._tracker
+        return {
+            "particles": len(particles.poses),
+            "key_scans": len(tracker.keys),
+            "resamplings": particles.resamplings,
+            "maps_redrawn": particles.redrawn_maps,
+            "tiles_mb": round(particles.memory_mb, 3),
+            "motion": {**tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
+        }
 
     def _new_tracker(self) -> ScanTracker:
         config = self._config
