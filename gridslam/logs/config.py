@@ -103,6 +103,12 @@ class LogConfig(StrictModel):
         default_factory=dict, description="by sensor frame; wins over tf_static"
     )
     cloud: CloudConfig = CloudConfig()
+    sweep_s: float | None = Field(
+        None,
+        gt=0.0,
+        description="Time in seconds from the first to the last beam of a scan, for drivers that leave time_increment at 0; "
+        "motion within a scan is then undone. Absent: the beams count as taken at once.",
+    )
     wheels: WheelsConfig = WheelsConfig()
     carmen: CarmenConfig = CarmenConfig()
     csv: CsvLayout | Path | None = Field(

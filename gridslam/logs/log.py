@@ -181,6 +181,7 @@ class Log:
             with_repairs=self._for_a_method,
             restamped=self._restamped,
             span_ns=self._span_ns(),
+            sweep_s=self._config.sweep_s,
         )
         if self._for_a_method and is_looped(self._source.streams, self._selection.kind_of):
             items = without_repeats(items, message_counts)

@@ -22,10 +22,17 @@ MIN_STAMPS = 3  # fewer give no period
 class ScanPlausibility:
     """Repairs the scans of one stream; each kind of repair is counted as `repaired.scan.<what>` and noted once.
 
-    `stamps_ns` are those of the stream, `label` its name for people.
+    `stamps_ns` are those of the stream, `label` its name for people. `sweep_s` is the time of a sweep for scans that say none.
     """
 
-    def __init__(self, stamps_ns: Sequence[int], label: str, message_counts: MessageCounts) -> None:
+    def __init__(
+        self,
+        stamps_ns: Sequence[int],
+        label: str,
+        message_counts: MessageCounts,
+        sweep_s: float | None = None,
+    ) -> None:
+        self._sweep_s = sweep_s
         self._label = label
         self._message_counts = message_counts
         steps = np.diff(np.asarray(stamps_ns, np.int64))
@@ -34,7 +41,7 @@ class ScanPlausibility:
 
     def repaired(self, scan: LaserScan) -> LaserScan:
         """The scan with its contradictions removed; the same object where it has none."""
-        return self._no_return_code(self._sweep(self._range_limit(self._angles(scan))))
+        return self._no_return_code(self._timed(self._sweep(self._range_limit(self._angles(scan)))))
 
     def _angles(self, scan: LaserScan) -> LaserScan:
         """Angles by angle_min, angle_max and the count of beams, where the increment contradicts them."""
@@ -73,9 +80,15 @@ class ScanPlausibility:
         self._note(
             "time_increment",
             f"time_increment makes a sweep of {sweep_s:.3g} s, and scans come every {self._period_s:.3g} s: "
-            "it is not used, so motion within a scan is not undone",
+            "it is not used, so motion within a scan is not undone unless log.sweep_s gives the time",
         )
         return replace(scan, time_increment_s=0.0)
+
+    def _timed(self, scan: LaserScan) -> LaserScan:
+        """A scan without times gets those of the config."""
+        if self._sweep_s is None or scan.time_increment_s != 0.0 or len(scan.ranges_m) < 2:
+            return scan
+        return replace(scan, time_increment_s=as_float32(self._sweep_s / (len(scan.ranges_m) - 1)))
 
     def _no_return_code(self, scan: LaserScan) -> LaserScan:
         """The value below range_max that a driver writes for no return becomes infinite."""

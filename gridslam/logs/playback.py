@@ -48,6 +48,7 @@ def events_of(
     with_repairs: bool = True,
     restamped: frozenset[int] = frozenset(),
     span_ns: tuple[int, int] = (0, END_NS),
+    sweep_s: float | None = None,
 ) -> Iterator[tuple[str, str, Event]]:
     """(kind, topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
 
@@ -55,7 +56,7 @@ def events_of(
     precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
     earlier ones. `states` are those of the files when the log was opened. `lidars` make scans of point clouds, by the
     clouds' frame; `with_repairs` removes contradictions within scans. The events of streams in `restamped` get the stamps that
-    the streams have. Events outside the stamps `span_ns` are left out.
+    the streams have. Events outside the stamps `span_ns` are left out. `sweep_s` is the time of a scan that says none.
 
     Raises LogError: the files have changed since the log was opened.
     """
@@ -63,7 +64,12 @@ def events_of(
     ranks, schedule = ordering.merge_plan({i: streams[i].stamps_ns for i in kind_of}, by_stamp)
     ordered = ordering.in_planned_order(
         _checked(
-            source, kind_of, _restamped(source, kind_of, schedule, restamped), message_counts, with_repairs
+            source,
+            kind_of,
+            _restamped(source, kind_of, schedule, restamped),
+            message_counts,
+            with_repairs=with_repairs,
+            sweep_s=sweep_s,
         ),
         ranks,
         size_of=_size_of,
@@ -149,13 +155,15 @@ def _checked(
     kind_of: dict[int, str],
     items: Iterator[tuple[int, Event | Skip]],
     message_counts: MessageCounts,
+    *,
     with_repairs: bool,
+    sweep_s: float | None,
 ) -> Iterator[tuple[int, Event | Skip]]:
     """The items, each event that no method can use replaced by the reason."""
     outliers = {i: ordering.outlier_places(source.streams[i].stamps_ns) for i in kind_of}
     numbers = dict.fromkeys(kind_of, 0)
     checks = {
-        i: ScanPlausibility(source.streams[i].stamps_ns, source.streams[i].label, message_counts)
+        i: ScanPlausibility(source.streams[i].stamps_ns, source.streams[i].label, message_counts, sweep_s)
         for i, kind in kind_of.items()
         if kind == "scan" and with_repairs
     }

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gridslam.core.errors import ConfigError, GridslamError, LogError
+from gridslam.core.messages import LaserScan
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.pose_errors import absolute_errors
+from gridslam.logs import open_log
 from gridslam.logs.tum import read_trajectory
+from gridslam.logs.write import open_writer
 from gridslam.runs.run import Run, run_map
 from gridslam.runs.run_config import load_run_config
 
@@ -142,6 +146,19 @@ def test_what_recorders_drivers_and_robots_make_of_a_drive(
 ) -> None:
     folder = cases_dir / "recordings"
     check(mapped(folder / name, "slam-sd"), folder / "base.truth", limit_m, says)
+
+
+@pytest.mark.parametrize(("overrides", "limit_m"), [([], 0.04), (["log.sweep_s=0.1"], 0.006)])
+def test_scans_without_times_are_mapped_better_with_the_time_of_a_sweep(
+    cases_dir: Path, tmp_path: Path, overrides: list[str], limit_m: float
+) -> None:
+    folder, log = cases_dir / "recordings", tmp_path / "a.mcap"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not there")
+    with open_log(folder / "base.mcap") as recorded, open_writer(log, False) as writer:
+        for event in recorded.events():
+            writer.write(replace(event, time_increment_s=0.0) if isinstance(event, LaserScan) else event)
+    assert rms_error_m(mapped(log, "slam-sd", overrides), folder / "base.truth") < limit_m
 
 
 def test_a_lidar_of_270_degrees_in_old_lines_is_mapped_with_the_key_that_the_note_names(

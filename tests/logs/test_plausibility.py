@@ -86,3 +86,10 @@ def test_a_repair_is_told_once_and_counted_each_time() -> None:
         check.repaired(scan(range_max_m=0.0))
     assert counts.counters["repaired.scan.range_max"] == 3
     assert len(counts.problems) == 1
+
+
+def test_the_time_of_a_sweep_is_given_to_scans_that_say_none() -> None:
+    check = ScanPlausibility(STAMPS, "/scan", MessageCounts(), sweep_s=0.09)
+    assert check.repaired(scan()).time_increment_s == pytest.approx(0.09 / 180)
+    assert check.repaired(scan(time_increment_s=1e-4)).time_increment_s == 1e-4
+    assert check.repaired(scan(time_increment_s=1.0)).time_increment_s == pytest.approx(0.09 / 180)
