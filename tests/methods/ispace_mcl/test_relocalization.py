@@ -6,9 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
-from gridslam.methods.ispace_mcl.relocalization import with_kidnapping
-from gridslam.methods.ispace_mcl.window import ScanWindow, matched_step
+from gridslam.methods.ispace_mcl.environment import CameraObservation
+from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, with_kidnapping
+from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow, matched_step
+from gridslam.sensors.floor_cells import FloorCells
+from gridslam.sensors.likelihood_field import distance_field
+from gridslam.sensors.pose_search import PoseSearch
+from gridslam.sensors.range_caster import range_caster
+from gridslam.sensors.visibility import BeamSegments, VisibilityField
 from tests.methods.ispace_mcl.building import BEAMS, LIDAR, building, drive, scan_at
+
+NO_CELLS = FloorCells(np.zeros((0, 2), np.int64), 0.1)
+SEEN = CameraObservation(NO_CELLS, NO_CELLS, np.zeros(3))
 
 
 def _points(pose):
@@ -70,3 +79,23 @@ def test_scans_close_to_each_other_are_replaced():
     assert len(window.past(2)) == len(window)
     window.clear()
     assert len(window.recent(10)) == 0
+
+
+def test_what_the_cameras_saw_in_the_past_counts_for_the_pose_that_the_odometry_gives_then():
+    grid = building()
+    field = distance_field(grid.probability > 0.5, grid.geometry, 2.0)
+    visibility = VisibilityField(field, range_caster(grid.probability > 0.5, grid.geometry), 0.4, 0.3)
+    nothing, step = BeamSegments(np.zeros((0, 2)), np.zeros((0, 2))), np.array([1.5, 0.0, 0.0])
+    search = PoseSearch(field, grid.probability < 0.3, SEARCH)
+    relocalizer = Relocalizer(search, visibility, lambda seen, poses: len(seen) * poses[:, 0])
+    past = [PastScan(step, nothing, ()), PastScan(step, nothing, (SEEN, SEEN))]
+    scores = relocalizer.trace_back(np.array([[5.0, 2.0, 0.0], [5.0, 2.0, np.pi]]), past)
+    np.testing.assert_allclose(scores, [[0.0, 0.0], [7.0, 13.0]])
+
+
+def test_a_scan_that_is_replaced_leaves_its_observations_to_the_next_one():
+    window = ScanWindow(min_step_m=0.4)
+    for x, seen in ((0.0, []), (0.1, [SEEN]), (0.3, []), (1.0, [])):
+        window.add(np.array([x, 0.0, 0.0]), np.zeros(2), np.ones((3, 2)), seen)
+    (carried,) = [seen for scan in window.past(2) for seen in scan.observations]
+    np.testing.assert_allclose(carried.T_now_then, [-0.9, 0.0, 0.0])
