@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ logger = logging.getLogger(__name__)
 OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)  # extra cost of a metre right beside an obstacle, one guide path each
 SAME_GUIDE_PATH_M = 1e-3
 SAME_PLACE_M = 1e-6
+LONG_PATH_M = 500.0  # of a guide path: one candidate only, improved once, which bounds the time of a plan
+VERY_LONG_PATH_M = 3000.0  # not improved
 GOAL_YAWS = 8  # tried at a goal whose yaw is free
 
 
@@ -145,6 +147,8 @@ class _PathPlanner:
                 guide_paths.append(guide_path)
                 name = "shortest path" if weight == 0.0 else f"away from walls (weight {weight:g})"
                 self._keep_along(name, guide_path, cost)
+            if self.found and _is_long(guide_path):
+                break
         if not self.found:
             raise search_limit_reached(self.search.radius_m, FIRST_SEARCH_STATES)
         best, parts = min(self.found, key=lambda pair: pair[0].time_s)
@@ -158,6 +162,8 @@ class _PathPlanner:
         for turns in (False, True) if self.options.turn_on_spot else (False,):
             label = f"{name}, turning on the spot" if turns else name
             self._keep(label, self._path(cost, guide_path, turns, is_first=not self.found))
+            if self.found and _is_long(guide_path):
+                return
         if self.options.min_radius_m == 0.0 and len(guide_path) > 1:
             corners = self.refiner.polyline(guide_path[:, :2], self.start, self.goal)
             self._keep(f"{name}, turning at corners", corners)
@@ -182,7 +188,20 @@ class _PathPlanner:
         motions = self.search.motions(start, goals, guide_path, cost, is_required)
         if motions is None or not len(motions):
             return None
-        return self.refiner.refine(motions, start, self.start, self.goal)
+        refiner = self.refiner
+        if _is_long(guide_path):
+            refiner = replace(refiner, passes=0 if _length_m(guide_path) > VERY_LONG_PATH_M else 1)
+        return refiner.refine(motions, start, self.start, self.goal)
+
+
+def _is_long(guide_path: Floats) -> bool:
+    """Whether a guide path `(n, 3)` is too long to try and improve several candidates."""
+    return _length_m(guide_path) > LONG_PATH_M
+
+
+def _length_m(guide_path: Floats) -> float:
+    """Length of a guide path `(n, 3)`."""
+    return float(np.hypot(*np.diff(guide_path[:, :2], axis=0).T).sum())
 
 
 def _is_same(one: Floats, other: Floats) -> bool:

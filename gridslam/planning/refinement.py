@@ -20,7 +20,6 @@ SPACING_M = 0.5  # of the joints that shortcuts connect
 MAX_JOINTS_AHEAD = 40
 INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # of the local search over circles
 MAX_MOTIONS = 120  # improved at once: the local search takes time with the square of their number
-MAX_PASSES = 2  # of shortcuts and local search
 SAME_YAW_RAD = 1e-6
 
 
@@ -36,6 +35,7 @@ class Refiner:
     radius_m: float
     search_radius_m: float
     limits: SpeedLimits
+    passes: int = 2  # of shortcuts and local search
 
     def refine(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
         """Parts `(m, 6)` from `start` to `goal` that take less time than the motions `(n, 2)` from `first_pose`.
@@ -89,7 +89,7 @@ class Refiner:
         world, limits = self.space.world, self.limits.for_kernels
         best = _with_turns_in_place(parts_of(first_pose, motions), start, goal)
         best_time = travel_time_of(best, self.limits)
-        for _ in range(MAX_PASSES):
+        for _ in range(self.passes):
             radii = self.search_radius_m * np.array(RADIUS_FACTORS)
             motions = shortcut(
                 world=world,

@@ -87,3 +87,13 @@ def test_a_window_is_planned_over_in_the_map_s_own_cells(monkeypatch: pytest.Mon
     )
     assert plan_path(room(), start, goal).path.length_m == pytest.approx(2.0)
     assert [grid.geometry.resolution_m for grid in asked] == [0.05]
+
+
+@pytest.mark.parametrize("very_long_m", [3.0, 1e9])
+def test_a_long_path_is_the_only_candidate(monkeypatch: pytest.MonkeyPatch, very_long_m: float) -> None:
+    assert len(plan_path(room(), START, GOAL).candidates) > 1
+    monkeypatch.setattr(arcs_and_lines, "LONG_PATH_M", 3.0)
+    monkeypatch.setattr(arcs_and_lines, "VERY_LONG_PATH_M", very_long_m)
+    path = plan_path(room(), START, GOAL)
+    assert len(path.candidates) == 1
+    assert path.path.length_m > 4.0
