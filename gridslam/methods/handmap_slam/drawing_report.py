@@ -116,10 +116,7 @@ def measures_of(drawn: DrawnMap, updates: Sequence[DrawingUpdate], observed: Mas
 
 
 def picture_of(
-    drawn: DrawnMap,
-    updates: Sequence[DrawingUpdate],
-    scans: Sequence[PreparedScan],
-    poses: Sequence[DrawingPose | None],
+    drawn: DrawnMap, scans: Sequence[PreparedScan], poses: Sequence[DrawingPose | None]
 ) -> Picture:
     """The drawing with scan points (red) and path (blue, start green) as localized in it."""
     rows, cols = drawn.walls.shape
@@ -133,7 +130,7 @@ def picture_of(
     for scan, pose in zip(scans, poses, strict=True):
         if pose is not None:
             _dot(colours, pose.to_drawing(scan.points) * per_m, MAP_COLOUR, 0)
-    path = np.array([(u.pose.x, u.pose.y) for u in updates]).reshape(-1, 2) * per_m
+    path = np.array([(p.x, p.y) for p in poses if p is not None]).reshape(-1, 2) * per_m
     for start, end in pairwise(path):
         count = int(np.hypot(*(end - start))) + 2
         _dot(colours, start + np.linspace(0.0, 1.0, count)[:, None] * (end - start), PATH_COLOUR, 1)

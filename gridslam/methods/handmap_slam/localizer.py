@@ -59,7 +59,7 @@ class DrawingLocalizer:
     def start(self, points: Floats) -> DrawingBelief:
         """Estimate pose and scale from the points `(m, 2)` of the first scan."""
         used = evenly(points, 2 * MAX_POINTS)
-        self.states = self._first_states(used)
+        self.states = first_states(self._config, self._drawn, used, self._rng)
         previous = 0.0
         for power in ANNEALING:
             likelihood = self._likelihood.log_likelihood(used, self.states)
@@ -145,17 +145,6 @@ class DrawingLocalizer:
         half = 0.5 * (self.states[:, 3] - self.states[:, 4])
         return np.asarray(-0.5 * (half / self._config.advanced.aspect_std) ** 2 * POINT_WEIGHT)
 
-    def _first_states(self, points: Floats) -> Floats:
-        """Particles around the given start, or around the results of global localization."""
-        config = self._config
-        if config.start is None:
-            return search_states(self._drawn, points, config, START_PARTICLES, self._rng)
-        noise = self._rng.standard_normal((START_PARTICLES, 3)) * config.advanced.start_std
-        states = np.empty((START_PARTICLES, 5))
-        states[:, :3] = np.asarray(config.start) + noise
-        states[:, 3:] = first_scales(config, START_PARTICLES, self._rng)
-        return states
-
     def _set_weights(self, log_weights: Floats) -> None:
         weights = np.exp(log_weights - log_weights.max())
         self._weights = weights / weights.sum()
@@ -174,6 +163,19 @@ class DrawingLocalizer:
             noise[:, 4] = noise[:, 3]
         self.states = self.states + noise
         self.states[:, 2] = se2.wrap_angle(self.states[:, 2])
+
+
+def first_states(
+    config: HandmapSlamConfig, drawn: DrawnMap, points: Floats, rng: np.random.Generator
+) -> Floats:
+    """States `(n, 5)` around the given start, or around the results of global localization with points `(m, 2)`."""
+    if config.start is None:
+        return search_states(drawn, points, config, START_PARTICLES, rng)
+    noise = rng.standard_normal((START_PARTICLES, 3)) * config.advanced.start_std
+    states = np.empty((START_PARTICLES, 5))
+    states[:, :3] = np.asarray(config.start) + noise
+    states[:, 3:] = first_scales(config, START_PARTICLES, rng)
+    return states
 
 
 def first_scales(config: HandmapSlamConfig, n: int, rng: np.random.Generator) -> Floats:

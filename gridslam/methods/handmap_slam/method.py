@@ -32,6 +32,7 @@ from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from gridslam.methods.handmap_slam.line_observation import LineObserver
 from gridslam.methods.handmap_slam.metric_map import MetricMap, finish_map, surface_front_end
 from gridslam.methods.handmap_slam.scan_memory import beam_endpoints
+from gridslam.methods.handmap_slam.warp.laid_drawing import LaidDrawing, lay_over
 from gridslam.methods.map_consistency import with_consistency
 from gridslam.motion.scan_poses import PlacedScan
 
@@ -48,6 +49,7 @@ class HandmapSlam:
 
     def __init__(self, config: HandmapSlamConfig, seed: int, *, drawing: Drawing) -> None:
         self._config = config
+        self._seed = seed
         start = None if config.start is None else config.start[:2]
         self.drawn = drawn_map(drawing, config.drawing.walls_are, config.drawing.max_gap, start)
         self._observer = LineObserver(self.drawn)
@@ -99,10 +101,17 @@ class HandmapSlam:
         with self._stopwatch.stage("loop_closure"):
             metric = finish_map(self._config, self._scan_tracker)
         updates = self._drawing_tracker.updates
+        with self._stopwatch.stage("warp"):
+            laid = self._lay_drawing_over(metric)
         with self._stopwatch.stage("report"):
             sigma_m = self._config.localization.sigma_m
-            observed = coverage_of(self.drawn, key_scans, self._key_drawing_poses, sigma_m)
-            picture = picture_of(self.drawn, updates, key_scans, self._key_drawing_poses)
+            poses = (
+                self._key_drawing_poses
+                if laid is None or not laid.fits
+                else laid.poses_at(self._scan_tracker.keys)
+            )
+            observed = coverage_of(self.drawn, key_scans, poses, sigma_m)
+            picture = picture_of(self.drawn, key_scans, poses)
         result = RunResult(
             metric.trajectory,
             occupancy=metric.occupancy,
@@ -116,7 +125,21 @@ class HandmapSlam:
             loops_ns=self._scan_tracker.stamps_of(metric.loops),
             untrusted_ns=self._scan_tracker.unmatched_ns(),
         )
+        if laid is not None:
+            result = laid.add_to(result)
         return with_consistency(result, metric.consistency)
+
+    def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:
+        """The drawing laid over the finished map; the paper's form has none."""
+        if self._config.front_end == "lines":
+            return None
+        return lay_over(
+            self.drawn,
+            metric.occupancy,
+            metric.trajectory,
+            self._config,
+            random_stream(self._seed, "handmap-slam.warp"),
+        )
 
     def _inlier_ratio(self) -> Series:
         tracker = self._scan_tracker

@@ -1,0 +1,101 @@
+"""Where the places of a map lie in the drawing: a particle filter over places, each with a rotation and scales of its own.
+
+A particle is a hypothesis for all places so far. A place is predicted from the earlier place that it was entered from, not from
+the one before in time, so what went wrong in a room that the drawing lacks has no effect on the corridor behind its door.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.filters.resampling import systematic_resampling
+from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
+from gridslam.methods.handmap_slam.warp.places import PlaceGraph
+
+Floats = NDArray[np.float64]
+
+PARTICLES = 5000
+SIGMA_M = 0.35  # of walls from where they are drawn
+VIEW_WEIGHT = 0.05  # power of a point's likelihood
+THINNED = 2  # every second point is used
+WIDE = 0.25  # fraction of the particles that expect another scale and direction from here on
+TRANSLATION_PER_M = 0.1
+ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # rad per root metre
+SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # of log scales per root metre
+SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
+LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
+RESAMPLE_BELOW = 0.5
+
+
+def find_places(
+    graph: PlaceGraph, evidence: DrawnEvidence, first: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """States `(n, p, 5)` of all places for the surviving hypotheses, and their weights `(n,)`.
+
+    `first` `(n, 5)` are states of the first place.
+    """
+    n, p = len(first), len(graph.centres)
+    states = np.empty((p, n, 5), np.float64)
+    ancestors = np.empty((p, n), np.int64)
+    log_weights = np.zeros(n)
+    scales = first[:, 3:].mean(axis=0)
+    by_place: list[list[int]] = [[] for _ in range(p)]
+    for a, b in graph.edges:
+        by_place[max(a, b)].append(int(min(a, b)))
+    for place in range(p):
+        parent = int(graph.parents[place])
+        if place == 0:
+            states[0] = first
+        else:
+            before = states[max(parent, 0), ancestors[max(parent, 0)]]
+            states[place] = _predict(before, graph.centres[place] - graph.centres[max(parent, 0)], rng)
+        ancestors[place] = np.arange(n)
+        here = states[place]
+        log_weights += VIEW_WEIGHT * evidence.log_likelihood(
+            graph.views[place][::THINNED], graph.open_views[place][::THINNED], here, SIGMA_M
+        )
+        log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * 0.05
+        for other in by_place[place]:
+            if other != parent:
+                log_weights += _loop(
+                    here, states[other, ancestors[other]], graph.centres[place] - graph.centres[other]
+                )
+        weights = np.exp(log_weights - log_weights.max())
+        weights /= weights.sum()
+        if 1.0 / (weights**2).sum() < RESAMPLE_BELOW * n:
+            chosen = systematic_resampling(weights, n, rng)
+            ancestors[: place + 1] = ancestors[: place + 1, chosen]
+            log_weights = np.zeros(n)
+    weights = np.exp(log_weights - log_weights.max())
+    lines = np.stack([states[k, ancestors[k]] for k in range(p)], axis=1)
+    return lines, weights / weights.sum()
+
+
+def _predict(before: Floats, offset: Floats, rng: np.random.Generator) -> Floats:
+    """States `(n, 5)` at an offset `(2,)` (m) from places in states `(n, 5)`."""
+    n = len(before)
+    distance = float(np.hypot(*offset))
+    wide = np.arange(n) < WIDE * n  # particles are in no particular order after resampling
+    wide = rng.permutation(wide)
+    noise = rng.standard_normal((n, 5))
+    root = np.sqrt(distance)
+    after = before.copy()
+    half_rotated = before.copy()
+    rotation = root * np.where(wide, WIDE_ROTATION_STD, ROTATION_STD) * noise[:, 2]
+    scale_std = root * np.where(wide, WIDE_SCALE_STD, SCALE_STD)
+    half_rotated[:, 2] += 0.5 * rotation
+    half_rotated[:, 3:] += scale_std[:, None] * noise[:, 3:]
+    moved = offset + TRANSLATION_PER_M * distance * noise[:, :2]
+    after[:, :2] = to_drawing(half_rotated, moved)
+    after[:, 2] = se2.wrap_angle(before[:, 2] + rotation)
+    after[:, 3:] = half_rotated[:, 3:]
+    return after
+
+
+def _loop(here: Floats, other: Floats, offset: Floats) -> Floats:
+    """Log-likelihoods `(n,)` of an edge between two places that are both placed: heavy-tailed, because drawings do not close."""
+    scale = np.exp(0.25 * (here[:, 3:] + other[:, 3:]).sum(axis=1))
+    gap = np.hypot(*(to_drawing(other, np.broadcast_to(offset, (len(here), 2))) - here[:, :2]).T) / scale
+    return np.asarray(-np.log1p((gap / LOOP_M) ** 2))

@@ -1,0 +1,133 @@
+"""The warp: from the finished map and the trajectory to the drawing, all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.filters.resampling import systematic_resampling
+from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
+from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
+from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
+from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, find_places
+
+Floats = NDArray[np.float64]
+
+COST_PER_PLACE = (
+    2.7,
+    3.6,
+    3.6,
+    0.0,
+)  # the search is repeated up to as often, until the best cost of a place is below
+MAX_COST_PER_PLACE = 4.45  # of a drawing of this place, found by 100 right and wrong ones
+HYPOTHESES = 6  # refined, of each search
+DISTINCT_M = 1.0  # mean distance between two of them
+ANNEALING = (0.05, 0.1, 0.2, 0.35)
+START_PARTICLES = 12000
+START_JITTER = 0.3
+BLEND_M = 0.7  # places are blended with weights that fall off at this distance
+
+
+@dataclass(frozen=True)
+class DrawingWarp:
+    """Places of the map with their states `(p, 5)` in the drawing: x, y, yaw of the map frame, log scales along its axes."""
+
+    graph: PlaceGraph
+    states: Floats
+    cost_per_place: float
+
+    @property
+    def fits(self) -> bool:
+        """Whether the drawing shows the place of the map, and the robot was found in it."""
+        return self.cost_per_place < MAX_COST_PER_PLACE
+
+    def to_drawing(self, points: Floats, owners: NDArray[np.int64]) -> Floats:
+        """Points `(n, 2)` of the map (m) in the drawing, blended from the places that own them and these places' neighbours."""
+        total = np.zeros((len(points), 2))
+        weights = np.zeros((len(points), 1))
+        for near in self._neighbours[owners].T:
+            offsets = points - self.graph.centres[near]
+            weight = np.exp(-0.5 * (offsets**2).sum(axis=1) / BLEND_M**2)[:, None] + 1e-9
+            total += weight * to_drawing(self.states[near], offsets)
+            weights += weight
+        return np.asarray(total / weights)
+
+    @cached_property
+    def _neighbours(self) -> NDArray[np.int64]:
+        """Each place with up to four of its neighbours `(p, 5)`, itself where it has fewer."""
+        p = len(self.states)
+        lists: list[list[int]] = [[k] for k in range(p)]
+        lengths = np.hypot(
+            *(self.graph.centres[self.graph.edges[:, 0]] - self.graph.centres[self.graph.edges[:, 1]]).T
+        )
+        for a, b in self.graph.edges[np.argsort(lengths, kind="stable")].tolist():
+            lists[a].append(b)
+            lists[b].append(a)
+        return np.array([(each + 5 * each[:1])[:5] if len(each) < 5 else each[:5] for each in lists])
+
+
+def warp_of(
+    drawn: DrawnMap,
+    occupancy: OccupancyGrid,
+    poses: Floats,
+    first: Callable[[Floats], Floats],
+    rng: np.random.Generator,
+) -> DrawingWarp:
+    """Find the warp of a map with a drive along poses `(n, 3)`.
+
+    `first` gives hypotheses `(n, 5)` for the first pose (x, y, yaw of the robot, log scales) from the points `(m, 2)` visible
+    there (robot's frame, m).
+    """
+    graph = place_graph(occupancy, poses)
+    evidence = DrawnEvidence(drawn)
+    to_robot = np.array([0.0, 0.0, -poses[0, 2]])
+    states = first(se2.transform_points(to_robot, graph.views[0])).copy()
+    states[:, 2] -= poses[0, 2]
+    states = _annealed(states, graph, evidence, rng)
+    problem = Refinement(graph, evidence)
+    fits: list[Fitted] = []
+    for enough in COST_PER_PLACE:
+        lines, weights = find_places(graph, evidence, states, rng)
+        fits += [problem.fit(line) for line in _distinct(lines, weights)]
+        best = min(fits, key=lambda fit: fit.cost)
+        if best.cost < enough * len(best.states):
+            break
+    return DrawingWarp(graph, best.states, best.cost / len(best.states))
+
+
+def _annealed(states: Floats, graph: PlaceGraph, evidence: DrawnEvidence, rng: np.random.Generator) -> Floats:
+    """Particles of the first place."""
+    previous = 0.0
+    for k, power in enumerate(ANNEALING):
+        score = (power - previous) * evidence.log_likelihood(
+            graph.views[0], graph.open_views[0], states, SIGMA_M
+        )
+        previous = power
+        weights = np.exp(score - score.max())
+        count = PARTICLES if k == len(ANNEALING) - 1 else START_PARTICLES
+        states = states[systematic_resampling(weights / weights.sum(), count, rng)]
+        std = np.minimum(states.std(axis=0), (0.5, 0.5, 0.15, 0.2, 0.2)) * START_JITTER
+        states = states + rng.standard_normal(states.shape) * std
+    states[:, 2] = se2.wrap_angle(states[:, 2])
+    return states
+
+
+def _distinct(lines: Floats, weights: Floats) -> list[Floats]:
+    """The heaviest hypothesis and others `(p, 5)` that differ from all chosen before."""
+    order = np.argsort(-weights, kind="stable")
+    chosen: list[Floats] = []
+    for index in order[:: max(len(order) // 300, 1)]:
+        line = lines[index]
+        scale = np.exp(line[:, 3:].mean())
+        if all(np.hypot(*(line - c)[:, :2].T).mean() / scale > DISTINCT_M for c in chosen):
+            chosen.append(line)
+        if len(chosen) == HYPOTHESES:
+            break
+    return chosen
