@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -31,11 +31,11 @@ def damage_as_value_error() -> Iterator[None]:
         raise ValueError(f"a damaged numpy file: {reason}") from error
 
 
-def npz_bytes(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
-    """The content of an .npz file of arrays by name, compressed; `numpy.load` reads it."""
+def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]]) -> bytes:
+    """The content of an .npz file of named arrays, compressed one after the other; `numpy.load` reads it."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:
-        for name, values in arrays.items():
+        for name, values in arrays:
             entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16

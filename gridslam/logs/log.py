@@ -67,7 +67,7 @@ class Log:
         self.close()
 
     def close(self) -> None:
-        """Close open files."""
+        """Close open files, and free what is kept of their messages."""
         self._source.close()
 
     @property

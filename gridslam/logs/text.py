@@ -91,6 +91,10 @@ class TextLines:
         if self._kept is not None:
             self._kept = [(number, line[:size] if number in numbers else line) for number, line in self._kept]
 
+    def forget(self) -> None:
+        """Free the kept lines; the next pass reads the file again."""
+        self._kept = None
+
     def _unpacked(self) -> Iterator[tuple[int, bytes]]:
         """The lines of all blocks; empty lines cost next to nothing."""
         number, rest, is_too_long = 0, b"", False

@@ -23,7 +23,7 @@ def write_layers(path: Path, layers: Mapping[str, GridLayer]) -> None:
         arrays[name] = np.asarray(layers[name].values)
         arrays[f"{name}.origin"] = _origin(layers[name].geometry)
         arrays[f"{name}.resolution"] = np.asarray(np.float64(layers[name].geometry.resolution_m))
-    write_atomic(path, npz_bytes(arrays))
+    write_atomic(path, npz_bytes(arrays.items()))
 
 
 def _origin(geometry: GridGeometry) -> NDArray[np.float64]:

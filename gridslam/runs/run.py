@@ -168,6 +168,7 @@ def _run(
         opened = clock.now()
         history = ParticleHistory(method) if config.output.viewer else None
         fed = feed(log, history or method, show, stop, clock.now)
+        log.close()  # frees what it keeps of its messages
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = clock.now()
         result = method.result()

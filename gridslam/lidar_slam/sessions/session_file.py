@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,27 +48,29 @@ EDGE_SCHEMA = {"source": ("<i8", 0), "target": ("<i8", 0), "motion": ("<f8", 3),
 
 def session_bytes(session: Session) -> bytes:
     """The content of session.npz; the same session gives the same bytes."""
-    drives, scans = session.drives, session.scans
+    return npz_bytes(_arrays(session))
+
+
+def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """All arrays by name, made one after the other: those of points are large."""
+    drives, scans, constraints = session.drives, session.scans, session.constraints
     head = {"format": FORMAT, "version": VERSION, "logs": [drive.log for drive in drives]}
-    arrays: dict[str, NDArray[np.generic]] = {
-        "head": np.frombuffer(json.dumps(head).encode(), np.uint8),
-        "drive.scans": np.array([len(drive.stamps_ns) for drive in drives], np.int64),
-        "drive.keys": np.array([len(drive.keys) for drive in drives], np.int64),
-        "drive.part": session.parts,
-        "scan.stamp_ns": np.concatenate([drive.stamps_ns for drive in drives]),
-        "scan.track": np.concatenate([drive.track for drive in drives]),
-        "key.scan": np.concatenate([drive.keys for drive in drives]),
-        "key.pose": session.poses,
-        "key.viewpoint": np.array([scan.viewpoint for scan in scans]),
-        "key.returns": np.array([len(scan.returns) for scan in scans], np.int64),
-        "key.surface": np.array([len(scan.surface) for scan in scans], np.int64),
-        "returns": _packed_points([scan.returns for scan in scans]),
-        "surface": _packed_points([scan.surface for scan in scans]),
-        "surface.normal": _packed_normals(np.concatenate([scan.surface_normals for scan in scans])),
-    }
+    yield "head", np.frombuffer(json.dumps(head).encode(), np.uint8)
+    yield "drive.scans", np.array([len(drive.stamps_ns) for drive in drives], np.int64)
+    yield "drive.keys", np.array([len(drive.keys) for drive in drives], np.int64)
+    yield "drive.part", session.parts
+    yield "scan.stamp_ns", np.concatenate([drive.stamps_ns for drive in drives])
+    yield "scan.track", np.concatenate([drive.track for drive in drives])
+    yield "key.scan", np.concatenate([drive.keys for drive in drives])
+    yield "key.pose", session.poses
+    yield "key.viewpoint", np.array([scan.viewpoint for scan in scans])
+    yield "key.returns", np.array([len(scan.returns) for scan in scans], np.int64)
+    yield "key.surface", np.array([len(scan.surface) for scan in scans], np.int64)
+    yield "returns", _packed_points([scan.returns for scan in scans])
+    yield "surface", _packed_points([scan.surface for scan in scans])
+    yield "surface.normal", _packed_normals(np.concatenate([scan.surface_normals for scan in scans]))
     for name in EDGES:
-        arrays.update(_edge_arrays(name, getattr(session.constraints, name)))
-    return npz_bytes(arrays)
+        yield from _edge_arrays(name, getattr(constraints, name)).items()
 
 
 def load_session(path: Path) -> Session:
@@ -201,7 +204,7 @@ def _scans(a: Arrays, first_key: NDArray[np.int64], first_scan: NDArray[np.int64
 
 def _packed_points(parts: list[NDArray[np.float64]]) -> NDArray[np.int32]:
     """Points as differences of whole numbers, which compress well."""
-    whole = np.rint(np.concatenate(parts) / POINT_UNIT_M).astype(np.int32)
+    whole = np.concatenate([np.rint(part / POINT_UNIT_M).astype(np.int32) for part in parts])
     return np.diff(whole, axis=0, prepend=np.zeros((1, 2), np.int32))
 
 

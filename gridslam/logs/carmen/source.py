@@ -85,7 +85,9 @@ class CarmenSource:
         self._index()
 
     def close(self) -> None:
-        """Do nothing: no file stays open between passes."""
+        """Free what is kept between passes; no file stays open."""
+        self._parsed = {}
+        self._lines.forget()
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Odometry and scan of every line, in the file's order."""

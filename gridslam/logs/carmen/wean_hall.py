@@ -66,7 +66,8 @@ class WeanHallSource:
         self._index()
 
     def close(self) -> None:
-        """Do nothing: no file stays open between passes."""
+        """Free what is kept between passes; no file stays open."""
+        self._lines.forget()
 
     def read(self, wanted: frozenset[int], schedule: Sequence[int]) -> Iterator[tuple[int, Event | Skip]]:
         """Odometry of every line, and the scan of an L line, in the file's order."""

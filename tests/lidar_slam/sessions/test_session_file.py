@@ -41,7 +41,7 @@ def test_a_session_that_was_read_is_written_with_the_same_bytes(session: Session
 def changed(session: Session, **arrays: object) -> bytes:
     """The session's file with other values for some arrays; None leaves one out."""
     content = {**read_npz(session_bytes(session)), **{k.replace("__", "."): v for k, v in arrays.items()}}
-    return npz_bytes({name: np.asarray(values) for name, values in content.items() if values is not None})
+    return npz_bytes((name, np.asarray(values)) for name, values in content.items() if values is not None)
 
 
 def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:

@@ -20,13 +20,9 @@ from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, find_p
 
 Floats = NDArray[np.float64]
 
-COST_PER_PLACE = (
-    2.7,
-    3.6,
-    3.6,
-    0.0,
-)  # the search is repeated up to as often, until the best cost of a place is below
-MAX_COST_PER_PLACE = 4.45  # of a drawing of this place, found by 100 right and wrong ones
+# The search is repeated while the best cost of a place is above that of the repetition.
+COST_PER_PLACE = (2.7, 3.6, 3.6, 0.0)
+MAX_COST_PER_PLACE = 4.45  # of a drawing of this place; 24 drawings of other places cost 4.9 or more
 HYPOTHESES = 6  # refined, of each search
 DISTINCT_M = 1.0  # mean distance between two of them
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
