@@ -57,7 +57,7 @@ class CsvFolderWriter:
         self._files: dict[tuple[str, ...], _TableFile] = {}
         self._names: set[str] = set()
         self._extrinsics: dict[str, dict[str, object]] = {}
-        self._base_frame = ""
+        self._base_frames: dict[str, str] = {}  # by the kind of stream that names the robot's frame
         self._closed = False
 
     def __enter__(self) -> CsvFolderWriter:
@@ -102,8 +102,8 @@ class CsvFolderWriter:
             for file in self._files.values():
                 file.stream.close()
             layout: dict[str, object] = {"version": 1}
-            if self._base_frame:
-                layout["base_frame"] = self._base_frame
+            if base_frame := self._base_frames.get("odom") or self._base_frames.get("truth"):
+                layout["base_frame"] = base_frame
             layout["streams"] = [file.layout for file in self._files.values()]
             if self._extrinsics:
                 layout["extrinsics"] = self._extrinsics
@@ -150,8 +150,8 @@ class CsvFolderWriter:
             name = f"{kind}_{number}.csv"
         self._names.add(name)
         frames = _frames(kind, event)
-        if kind == "odom" and not self._base_frame:
-            self._base_frame = event.child_frame_id
+        if kind in ("odom", "truth") and not self._base_frames.get(kind):
+            self._base_frames[kind] = event.child_frame_id
         path = self._folder / name
         stream = self._aside.enter_context(path.open("w", encoding="utf-8", newline=""))
         layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), "frame": "", **frames}
