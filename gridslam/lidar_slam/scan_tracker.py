@@ -85,6 +85,11 @@ class ScanTracker:
         return self._predictor.measures()
 
     @property
+    def motion_doubt(self) -> str | None:
+        """Why the path cannot be trusted where no other passage confirms it; None: no reason."""
+        return self._predictor.doubt
+
+    @property
     def inlier_ratios(self) -> Floats:
         """The fraction `(n,)` of each scan's points that lay on a surface of the local map."""
         return np.array([match.inlier_ratio for match in self._matches])

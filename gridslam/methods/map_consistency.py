@@ -18,14 +18,24 @@ from gridslam.methods.base import Doubt, Picture, RunResult
 DOUBTFUL_INK, SUSPECT_INK = (205, 45, 45), (235, 130, 20)
 SMALLEST_RADIUS_M = 1.0
 CORNERS = 32
+MIN_REVISITED = 0.5  # fraction of the path that confirms its motion
 LABELS_APART_M = 8.0  # places this near to a more doubtful one have a circle without a number
 
 
-def with_consistency(result: RunResult, consistency: MapConsistency) -> RunResult:
-    """The result with its map's consistency; a doubtful map makes the run `inconsistent`."""
+def with_consistency(
+    result: RunResult, consistency: MapConsistency, motion_doubt: str | None = None
+) -> RunResult:
+    """The result with its map's consistency; a doubtful map makes the run `inconsistent`.
+
+    So does a path that is doubted for its motion, where most of it was passed only once.
+    """
     assert result.occupancy is not None
     pictures = _pictures(result.occupancy, result.trajectory, consistency)
-    doubt = Doubt("inconsistent", consistency.summary) if consistency.is_doubtful else result.doubt
+    doubt = result.doubt
+    if consistency.is_doubtful:
+        doubt = Doubt("inconsistent", consistency.summary)
+    elif motion_doubt is not None and doubt is None and consistency.revisited < MIN_REVISITED:
+        doubt = Doubt("inconsistent", motion_doubt)
     return replace(
         result,
         measures={**result.measures, "map_consistency": consistency.measures},

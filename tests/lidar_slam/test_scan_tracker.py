@@ -72,6 +72,7 @@ def test_a_log_without_odometry_is_tracked_as_well_as_with_it() -> None:
     assert errors_of(without)[0] < max(2.0 * errors_of(with_odometry)[0], 0.1)
     assert without.counters["scan.without_odometry"] == len(hall.path(1))
     assert list(without.motion_measures) == ["constant_velocity"]
+    assert without.motion_doubt is None
 
 
 def test_scans_after_the_odometry_has_ended_are_tracked_without_it() -> None:
@@ -162,3 +163,10 @@ def test_the_scans_of_two_lidars_are_tracked_together(has_odometry: bool) -> Non
     key_scans = len(tracker.keys)
     one = tracked(e for e in events if getattr(e, "frame_id", "") != "right")
     assert key_scans > 1.5 * len(one.keys)
+
+
+def test_a_path_that_jumps_from_scan_to_scan_is_doubted_unless_odometry_says_so_too() -> None:
+    kept = scans()[::12]
+    assert "without odometry" in (tracked(kept).motion_doubt or "")
+    odometry = [e for e in hall.events(1) if not isinstance(e, LaserScan)]
+    assert tracked(by_stamp(odometry, kept)).motion_doubt is None

@@ -127,7 +127,7 @@ class HandmapSlam:
         )
         if laid is not None:
             result = laid.add_to(result)
-        return with_consistency(result, metric.consistency)
+        return with_consistency(result, metric.consistency, self._scan_tracker.motion_doubt)
 
     def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:
         """The drawing laid over the finished map; the paper's form has none."""

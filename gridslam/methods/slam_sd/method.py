@@ -152,7 +152,7 @@ class SlamSd:
             loops_ns=tracker.stamps_of(loops),
             untrusted_ns=tracker.unmatched_ns(),
         )
-        result = with_consistency(result, consistency)
+        result = with_consistency(result, consistency, tracker.motion_doubt)
         if continued is not None and drawn is not None:
             result = with_drives(result, continued, drawn)
         if session is not None:
