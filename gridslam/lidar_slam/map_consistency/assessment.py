@@ -6,7 +6,6 @@ twice.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +17,6 @@ from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.map_consistency.contradictions import find_contradictions
 from gridslam.lidar_slam.map_consistency.doubtful_places import (
     DoubtfulPlace,
-    Kind,
     contradicted_places,
     strained_loops,
     strained_places,
@@ -42,7 +40,7 @@ MIN_SCANS = 3
 
 @dataclass(frozen=True, slots=True)
 class MapConsistency:
-    """Doubt in [0, 1], its places (most doubtful first), and how much of the map could be checked.
+    """Doubt in [0, 1], that of the most doubtful place; the places, most doubtful first; how much of the map could be checked.
 
     `compared_wall_m` of wall were seen by more than one passage; `contradicted_wall_m` of it are looked through by another one.
     `revisited` is the fraction of the path with other passages near it; the longest part without is
@@ -142,10 +140,9 @@ def assess_map(
         residuals = loop_residuals(poses, loops)
         places += strained_loops(scans, poses, loops, residuals)
     places = sorted(places, key=lambda place: (-place.doubt, place.x_m, place.y_m))
-    agreement = math.prod(1.0 - place.doubt for place in _worst_of_each_kind(places))
     unchecked = _longest_unchecked_m(passages.travel_m, passages.is_revisited)
     return MapConsistency(
-        1.0 - agreement,
+        max((place.doubt for place in places), default=0.0),
         tuple(place for place in places if place.doubt >= MENTIONED)[:MAX_PLACES],
         compared_wall_m=found.compared_wall_m,
         contradicted_wall_m=found.wall_m,
@@ -154,14 +151,6 @@ def assess_map(
         revisited=float(passages.is_revisited.mean()),
         longest_unchecked_m=unchecked,
     )
-
-
-def _worst_of_each_kind(places: Sequence[DoubtfulPlace]) -> list[DoubtfulPlace]:
-    """The first place of each kind, the most doubtful one: small contradictions here and there do not add up."""
-    worst: dict[Kind, DoubtfulPlace] = {}
-    for place in places:
-        worst.setdefault(place.kind, place)
-    return list(worst.values())
 
 
 def _longest_unchecked_m(travel_m: Floats, is_revisited: NDArray[np.bool_]) -> float:
