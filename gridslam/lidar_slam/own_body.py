@@ -17,14 +17,10 @@ Floats = NDArray[np.float64]
 MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is no farther from its lidar
 TOLERANCE_M = 0.03  # noise of near returns
 MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in view for a part of them
-CHANGED_M, MIN_CHANGED_FRACTION = (
-    0.1,
-    0.5,
-)  # change of ranges, and fraction of the beams, that tell views apart
+# Views differ where more than this fraction of the ranges have changed by more than so much.
+CHANGED_M, MIN_CHANGED_FRACTION = 0.1, 0.5
 MIN_VIEWS = 15  # that differ
-MAX_BODY_FRACTION = (
-    0.5  # of the beams: a lidar that sees more of its robot than this stands in a narrow place
-)
+MAX_BODY_FRACTION = 0.5  # of the beams: a lidar that sees more near it stands in a narrow place
 EDGE_BEAMS, EDGE_M = 2, 0.15  # readings beside a body that mix it with what is behind
 
 

@@ -71,15 +71,16 @@ def find_changes(
 ) -> list[Change]:
     """Changes from the earlier state of a place to that of drive number `drive`, ordered by place."""
     found = []
-    for kind, surface, free, met_by, passed_by in (
+    comparisons: tuple[tuple[Kind, Evidence, Evidence, PlacedScans, PlacedScans], ...] = (
         ("vanished", before, after, earlier, later),
         ("appeared", after, before, later, earlier),
-    ):
+    )
+    for kind, surface, free, met_by, passed_by in comparisons:
         for cells in _places(_contradicted(surface, free, frame), _is_sure(surface, free), frame):
             seen = _observations(cells, met_by, passed_by, frame)
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
-                found.append(_change(kind, drive, cells, times, frame))  # type: ignore[arg-type]
+                found.append(_change(kind, drive, cells, times, frame))
     return sorted(found, key=lambda change: (change.x_m, change.y_m, change.kind))
 
 

@@ -31,7 +31,7 @@ OCCUPIED = 0.5
 class PlaceGraph:
     """Places `centres` `(p, 2)` (m, map frame) in the order of the drive.
 
-    `parents` `(p,)` are the earlier places from which each was entered (the first has none: -1), `edges` `(e, 2)` all pairs of
+    `parents` `(p,)` are the earlier places from which each was entered (-1: none sees it), `edges` `(e, 2)` all pairs of
     neighbours (earlier, later), those of parents included. `views` are the surfaces `(m, 2)` visible from each place, relative
     to its centre, and `open_views` points in the free space before them. `owners` `(n,)` are
     the places of the trajectory's poses.

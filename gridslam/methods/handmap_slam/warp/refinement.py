@@ -25,7 +25,8 @@ ITERATIONS = 6  # at each
 WALL_WEIGHT, OPEN_WEIGHT = 0.25, 0.15  # of a point: neighbouring points and places see the same walls
 OFFSET_STD_PER_M, OFFSET_STD_M = 0.12, 0.05  # of a place from where its neighbour expects it
 ROTATION_STD, SCALE_STD = 0.07, 0.08  # per root metre between neighbours
-ASPECT_STD = 0.5  # of the difference of a place's log scales
+ASPECT_STD, ASPECT_WEIGHT = 0.5, 0.1  # of the difference of a place's log scales
+EDGE_WEIGHT = 0.5  # each edge is there in both directions
 JUMP = 3.0  # residuals beyond this many standard deviations weigh ever less
 PRIOR_DAMPING = 1e-6
 STEP_LIMITS = np.array([0.5, 0.5, 0.15, 0.1, 0.1])  # metres, rad, log scales
@@ -54,14 +55,14 @@ class Refinement:
         self._graph = graph
         self._evidence = evidence
         self._walls, self._open = _Views(graph.views), _Views(graph.open_views)
-        self._slopes = {name: _slopes(field) for name, field in self._fields().items()}
+        self._fields = {
+            name: np.stack([field, *_slopes(field)])
+            for name, field in (("wall", evidence.to_wall), ("open", evidence.to_free))
+        }
         both = np.concatenate([graph.edges, graph.edges[:, ::-1]])
         self._from, self._to = both[:, 0], both[:, 1]
         self._offsets = graph.centres[self._to] - graph.centres[self._from]
         self._lengths = np.maximum(np.hypot(*self._offsets.T), 0.3)
-
-    def _fields(self) -> dict[str, NDArray[np.float32]]:
-        return {"wall": self._evidence.to_wall, "open": self._evidence.to_free}
 
     def fit(self, states: Floats) -> Fitted:
         """Improve states `(p, 5)`."""
@@ -79,9 +80,10 @@ class Refinement:
             s = SIGMAS_M[-1]
             total += weight * float((residual**2 / (residual**2 + s * s)).sum())
         edges = self._edge_residuals(states)
-        return total + 0.5 * float(JUMP**2 * np.log1p((edges / JUMP) ** 2).sum()) * 0.5
+        return total + 0.5 * float(JUMP**2 * np.log1p((edges / JUMP) ** 2).sum()) * EDGE_WEIGHT
 
     def _step(self, states: Floats, sigma_m: float) -> Floats:
+        """States after one Gauss-Newton step, limited to `STEP_LIMITS`."""
         n = 5 * len(states)
         blocks: list[tuple[Ints, Ints, Floats]] = []
         gradient = np.zeros(n)
@@ -90,7 +92,7 @@ class Refinement:
         self._add_edges(states, blocks, gradient)
         aspect = states[:, 3] - states[:, 4]
         first = 5 * np.arange(len(states)) + 3
-        w = 0.1 / ASPECT_STD**2
+        w = ASPECT_WEIGHT / ASPECT_STD**2
         for a, b, v in ((0, 0, w), (1, 1, w), (0, 1, -w), (1, 0, -w)):
             blocks.append((first + a, first + b, np.full(len(first), v)))
         gradient[first] += w * aspect
@@ -117,9 +119,7 @@ class Refinement:
         of = states[views.place]
         points = to_drawing(of, views.offsets)
         scale = np.exp(0.5 * of[:, 3:].sum(axis=1))
-        values = _sample(
-            np.stack([self._fields()[name], *self._slopes[name]]), points / self._evidence.cell - 0.5
-        )
+        values = _sample(self._fields[name], points / self._evidence.cell - 0.5)
         return values[0] / scale, values[1:].T / self._evidence.cell, points - of[:, :2], scale
 
     def _add_views(
@@ -131,6 +131,7 @@ class Refinement:
         blocks: list[tuple[Ints, Ints, Floats]],
         gradient: Floats,
     ) -> None:
+        """Add the normal equations of all points of one kind, a block `(5, 5)` for each place."""
         views = self._walls if name == "wall" else self._open
         residual, slope, relative, scale = self._view_residuals(name, states)
         robust = weight / sigma_m**2 * (sigma_m**2 / (sigma_m**2 + residual**2)) ** 2
@@ -164,6 +165,7 @@ class Refinement:
         return np.column_stack([gap, rotation, (b[:, 3:] - a[:, 3:]) / (SCALE_STD * root)[:, None]])
 
     def _add_edges(self, states: Floats, blocks: list[tuple[Ints, Ints, Floats]], gradient: Floats) -> None:
+        """Add the normal equations of all edges, blocks `(5, 5)` of the pairs of places that they join."""
         a, b = states[self._from], states[self._to]
         residual = self._edge_residuals(states)
         groups = np.column_stack([np.hypot(*residual[:, :2].T)] * 2 + [residual[:, 2], *residual[:, 3:].T])
@@ -186,7 +188,7 @@ class Refinement:
         for k, sigma in ((2, ROTATION_STD), (3, SCALE_STD), (4, SCALE_STD)):
             from_b[:, k, k] = 1.0 / (sigma * root)
             from_a[:, k, k] = -1.0 / (sigma * root)
-        weight = 0.5 * weight  # each edge is there in both directions
+        weight = EDGE_WEIGHT * weight
         at = np.arange(5)
         for left, of_left in ((from_a, self._from), (from_b, self._to)):
             weighted = left * weight[:, :, None]

@@ -25,6 +25,7 @@ TRANSLATION_PER_M = 0.1
 ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # rad per root metre
 SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # of log scales per root metre
 SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
+SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
 RESAMPLE_BELOW = 0.5
 
@@ -49,14 +50,15 @@ def find_places(
         if place == 0:
             states[0] = first
         else:
-            before = states[max(parent, 0), ancestors[max(parent, 0)]]
-            states[place] = _predict(before, graph.centres[place] - graph.centres[max(parent, 0)], rng)
+            origin = max(parent, 0)  # a place that no earlier one sees is predicted from the first
+            before = states[origin, ancestors[origin]]
+            states[place] = _predict(before, graph.centres[place] - graph.centres[origin], rng)
         ancestors[place] = np.arange(n)
         here = states[place]
         log_weights += VIEW_WEIGHT * evidence.log_likelihood(
             graph.views[place][::THINNED], graph.open_views[place][::THINNED], here, SIGMA_M
         )
-        log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * 0.05
+        log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * SCALE_BOUND_WEIGHT
         for other in by_place[place]:
             if other != parent:
                 log_weights += _loop(
@@ -77,8 +79,7 @@ def _predict(before: Floats, offset: Floats, rng: np.random.Generator) -> Floats
     """States `(n, 5)` at an offset `(2,)` (m) from places in states `(n, 5)`."""
     n = len(before)
     distance = float(np.hypot(*offset))
-    wide = np.arange(n) < WIDE * n  # particles are in no particular order after resampling
-    wide = rng.permutation(wide)
+    wide = rng.permutation(np.arange(n) < WIDE * n)
     noise = rng.standard_normal((n, 5))
     root = np.sqrt(distance)
     after = before.copy()
