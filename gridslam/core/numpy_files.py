@@ -11,7 +11,6 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date of the zip format; np.savez would write the present time
 COMPRESSION_LEVEL = 4
 MAX_PLAIN_BYTES = 1 << 30  # larger arrays need the zip format with 64 bits
 MAX_RATIO = 200  # of the unpacked size to that of the file, beyond MIN_UNPACKED_BYTES
@@ -32,14 +31,14 @@ def damage_as_value_error() -> Iterator[None]:
 
 
 def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]]) -> bytes:
-    """The content of an .npz file of named arrays, compressed one after the other; `numpy.load` reads it."""
+    """The content of an .npz file of named arrays, compressed one after the other; `numpy.load` reads it.
+
+    The same arrays give the same bytes: a name without a date gets the earliest one of the format.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:
         for name, values in arrays:
-            entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.external_attr = 0o644 << 16
-            with archive.open(entry, "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
+            with archive.open(f"{name}.npy", "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
                 np.lib.format.write_array(file, np.asarray(values, order="C"), allow_pickle=False)
     return buffer.getvalue()
 

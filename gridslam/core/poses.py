@@ -47,6 +47,13 @@ def _inverse_one(a: Sequence[float]) -> tuple[float, float, float]:
     return -cos * x - sin * y, sin * x - cos * y, _wrap_one(-yaw)
 
 
+def _interpolate_one(a: Sequence[float], b: Sequence[float], t: float) -> Array:
+    """`interpolate` of two single poses."""
+    (ax, ay, a_yaw), (bx, by, b_yaw) = a, b
+    yaw = _wrap_one(a_yaw + t * _wrap_one(b_yaw - a_yaw))
+    return np.array((ax + t * (bx - ax), ay + t * (by - ay), yaw))
+
+
 def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
     """T_a_c, shape the broadcast of both inputs, yaw wrapped."""
     a = np.asarray(T_a_b, dtype=np.float64)
@@ -92,6 +99,8 @@ def interpolate(pose_0: ArrayLike, pose_1: ArrayLike, fraction: ArrayLike) -> Ar
     """Poses between two poses: position along the straight line, yaw along the shorter way; fraction in [0, 1]."""
     a = np.asarray(pose_0, dtype=np.float64)
     b = np.asarray(pose_1, dtype=np.float64)
+    if a.ndim == 1 and b.ndim == 1 and isinstance(fraction, float):
+        return _interpolate_one(a.tolist(), b.tolist(), fraction)
     t = np.asarray(fraction, dtype=np.float64)
     x = a[..., 0] + t * (b[..., 0] - a[..., 0])
     y = a[..., 1] + t * (b[..., 1] - a[..., 1])

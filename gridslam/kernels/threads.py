@@ -28,9 +28,11 @@ def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...]) -> None:
     they do not depend on the number of threads.
     """
     threads = min(_count, count)
-    if threads <= 1 or not kernel.signatures:  # what must first be compiled or loaded is, on this thread
+    if threads <= 1:
         kernel(0, count, *arguments)
         return
+    if not kernel.signatures:
+        kernel(0, 0, *arguments)  # compiles or loads it, on this thread
     parts = min(count, threads * RANGES_PER_THREAD)
     bounds = [count * part // parts for part in range(parts + 1)]
     pool = _pool(os.getpid(), threads)

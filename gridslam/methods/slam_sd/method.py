@@ -6,6 +6,7 @@ Without tag reads this is a lidar SLAM.
 from __future__ import annotations
 
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +77,8 @@ class SlamSd:
         self._config = config
         self._session, self._log_name = session, log_name
         self._stopwatch = Stopwatch()
-        self._tracker = self._new_tracker()
-        self._odometry_check = OdometryCheck(self._new_tracker)
+        self._tracker = _tracker_of(config)
+        self._odometry_check = OdometryCheck(partial(_tracker_of, config))
         self._objects = self._object_layer(tags, seed)
         self._filter = self._path_filter(seed)
         self._diagnostics: dict[str, list[float]] = defaultdict(list)
@@ -125,9 +126,14 @@ class SlamSd:
                 if continued is not None:
                     key_poses = session.poses_of(len(session.drives) - 1)
             resolution_m = config.pose_graph.resolution_m or resolution_m
-        trajectory = self._tracker.corrected(key_poses)
+        trajectory = tracker.corrected(key_poses)
+        scans = tracker.key_scans
+        with self._stopwatch.stage("map_consistency"):
+            compared = (scans, key_poses, tracker.key_poses, loops)
+            if continued is not None:
+                compared = scans_to_compare(continued.session)
+            consistency = assess_map(*compared, self._drift)
         with self._stopwatch.stage("draw_map"):
-            scans = self._tracker.key_scans
             drawn = None
             if continued is not None:
                 drawn = draw_session(continued.session, resolution_m, config.memory_limit_mb)
@@ -136,11 +142,6 @@ class SlamSd:
                 masked = self._objects.returns_on_objects(scans, key_poses)
                 static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
             objects = self._objects.result(static, key_poses, trajectory)
-        with self._stopwatch.stage("map_consistency"):
-            compared = (scans, key_poses, self._tracker.key_poses, loops)
-            if continued is not None:
-                compared = scans_to_compare(continued.session)
-            consistency = assess_map(*compared, self._drift)
         result = RunResult(
             trajectory,
             occupancy=static,
@@ -170,12 +171,6 @@ class SlamSd:
             "tiles_mb": round(particles.memory_mb, 3),
             "motion": {**tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
         }
-
-    def _new_tracker(self) -> ScanTracker:
-        config = self._config
-        odometry = config.advanced.odometry
-        spacing = KeyScanSpacing(config.key_distance_m, config.key_rotation_rad)
-        return ScanTracker(FrontEnd(odometry, config.memory_limit_mb), config.scan, odometry, spacing)
 
     def _object_layer(self, tags: TagDatabase | None, seed: int) -> ObjectLayer:
         """The layer of tagged objects, if there is a tag database."""
@@ -290,3 +285,10 @@ class SlamSd:
 
     def _counters(self) -> dict[str, int]:
         return {k: int(v) for k, v in (self._tracker.counters + self._objects.counters).items()}
+
+
+def _tracker_of(config: SlamSdConfig) -> ScanTracker:
+    """A tracker that has seen nothing."""
+    odometry = config.advanced.odometry
+    spacing = KeyScanSpacing(config.key_distance_m, config.key_rotation_rad)
+    return ScanTracker(FrontEnd(odometry, config.memory_limit_mb), config.scan, odometry, spacing)
