@@ -1,4 +1,4 @@
-"""Shared fixtures: real logs, a small log, and the program in a separate process."""
+"""Shared fixtures: real logs, a small log, and the program in this process or in one of its own."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from gridslam.cli.main import main
+from gridslam.methods import registry
+from tests.dead_reckoning import register
 from tests.small_log import write_small_log
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -42,9 +45,24 @@ def small_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 Program = Callable[..., subprocess.CompletedProcess[str]]
 
 
+@pytest.fixture
+def program(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Program:
+    """Runs a command line in this process, which saves the imports; the test method `dead-reckoning` is registered."""
+    monkeypatch.setattr(registry, "METHODS", register())
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        capsys.readouterr()
+        words = [str(argument) for argument in arguments]
+        code = main(words)
+        shown = capsys.readouterr()
+        return subprocess.CompletedProcess(words, code, shown.out, shown.err)
+
+    return run
+
+
 @pytest.fixture(scope="session")
-def program() -> Program:
-    """Runs a command line in a separate process in which the test method `dead-reckoning` is registered."""
+def process() -> Program:
+    """Runs a command line as `program` does, but in a process of its own, with options of `subprocess.run`."""
 
     def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
         return subprocess.run(

@@ -27,7 +27,7 @@ def config(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("command", ["map", "convert", "convert to csv", "simulate"])
 def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
-    program: Program, small_log: Path, config: Path, tmp_path: Path, command: str
+    process: Program, small_log: Path, config: Path, tmp_path: Path, command: str
 ) -> None:
     folder = tmp_path / "disk"
     folder.mkdir()
@@ -37,7 +37,7 @@ def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
         "convert to csv": ("convert", small_log, folder / "out"),
         "simulate": ("simulate", "sd-corridor-short", "-o", folder / "out.mcap"),
     }[command]
-    done = program(*arguments, "-q", preexec_fn=limit_files)
+    done = process(*arguments, "-q", preexec_fn=limit_files)
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1, done.stderr
     assert "File too large" in done.stderr
@@ -47,30 +47,30 @@ def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
 
 
 def test_an_old_run_survives_a_full_disk(
-    program: Program, small_log: Path, config: Path, tmp_path: Path
+    program: Program, process: Program, small_log: Path, config: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "out"
     assert program("map", small_log, "-c", config, "-o", output).returncode == 0
     before = {path.name: path.read_bytes() for path in output.iterdir()}
-    done = program("map", small_log, "-c", config, "-o", output, "--force", preexec_fn=limit_files)
+    done = process("map", small_log, "-c", config, "-o", output, "--force", preexec_fn=limit_files)
     assert done.returncode == 2
     assert {path.name: path.read_bytes() for path in output.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_full_standard_output_is_told(program: Program, small_log: Path) -> None:
+def test_a_full_standard_output_is_told(process: Program, small_log: Path) -> None:
     with Path("/dev/full").open("w") as full:
-        done = program("info", small_log, stdout=full, capture_output=False, stderr=-1)
+        done = process("info", small_log, stdout=full, capture_output=False, stderr=-1)
     assert done.returncode == 2
     assert "No space left on device" in done.stderr
     assert "Traceback" not in done.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_full_standard_error_leaves_the_exit_code_as_it_is(program: Program, tmp_path: Path) -> None:
+def test_a_full_standard_error_leaves_the_exit_code_as_it_is(process: Program, tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
-        done = program("info", tmp_path / "nope", stderr=full, capture_output=False, stdout=-1)
+        done = process("info", tmp_path / "nope", stderr=full, capture_output=False, stdout=-1)
     assert (done.returncode, done.stdout) == (3, "")
 
 
