@@ -11,7 +11,7 @@ from gridslam.core.errors import ConfigError, GateError
 from gridslam.core.stamps import END_S
 from gridslam.evaluation import document as measures
 from gridslam.evaluation.alignment import Align
-from gridslam.evaluation.association import Sync
+from gridslam.evaluation.association import DEFAULT_MAX_GAP_NS, Sync
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth
 from gridslam.evaluation.from_files import load_result, load_truth
 from gridslam.evaluation.gates import Gate, answers, check_keys, failures, measures_of, parse_gate
@@ -45,7 +45,8 @@ class MeasureOptions:
     align: Align | None
     scale: bool
     sync: Sync
-    max_difference_s: float
+    max_difference_s: float | None
+    max_gap_s: float | None
     time_offset_s: float
     delta: float
     delta_unit: DeltaUnit
@@ -146,15 +147,21 @@ def _options(path: Path, given: MeasureOptions) -> EvaluationOptions:
         raise ConfigError(
             f"--delta {given.delta:g}: expected a positive number up to {MAX_DELTA:g}, a whole number of frames"
         )
-    if not given.max_difference_s <= END_S:
-        raise ConfigError(f"--max-difference {given.max_difference_s:g}: expected seconds up to {END_S:g}")
+    for name, seconds in (("--max-difference", given.max_difference_s), ("--max-gap", given.max_gap_s)):
+        if seconds is not None and not seconds <= END_S:
+            raise ConfigError(f"{name} {seconds:g}: expected seconds up to {END_S:g}")
+    if given.max_gap_s is not None and given.sync != "interpolate":
+        raise ConfigError(
+            "--max-gap: only --sync interpolate has a gap; --max-difference bounds the nearest pose"
+        )
     if not abs(given.time_offset_s) <= END_S:
         raise ConfigError(f"--time-offset {given.time_offset_s:g}: expected seconds up to {END_S:g}")
     return EvaluationOptions(
         align=align,
         with_scale=given.scale,
         sync=given.sync,
-        max_difference_ns=round(given.max_difference_s * 1e9),
+        max_difference_ns=None if given.max_difference_s is None else round(given.max_difference_s * 1e9),
+        max_gap_ns=DEFAULT_MAX_GAP_NS if given.max_gap_s is None else round(given.max_gap_s * 1e9),
         time_offset_ns=round(given.time_offset_s * 1e9),
         delta=Delta(given.delta, given.delta_unit, given.all_pairs),
         completeness_radius_m=given.completeness_radius_m,

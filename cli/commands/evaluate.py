@@ -91,10 +91,29 @@ AlignOption = Annotated[
     ),
 ]
 Scale = Annotated[bool, typer.Option("--scale", help="Let --align se2 estimate a scale too.")]
-SyncOption = Annotated[SyncName, typer.Option("--sync", help="Use the nearest pose in time, or interpolate.")]
+SyncOption = Annotated[
+    SyncName,
+    typer.Option(
+        "--sync", help="Pair with the nearest pose in time, or interpolate between the two neighbours."
+    ),
+]
 MaxDifference = Annotated[
-    float,
-    typer.Option("--max-difference", metavar="S", min=0.0, help="Largest time difference of paired poses."),
+    float | None,
+    typer.Option(
+        "--max-difference",
+        metavar="S",
+        min=0.0,
+        help="Largest time difference of paired poses. Default: 0.01 for --sync nearest.",
+    ),
+]
+MaxGap = Annotated[
+    float | None,
+    typer.Option(
+        "--max-gap",
+        metavar="S",
+        min=0.0,
+        help="Largest time between the two poses that --sync interpolate takes. Default: 1.",
+    ),
 ]
 DeltaSize = Annotated[
     float, typer.Option("--delta", metavar="N", help="Distance between the two poses of an RPE pair.")
@@ -145,7 +164,8 @@ def run(
     align: AlignOption = None,
     scale: Scale = False,
     sync: SyncOption = SyncName.nearest,
-    max_difference: MaxDifference = 0.01,
+    max_difference: MaxDifference = None,
+    max_gap: MaxGap = None,
     time_offset: TimeOffset = 0.0,
     delta: DeltaSize = 1.0,
     delta_unit: DeltaUnitOption = DeltaUnitName.frames,
@@ -171,6 +191,7 @@ def run(
                 scale=scale,
                 sync=sync.value,
                 max_difference_s=max_difference,
+                max_gap_s=max_gap,
                 time_offset_s=time_offset,
                 delta=delta,
                 delta_unit=delta_unit.value,

@@ -12,6 +12,8 @@ from gridslam.core.trajectory import Trajectory
 
 Sync = Literal["nearest", "interpolate"]
 DEFAULT_MAX_DIFFERENCE_NS = 10_000_000
+# At an acceleration a, a pose between two others is wrong by up to a gap^2 / 8: 12 cm at 1 m/s^2 and one second.
+DEFAULT_MAX_GAP_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,29 +32,51 @@ def associate(
     estimate: Trajectory,
     truth: Trajectory,
     sync: Sync = "nearest",
-    max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS,
+    max_difference_ns: int | None = None,
+    max_gap_ns: int = DEFAULT_MAX_GAP_NS,
 ) -> Pairs:
-    """Pair the poses of two trajectories sorted by stamp, as evo does.
+    """Pair the poses of two trajectories sorted by stamp; the result may be empty.
 
-    Each pose of the trajectory with fewer poses (the estimate if both have the same number) is paired with the pose of the
-    other that is nearest in time, at most `max_difference_ns` away; of two equally near ones the earlier. `interpolate` pairs
-    the same poses and then interpolates the longer trajectory at the stamps of the shorter one. Without any pair the result
-    is empty.
+    The poses of the shorter trajectory (the estimate if both have the same number of poses) are paired with the other one.
+    `nearest`: with its pose that is nearest in time, at most `max_difference_ns` away (default 10 ms); of two equally near
+    ones the earlier. `interpolate`: with the pose interpolated between its two neighbours in time, if these are at most
+    `max_gap_ns` apart. If `max_difference_ns` is given too, the nearer neighbour must be that near, and an end of the
+    trajectory that is so near serves as it is: the poses that evo pairs.
     """
     if not len(estimate) or not len(truth):
         return Pairs(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
     estimate_is_short = len(estimate) <= len(truth)
     short, long = (estimate, truth) if estimate_is_short else (truth, estimate)
-    in_short, in_long = match_nearest(short.stamps_ns, long.stamps_ns, max_difference_ns)
-    stamps, short_poses = short.stamps_ns[in_short], short.poses[in_short]
     if sync == "interpolate":
-        long_poses, _ = long.at(stamps)
-        long_stamps = stamps
+        in_short = _between_neighbours(short.stamps_ns, long.stamps_ns, max_difference_ns, max_gap_ns)
+        long_stamps = short.stamps_ns[in_short]
+        long_poses, _ = long.at(long_stamps)
     else:
+        largest = DEFAULT_MAX_DIFFERENCE_NS if max_difference_ns is None else max_difference_ns
+        in_short, in_long = match_nearest(short.stamps_ns, long.stamps_ns, largest)
         long_poses, long_stamps = long.poses[in_long], long.stamps_ns[in_long]
+    short_poses = short.poses[in_short]
     if estimate_is_short:
-        return Pairs(stamps, short_poses, long_poses)
+        return Pairs(short.stamps_ns[in_short], short_poses, long_poses)
     return Pairs(long_stamps, long_poses, short_poses)
+
+
+def _between_neighbours(
+    stamps_ns: NDArray[np.int64],
+    among_ns: NDArray[np.int64],
+    max_difference_ns: int | None,
+    max_gap_ns: int,
+) -> NDArray[np.int64]:
+    """Indices of the stamps at which a trajectory with the stamps `among_ns` (sorted, not empty) may be interpolated."""
+    after = np.searchsorted(among_ns, stamps_ns, side="left")
+    right = among_ns[np.minimum(after, len(among_ns) - 1)]
+    left = among_ns[np.maximum(after - 1, 0)]
+    is_inside = (stamps_ns >= among_ns[0]) & (stamps_ns <= among_ns[-1])
+    is_narrow = (right - left <= max_gap_ns) | (stamps_ns == right)
+    if max_difference_ns is None:
+        return np.flatnonzero(is_inside & is_narrow).astype(np.int64)
+    near, _ = match_nearest(stamps_ns, among_ns, max_difference_ns)
+    return np.asarray(near[(is_narrow | ~is_inside)[near]], np.int64)
 
 
 def match_nearest(

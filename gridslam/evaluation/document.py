@@ -14,7 +14,13 @@ from gridslam.core.errors import InputError
 from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, Alignment, find_alignment
-from gridslam.evaluation.association import DEFAULT_MAX_DIFFERENCE_NS, Pairs, Sync, associate
+from gridslam.evaluation.association import (
+    DEFAULT_MAX_DIFFERENCE_NS,
+    DEFAULT_MAX_GAP_NS,
+    Pairs,
+    Sync,
+    associate,
+)
 from gridslam.evaluation.kitti_errors import kitti_errors
 from gridslam.evaluation.localization import judge_localization
 from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wall_distances
@@ -73,12 +79,27 @@ class EvaluationOptions:
     align: Align = "none"
     with_scale: bool = False
     sync: Sync = "nearest"
-    max_difference_ns: int = DEFAULT_MAX_DIFFERENCE_NS
+    max_difference_ns: int | None = None  # None: 10 ms for `nearest`, no bound for `interpolate`
+    max_gap_ns: int = DEFAULT_MAX_GAP_NS  # between the poses that `interpolate` takes
     time_offset_ns: int = 0  # added to the stamps of the estimate
     delta: Delta = field(default_factory=Delta)
     completeness_radius_m: float | None = None
     max_position_m: float = 0.5  # bound for a successful localization and a correct object
     max_heading_deg: float = 10.0
+
+    @property
+    def nearness(self) -> str:
+        """How near to each other stamps have to be, as the end of a sentence."""
+        if self.sync == "interpolate" and self.max_difference_ns is None:
+            return f"between poses of the other at most {self.max_gap_ns / 1e9:g} s apart"
+        largest = DEFAULT_MAX_DIFFERENCE_NS if self.max_difference_ns is None else self.max_difference_ns
+        return f"within {largest / 1e9:g} s of each other"
+
+    @property
+    def nearness_option(self) -> str:
+        """The option that bounds it."""
+        is_gap = self.sync == "interpolate" and self.max_difference_ns is None
+        return "--max-gap" if is_gap else "--max-difference"
 
 
 def evaluate(result: Result, truth: Truth, options: EvaluationOptions) -> Document:
@@ -143,8 +164,8 @@ def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) 
     pairs = pairs_of(estimate, truth, options)
     if not len(pairs):
         raise InputError(
-            f"estimate ({_span(estimate)}) and truth ({_span(truth)}) have no stamps within "
-            f"{options.max_difference_ns / 1e9:g} s of each other; a larger --max-difference pairs more"
+            f"estimate ({_span(estimate)}) and truth ({_span(truth)}) have no stamps {options.nearness}; "
+            f"a larger {options.nearness_option} pairs more"
         )
     alignment = find_alignment(pairs.estimate, pairs.truth, options.align, options.with_scale)
     if alignment is None:
@@ -158,7 +179,9 @@ def _align(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) 
 def pairs_of(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:
     """The paired poses, not aligned, after the estimate's stamps were shifted by the time offset."""
     shifted = Trajectory(estimate.stamps_ns + options.time_offset_ns, estimate.poses)
-    return associate(shifted.sorted(), truth.sorted(), options.sync, options.max_difference_ns)
+    return associate(
+        shifted.sorted(), truth.sorted(), options.sync, options.max_difference_ns, options.max_gap_ns
+    )
 
 
 def aligned_pairs(estimate: Trajectory, truth: Trajectory, options: EvaluationOptions) -> Pairs:

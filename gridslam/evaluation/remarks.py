@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, find_alignment
-from gridslam.evaluation.association import Pairs
+from gridslam.evaluation.association import Pairs, associate
 from gridslam.evaluation.pose_errors import absolute_errors
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.time_offset import find_time_offset
@@ -114,9 +114,11 @@ def pair_remarks(
     fewer = min(len(estimate), len(truth))
     is_partial = len(pairs) < MIN_PAIRED * fewer
     if is_partial:
+        between = len(associate(estimate.sorted(), truth.sorted(), "interpolate"))
+        remedy = f"; --sync interpolate pairs {between}" if between > len(pairs) else ""
         yield (
             f"only {len(pairs)} of {fewer} poses are paired ({len(pairs) / fewer:.0%}); the others are not measured "
-            f"(estimate {_span_s(estimate)}, truth {_span_s(truth)})"
+            f"(estimate {_span_s(estimate)}, truth {_span_s(truth)}){remedy}"
         )
     if len(pairs) < 3 or np.ptp(pairs.truth[:, :2], axis=0).max() < MIN_MOTION_M:
         return
@@ -212,7 +214,7 @@ def _span_s(trajectory: Trajectory) -> str:
     return f"{first / 1e9:.1f} to {last / 1e9:.1f} s"
 
 
-def no_pairs_hint(estimate: PoseSeries, truth: PoseSeries) -> str:
+def no_pairs_hint(estimate: PoseSeries, truth: PoseSeries, option: str) -> str:
     """Advice for series without a stamp in common."""
     for series in (estimate, truth):
         if len(series) > 1 and (series.stamps_ns == series.stamps_ns[0]).all():
@@ -224,4 +226,4 @@ def no_pairs_hint(estimate: PoseSeries, truth: PoseSeries) -> str:
         zero = next((s.name for s in (estimate, truth) if int(s.stamps_ns.min()) < 1e9 * 86_400 * 365), None)
         cause = f"the stamps of {zero} count from another zero" if zero else "their times do not overlap"
         return f"{cause}; if both start together, use --time-offset {offset_s:.3f}"
-    return "a larger --max-difference pairs more"
+    return f"a larger {option} pairs more"

@@ -41,10 +41,9 @@ def check_pairs(result: Result, truth: Truth, options: EvaluationOptions) -> Non
         f"{series.name}: {len(series)} poses, {series.stamps_ns.min() / 1e9:.3f} to {series.stamps_ns.max() / 1e9:.3f} s"
         for series in (result.series, truth.series)
     ]
-    hint = no_pairs_hint(result.series, truth.series)
+    hint = no_pairs_hint(result.series, truth.series, options.nearness_option)
     raise InputError(
-        f"estimate ({spans[0]}) and truth ({spans[1]}) have no stamps within {options.max_difference_ns / 1e9:g} s of each "
-        f"other: {hint}"
+        f"estimate ({spans[0]}) and truth ({spans[1]}) have no stamps {options.nearness}: {hint}"
     )
 
 

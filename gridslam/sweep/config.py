@@ -77,7 +77,12 @@ class Evaluation(StrictModel):
         None, description="Default: se2 for map, none for localize."
     )
     sync: Literal["nearest", "interpolate"] = "nearest"
-    max_difference_s: float = Field(0.01, ge=0.0)
+    max_difference_s: float | None = Field(
+        None, ge=0.0, description="Largest time difference of paired poses. Default: 0.01 for nearest."
+    )
+    max_gap_s: float = Field(
+        1.0, ge=0.0, description="Largest time between the two poses that interpolate takes."
+    )
     completeness_radius_m: float | None = Field(None, ge=0.0)
     max_position_m: float = Field(0.5, ge=0.0)
     max_heading_deg: float = Field(10.0, ge=0.0)

@@ -117,6 +117,7 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
     measures = measures_of({"run": {**facts, "skipped": sum(skipped.values())}, "method": report["measures"]})
     if job.truth.is_there:
         options = job.options
+        largest = options["max_difference_s"]
         files = job.truth
         truth = load_truth(files.truth, files.truth_map, files.relations, files.objects)
         measures |= measures_of(
@@ -127,7 +128,8 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
                     EvaluationOptions(
                         align=options["align"] or ("se2" if job.command == "map" else "none"),
                         sync=options["sync"],
-                        max_difference_ns=round(options["max_difference_s"] * 1e9),
+                        max_difference_ns=None if largest is None else round(largest * 1e9),
+                        max_gap_ns=round(options["max_gap_s"] * 1e9),
                         completeness_radius_m=options["completeness_radius_m"],
                         max_position_m=options["max_position_m"],
                         max_heading_deg=options["max_heading_deg"],

@@ -56,7 +56,7 @@ def random_pair(seed: int) -> tuple[Trajectory, Trajectory]:
 
 def both_sides(seed: int, kind: str) -> tuple[Pairs, PoseTrajectory3D, PoseTrajectory3D]:
     estimate, truth = random_pair(seed)
-    pairs = associate(estimate, truth, kind)
+    pairs = associate(estimate, truth, kind, max_difference_ns=10_000_000)
     assume(len(pairs) >= 5)
     evo_truth, evo_estimate = sync.associate_trajectories(
         as_evo(truth), as_evo(estimate), sync_method=EVO_SYNC[kind], max_diff=0.01
