@@ -84,5 +84,5 @@ def _levels(path: Path, image: Image.Image) -> ImageLevels:
         translucent = int(np.count_nonzero((alpha > 0) & (alpha < 255)))
         return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, alpha == 255, translucent)
     if image.mode in ("1", "L"):
-        return ImageLevels(np.asarray(image.convert("L")), 255, None)
+        return ImageLevels(np.asarray(image if image.mode == "L" else image.convert("L")), 255, None)
     return ImageLevels(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 765, None)

@@ -33,6 +33,7 @@ TRINARY_THRESHOLDS = (0.65, 0.196)
 SCALE_THRESHOLDS = (1.0, 0.0)
 UNKNOWN = -1
 SPIKE_RATIO = 10  # grey 205 means unknown if it is this much more frequent than 204 and 206 together
+PROBABILITY_OF_CELL = np.append(np.arange(101, dtype=np.float32) / np.float32(100), np.float32(np.nan))
 ROWS_PER_BLOCK = 256  # of a table lookup, whose indices take 8 bytes a pixel
 
 ImageFormat = Literal["pgm", "png", "bmp"]
@@ -74,9 +75,7 @@ def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> Occupancy
     _warn_about_unusual_values(path, meta, image)
     cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
     cells = _with_unknown_grey(path, meta, image, cells)
-    probability = cells.astype(np.float32)
-    probability /= np.float32(100)
-    probability[cells == UNKNOWN] = np.nan
+    probability = _looked_up(PROBABILITY_OF_CELL, cells)  # -1, unknown, is the last entry
     return OccupancyGrid(probability, GridGeometry(meta.resolution_m, meta.origin_xy_m, meta.origin_yaw_rad))
 
 
@@ -160,7 +159,13 @@ def cells_of_image(
 
 
 def _looked_up(table: NDArray[Any], index: NDArray[Any]) -> NDArray[Any]:
-    """table[index] of an image `(rows, cols)`, in blocks of rows."""
+    """table[index] of an image `(rows, cols)`, in blocks of rows; bytes are looked up by OpenCV, ten times as fast."""
+    if index.dtype.itemsize == 1:
+        import cv2
+
+        of_byte = np.full(256, table[-1])  # index -1 is byte 255
+        of_byte[: len(table)] = table
+        return np.asarray(cv2.LUT(np.ascontiguousarray(index).view(np.uint8), of_byte))
     found = np.empty(index.shape, table.dtype)
     for first in range(0, len(index), ROWS_PER_BLOCK):
         rows = slice(first, first + ROWS_PER_BLOCK)

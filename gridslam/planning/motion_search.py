@@ -12,6 +12,8 @@ from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.search import (
     EXHAUSTED,
     FOUND,
+    MAX_NEW_STATES,
+    TOO_MANY,
     UNFINISHED,
     continue_search,
     motions_to_goal,
@@ -32,6 +34,7 @@ SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more 
 FIRST_SEARCH_STATES = 100_000
 BACKWARD_SEARCH_STATES = 1_000_000
 LAST_SEARCH_STATES = 3_000_000
+LARGE_MAP_STATES = 60_000  # of all searches on one part or version of a map with too many cells; some 3 s
 EXPANSIONS_PER_SLICE = 5_000  # well below a second
 MAX_GUIDE_POSES = 50_000  # 20 km
 COARSE_STEP_M, FINE_STEP_M = 0.15, 0.05  # length of an arc
@@ -46,17 +49,17 @@ def no_report(states: int) -> None:
 
 
 class SearchResult(NamedTuple):
-    """FOUND, EXHAUSTED or TOO_MANY, the motions `(n, 2)` (length, curvature), and the number of states."""
+    """FOUND, EXHAUSTED or TOO_MANY, and the motions `(n, 2)` (length, curvature)."""
 
     status: int
     motions: Floats
-    states: int
 
 
 class MotionSearch:
     """Searches between two poses of one space (its own frame); a goal yaw of NaN is free.
 
-    `report` is called several times a second with the number of states found by the current search.
+    `report` is called several times a second with the number of states found by the current search. All searches together have
+    at most `max_states` states.
     """
 
     def __init__(
@@ -67,8 +70,11 @@ class MotionSearch:
         start: Floats,
         goal: Floats,
         report: Report = no_report,
+        max_states: float = np.inf,
     ) -> None:
         self._report = report
+        self._max_states = max_states
+        self.states = 0  # of all searches so far
         self._occupancy, self._space, self._options = occupancy, space, options
         self._start, self._goal = start, goal
         smallest = options.min_radius_m
@@ -126,19 +132,22 @@ class MotionSearch:
             result = self._search(start, goals, guide_path, cost, FIRST_SEARCH_STATES, is_fine=True)
             if result.status == EXHAUSTED:
                 raise self._unreachable("start", self._start)
-        if result.status != FOUND and len(goals) == 1:
+        if result.status != FOUND and len(goals) == 1 and not self._is_spent:
             result = self._search_from_goal(start, goals[0], guide_path)
             if result.status == EXHAUSTED:
                 raise self._unreachable("goal", self._goal)
-        states = 0
         if result.status != FOUND:
             result = self._search(start, goals, guide_path, cost, LAST_SEARCH_STATES)
-            states = result.states
         if result.status == EXHAUSTED:
             raise self._unreachable("start", self._start)
         if result.status != FOUND:
-            raise search_limit_reached(self.radius_m, states)
+            raise search_limit_reached(self.radius_m, self.states)
         return result.motions
+
+    @property
+    def _is_spent(self) -> bool:
+        """Whether there is no room for more states."""
+        return self.states + MAX_NEW_STATES > self._max_states
 
     def _unreachable(self, name: str, pose: Floats) -> Exception:
         in_map = self._space.to_map(pose[None])[0]
@@ -166,6 +175,9 @@ class MotionSearch:
         max_states: int,
         is_fine: bool = False,
     ) -> SearchResult:
+        if self._is_spent:
+            return SearchResult(TOO_MANY, np.zeros((0, 2)))
+        max_states = int(min(max_states, self._max_states - self.states))
         options = self._options
         step_m = FINE_STEP_M if is_fine else max(COARSE_STEP_M, 0.5 * self.radius_m)
         query = Query(
@@ -184,5 +196,6 @@ class MotionSearch:
         while status == UNFINISHED:  # in slices, so that the search can be interrupted
             status = int(continue_search(self._space.world, query, states, EXPANSIONS_PER_SLICE))
             self._report(int(states.size[COUNT]))
+        self.states += int(states.size[COUNT])
         motions = np.asarray(motions_to_goal(states)) if status == FOUND else np.zeros((0, 2))
-        return SearchResult(status, motions, int(states.size[COUNT]))
+        return SearchResult(status, motions)

@@ -19,7 +19,6 @@ RADIUS_FACTORS = (1.0, 2.0, 4.0)  # radii of shortcuts, in units of the smallest
 SPACING_M = 0.5  # of the joints that shortcuts connect
 MAX_JOINTS_AHEAD = 40
 INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # of the local search over circles
-MAX_MOTIONS = 120  # improved at once: the local search takes time with the square of their number
 SAME_YAW_RAD = 1e-6
 
 
@@ -36,6 +35,7 @@ class Refiner:
     search_radius_m: float
     limits: SpeedLimits
     passes: int = 2  # of shortcuts and local search
+    max_motions: int = 120  # improved at once: the local search takes time with the square of their number
 
     def refine(self, motions: Floats, first_pose: Floats, start: Floats, goal: Floats) -> Floats:
         """Parts `(m, 6)` from `start` to `goal` that take less time than the motions `(n, 2)` from `first_pose`.
@@ -44,7 +44,7 @@ class Refiner:
         differ, and at the goal if the last pose of the motions and `goal` do. A goal yaw of NaN is free.
         """
         refined = []
-        runs = _split_into_runs(motions)
+        runs = _split_into_runs(motions, self.max_motions)
         for i, run in enumerate(runs):
             end = _end_pose(first_pose, run)
             first = start if i == 0 else first_pose
@@ -152,10 +152,10 @@ def _circle(part: Floats, radius_m: float, side: float) -> list[float]:
     return [x - side * radius_m * np.sin(yaw), y + side * radius_m * np.cos(yaw), radius_m, side]
 
 
-def _split_into_runs(motions: Floats) -> list[Floats]:
-    """The motions in runs of one driving direction and at most MAX_MOTIONS motions each."""
+def _split_into_runs(motions: Floats, max_motions: int) -> list[Floats]:
+    """The motions in runs of one driving direction and at most `max_motions` motions each."""
     runs = np.split(motions, np.flatnonzero(np.diff(np.sign(motions[:, 0]))) + 1)
-    return [run[first : first + MAX_MOTIONS] for run in runs for first in range(0, len(run), MAX_MOTIONS)]
+    return [run[first : first + max_motions] for run in runs for first in range(0, len(run), max_motions)]
 
 
 def _end_pose(first_pose: Floats, motions: Floats) -> Floats:

@@ -31,9 +31,14 @@ SEGMENT_COLUMNS = (
     "kind", "x", "y", "yaw", "length_m", "radius_m", "angle_rad", "enter_mps", "top_mps", "leave_mps", "time_s",
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
+END = "\n}"  # of an indented JSON document
 MAX_PICTURE_CELLS = 1_000_000
 UNKNOWN_SHADE = 0.18
 BORDER_M = 1.5
+MAX_FOOTPRINTS_ACROSS, MAX_POINTS_ACROSS = (
+    200,
+    1000,
+)  # on the longer side of the picture, which has some 800 pixels
 MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
 
 
@@ -92,8 +97,15 @@ def write_plan(
             folder / "segments.csv", Table(SEGMENT_COLUMNS, [segment_row(s) for s in plan.path.segments])
         )
         write_atomic(folder / "path.png", plan_picture(plan.path, occupancy, discs))
-        document = json.dumps(plan_document(plan, map_path), indent=2, allow_nan=False)
-        write_atomic(folder / REPORT_NAME, document.encode())
+        write_atomic(folder / REPORT_NAME, _indented(plan_document(plan, map_path)).encode())
+
+
+def _indented(document: dict[str, Any]) -> str:
+    """The bytes of `json.dumps` with an indent of 2, whose encoder in Python would take seconds for the poses of a long path."""
+    text = json.dumps({**document, "poses": []}, indent=2, allow_nan=False)
+    poses = json.dumps(document["poses"], separators=(",\n      ", ": "), allow_nan=False)
+    rows = poses[2:-2].replace("},\n      {", "\n    },\n    {\n      ")
+    return f"{text.removesuffix('[]' + END)}[\n    {{\n      {rows}\n    }}\n  ]{END}"
 
 
 def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> bytes:
@@ -101,7 +113,8 @@ def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> 
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
 
-    _, poses, speeds = path.sampled(SPACING)
+    corners = np.array([[s.x, s.y] for s in path.segments])
+    _, poses, speeds = path.sampled(max(SPACING, np.ptp(corners, axis=0).max() / MAX_POINTS_ACROSS))
     low, high = poses[:, :2].min(axis=0) - BORDER_M, poses[:, :2].max(axis=0) + BORDER_M
     extent = high - low
     scale = MAX_SIDE_IN / extent.max()
@@ -109,7 +122,7 @@ def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> 
     figure = Figure(figsize=(width + 1.2, height), dpi=90, layout="constrained")
     axes = figure.add_subplot()
     _draw_map(axes, occupancy, low, high)
-    _draw_robot(axes, path, discs)
+    _draw_robot(axes, path, discs, max(FOOTPRINT_SPACING_M, extent.max() / MAX_FOOTPRINTS_ACROSS))
     lines = LineCollection(
         list(np.stack([poses[:-1, :2], poses[1:, :2]], axis=1)),
         array=np.abs(speeds[1:]),
@@ -153,11 +166,12 @@ def _draw_map(axes: Axes, occupancy: OccupancyGrid, low: Floats, high: Floats) -
     )
 
 
-def _draw_robot(axes: Axes, path: ArcLinePath, discs: Floats) -> None:
+def _draw_robot(axes: Axes, path: ArcLinePath, discs: Floats, spacing: float) -> None:
+    """Draw the discs every `spacing` m or rad of the path."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
-    _, poses, _ = path.sampled(FOOTPRINT_SPACING_M)
+    _, poses, _ = path.sampled(spacing)
     patches = []
     for x, y, yaw in poses:
         c, s = np.cos(yaw), np.sin(yaw)

@@ -39,7 +39,12 @@ def write_table(path: Path, table: Table) -> None:
         ["stamp" if is_stamp else column for column, is_stamp in zip(table.columns, stamps, strict=True)]
     )
     for row in table.rows:
-        writer.writerow([_cell(value, is_stamp) for value, is_stamp in zip(row, stamps, strict=True)])
+        writer.writerow(
+            [
+                value if type(value) is float else _cell(value, is_stamp)  # a float is written as its repr
+                for value, is_stamp in zip(row, stamps, strict=True)
+            ]
+        )
     write_atomic(path, buffer.getvalue().encode())
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.planning import motion_search, refinement
+from gridslam.planning import arcs_and_lines, motion_search
 from gridslam.planning.arcs_and_lines import PlannedPath, plan_path
 from gridslam.planning.footprint import cover_polygon, disc
 from gridslam.planning.options import PlanOptions
@@ -267,7 +267,8 @@ def test_a_path_beyond_the_limit_of_length_is_refused(monkeypatch: pytest.Monkey
 
 
 def test_a_path_improved_in_pieces_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(refinement, "MAX_MOTIONS", 2)
+    monkeypatch.setattr(arcs_and_lines, "LONG_PATH_M", 3.0)
+    monkeypatch.setattr(arcs_and_lines, "LONG_PATH_MOTIONS", 2)
     grid = room()
     assert_valid(plan_path(grid, START, GOAL), grid, START, GOAL)
 

@@ -89,6 +89,13 @@ def test_a_window_is_planned_over_in_the_map_s_own_cells(monkeypatch: pytest.Mon
     assert [grid.geometry.resolution_m for grid in asked] == [0.05]
 
 
+@pytest.mark.usefixtures("limited")
+def test_poses_searched_on_a_large_map_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arcs_and_lines, "LARGE_MAP_STATES", 20)
+    with pytest.raises(MethodError, match=r"no path found among \d+ poses.*crop the map"):
+        plan_path(room(), START, GOAL)
+
+
 @pytest.mark.parametrize("very_long_m", [3.0, 1e9])
 def test_a_long_path_is_the_only_candidate(monkeypatch: pytest.MonkeyPatch, very_long_m: float) -> None:
     assert len(plan_path(room(), START, GOAL).candidates) > 1
