@@ -23,11 +23,11 @@ def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Tr
     """The transforms that are rigid motions of a robot's size; the others are counted."""
     found = []
     for edge in edges:
-        fault = transform.fault(edge)
-        if fault is None:
+        reason = transform.unusable_reason(edge)
+        if reason is None:
             found.append(edge)
         else:
-            message_counts.skip("tf", fault.value, f"the transform {edge.frame_id}->{edge.child_frame_id}")
+            message_counts.skip("tf", reason.value, f"the transform {edge.frame_id}->{edge.child_frame_id}")
     return found
 
 

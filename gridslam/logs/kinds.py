@@ -65,7 +65,7 @@ _KINDS = (
             default_frame="tf",
             rows_name_frames=True,
         ),
-        fault=transform.fault,
+        unusable_reason=transform.unusable_reason,
         is_named_by_camera=True,
     ),
     MessageKind(
@@ -82,7 +82,7 @@ _KINDS = (
             default_frame="camera_info",
             rows_name_frames=True,
         ),
-        fault=camera_info.fault,
+        unusable_reason=camera_info.unusable_reason,
         is_sensor=True,
         is_named_by_camera=True,
     ),
@@ -98,7 +98,7 @@ _KINDS = (
             optional=("vx", "wz", "frame", "child_frame"),
             default_frame="odom",
         ),
-        fault=odometry.fault,
+        unusable_reason=odometry.unusable_reason,
         is_single=True,
     ),
     MessageKind(
@@ -109,7 +109,7 @@ _KINDS = (
         csv=CsvTableKind(
             imu.from_csv, imu.to_csv, required=("wz",), optional=("frame",), default_frame="imu"
         ),
-        fault=imu.fault,
+        unusable_reason=imu.unusable_reason,
         is_single=True,
         is_sensor=True,
     ),
@@ -125,7 +125,7 @@ _KINDS = (
             optional=("frame",),
             default_frame="base_link",
         ),
-        fault=wheels.fault,
+        unusable_reason=wheels.unusable_reason,
         is_single=True,
     ),
     MessageKind(
@@ -140,7 +140,7 @@ _KINDS = (
             optional=("cov_xy", "cov_xyaw", "cov_yyaw", "frame"),
             default_frame="map",
         ),
-        fault=pose.fault,
+        unusable_reason=pose.unusable_reason,
         is_single=True,
     ),
     MessageKind(
@@ -156,7 +156,7 @@ _KINDS = (
             default_frame="tags",
             rows_name_frames=True,
         ),
-        fault=tags.fault,
+        unusable_reason=tags.unusable_reason,
         is_sensor=True,
     ),
     MessageKind(
@@ -172,7 +172,7 @@ _KINDS = (
             frame_column="sensor",
             rows_name_frames=True,
         ),
-        fault=ranger.fault,
+        unusable_reason=ranger.unusable_reason,
         is_sensor=True,
     ),
     MessageKind(
@@ -192,7 +192,7 @@ _KINDS = (
             default_frame="laser",
             has_ranges=True,
         ),
-        fault=scan.fault,
+        unusable_reason=scan.unusable_reason,
         is_single=True,
         is_sensor=True,
     ),
@@ -205,7 +205,7 @@ _KINDS = (
             "livox_ros_driver2/msg/CustomMsg": cloud.from_livox,
         },
         to_ros=cloud.to_ros,
-        fault=cloud.fault,
+        unusable_reason=cloud.unusable_reason,
         is_sensor=True,
     ),
     MessageKind("stereo", StereoPair, to_ros=image.stereo_to_ros, is_sensor=True),
@@ -223,7 +223,7 @@ _KINDS = (
             rows_name_frames=True,
             has_pictures=True,
         ),
-        fault=disparity.fault,
+        unusable_reason=disparity.unusable_reason,
         is_sensor=True,
         is_named_by_camera=True,
     ),
@@ -276,7 +276,7 @@ _KINDS = (
             optional=("vx", "wz", "frame", "child_frame"),
             default_frame="map",
         ),
-        fault=odometry.fault,
+        unusable_reason=odometry.unusable_reason,
         is_event=False,
     ),
     MessageKind(
@@ -332,10 +332,14 @@ def foxglove_converter(name: str) -> FromFoxglove | None:
     return None if kind is None else kind.foxglove[name]
 
 
-def fault_of(event: Event) -> SkipReason | None:
+def unusable_reason(event: Event) -> SkipReason | None:
     """The reason why no method can use the event; None where it can."""
-    check = _FAULTS.get(type(event))
+    check = _UNUSABLE_REASONS.get(type(event))
     return check(event) if check else None
 
 
-_FAULTS = {kind.message: kind.fault for kind in _KINDS if kind.message is not None and kind.fault is not None}
+_UNUSABLE_REASONS = {
+    kind.message: kind.unusable_reason
+    for kind in _KINDS
+    if kind.message is not None and kind.unusable_reason is not None
+}

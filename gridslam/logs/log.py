@@ -13,21 +13,20 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs import extrinsics, ordering
-from gridslam.logs.clock_steps import clock_epochs
+from gridslam.logs import ordering
 from gridslam.logs.clocks import check_overlap, restamp
 from gridslam.logs.config import LogConfig
-from gridslam.logs.kinds import KINDS, fault_of
+from gridslam.logs.disorder import note_disorder
+from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.moving_mount import MovingMount, moving_mounts
 from gridslam.logs.playback import events_of, file_states, true_pose_of
 from gridslam.logs.repeats import is_looped, without_repeats
 from gridslam.logs.selection import select_streams
-from gridslam.logs.several_sensors import note_choice, refuse_unknown_places
+from gridslam.logs.sensor_placement import place_sensors
+from gridslam.logs.several_sensors import note_choice
 from gridslam.logs.skips import Skip, SkipReason
-from gridslam.logs.streams import RecordedStream, Source, StreamInfo
-from gridslam.logs.tum import LARGEST_M, read_trajectory
-from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
+from gridslam.logs.streams import Source, StreamInfo
+from gridslam.logs.tum import MAX_COORDINATE_M, read_trajectory
 
 
 class Log:
@@ -46,15 +45,13 @@ class Log:
         self._playback = MessageCounts()
         self._opening = MessageCounts()
         self._truth = MessageCounts()
-        self._lidars: dict[str, VirtualLidar] = {}
-        self._moving: dict[str, MovingMount] = {}
         self._restamped: frozenset[int] = frozenset()
         if self._for_a_method:
             self._restamped = restamp(source.streams, self._selection.kind_of, self._opening)
             check_overlap(source.streams, self._selection.kind_of, self._opening)
-        self._static = self._with_virtual_lidars(self._mount())
+        self._sensors = place_sensors(source, self._selection, config, self._for_a_method, self._opening)
         self._file_states = file_states(source.files)
-        self._note_disorder()
+        note_disorder(source.streams, self._selection, self._is_sorted, self._opening)
         if self._for_a_method:
             note_choice(source.streams, self._selection.kind_of, config, self._opening)
 
@@ -83,7 +80,7 @@ class Log:
     @property
     def sensor_extrinsics(self) -> list[Transform]:
         """The static transforms with which `events()` begins: one per sensor frame in use."""
-        return list(self._static)
+        return list(self._sensors.fixed)
 
     @property
     def static_transforms(self) -> list[Transform]:
@@ -112,7 +109,7 @@ class Log:
     @property
     def event_count(self) -> int:
         """The largest number of events that `events()` yields, for progress."""
-        return len(self._static) + sum(
+        return len(self._sensors.fixed) + sum(
             len(self._source.streams[i].stamps_ns) for i in self._selection.kind_of
         )
 
@@ -162,7 +159,7 @@ class Log:
         `with_truth` adds the true poses, of kind `truth`, for writing the log anew.
         """
         self._playback = message_counts = MessageCounts()
-        for transform in self._static:
+        for transform in self._sensors.fixed:
             message_counts.counters["read.extrinsics"] += 1
             yield "tf", "/tf_static", transform
         kind_of = dict(self._selection.kind_of)
@@ -177,7 +174,7 @@ class Log:
             limit_bytes=limit_bytes,
             message_counts=message_counts,
             states=self._file_states,
-            lidars=self._lidars,
+            lidars=self._sensors.virtual_lidars,
             with_repairs=self._for_a_method,
             restamped=self._restamped,
             span_ns=self._span_ns(),
@@ -186,7 +183,7 @@ class Log:
         if self._for_a_method and is_looped(self._source.streams, self._selection.kind_of):
             items = without_repeats(items, message_counts)
         for kind, topic, event in items:
-            if isinstance(event, LaserScan) and (moving := self._moving.get(event.frame_id)):
+            if isinstance(event, LaserScan) and (moving := self._sensors.moving.get(event.frame_id)):
                 transform, event = moving.placed(event)
                 yield "tf", "/tf", transform
             yield kind, topic, event
@@ -204,12 +201,12 @@ class Log:
         stamps, poses = [], []
         for _, event in self._source.read(frozenset({index}), [index] * len(stream.stamps_ns)):
             pose = true_pose_of(event)
-            fault = _fault_of_truth(event, pose)
-            if pose is not None and fault is None:
+            reason = _unusable_truth(event, pose)
+            if pose is not None and reason is None:
                 stamps.append(pose.stamp_ns)
                 poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
-            elif fault is not None:
-                message_counts.count(f"skipped.truth.{fault.value}")
+            elif reason is not None:
+                message_counts.count(f"skipped.truth.{reason.value}")
         if left_out := sum(message_counts.counters.values()):
             message_counts.note(
                 f"{stream.label}: {left_out} true poses cannot be used, and errors are measured without them"
@@ -241,124 +238,6 @@ class Log:
             used=index in self._selection.kind_of,
         )
 
-    def _mount(self) -> list[Transform]:
-        streams = self._source.streams
-        used = [streams[i] for i, kind in self._selection.kind_of.items() if KINDS[kind].is_sensor]
-        base = self._selection.base_frame
-        needed = [f for s in used if s.kind != "imu" for f in s.frames]
-        edges = [
-            Transform(0, next(iter(s.frames)), s.child_frame, s.constant[0], s.constant[1])
-            for s in streams
-            if s.constant is not None and s.child_frame != base
-        ]
-        edges = extrinsics.usable([*edges, *self._source.static_edges], self._opening)
-        tree = extrinsics.tree_of(edges)
-        lidar_frames = [
-            frame
-            for i, kind in self._selection.kind_of.items()
-            if kind == "scan" and self._for_a_method
-            for frame in streams[i].frames
-        ]
-        in_place = [f for f in lidar_frames if f not in self._config.extrinsics]
-        self._moving = moving_mounts(self._source, in_place, tree, base)
-        for frame in self._moving:
-            self._opening.note(
-                f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
-            )
-        self._refuse_unknown_frames(tree)
-        needed += [
-            f for s in used if s.kind == "imu" for f in s.frames if f in tree or f in self._config.extrinsics
-        ]
-        first = min(
-            (min(streams[i].stamps_ns) for i in self._selection.kind_of if streams[i].stamps_ns), default=0
-        )
-        mounted = extrinsics.mount(
-            [frame for frame in dict.fromkeys(needed) if frame not in self._moving],
-            edges,
-            config=self._config.extrinsics,
-            base_frame=base,
-            stamp_ns=first,
-            message_counts=self._opening,
-            on_robot=lidar_frames,
-        )
-        fixed = [frame for frame in in_place if frame not in self._moving]
-        refuse_unknown_places(streams, self._selection, fixed, tree)
-        extrinsics.refuse_upright(
-            [m for m in mounted if m.child_frame_id in self._planar_lidars(lidar_frames)]
-        )
-        return mounted
-
-    def _planar_lidars(self, frames: list[str]) -> set[str]:
-        """Those of the frames in which planar lidars measure, no others."""
-        clouds = {f for s in self._source.streams if s.kind == "cloud" for f in s.frames}
-        return set(frames) - clouds - self._config.extrinsics.keys()
-
-    def _refuse_unknown_frames(self, tree: extrinsics.Tree) -> None:
-        """Raises ConfigError: the config gives extrinsics of a frame that the log does not have."""
-        frames = {frame for stream in self._source.streams for frame in stream.frames}
-        known = frames | tree.keys() | {parent for parent, _ in tree.values()}
-        for frame in self._config.extrinsics:
-            if frame not in known:
-                sensors = {f for s in self._source.streams if KINDS[s.kind].is_sensor for f in s.frames}
-                has = ", ".join(sorted(sensors or frames)[:8]) or "none"
-                raise ConfigError(
-                    f"log.extrinsics.{frame}: the log has no such frame; its sensor frames are: {has}"
-                )
-
-    def _with_virtual_lidars(self, mounted: list[Transform]) -> list[Transform]:
-        """The extrinsics, and those of the virtual lidars of clouds that serve as scans."""
-        frames = {
-            frame
-            for i, kind in self._selection.kind_of.items()
-            if kind == "scan" and self._source.streams[i].kind == "cloud"
-            for frame in self._source.streams[i].frames
-        }
-        added = []
-        for transform in mounted:
-            if transform.child_frame_id in frames and transform.frame_id == self.base_frame:
-                lidar = virtual_lidar(transform.child_frame_id, transform, self._config.cloud)
-                self._lidars[transform.child_frame_id] = lidar
-                added.append(lidar.extrinsics(self.base_frame, transform.stamp_ns))
-                self._opening.note(
-                    f"point clouds of {transform.child_frame_id} serve as scans: returns from "
-                    f"{lidar.min_height_m:.2f} to {lidar.max_height_m:.2f} m in {self.base_frame}; "
-                    "log.cloud sets the band"
-                )
-        return [*mounted, *added]
-
-    def _note_clock_jumps(self) -> None:
-        streams = self._source.streams
-        epochs = clock_epochs(
-            [ordering.without_outliers(streams[i].stamps_ns) for i in self._selection.kind_of]
-        )
-        if jumps := max((int(e[-1]) for e in epochs if len(e)), default=0):
-            self._opening.count("clock_jumps", jumps)
-            self._opening.note(
-                f"the clock was set back {jumps} times, or the recording played in a loop: streams stay together in "
-                "recorded order"
-            )
-
-    def _note_disorder(self) -> None:
-        if not self._is_sorted:
-            self._note_clock_jumps()
-        for index, kind in self._selection.kind_of.items():
-            stamps = self._source.streams[index].stamps_ns
-            if count := ordering.out_of_order_stamps(stamps):
-                self._opening.count(f"out_of_order.{kind}", count)
-                self._opening.note(_disorder_note(self._source.streams[index], count, self._is_sorted))
-            if equal := ordering.repeated_stamps(stamps):
-                self._opening.count(f"equal_stamps.{kind}", equal)
-        for index in self._selection.listed:
-            stream = self._source.streams[index]
-            if (
-                index in self._selection.kind_of
-                or index == self._selection.truth
-                or not KINDS[stream.kind].is_event
-            ):
-                continue
-            if stream.stamps_ns:
-                self._opening.count(f"unused.{stream.kind}", len(stream.stamps_ns))
-
     def _account(self) -> MessageCounts:
         total = MessageCounts()
         for part in (self._opening, self._source.message_counts, self._playback):
@@ -367,14 +246,9 @@ class Log:
         return total
 
 
-def _fault_of_truth(event: Event | Skip, pose: Odometry | None) -> SkipReason | None:
+def _unusable_truth(event: Event | Skip, pose: Odometry | None) -> SkipReason | None:
     """The reason why a message is no true pose; None where it is one."""
     if pose is None:
         return event.reason if isinstance(event, Skip) else SkipReason.UNDECODABLE
-    is_far = max(abs(pose.x_m), abs(pose.y_m)) > LARGEST_M
-    return fault_of(pose) or (SkipReason.TOO_FAR if is_far else None)
-
-
-def _disorder_note(stream: RecordedStream, count: int, is_sorted: bool) -> str:
-    what = "are sorted" if is_sorted else "keep their recorded place; log.order: stamp would sort them"
-    return f"{stream.label}: {count} out-of-order stamps; the messages {what}"
+    is_far = max(abs(pose.x_m), abs(pose.y_m)) > MAX_COORDINATE_M
+    return unusable_reason(pose) or (SkipReason.TOO_FAR if is_far else None)

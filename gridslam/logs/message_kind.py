@@ -40,7 +40,7 @@ class MessageKind:
 
     `message` is the class of its events. `ros` and `foxglove` give, by the name of a schema, the conversion of a
     decoded message; None where decoding depends on more than the message (`ros/decoder.py`). `to_ros` encodes an
-    event for a topic, None for the usual one. `fault` says why no method can use an event.
+    event for a topic, None for the usual one. `unusable_reason` says why no method can use an event.
     """
 
     name: str
@@ -49,7 +49,7 @@ class MessageKind:
     foxglove: Mapping[str, FromFoxglove | None] = field(default_factory=dict)
     to_ros: Callable[[Any, str | None], list[Encoded]] | None = None
     csv: CsvTableKind | None = None
-    fault: Callable[[Any], SkipReason | None] | None = None
+    unusable_reason: Callable[[Any], SkipReason | None] | None = None
     is_single: bool = (
         False  # a method takes one stream of the kind; of others (cameras, rangers) it takes all
     )

@@ -24,7 +24,7 @@ from gridslam.core.stamps import END_NS
 from gridslam.logs import ordering
 from gridslam.logs.codecs import odometry
 from gridslam.logs.depth_units import DepthUnits
-from gridslam.logs.kinds import fault_of
+from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.plausibility import ScanPlausibility
 from gridslam.logs.skips import Skip, SkipReason
@@ -185,17 +185,17 @@ def _checked(
         elif isinstance(event, DepthImage) and index in units:
             event = units[index].repaired(event)
         number = numbers[index] = numbers[index] + 1
-        fault: SkipReason | None
+        reason: SkipReason | None
         detail = ""
         if isinstance(event, Skip):
-            fault, where, detail = event.reason, event.where, event.detail
+            reason, where, detail = event.reason, event.where, event.detail
         else:
-            fault, where = fault_of(event), ""
+            reason, where = unusable_reason(event), ""
             if number - 1 in outliers[index]:
-                fault = SkipReason.OUTLIER_STAMP
-        if fault:
+                reason = SkipReason.OUTLIER_STAMP
+        if reason:
             where = where or f"{source.streams[index].label} message {number}"
-            yield index, Skip(fault, f"{where}: {detail!r}" if detail else where)
+            yield index, Skip(reason, f"{where}: {detail!r}" if detail else where)
         else:
             yield index, event
 

@@ -20,7 +20,7 @@ from gridslam.core.trajectory import Trajectory
 MAX_BYTES = 1 << 28  # 256 MB, about three million poses
 MAX_LINE_BYTES = 100_000
 _HEAD_BYTES = 1 << 16
-LARGEST_M = 1e9  # larger coordinates lose centimetre accuracy in double arithmetic
+MAX_COORDINATE_M = 1e9  # larger coordinates lose centimetre accuracy in double arithmetic
 _TUM_WORDS, _PLANAR_WORDS = 8, 4
 _TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
 
@@ -94,16 +94,16 @@ def stamp_in(place: str, word: str) -> int:
 
 
 def numbers_in(place: str, words: list[str]) -> list[float]:
-    """Numbers from fields. Raises InputError, which begins with `place`: one is NaN, infinite, beyond LARGEST_M or no number."""
+    """Numbers from fields. Raises InputError, which begins with `place`: one is NaN, infinite, too large or no number."""
     values = []
     for word in words:
         try:
             value = float(word)
         except ValueError:
             value = math.nan
-        if not abs(value) <= LARGEST_M:
+        if not abs(value) <= MAX_COORDINATE_M:
             raise InputError(
-                f"{place}: {word[:40]!r} is no number up to {LARGEST_M:g}; correct the line or leave it out"
+                f"{place}: {word[:40]!r} is no number up to {MAX_COORDINATE_M:g}; correct the line or leave it out"
             )
         values.append(value)
     return values

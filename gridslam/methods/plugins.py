@@ -16,7 +16,7 @@ GROUP = "gridslam.methods"
 Entry = TypeVar("Entry")
 
 
-class WithPlugins(Mapping[str, Entry], Generic[Entry]):
+class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
     """Mapping from method name to entry: built-in methods (`own`) first, then those of installed packages.
 
     Lookup is lazy. Installed packages are searched at the first access to a name that is not built in, or when all names are

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from gridslam.core.errors import ConfigError
-from gridslam.methods.plugins import WithPlugins
+from gridslam.methods.plugins import PluginRegistry
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +116,12 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
 )
 
 
-METHODS: Mapping[str, MethodEntry] = WithPlugins(BUILT_IN, MethodEntry)
+METHODS: Mapping[str, MethodEntry] = PluginRegistry(BUILT_IN, MethodEntry)
 
 
 def package_of(name: str) -> str:
     """A method and its package in words, for messages; no text for one of the program's own."""
-    return METHODS.package_of(name) if isinstance(METHODS, WithPlugins) else ""
+    return METHODS.package_of(name) if isinstance(METHODS, PluginRegistry) else ""
 
 
 def option_of(name: str) -> str:

@@ -9,7 +9,7 @@ import pytest
 from gridslam.api import map_log
 from gridslam.core.errors import ConfigError, GridslamError, LogError, MethodError
 from gridslam.methods import registry
-from gridslam.methods.plugins import WithPlugins, plugin_sources
+from gridslam.methods.plugins import PluginRegistry, plugin_sources
 from gridslam.methods.registry import BUILT_IN, MethodEntry
 
 
@@ -29,8 +29,8 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def methods() -> WithPlugins[MethodEntry]:
-    return WithPlugins(BUILT_IN, MethodEntry)
+def methods() -> PluginRegistry[MethodEntry]:
+    return PluginRegistry(BUILT_IN, MethodEntry)
 
 
 ENTRY = (

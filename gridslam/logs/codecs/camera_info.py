@@ -20,7 +20,7 @@ MAX_SIDE_PX = 1 << 20
 MAX_DISTORTION = 14  # coefficients that OpenCV's longest model has, and columns of a table
 
 
-def fault(info: CameraInfo) -> SkipReason | None:
+def unusable_reason(info: CameraInfo) -> SkipReason | None:
     """The reason why no method can use the calibration; None where it can."""
     if not (0 < info.width_px <= MAX_SIDE_PX and 0 < info.height_px <= MAX_SIDE_PX):
         return SkipReason.BAD_IMAGE_SIZE

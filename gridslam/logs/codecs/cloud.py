@@ -85,7 +85,7 @@ def _offsets_s(message: Any, field: Any, stamp_ns: int) -> NDArray[np.float32]:
     return times.astype(np.float32)
 
 
-def fault(cloud: PointCloud) -> SkipReason | None:
+def unusable_reason(cloud: PointCloud) -> SkipReason | None:
     """The reason why no method can use the cloud; None where it can."""
     if len(cloud.times_s) and not math.isfinite(float(cloud.times_s.sum(dtype=np.float64))):
         return SkipReason.NOT_FINITE

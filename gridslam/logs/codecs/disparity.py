@@ -18,7 +18,7 @@ from gridslam.logs.ros.fields import valid_head
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
-def fault(disparity: Disparity) -> SkipReason | None:
+def unusable_reason(disparity: Disparity) -> SkipReason | None:
     """The reason why no method can use the disparities; None where it can."""
     is_finite = math.isfinite(disparity.focal_px) and math.isfinite(disparity.baseline_m)
     return None if is_finite else SkipReason.NOT_FINITE

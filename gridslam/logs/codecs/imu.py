@@ -17,7 +17,7 @@ _NOT_MEASURED = (-1.0, *(0.0,) * 8)  # sensor_msgs/Imu: a covariance that starts
 _UNKNOWN_COVARIANCE = (0.0,) * 9
 
 
-def fault(imu: Imu) -> SkipReason | None:
+def unusable_reason(imu: Imu) -> SkipReason | None:
     """The reason why no method can use the reading; None where it can."""
     return None if math.isfinite(imu.wz_radps) else SkipReason.NOT_FINITE
 

@@ -17,7 +17,7 @@ from gridslam.logs.skips import SkipReason
 _NO_COVARIANCE = (0.0,) * 36
 
 
-def fault(odometry: Odometry) -> SkipReason | None:
+def unusable_reason(odometry: Odometry) -> SkipReason | None:
     """NOT_FINITE if the position or yaw is NaN or infinite; None if the odometry is usable."""
     # Not tested as one sum, which can overflow although each number is finite.
     if math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad):

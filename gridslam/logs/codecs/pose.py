@@ -17,7 +17,7 @@ from gridslam.logs.skips import SkipReason
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y, yaw among x, y, z, roll, pitch, yaw
 
 
-def fault(pose: AbsolutePose) -> SkipReason | None:
+def unusable_reason(pose: AbsolutePose) -> SkipReason | None:
     """The reason why no method can use the pose; None where it can."""
     if not (np.isfinite(pose.pose).all() and np.isfinite(pose.covariance).all()):
         return SkipReason.NOT_FINITE

@@ -19,7 +19,7 @@ _INFRARED = 1  # sensor_msgs/Range: radiation_type
 _UNKNOWN_FIELD_OF_VIEW = 0.0
 
 
-def fault(reading: Range) -> SkipReason | None:
+def unusable_reason(reading: Range) -> SkipReason | None:
     """The reason why no method can use the reading; None where it can."""
     if not math.isfinite(reading.bearing_rad):
         return SkipReason.NOT_FINITE

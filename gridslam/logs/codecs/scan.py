@@ -21,7 +21,7 @@ _WIDEST_SWEEP_RAD = (
 )  # some lidars overlap their own sweep a little; none goes round twice
 
 
-def fault(scan: LaserScan) -> SkipReason | None:
+def unusable_reason(scan: LaserScan) -> SkipReason | None:
     """The reason why no method can use the scan; None where it can."""
     beams = len(scan.ranges_m)
     if beams == 0:

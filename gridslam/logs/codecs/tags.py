@@ -17,7 +17,7 @@ from gridslam.logs.ros.fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 
-def fault(tags: TagInventory) -> SkipReason | None:
+def unusable_reason(tags: TagInventory) -> SkipReason | None:
     """The reason why no method can use the inventory; None where it can."""
     return None if len(tags.tag_ids) == len(tags.rssi_dbm) else SkipReason.TAGS_AND_RSSI_DIFFER
 

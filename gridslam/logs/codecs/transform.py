@@ -19,7 +19,7 @@ _SMALLEST_QUATERNION_NORM = 1e-6
 INVALID_STAMP_NS = -1
 
 
-def fault(transform: Transform) -> SkipReason | None:
+def unusable_reason(transform: Transform) -> SkipReason | None:
     """The reason why the transform is no rigid motion of a robot's size; None where it is one."""
     if not all(map(math.isfinite, transform.translation_m)):
         return SkipReason.NOT_FINITE

@@ -15,7 +15,7 @@ from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.skips import SkipReason
 
 
-def fault(ticks: WheelTicks) -> SkipReason | None:
+def unusable_reason(ticks: WheelTicks) -> SkipReason | None:
     """The reason why no method can use the angles; None where it can."""
     is_finite = math.isfinite(ticks.left_rad) and math.isfinite(ticks.right_rad)
     return None if is_finite else SkipReason.NOT_FINITE

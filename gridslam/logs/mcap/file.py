@@ -6,7 +6,6 @@ record, reading continues at the next chunk, which the index names or a search f
 
 from __future__ import annotations
 
-import struct
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -22,9 +21,7 @@ from gridslam.logs.mcap.records import (
     CHUNK_HEAD,
     CHUNK_INDEX,
     DATA_END,
-    FOOTER,
     HEADER,
-    KNOWN_OPCODES,
     MAGIC,
     MESSAGE,
     MESSAGE_HEAD_BYTES,
@@ -41,11 +38,12 @@ from gridslam.logs.mcap.records import (
     unpack,
     unpack_beginning,
 )
+from gridslam.logs.mcap.search import next_record
+from gridslam.logs.mcap.summary import Summary, read_summary
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
 _HEADER_BYTES = 100
-_FIRST_SEARCH_BLOCK, _MAX_SEARCH_BLOCK = 1 << 12, 1 << 20
 _MAX_EXPANSION = (
     1000  # of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
 )
@@ -85,8 +83,10 @@ class McapFile:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise LogError(f"{self.path}: not an MCAP file (its first bytes are wrong)")
             self.profile = profile_of(stream.read(_HEADER_BYTES))
-            self._read_summary(stream)
-        self._chunk_offsets.sort()
+            summary = read_summary(stream, self._size, self.limit_bytes)
+        self._complete = summary is not None
+        if summary is not None:
+            self._enter(summary)
 
     @property
     def channels(self) -> Mapping[int, Channel]:
@@ -264,41 +264,19 @@ class McapFile:
                 "another stream"
             )
 
-    def _read_summary(self, stream: IO[bytes]) -> None:
-        """Schemas, channels and chunk places from the file's end, if its checksum is right."""
-        tail_size = RECORD.size + 20 + len(MAGIC)
-        if self._size < len(MAGIC) + tail_size:
-            return
-        stream.seek(self._size - tail_size)
-        tail = stream.read(tail_size)
-        opcode, length = RECORD.unpack_from(tail)
-        if opcode != FOOTER or length != 20 or not tail.endswith(MAGIC):
-            return
-        self._complete = True
-        start, _, crc = struct.unpack_from("<QQI", tail, RECORD.size)
-        footer_at = self._size - tail_size
-        if not len(MAGIC) <= start <= footer_at or footer_at - start > self.limit_bytes:
-            return
-        stream.seek(start)
-        summary = exactly(stream, footer_at - start)
-        if crc and zlib.crc32(tail[: RECORD.size + 16], zlib.crc32(summary)) != crc:
-            return
-        position = 0
-        while position + RECORD.size <= len(summary):
-            opcode, length = RECORD.unpack_from(summary, position)
-            body = summary[position + RECORD.size : position + RECORD.size + length]
-            position += RECORD.size + length
-            if len(body) < length:
-                return
+    def _enter(self, summary: Summary) -> None:
+        """Take in schemas, channels, the count of messages and the places of chunks."""
+        for opcode, body in summary.records():
             if opcode == SCHEMA:
-                self._note_schema(body, start)
+                self._note_schema(body, summary.start)
             elif opcode == CHANNEL:
-                self._note_channel(body, start)
-            elif opcode == STATISTICS and length >= 8:
+                self._note_channel(body, summary.start)
+            elif opcode == STATISTICS and len(body) >= 8:
                 self._expected = int.from_bytes(body[:8], "little")
-                self.first_log_ns = int.from_bytes(body[26:34], "little") if length >= 34 else None
-            elif opcode == CHUNK_INDEX and length >= 24:
+                self.first_log_ns = int.from_bytes(body[26:34], "little") if len(body) >= 34 else None
+            elif opcode == CHUNK_INDEX and len(body) >= 24:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
+        self._chunk_offsets.sort()
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
         """The place to continue after bytes at `at` that are no record, the same on every pass.
@@ -313,43 +291,11 @@ class McapFile:
         after = bisect_right(self._chunk_offsets, at)
         place = self._chunk_offsets[after] if after < len(self._chunk_offsets) else None
         if place is None:
-            place = self._search(stream, at + 1, (CHUNK,) if chunked else (MESSAGE, CHUNK))
+            place = next_record(stream, at + 1, self._size, (CHUNK,) if chunked else (MESSAGE, CHUNK))
         self._lose("damaged_part" if place is not None or self._complete else "last_record_of_cut_file", at)
         self._resumed[at] = self._size if place is None else place
         stream.seek(self._resumed[at])
         return self._resumed[at]
-
-    def _search(self, stream: IO[bytes], start: int, opcodes: tuple[int, ...]) -> int | None:
-        """The next offset at which a chunk whose lengths agree, or three records in a row, can be."""
-        block_start, size = start, _FIRST_SEARCH_BLOCK
-        while block_start < self._size:
-            stream.seek(block_start)
-            block = stream.read(size)
-            for opcode in opcodes:
-                found = block.find(opcode)
-                while found >= 0:
-                    if self._plausible(stream, block_start + found):
-                        return block_start + found
-                    found = block.find(opcode, found + 1)
-            block_start += size
-            size = min(size * 4, _MAX_SEARCH_BLOCK)
-        return None
-
-    def _plausible(self, stream: IO[bytes], at: int) -> bool:
-        for _ in range(3):
-            stream.seek(at)
-            head = stream.read(RECORD.size)
-            if len(head) < RECORD.size:
-                return False
-            opcode, length = head[0], int.from_bytes(head[1:], "little")
-            at += RECORD.size + length
-            if opcode not in KNOWN_OPCODES or at > self._size or length == 0:
-                return False
-            if opcode == CHUNK:
-                return is_chunk_body(stream, length)
-            if opcode in (DATA_END, FOOTER):
-                return length <= 20
-        return True
 
     def _note_end(self, at: int) -> None:
         """The records ended without the mark of a complete file."""

@@ -44,7 +44,7 @@ _NO_SERVOS = Servos()
 class ChannelDecoder:
     """Decodes the messages of one channel; its methods raise DECODING_ERRORS for damaged ones.
 
-    `kind` is what the channel's messages serve as, `stream` the stream that they belong to. `fault` is the reason
+    `kind` is what the channel's messages serve as, `stream` the stream that they belong to. `unusable_reason` is the reason
     why none of them can be decoded. `joint_names` are those of the first message, where it holds joints.
     """
 
@@ -52,7 +52,7 @@ class ChannelDecoder:
         self.topic = channel.topic
         self.type = full_name(schema.name) if schema else ""
         self.kind = kind_of_ros_type(self.type)
-        self.fault: SkipReason | None = None
+        self.unusable_reason: SkipReason | None = None
         self.stream: int | None = None
         self.joint_names: tuple[str, ...] = ()
         self.is_json = channel.encoding in ("json", "protobuf")  # protobuf becomes objects like those of JSON
@@ -63,7 +63,7 @@ class ChannelDecoder:
         if self.is_json:
             self._use_json(schema, is_protobuf=channel.encoding == "protobuf")
         elif channel.encoding != "cdr":
-            self.fault = SkipReason.UNKNOWN_ENCODING if self.kind != "other" else None
+            self.unusable_reason = SkipReason.UNKNOWN_ENCODING if self.kind != "other" else None
         elif self.kind != "other" and schema is not None:
             self._use_schema(schema)
         self._convert = ros_converter(self.type)
@@ -78,7 +78,7 @@ class ChannelDecoder:
             try:
                 self._decode = protobuf.decoder_of(schema.data if schema else b"", name)
             except DECODING_ERRORS:
-                self.fault = SkipReason.UNREADABLE_SCHEMA
+                self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
 
     def _use_schema(self, schema: Schema) -> None:
         self._is_standard = is_standard(schema)
@@ -89,7 +89,7 @@ class ChannelDecoder:
         try:
             self._decode = decoder_of(schema, self.type)
         except ValueError:
-            self.fault = SkipReason.UNREADABLE_SCHEMA
+            self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
 
     @property
     def is_tf(self) -> bool:
@@ -98,7 +98,7 @@ class ChannelDecoder:
 
     def classify(self, data: bytes) -> None:
         """Settle the kind by the first message, where the type leaves it open."""
-        if self.fault:
+        if self.unusable_reason:
             return
         if self.type in _DEPTH_CONVERTERS and depth.is_depth(self._decode(data), self.topic):
             self.kind, self._convert = "depth", _DEPTH_CONVERTERS[self.type]

@@ -142,9 +142,9 @@ class RosSource:
             where = f"{self.files[0].name} message {number} of channel {channel}"
             self.message_counts.skip("unknown", SkipReason.NO_CHANNEL.value, where)
             return _SKIPPED
-        if decoder.fault:
+        if decoder.unusable_reason:
             where = f"{decoder.topic} ({decoder.type})"
-            self.message_counts.skip(decoder.kind, decoder.fault.value, where)
+            self.message_counts.skip(decoder.kind, decoder.unusable_reason.value, where)
             return _SKIPPED
         try:
             if decoder.is_tf:

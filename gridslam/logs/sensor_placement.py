@@ -1,0 +1,144 @@
+"""Where the sensors of a log sit on the robot: fixed, on joints that move, or virtual lidars made of point clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.messages import Transform
+from gridslam.logs import extrinsics
+from gridslam.logs.config import LogConfig
+from gridslam.logs.kinds import KINDS
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.moving_mount import MovingMount, moving_mounts
+from gridslam.logs.selection import StreamSelection
+from gridslam.logs.several_sensors import refuse_unknown_places
+from gridslam.logs.streams import RecordedStream, Source
+from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
+
+
+@dataclass(frozen=True, slots=True)
+class SensorPlacement:
+    """Extrinsics of the sensor frames in use, one each; by frame the sensors on joints, and the lidars made of clouds."""
+
+    fixed: Sequence[Transform]
+    moving: Mapping[str, MovingMount]
+    virtual_lidars: Mapping[str, VirtualLidar]
+
+
+def place_sensors(
+    source: Source,
+    selection: StreamSelection,
+    config: LogConfig,
+    for_a_method: bool,
+    message_counts: MessageCounts,
+) -> SensorPlacement:
+    """Place the sensors of the selected streams; what was assumed is noted. Lidars on joints are placed for methods alone.
+
+    Raises ConfigError: the config names an unknown frame, a lidar's place is unknown among several, or a planar lidar is
+    upright.
+    """
+    streams, base = source.streams, selection.base_frame
+    edges = extrinsics.usable([*_constant_poses(streams, base), *source.static_edges], message_counts)
+    tree = extrinsics.tree_of(edges)
+    lidar_frames = _lidar_frames(streams, selection) if for_a_method else []
+    in_place = [frame for frame in lidar_frames if frame not in config.extrinsics]
+    moving = moving_mounts(source, in_place, tree, base)
+    for frame in moving:
+        message_counts.note(
+            f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
+        )
+    _refuse_unknown_frames(streams, tree, config)
+    needed = _frames_in_use(streams, selection, tree, config)
+    fixed = extrinsics.mount(
+        [frame for frame in dict.fromkeys(needed) if frame not in moving],
+        edges,
+        config=config.extrinsics,
+        base_frame=base,
+        stamp_ns=_first_stamp_ns(streams, selection),
+        message_counts=message_counts,
+        on_robot=lidar_frames,
+    )
+    refuse_unknown_places(streams, selection, [f for f in in_place if f not in moving], tree)
+    planar = _planar_lidars(streams, lidar_frames, config)
+    extrinsics.refuse_upright([place for place in fixed if place.child_frame_id in planar])
+    virtual = _virtual_lidars(streams, selection, fixed, config)
+    for lidar_frame, lidar in virtual.items():
+        message_counts.note(
+            f"point clouds of {lidar_frame} serve as scans: returns from "
+            f"{lidar.min_height_m:.2f} to {lidar.max_height_m:.2f} m in {base}; log.cloud sets the band"
+        )
+    stamps = {place.child_frame_id: place.stamp_ns for place in fixed}
+    added = [lidar.extrinsics(base, stamps[frame]) for frame, lidar in virtual.items()]
+    return SensorPlacement([*fixed, *added], moving, virtual)
+
+
+def _constant_poses(streams: Sequence[RecordedStream], base: str) -> list[Transform]:
+    """Moving transforms that never change, as edges: those of frames other than the robot's."""
+    return [
+        Transform(0, next(iter(s.frames)), s.child_frame, s.constant[0], s.constant[1])
+        for s in streams
+        if s.constant is not None and s.child_frame != base
+    ]
+
+
+def _lidar_frames(streams: Sequence[RecordedStream], selection: StreamSelection) -> list[str]:
+    return [frame for i, kind in selection.kind_of.items() if kind == "scan" for frame in streams[i].frames]
+
+
+def _frames_in_use(
+    streams: Sequence[RecordedStream], selection: StreamSelection, tree: extrinsics.Tree, config: LogConfig
+) -> list[str]:
+    """Frames of the sensors that are read; those of IMUs only where their place is known."""
+    used = [streams[i] for i, kind in selection.kind_of.items() if KINDS[kind].is_sensor]
+    frames = [frame for stream in used if stream.kind != "imu" for frame in stream.frames]
+    of_imus = [frame for stream in used if stream.kind == "imu" for frame in stream.frames]
+    return frames + [frame for frame in of_imus if frame in tree or frame in config.extrinsics]
+
+
+def _first_stamp_ns(streams: Sequence[RecordedStream], selection: StreamSelection) -> int:
+    return min((min(streams[i].stamps_ns) for i in selection.kind_of if streams[i].stamps_ns), default=0)
+
+
+def _planar_lidars(
+    streams: Sequence[RecordedStream], lidar_frames: Sequence[str], config: LogConfig
+) -> set[str]:
+    """Those of the frames in which planar lidars measure, no others, and that the config does not place."""
+    clouds = {frame for stream in streams if stream.kind == "cloud" for frame in stream.frames}
+    return set(lidar_frames) - clouds - config.extrinsics.keys()
+
+
+def _refuse_unknown_frames(
+    streams: Sequence[RecordedStream], tree: extrinsics.Tree, config: LogConfig
+) -> None:
+    """Raises ConfigError: the config gives extrinsics of a frame that the log does not have."""
+    frames = {frame for stream in streams for frame in stream.frames}
+    known = frames | tree.keys() | {parent for parent, _ in tree.values()}
+    for frame in config.extrinsics:
+        if frame not in known:
+            sensors = {f for s in streams if KINDS[s.kind].is_sensor for f in s.frames}
+            has = ", ".join(sorted(sensors or frames)[:8]) or "none"
+            raise ConfigError(
+                f"log.extrinsics.{frame}: the log has no such frame; its sensor frames are: {has}"
+            )
+
+
+def _virtual_lidars(
+    streams: Sequence[RecordedStream],
+    selection: StreamSelection,
+    fixed: Sequence[Transform],
+    config: LogConfig,
+) -> dict[str, VirtualLidar]:
+    """The virtual lidars of clouds that serve as scans, by the frame of the clouds."""
+    frames = {
+        frame
+        for i, kind in selection.kind_of.items()
+        if kind == "scan" and streams[i].kind == "cloud"
+        for frame in streams[i].frames
+    }
+    return {
+        place.child_frame_id: virtual_lidar(place.child_frame_id, place, config.cloud)
+        for place in fixed
+        if place.child_frame_id in frames and place.frame_id == selection.base_frame
+    }
