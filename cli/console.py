@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gridslam.runs.run import Progress
+    from gridslam.runs.feed import Progress
 
 UPDATE_EVERY_S = 0.1
 MAX_LINE = 2000  # characters of a message

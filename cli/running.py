@@ -18,7 +18,8 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.report.directory import check_free
 from gridslam.report.environment import made_with
 from gridslam.report.write import write_run
-from gridslam.runs.run import Command, Run, Stop
+from gridslam.runs.feed import Stop
+from gridslam.runs.run import Command, Run
 from gridslam.runs.run_config import RunConfig, load_run_config
 
 from . import console

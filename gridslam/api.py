@@ -28,7 +28,9 @@ from gridslam.maps.preview import render_map
 from gridslam.methods.base import Table
 from gridslam.report.document import report_document
 from gridslam.report.write import write_run
-from gridslam.runs.run import Run, Show, Stop, read_inputs, run_localize
+from gridslam.runs.feed import Show, Stop
+from gridslam.runs.inputs import read_inputs
+from gridslam.runs.run import Run, run_localize
 from gridslam.runs.run_config import RunConfig, validate_run_config
 from gridslam.runs.several_logs import run_map_logs
 

@@ -83,7 +83,7 @@ def run(
     from gridslam.core.threads import limit_threads
     from gridslam.report.directory import check_free
     from gridslam.report.write import write_run
-    from gridslam.runs.run import read_inputs
+    from gridslam.runs.inputs import read_inputs
     from gridslam.runs.run_config import load_run_config
     from gridslam.simulation.world_config import load_world
 

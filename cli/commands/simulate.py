@@ -94,7 +94,7 @@ def run(
 def _record(world: WorldConfig, folder: Path, output: Path, force: bool) -> Recorded:
     """Record the world with a progress bar, and a notice if the ray caster has to be compiled first."""
     from gridslam.kernels.compiling import announcing_compilation
-    from gridslam.runs.run import Progress
+    from gridslam.runs.feed import Progress
     from gridslam.simulation.record import record_world
 
     from ..interruption import stop_on_signals

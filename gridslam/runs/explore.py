@@ -1,82 +1,39 @@
-"""The closed loop of simulator, estimator and explorer: a drawing in, a finished map out.
+"""Exploring a simulated world: a drawing in, a finished map out.
 
-The estimator receives the events in the order of their stamps, slightly delayed. A recorded log is read in the same order, so
-mapping it again gives the same map.
+The recorded log is read in the order in which the estimator received its events, so mapping it again gives the same map.
 """
 
 from __future__ import annotations
 
-import heapq
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Protocol
 
 import numpy as np
 from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.messages import Odometry
 from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.kernels.compiling import timing_compilation
 from gridslam.logs.write import open_writer
 from gridslam.methods import registry
-from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import DifferentialDrive
-from gridslam.runs.run import (
-    Clock,
-    Input,
-    Progress,
-    Run,
-    Show,
-    Stop,
-    method_builder,
-    refuse_unknown_inputs,
-    status_of,
-)
+from gridslam.runs.closed_loop import ClosedLoop, Ending, Explores
+from gridslam.runs.feed import Progress, Show, Stop
+from gridslam.runs.inputs import Input, refuse_unknown_inputs
+from gridslam.runs.run import Run, method_builder, status_of
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import merge_counts
-from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.record import write_truth
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig
 
-STEPS_PER_COMMAND = 10  # of 10 ms
-MAX_DELAY_NS = 250_000_000  # of a message after its stamp
 MAX_YAW_RATE_RADPS = 10.0
 LOG_NAME, TRUTH_NAME = "log.mcap", "truth"
-
-Ending = Literal["finished", "contact", "time", "interrupted"]
-
-
-class WheelCommand(Protocol):
-    """Speeds of the wheels along the ground."""
-
-    @property
-    def left_mps(self) -> float: ...
-    @property
-    def right_mps(self) -> float: ...
-
-
-class Explores(Protocol):
-    """The part of a method that drives the robot."""
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether there is nothing left to observe."""
-
-    def add(self, event: Event) -> None:
-        """Process an event as it arrives."""
-
-    def command(self) -> WheelCommand:
-        """Wheel speeds for the next period."""
-
-    def add_to(self, result: RunResult) -> RunResult:
-        """The estimator's result with those of the exploration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,30 +45,6 @@ class Explored:
     duration_s: float
     travelled_m: float
     clearance_m: float
-
-
-class InStampOrder:
-    """Releases events in the order of their stamps, a fixed delay after them."""
-
-    def __init__(self, delay_ns: int) -> None:
-        self._delay_ns = delay_ns
-        self._waiting: list[tuple[int, int, Event]] = []
-        self._count = 0
-
-    def add(self, event: Event) -> None:
-        """Add an event."""
-        heapq.heappush(self._waiting, (event.stamp_ns, self._count, event))
-        self._count += 1
-
-    def ready(self, now_ns: int) -> Iterator[Event]:
-        """The events that are due, removed."""
-        while self._waiting and self._waiting[0][0] <= now_ns - self._delay_ns:
-            yield heapq.heappop(self._waiting)[2]
-
-    def rest(self) -> Iterator[Event]:
-        """All remaining events, removed."""
-        while self._waiting:
-            yield heapq.heappop(self._waiting)[2]
 
 
 def explore(
@@ -150,7 +83,7 @@ def explore(
             (world.max_duration_s, "max_duration_s of the world"), (max_duration_s or np.inf, "--longest")
         )
         log_path = folder / LOG_NAME
-        loop = _Loop(simulator, method, explorer, show=show, limit_s=limit_s, now=clock.now)
+        loop = ClosedLoop(simulator, method, explorer, show=show, limit_s=limit_s, now=clock.now)
         with open_writer(log_path, force=False) as writer:
             loop.drive(writer.write, writer.write_truth, stop)
         before_result = clock.now()
@@ -159,13 +92,11 @@ def explore(
         result = replace(result, measures=_with_ending(result.measures, loop))
         write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
         finished = clock.now()
-        hashes = {item.path.name: item.sha256 for item in inputs.values()}
-        hashes |= {path.name: sha256_of(path) for path in (world_path, log_path)}
         run = Run(
             command="explore",
             config=config,
             log_path=Path(LOG_NAME),
-            inputs=hashes,
+            inputs=_hashes(inputs, (world_path, log_path)),
             result=result,
             occupancy=result.occupancy,
             truth=_trajectory(loop.path),
@@ -185,87 +116,6 @@ def explore(
             travelled_m=simulator.robot.distance_m,
             clearance_m=loop.watch.clearance_m,
         )
-
-
-class _Loop:
-    """Runs the closed loop and stores the result in its attributes."""
-
-    def __init__(
-        self,
-        simulator: Simulator,
-        method: Method,
-        explorer: Explores,
-        show: Show,
-        limit_s: float,
-        now: Clock,
-    ) -> None:
-        self.simulator, self._method, self._explorer = simulator, method, explorer
-        self._show, self._limit_s, self._now = show, limit_s, now
-        self._order = InStampOrder(MAX_DELAY_NS)
-        self.watch = ContactWatch(simulator)
-        self.path: list[Odometry] = []
-        self.counts: Counter[str] = Counter()
-        self.ended: Ending = "interrupted"
-        self.process_s = 0.0
-        self.events = self.scans = 0
-
-    def drive(
-        self, write: Callable[[Event], None], write_truth: Callable[[Odometry], None], stop: Stop
-    ) -> None:
-        """Run until the explorer has finished, the time is over, the robot touches something, or `stop` returns True."""
-        for extrinsics in self.simulator.extrinsics():
-            self._add_event(extrinsics, write)
-        self._record_truth(write_truth)
-        while not self._is_over(stop):
-            started = self._now()
-            command = self._explorer.command()
-            self.process_s += self._now() - started
-            self._step(command, write)
-            self._record_truth(write_truth)
-        for event in self._order.rest():
-            self._method.process(event)
-
-    def _is_over(self, stop: Stop) -> bool:
-        if self.watch.is_touching:
-            self.ended = "contact"
-        elif self._explorer.is_finished:
-            self.ended = "finished"
-        elif self.simulator.time_s >= self._limit_s:
-            self.ended = "time"
-        elif not stop():
-            return False
-        return True
-
-    def _step(self, command: WheelCommand, write: Callable[[Event], None]) -> None:
-        """DifferentialDrive for a tenth of a second, showing estimator and explorer what comes."""
-        radius = self.simulator.world.robot.wheels.radius_m
-        for _ in range(STEPS_PER_COMMAND):
-            for event in self.simulator.step(command.left_mps / radius, command.right_mps / radius):
-                self._add_event(event, write)
-            if self.watch.is_touching:
-                break
-        started = self._now()
-        now_ns = self.simulator.world.start_ns + round(self.simulator.time_s * 1e9)
-        for event in self._order.ready(now_ns):
-            self._method.process(event)
-        self.process_s += self._now() - started
-        self._show(Progress(self.events, max(self.events, 1), self.scans))
-
-    def _add_event(self, event: Event, write: Callable[[Event], None]) -> None:
-        write(event)
-        self.events += 1
-        if isinstance(event, LaserScan):
-            self.scans += 1
-            self.counts["read.scan"] += 1
-        elif isinstance(event, Odometry):
-            self.counts["read.odom"] += 1
-        self._order.add(event)
-        self._explorer.add(event)
-
-    def _record_truth(self, write_truth: Callable[[Odometry], None]) -> None:
-        pose = self.simulator.truth()
-        write_truth(pose)
-        self.path.append(pose)
 
 
 def drive_of(world: WorldConfig) -> DifferentialDrive:
@@ -294,12 +144,19 @@ def _checked(config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[s
     return entry
 
 
+def _hashes(inputs: Mapping[str, Input], files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of the inputs and of further files, by name."""
+    return {item.path.name: item.sha256 for item in inputs.values()} | {
+        path.name: sha256_of(path) for path in files
+    }
+
+
 def _trajectory(path: list[Odometry]) -> Trajectory:
     stamps = np.array([pose.stamp_ns for pose in path], np.int64)
     return Trajectory(stamps, np.array([pose.pose for pose in path]).reshape(-1, 3))
 
 
-def _with_ending(measures: Mapping[str, object], loop: _Loop) -> dict[str, object]:
+def _with_ending(measures: Mapping[str, object], loop: ClosedLoop) -> dict[str, object]:
     """The measures with the ending, duration, distance and clearance of the exploration."""
     exploration = measures.get("exploration")
     simulator = loop.simulator
@@ -312,7 +169,7 @@ def _with_ending(measures: Mapping[str, object], loop: _Loop) -> dict[str, objec
     return {**measures, "exploration": {**ending, **(exploration if isinstance(exploration, dict) else {})}}
 
 
-def _problems(loop: _Loop, limit: str) -> tuple[str, ...]:
+def _problems(loop: ClosedLoop, limit: str) -> tuple[str, ...]:
     """A message if the exploration did not finish."""
     simulator = loop.simulator
     if loop.ended == "contact":

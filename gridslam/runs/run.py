@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.messages import Event, LaserScan
 from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
 from gridslam.logs.requirements import require_streams
 from gridslam.maps.load import load_any_map
@@ -25,7 +21,8 @@ from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
 from gridslam.methods.packaged import PackagedMethod, naming
 from gridslam.methods.particle_history import ParticleHistory, Snapshot
-from gridslam.runs.odometry_path import OdometryPath
+from gridslam.runs.feed import Progress, Show, Stop, feed
+from gridslam.runs.inputs import NOTHING_MORE, Input, refuse_missing_inputs, refuse_unknown_inputs
 from gridslam.runs.result_checks import (
     refuse_empty_result,
     refuse_wrong_result,
@@ -37,23 +34,6 @@ from gridslam.runs.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent", "apart"]
 Command = Literal["map", "localize", "explore"]
-
-MAX_BATCH = 256
-SHORT_BATCH_S = 0.01
-LONG_BATCH_S = 0.04
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Progress of a run: events processed so far, their largest possible number, and the scans among them.
-
-    `is_finishing`: all events are processed, and the method computes its result.
-    """
-
-    events: int
-    max_events: int
-    scans: int
-    is_finishing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,22 +58,6 @@ class Run:
     earlier_logs: tuple[Path, ...] = ()  # mapped before `log_path`, as one map
     particles: tuple[Snapshot, ...] = ()  # recorded for the viewer log
     odometry: Trajectory = field(default_factory=Trajectory.empty)  # thinned, in the odometry's frame
-
-
-@dataclass(frozen=True, slots=True)
-class Input:
-    """Something that a method was given besides the log, and the file that it was read from."""
-
-    value: object
-    path: Path
-    sha256: str
-
-
-NOTHING_MORE: Mapping[str, Input] = MappingProxyType({})
-
-Show = Callable[[Progress], None]
-Stop = Callable[[], bool]
-Clock = Callable[[], float]
 
 
 def run_map(
@@ -247,88 +211,3 @@ def method_builder(command: Command, config: RunConfig[BaseModel]) -> Callable[.
     with naming(registry.package_of(name)):
         builder: Callable[..., Method] = registry.load(reference)
     return builder
-
-
-def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
-    """The files that a run of a method is given besides the log, by name, each read by the reader in the method's entry.
-
-    Raises ConfigError: the method does not take one of them, or a file is missing or unreadable. The readers raise their own
-    errors for the content.
-    """
-    refuse_unknown_inputs(method, paths)
-    kinds = {kind.name: kind for kind in registry.METHODS[method].inputs}
-    inputs = {}
-    for name, path in paths.items():
-        if kinds[name].in_run and path.is_dir():
-            path = path / kinds[name].in_run
-        try:
-            digest = sha256_of(path)
-        except OSError as error:
-            raise ConfigError(
-                f"--{kinds[name].option or name} {path}: cannot be read ({error.strerror or error})"
-            ) from error
-        with naming(registry.package_of(method)):
-            inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
-    return inputs
-
-
-def refuse_unknown_inputs(method: str, inputs: Collection[str]) -> None:
-    """Raises ConfigError: the method has no use for an input of this name."""
-    for name in inputs:
-        if name not in registry.METHODS[method].input_names:
-            able = [n for n, e in registry.METHODS.items() if name in e.input_names]
-            methods = f"methods that have: {', '.join(able)}" if able else "nor has any other method"
-            raise ConfigError(f"--{registry.option_of(name)}: {method} has no use for it; {methods}")
-
-
-def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
-    """Raises ConfigError: an input that the method needs is missing."""
-    for kind in registry.METHODS[method].inputs:
-        if kind.is_needed and kind.name not in inputs:
-            raise ConfigError(f"--{kind.name}: {method} needs it: add --{kind.name} FILE to the command")
-
-
-@dataclass(frozen=True, slots=True)
-class FeedResult:
-    """Times (s) of reading and processing, numbers of events and scans, the odometry, and whether the run was stopped."""
-
-    read_s: float
-    process_s: float
-    events: int
-    scans: int
-    odometry: OdometryPath
-    stopped: bool
-
-
-def feed(log: Log, method: Method, show: Show, stop: Stop, now: Clock = time.perf_counter) -> FeedResult:
-    """Pass all events to the method in order, in batches, so that the clock is read rarely and a stop takes effect soon.
-
-    A batch grows if it takes less than 10 ms and shrinks if it takes more than 40 ms. Its size affects only the granularity of
-    timing and progress.
-    """
-    events: Iterator[Event] = iter(log.events())
-    process = method.process
-    read_s = process_s = 0.0
-    done = scans = 0
-    odometry = OdometryPath()
-    size, max_events = 1, log.event_count
-    while not stop():
-        t0 = now()
-        batch = list(islice(events, size))
-        t1 = now()
-        for event in batch:
-            process(event)
-        t2 = now()
-        read_s += t1 - t0
-        process_s += t2 - t1
-        if not batch:
-            return FeedResult(read_s, process_s, done, scans, odometry, stopped=False)
-        done += len(batch)
-        scans += sum(isinstance(event, LaserScan) for event in batch)
-        odometry.add(batch)
-        show(Progress(done, max_events, scans))
-        if t2 - t0 < SHORT_BATCH_S:
-            size = min(2 * size, MAX_BATCH)
-        elif t2 - t0 > LONG_BATCH_S:
-            size = max(size // 2, 1)
-    return FeedResult(read_s, process_s, done, scans, odometry, stopped=True)

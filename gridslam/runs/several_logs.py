@@ -14,7 +14,9 @@ from pydantic import BaseModel
 from gridslam.core.errors import ConfigError
 from gridslam.core.trajectory import Trajectory
 from gridslam.methods import registry
-from gridslam.runs.run import NOTHING_MORE, Input, Run, Show, Stop, run_map
+from gridslam.runs.feed import Show, Stop
+from gridslam.runs.inputs import NOTHING_MORE, Input
+from gridslam.runs.run import Run, run_map
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import StreamCount
 

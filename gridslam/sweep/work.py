@@ -80,7 +80,8 @@ def _run(job: RunJob, stop: Stop) -> JobResult:
 def _make(job: RunJob, stop: Stop) -> dict[str, float]:
     """Write the run directory; returns the times (s) of its parts. Raises KeyboardInterrupt when stopped."""
     from gridslam.report.write import write_run
-    from gridslam.runs.run import read_inputs, run_localize, run_map
+    from gridslam.runs.inputs import read_inputs
+    from gridslam.runs.run import run_localize, run_map
     from gridslam.runs.run_config import validate_run_config
 
     config = validate_run_config(job.settings, job.label)

@@ -30,7 +30,7 @@ from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.art_gallery import gallery_of, scatter
 from gridslam.runs.explore import Explored, explore
-from gridslam.runs.run import read_inputs
+from gridslam.runs.inputs import read_inputs
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.shapes import Box, Wall
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world

@@ -23,7 +23,7 @@ from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.frames import StereoFrame
 from gridslam.methods.stereo_bayes.method import StereoBayes
 from gridslam.motion.absolute_pose_filter import PoseBelief
-from gridslam.runs.run import feed
+from gridslam.runs.feed import feed
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, load_world

@@ -20,7 +20,8 @@ from gridslam.evaluation.object_files import read_objects
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase, load_tag_database
 from gridslam.methods.base import RunResult, Table
-from gridslam.runs.run import read_inputs, run_map
+from gridslam.runs.inputs import read_inputs
+from gridslam.runs.run import run_map
 from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.record import record_world, truth_folder
 from gridslam.simulation.world_config import load_world

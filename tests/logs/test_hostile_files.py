@@ -32,7 +32,7 @@ from gridslam.logs.ros.definitions import BadDefinitionError, checked_types, is_
 from gridslam.logs.ros.encode import encode
 from gridslam.logs.ros.types import ros2_types
 from gridslam.logs.tum import read_trajectory
-from gridslam.runs.run import read_inputs
+from gridslam.runs.inputs import read_inputs
 from tests.conftest import REPOSITORY
 from tests.logs.mutations import limit, sample_events
 from tests.logs.test_rosbag import rosbag2

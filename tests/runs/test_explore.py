@@ -10,7 +10,7 @@ import pytest
 
 from cli.main import main
 from gridslam.core.messages import Odometry
-from gridslam.runs.explore import InStampOrder
+from gridslam.runs.closed_loop import InStampOrder
 from tests.conftest import REPOSITORY
 
 DRAWING = REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"

@@ -10,7 +10,7 @@ import pytest
 from gridslam.core.errors import ConfigError
 from gridslam.methods import registry
 from gridslam.methods.registry import InputKind
-from gridslam.runs.run import read_inputs
+from gridslam.runs.inputs import read_inputs
 from tests.dead_reckoning import ENTRY
 
 

@@ -10,7 +10,8 @@ import pytest
 from gridslam.core.errors import ConfigError, InputError, LogError, MethodError
 from gridslam.methods import registry
 from gridslam.methods.registry import MethodEntry
-from gridslam.runs.run import Progress, Run, run_localize, run_map
+from gridslam.runs.feed import Progress
+from gridslam.runs.run import Run, run_localize, run_map
 from gridslam.runs.run_config import load_run_config
 from tests.dead_reckoning import ENTRY, register
 from tests.small_log import HALF_HEIGHT_M, HALF_WIDTH_M, START_NS

@@ -9,7 +9,8 @@ from gridslam.maps.map_server import load_map
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.options import PlanOptions
 from gridslam.runs.explore import explore
-from gridslam.runs.run import read_inputs, run_map
+from gridslam.runs.inputs import read_inputs
+from gridslam.runs.run import run_map
 from gridslam.runs.run_config import load_run_config
 from gridslam.runs.warm_up import part_names, warm_up
 from gridslam.simulation.world_config import load_world

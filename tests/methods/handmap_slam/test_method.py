@@ -12,7 +12,7 @@ from gridslam.core.messages import LaserScan, Odometry, readonly
 from gridslam.maps.drawing import Drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.method import HandmapSlam
-from gridslam.runs.run import refuse_missing_inputs
+from gridslam.runs.inputs import refuse_missing_inputs
 from tests.methods.handmap_slam.places import (
     START,
     drawn_truth,

@@ -1,0 +1,64 @@
+"""What a run is given besides the log: drawings, tag databases, sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from gridslam.core.errors import ConfigError
+from gridslam.core.plain_files import sha256_of
+from gridslam.methods import registry
+from gridslam.methods.packaged import naming
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """Something that a method was given besides the log, and the file that it was read from."""
+
+    value: object
+    path: Path
+    sha256: str
+
+
+NOTHING_MORE: Mapping[str, Input] = MappingProxyType({})
+
+
+def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
+    """The files that a run of a method is given besides the log, by name, each read by the reader in the method's entry.
+
+    Raises ConfigError: the method does not take one of them, or a file is missing or unreadable. The readers raise their own
+    errors for the content.
+    """
+    refuse_unknown_inputs(method, paths)
+    kinds = {kind.name: kind for kind in registry.METHODS[method].inputs}
+    inputs = {}
+    for name, path in paths.items():
+        if kinds[name].in_run and path.is_dir():
+            path = path / kinds[name].in_run
+        try:
+            digest = sha256_of(path)
+        except OSError as error:
+            raise ConfigError(
+                f"--{kinds[name].option or name} {path}: cannot be read ({error.strerror or error})"
+            ) from error
+        with naming(registry.package_of(method)):
+            inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
+    return inputs
+
+
+def refuse_unknown_inputs(method: str, inputs: Collection[str]) -> None:
+    """Raises ConfigError: the method has no use for an input of this name."""
+    for name in inputs:
+        if name not in registry.METHODS[method].input_names:
+            able = [n for n, e in registry.METHODS.items() if name in e.input_names]
+            methods = f"methods that have: {', '.join(able)}" if able else "nor has any other method"
+            raise ConfigError(f"--{registry.option_of(name)}: {method} has no use for it; {methods}")
+
+
+def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
+    """Raises ConfigError: an input that the method needs is missing."""
+    for kind in registry.METHODS[method].inputs:
+        if kind.is_needed and kind.name not in inputs:
+            raise ConfigError(f"--{kind.name}: {method} needs it: add --{kind.name} FILE to the command")
