@@ -28,12 +28,14 @@ from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.simulation.geometry import radians
-from gridslam.simulation.route import drive_route, route_length_m
+from gridslam.simulation.robot_config import route_length_m
+from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.tag_database import tag_database_yaml
 from gridslam.simulation.truth_map import true_map
+from gridslam.simulation.work import refuse_long
 from gridslam.simulation.world_config import WorldConfig
 
 UNFINISHED = ".unfinished"  # in a truth folder: its log may not be there yet
@@ -85,8 +87,9 @@ def record_world(
 
     Both appear together: a log never is without its truth. `report` is called ten times per simulated second with the
     fraction of the route that has been driven. Raises ConfigError: one of them is there already, and `force` is not given or
-    it is something else.
+    it is something else; or the drive is too much work.
     """
+    refuse_long(world)
     truth = truth_folder(output)
     log_before, truth_before = identity_of(output), identity_of(truth)
     simulator = Simulator(world, folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from gridslam.config.base import StrictModel
@@ -91,3 +92,11 @@ class Robot(StrictModel):
         if self.path and self.stops:
             raise ValueError("stops need a route; in a path, a segment without speeds stops the robot")
         return self
+
+
+def route_length_m(robot: Robot) -> float:
+    """Length (m) of the route from the start through all waypoints, or of the path, over all laps."""
+    if robot.path:
+        return robot.laps * sum(abs(segment.forward_mps) * segment.seconds for segment in robot.path)
+    points = np.array([robot.start[:2], *(robot.route * robot.laps)])
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())

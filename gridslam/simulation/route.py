@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event
 from gridslam.simulation.driver import PathDriver, RouteDriver
-from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.work import MAX_WORK_S, longest_drive_s
 
 TRUTH_EVERY_STEPS = 10
 
@@ -18,8 +16,9 @@ TRUTH_EVERY_STEPS = 10
 def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
     """All events of the drive, each with a flag: true for the ground truth (Odometry in the frame `map`, ten times a second).
 
-    Raises ConfigError: a waypoint is not reached within the world's `max_duration_s`.
+    Raises ConfigError: a waypoint is not reached within the world's `max_duration_s`, or before the work is too much.
     """
+    longest_s = longest_drive_s(simulator.world)
     yield from ((transform, False) for transform in simulator.extrinsics())
     yield simulator.truth(), True
     robot = simulator.world.robot
@@ -36,25 +35,22 @@ def drive_route(simulator: Simulator) -> Iterator[tuple[Event, bool]]:
         steps += 1
         if steps % TRUTH_EVERY_STEPS == 0:
             yield simulator.truth(), True
-        if simulator.time_s > simulator.world.max_duration_s:
+        if simulator.time_s > longest_s:
             raise _too_long(simulator, driver.reached)
 
 
 def _too_long(simulator: Simulator, reached: int) -> ConfigError:
-    robot, limit = simulator.world.robot, simulator.world.max_duration_s
+    robot, limit_s = simulator.world.robot, longest_drive_s(simulator.world)
+    if limit_s < simulator.world.max_duration_s:
+        return ConfigError(
+            f"the drive is not over after {limit_s:.0f} s, whose simulation takes some {MAX_WORK_S / 60.0:g} minutes; "
+            "shorten it, or lower the rates and sizes of its sensors"
+        )
     if robot.path:
-        return ConfigError(f"robot.path: takes longer than {limit:g} s; shorten it or raise max_duration_s")
+        return ConfigError(f"robot.path: takes longer than {limit_s:g} s; shorten it or raise max_duration_s")
     points = robot.route * robot.laps
     x, y = points[min(reached, len(points) - 1)] if points else robot.start[:2]
     return ConfigError(
-        f"robot.route: waypoint {reached} at ({x:g}, {y:g}) is not reached within {limit:g} s; "
+        f"robot.route: waypoint {reached} at ({x:g}, {y:g}) is not reached within {limit_s:g} s; "
         "check the route or raise max_duration_s"
     )
-
-
-def route_length_m(robot: Robot) -> float:
-    """Length (m) of the route from the start through all waypoints, or of the path, over all laps."""
-    if robot.path:
-        return robot.laps * sum(abs(segment.forward_mps) * segment.seconds for segment in robot.path)
-    points = np.array([robot.start[:2], *(robot.route * robot.laps)])
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())

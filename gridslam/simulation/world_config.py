@@ -31,6 +31,7 @@ from gridslam.simulation.shapes import (
     Positive,
     Wall,
 )
+from gridslam.simulation.work import refuse_slow
 
 
 class FloorPlan(StrictModel):
@@ -89,6 +90,7 @@ class WorldConfig(StrictModel):
             raise ValueError("sensors.infrared: rangers sweep while the robot stands; robot.stops is missing")
         if not (self.plan or self.walls or self.boxes):
             raise ValueError("the world is empty: it has neither plan nor walls nor boxes")
+        refuse_slow(self)
         return self
 
 
