@@ -18,7 +18,8 @@ from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.corridors import corridors
 from gridslam.simulation.places.vehicle import drift_of
-from gridslam.simulation.route import drive_route, route_length_m
+from gridslam.simulation.robot_config import route_length_m
+from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
