@@ -196,16 +196,16 @@ def match_scan(
     prior: PosePrior,
     search: YawSearch,
     settings: Registration,
-) -> tuple[NDArray[np.float64], int]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """The scan registered from the prior's pose, or from its best heading within the search's steps.
 
-    Returns the pose (3,) and the number of correspondences.
+    Returns the pose (3,), the information of the scan alone at it `(3, 3)`, and the number of correspondences.
     """
     start = prior.pose
     if search.steps > 0:
         start = search_yaw(surfaces, even_sample(scan, search.max_points), start, search)
-    pose, _, used = register(surfaces, scan, start, prior, settings)
-    return pose, used
+    pose, information, used = register(surfaces, scan, start, prior, settings)
+    return pose, information, used
 
 
 @compiled

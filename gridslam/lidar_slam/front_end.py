@@ -58,11 +58,21 @@ REGISTRATION = Registration(SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_
 
 @dataclass(frozen=True, slots=True)
 class ScanMatch:
-    """Pose (3,) in the front end's frame, the fraction of points that lie on a surface, and whether the pose is from matching."""
+    """Pose (3,) in the front end's frame, the fraction of points that lie on a surface, and whether the pose is from matching.
+
+    `weakest_m` is the matched position's standard deviation (m) in the direction in which the surfaces constrain it least (along
+    a corridor), as a vector (2,) of that direction in the front end's frame; None where nothing constrains it.
+    """
 
     pose: Floats
     inlier_ratio: float
     is_matched: bool
+    weakest_m: Floats | None = None
+
+    @property
+    def position_std_m(self) -> float:
+        """Standard deviation (m) of the matched position in its least certain direction."""
+        return math.inf if self.weakest_m is None else math.hypot(*self.weakest_m.tolist())
 
 
 class Tracking(Protocol):
@@ -175,13 +185,13 @@ class FrontEnd:
         information = np.zeros((3, 3))
         information[DIAGONAL] = 1.0 / std**2
         prior = PosePrior(predicted, information)
-        pose, used = surfel_registration.match_scan(
+        pose, scan_information, used = surfel_registration.match_scan(
             self._store.map(self._active), scan.matching_points, prior, search, REGISTRATION
         )
         if used < MIN_CORRESPONDENCES:
             return ScanMatch(predicted, 0.0, False)
         pose[2] = se2.wrap_angle(float(pose[2]))
-        return ScanMatch(pose, used / len(scan.points), True)
+        return ScanMatch(pose, used / len(scan.points), True, _weakest(scan_information))
 
     def _recover(
         self, scan: PreparedScan, guesses: Sequence[Floats], window_rad: float, poor: ScanMatch
@@ -208,6 +218,16 @@ class FrontEnd:
         self._store.own_endpoints(np.array([index]), self.pose[None], scan.surface)
         surfels.insert_surfels(self._store.map(index), self.pose, scan.surfaces)
         self._key_scan_counts[index] += 1
+
+
+def _weakest(information: Floats) -> Floats | None:
+    """Standard deviation (m) of a position in its least certain direction, as a vector (2,), given the pose's information."""
+    (xx, xy, _), (_, yy, _), _ = information.tolist()
+    smaller = 0.5 * (xx + yy) - math.hypot(0.5 * (xx - yy), xy)
+    if smaller <= 0.0:
+        return None
+    direction = 0.5 * (math.atan2(2.0 * xy, xx - yy) + math.pi)
+    return np.array([math.cos(direction), math.sin(direction)]) / math.sqrt(smaller)
 
 
 def _yaw_search(window_rad: float) -> YawSearch:

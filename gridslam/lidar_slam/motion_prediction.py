@@ -19,7 +19,8 @@ from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
 
 Floats = NDArray[np.float64]
 
-# Standard deviations of the motion at constant velocity: a floor, and what robots and people accelerate by.
+# Standard deviations of the motion at constant velocity: a floor, and what robots and people accelerate by, until the
+# velocity's changes on this log are known.
 TRANSLATION_FLOOR_M, ACCELERATION_MPS2, MAX_TRANSLATION_STD_M = 0.02, 2.0, 0.8
 ROTATION_FLOOR_RAD, ACCELERATION_RADPS2, MAX_ROTATION_STD_RAD = 0.02, 5.0, 1.6
 GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
@@ -27,6 +28,10 @@ MIN_INLIER_RATIO = (
     0.4  # a match with fewer inliers may be wrong: the robot counts as lost, and the search widens
 )
 MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
+FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
+LEARNED_STEPS = 200  # over which the velocity's changes are averaged
+CHANGE_STDS = 1.5  # the changes are not Gaussian: robots drive evenly and then stop
+MIN_TRANSLATION_STD_M = 0.01
 KEPT_SCANS = 16
 MAX_LOST_S = 5.0  # for so long: then the surroundings are new
 GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
@@ -85,6 +90,26 @@ class PredictionErrors:
         }
 
 
+class VelocityChange:
+    """How much the robot's speed changes from scan to scan, learned from matches that are certain in all directions."""
+
+    def __init__(self) -> None:
+        self._steps = 0
+        self._mean_square = 0.0  # (m/s)^2
+
+    def add(self, difference_m: float, elapsed_s: float) -> None:
+        """Take in how far the robot was from where it would have been at constant velocity."""
+        self._steps += 1
+        weight = 1.0 / min(self._steps, LEARNED_STEPS)
+        self._mean_square += weight * ((difference_m / elapsed_s) ** 2 - self._mean_square)
+
+    def std_m(self, elapsed_s: float) -> float:
+        """Standard deviation of the translation after so long; infinite while little is known, and after a gap in the scans."""
+        if self._steps < MIN_COMPARED_STEPS or elapsed_s > MAX_SCAN_GAP_S:
+            return math.inf
+        return MIN_TRANSLATION_STD_M + CHANGE_STDS * math.sqrt(self._mean_square) * elapsed_s
+
+
 class MotionPredictor:
     """Predicts every scan's pose from what the log has; learns the velocity, and each source's errors, from matched scans."""
 
@@ -92,6 +117,7 @@ class MotionPredictor:
         self._gyro = GyroHeading()
         self._errors = {source: PredictionErrors() for source in MotionSource}
         self._used = dict.fromkeys(MotionSource, 0)
+        self._velocity_change = VelocityChange()
         self._previous: PlacedScan | None = None
         self._recent: deque[tuple[PlacedScan, Floats]] = deque(
             maxlen=KEPT_SCANS
@@ -101,6 +127,7 @@ class MotionPredictor:
         self._T_continuous_odom: Floats | None = None  # None: the frames are the same
         self._twist = np.zeros(3)
         self._twist_ns = 0  # stamp of the scan whose matching gave the twist
+        self._was_firm = False  # the last match
         self._good_ns: int | None = None  # stamp of the last good match
         self._steps: dict[MotionSource, Floats] = {}  # of the last prediction
 
@@ -142,8 +169,9 @@ class MotionPredictor:
         if placed.has_odometry:
             self._T_continuous_odom = se2.compose(pose, se2.inverse(placed.odometry))
         self._previous_odometry = pose
+        uncertain_s = self._uncertain_s(placed.scan.stamp_ns, elapsed_s)
         return PredictedMotion(
-            pose, _std_of(source, step, self._uncertain_s(placed.scan.stamp_ns, elapsed_s))
+            pose, _std_of(source, step, uncertain_s, self._velocity_change.std_m(uncertain_s))
         )
 
     def add_match(self, placed: PlacedScan, match: ScanMatch) -> None:
@@ -153,7 +181,7 @@ class MotionPredictor:
         if is_good:
             self._good_ns = placed.scan.stamp_ns
         if previous is not None and is_good:
-            self._learn(placed, pose)
+            self._learn(placed, pose, match.position_std_m < FIRM_STD_M)
         self._previous, self._previous_pose = placed, pose
         self._recent.append((placed, pose))
 
@@ -209,11 +237,12 @@ class MotionPredictor:
                 return earlier, pose
         return self._previous, self._previous_pose
 
-    def _learn(self, placed: PlacedScan, pose: Floats) -> None:
+    def _learn(self, placed: PlacedScan, pose: Floats, is_firm: bool) -> None:
         """Take in the matched motion to a scan: since the previous scan, and since an earlier one for the velocity."""
         matched = se2.between(self._previous_pose, pose)
         for source, step in self._steps.items():
             self._errors[source].add(step, matched)
+        self._learn_change(placed, matched, is_firm)
         end_ns = placed.scan.stamp_ns
         earlier, earlier_pose = self._earlier(placed)
         elapsed_s = 0.0 if earlier is None else (end_ns - earlier.scan.stamp_ns) * 1e-9
@@ -223,10 +252,23 @@ class MotionPredictor:
         if MotionSource.GYRO in self._steps and earlier is self._previous:
             self._gyro.compare(float(self._steps[MotionSource.GYRO][2]), float(matched[2]), elapsed_s)
 
+    def _learn_change(self, placed: PlacedScan, matched: Floats, is_firm: bool) -> None:
+        """Take in how far the matched step `(3,)` is from one at constant velocity, if both ends are certain."""
+        steady = self._steps.get(MotionSource.CONSTANT_VELOCITY)
+        previous, was_firm = self._previous, self._was_firm
+        self._was_firm = is_firm
+        if steady is None or previous is None or not (is_firm and was_firm):
+            return
+        elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
+        if MIN_TWIST_S <= elapsed_s < MAX_SCAN_GAP_S:
+            self._velocity_change.add(math.hypot(*(matched - steady)[:2].tolist()), elapsed_s)
 
-def _std_of(source: MotionSource, step: Floats, elapsed_s: float) -> Floats:
-    """Standard deviations `(3,)` of a step `(3,)` predicted without odometry."""
-    translation = min(TRANSLATION_FLOOR_M + ACCELERATION_MPS2 * elapsed_s**2, MAX_TRANSLATION_STD_M)
+
+def _std_of(source: MotionSource, step: Floats, elapsed_s: float, known_std_m: float) -> Floats:
+    """Standard deviations `(3,)` of a step `(3,)` predicted without odometry; the translation's is at most `known_std_m`."""
+    translation = min(
+        TRANSLATION_FLOOR_M + ACCELERATION_MPS2 * elapsed_s**2, MAX_TRANSLATION_STD_M, known_std_m
+    )
     rotation = min(ROTATION_FLOOR_RAD + ACCELERATION_RADPS2 * elapsed_s**2, MAX_ROTATION_STD_RAD)
     if source is MotionSource.GYRO:
         rotation = min(GYRO_FLOOR_RAD + GYRO_STD_PER_RAD * abs(float(step[2])), rotation)

@@ -18,6 +18,7 @@ from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
 from gridslam.lidar_slam.motion_prediction import MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
+from gridslam.lidar_slam.slips import slip_variances
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
@@ -50,6 +51,7 @@ class ScanTracker:
         self.stamps_ns: list[int] = []
         self.track_poses: list[Floats] = []  # T_track_base (3,) of every scan
         self._matches: list[ScanMatch] = []
+        self._slips_m2: list[Floats] = []  # of every scan's step
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans: list[PreparedScan] = []
         self._lidar = ""  # of the last tracked scan
@@ -93,6 +95,13 @@ class ScanTracker:
     def inlier_ratios(self) -> Floats:
         """The fraction `(n,)` of each scan's points that lay on a surface of the local map."""
         return np.array([match.inlier_ratio for match in self._matches])
+
+    @property
+    def key_slips_m2(self) -> Floats:
+        """Variances `(k, 2)` along x and y of each key scan's step, by which it may have slipped without odometry."""
+        sums = np.cumsum(np.concatenate([np.zeros((1, 2)), np.reshape(self._slips_m2, (-1, 2))]), axis=0)
+        ends = np.array([0, *(key + 1 for key in self.keys)], np.int64)
+        return np.asarray(np.diff(sums[ends], axis=0))
 
     def unmatched_ns(self) -> NDArray[np.int64]:
         """First and last stamps `(k, 2)` of the parts of the path that rest on odometry alone."""
@@ -139,11 +148,19 @@ class ScanTracker:
         match = self._front_end.track(scan, motion.odometry, motion.min_std)
         self._counters["scan.unmatched"] += not match.is_matched
         self._lidar = lidar_of(placed.scan)
+        self._slips_m2.append(self._slip_m2(placed, match))
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)
         self._predictor.add_match(placed, match)
         return match
+
+    def _slip_m2(self, placed: PlacedScan, match: ScanMatch) -> Floats:
+        """Variances `(2,)` along x and y by which the step to a scan may have slipped: none where there is odometry."""
+        if placed.has_odometry or not self.stamps_ns:
+            return np.zeros(2)
+        elapsed_s = (placed.scan.stamp_ns - self.stamps_ns[-1]) * 1e-9
+        return slip_variances(se2.between(self.pose, match.pose), elapsed_s, match)
 
     def track_scan(self, placed: PlacedScan) -> PreparedScan:
         """Prepare and track a scan, and make it a key scan when one is due."""

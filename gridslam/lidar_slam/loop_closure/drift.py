@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,14 @@ class DriftModel:
     """Random walks: standard deviations after one metre of travel, and the heading's per radian of rotation.
 
     On recorded logs (offices and corridors, 0.3 to 2 km) loops move the track by 0.5 to 1.3 of the standard deviations
-    that these numbers predict.
+    that these numbers predict. `slips_m2` `(n, 2)` are further variances of x and y of one track's steps, each up to a pose and
+    in its frame.
     """
 
     translation_m: float = 0.02
     rotation_rad: float = 0.003
     rotation_per_rad: float = 0.01
+    slips_m2: Floats | None = field(default=None, compare=False)
 
     @staticmethod
     def of(config: LoopClosureConfig) -> DriftModel:
@@ -41,5 +43,8 @@ class DriftModel:
         heading = (
             self.rotation_rad**2 * distance + (self.rotation_per_rad * rotation) ** 2 + MIN_STEP_STD_RAD**2
         )
-        sums = np.cumsum(np.stack([translation, translation, heading], axis=1), axis=0)
+        variances = np.stack([translation, translation, heading], axis=1)
+        if self.slips_m2 is not None:
+            variances[:, :2] += self.slips_m2[1:]
+        sums = np.cumsum(variances, axis=0)
         return np.concatenate([np.zeros((1, 3)), sums])

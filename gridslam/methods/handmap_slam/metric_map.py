@@ -5,7 +5,7 @@ Tracking and trajectory optimisation are those of `lidar_slam`. The drawing take
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gridslam.core.trajectory import Trajectory
 from gridslam.graph.pose_graph import Edges
@@ -44,7 +44,7 @@ def finish_map(config: HandmapSlamConfig, tracker: ScanTracker) -> MetricMap:
     optimised = None
     resolution = config.map.resolution_m
     memory_limit_mb = config.advanced.memory_limit_mb
-    drift = DriftModel.of(config.advanced.loop_closure)
+    drift = replace(DriftModel.of(config.advanced.loop_closure), slips_m2=tracker.key_slips_m2)
     if config.pose_graph.enabled:
         optimised = close_trajectory(tracker.key_scans, key_poses, drift=drift)
         key_poses = optimised.poses

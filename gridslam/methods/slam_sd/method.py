@@ -6,6 +6,7 @@ Without tag reads this is a lidar SLAM.
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -132,7 +133,8 @@ class SlamSd:
             compared = (scans, key_poses, tracker.key_poses, loops)
             if continued is not None:
                 compared = scans_to_compare(continued.session)
-            consistency = assess_map(*compared, self._drift)
+            drift = self._drift if continued is not None else self._track_drift
+            consistency = assess_map(*compared, drift)
         with self._stopwatch.stage("draw_map"):
             drawn = None
             if continued is not None:
@@ -202,6 +204,11 @@ class SlamSd:
     def _drift(self) -> DriftModel:
         return DriftModel.of(self._config.advanced.loop_closure)
 
+    @property
+    def _track_drift(self) -> DriftModel:
+        """The drift of this drive's track, with what it may have slipped without odometry."""
+        return replace(self._drift, slips_m2=self._tracker.key_slips_m2)
+
     def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
         """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
         scans = [
@@ -212,7 +219,7 @@ class SlamSd:
             scans,
             self._tracker.key_poses,
             self._objects.landmarks(key_poses),
-            self._drift,
+            self._track_drift,
         )
         self._objects.update_history(closed.poses)
         moved_m = np.hypot(*(closed.poses - key_poses)[:, :2].T)

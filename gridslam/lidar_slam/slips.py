@@ -1,0 +1,30 @@
+"""How far matching without odometry may have slipped where the surfaces leave the motion open: along corridors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.lidar_slam.front_end import ScanMatch
+
+Floats = NDArray[np.float64]
+
+WEAK_STD_M = 0.015  # of a match: from here on noise decides about the motion in this direction
+SLIP_M2_PER_M = 1.0  # of motion: on recorded corridors tracks without odometry slip by up to 4 m in 10 m
+MIN_SPEED_MPS = 0.05  # of a robot that seems to stand where its motion is not seen
+MAX_GAP_S = 1.0  # after a longer one a scan may be matched elsewhere
+UNMATCHED_MPS, MAX_UNMATCHED_S = 0.5, 1.0  # of a scan after a gap, or that is not matched: in any direction
+
+
+def slip_variances(step: Floats, elapsed_s: float, match: ScanMatch) -> Floats:
+    """Variances `(2,)` (m^2) along x and y of the robot, by which a step `(3,)` over some time (s) may have slipped."""
+    if match.weakest_m is None or not match.is_matched or elapsed_s > MAX_GAP_S:
+        return np.full(2, (UNMATCHED_MPS * min(max(elapsed_s, 0.0), MAX_UNMATCHED_S)) ** 2)
+    if match.position_std_m < WEAK_STD_M:
+        return np.zeros(2)
+    moved_m = max(math.hypot(*step[:2].tolist()), MIN_SPEED_MPS * elapsed_s)
+    x, y = match.weakest_m.tolist()
+    along = math.cos(math.atan2(y, x) - float(match.pose[2])) ** 2
+    return SLIP_M2_PER_M * moved_m * np.array([along, 1.0 - along])
