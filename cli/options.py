@@ -133,16 +133,26 @@ Inputs = Annotated[
 ]
 
 
-def reading_config(config: str | None, layout: Path | None) -> LogConfig:
-    """How `info` and `convert` read a log: by the `log` section of a config, and the layout of a CSV folder."""
+def reading_config(
+    config: str | None, layout: Path | None, start_s: float | None = None, end_s: float | None = None
+) -> LogConfig:
+    """How `info` and `convert` read a log: by the `log` section of a config, the layout of a CSV folder, and a span of time.
+
+    Raises ConfigError: the span ends before it starts.
+    """
+    from gridslam.core.errors import ConfigError
     from gridslam.logs.config import LogConfig
 
-    if config is None:
-        return LogConfig(csv=layout)
-    from gridslam.runs.run_config import load_run_config
+    settings = LogConfig()
+    if config is not None:
+        from gridslam.runs.run_config import load_run_config
 
-    settings = load_run_config(config, ()).log
-    return settings if layout is None else settings.model_copy(update={"csv": layout})
+        settings = load_run_config(config, ()).log
+    given = {"csv": layout, "start_s": start_s, "end_s": end_s}
+    settings = settings.model_copy(update={key: value for key, value in given.items() if value is not None})
+    if settings.start_s is not None and settings.end_s is not None and settings.start_s > settings.end_s:
+        raise ConfigError(f"--start {settings.start_s:g} --end {settings.end_s:g}: the end lies before the start")
+    return settings
 
 
 _Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors to stderr.")]

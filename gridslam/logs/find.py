@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import glob
+import logging
 from pathlib import Path
 
 from gridslam.core.errors import LogError
 from gridslam.logs.csv.layout import default_files
 from gridslam.logs.csv.source import LOG_ENDINGS
 from gridslam.logs.datasets.open import open_dataset
-from gridslam.logs.rosbag.rosbag2 import recorded_parts
+from gridslam.logs.rosbag.parts import numbered_files, recorded_parts, why_several
+
+logger = logging.getLogger(__name__)
 
 LOG_FILES = ("metadata.yaml", "log.yaml")  # a folder with one of these is a log
 
@@ -38,6 +41,8 @@ def logs_inside(path: Path) -> list[Path]:
     """The path itself if it is a file or a log, otherwise the logs that the folder holds."""
     if not path.is_dir() or is_log_folder(path):
         return [path]
+    if reason := why_several(numbered_files(path)):
+        logger.warning("%s: its recordings are several logs, not the parts of one: %s", path, reason)
     inside = [
         item for item in sorted(path.iterdir()) if not item.name.startswith(".") and _looks_like_log(item)
     ]

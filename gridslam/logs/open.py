@@ -71,9 +71,15 @@ def _source(path: Path, config: LogConfig) -> Source:
 
 def _parts(folder: Path, config: LogConfig) -> Source | None:
     """The parts of a rosbag2 recording in a folder without metadata.yaml; None where there are none."""
-    from gridslam.logs.rosbag.rosbag2 import open_rosbag2, recorded_parts
+    from gridslam.logs.rosbag.parts import numbered_files, why_several
+    from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
-    return open_rosbag2(folder, config) if recorded_parts(folder) else None
+    files = numbered_files(folder)
+    if reason := why_several(files):
+        raise LogError(
+            f"{folder}: holds {len(files)} recordings, not the parts of one: {reason}; name one of them"
+        )
+    return open_rosbag2(folder, config) if files else None
 
 
 def _text_source(path: Path, config: LogConfig) -> Source:

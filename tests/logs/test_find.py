@@ -39,8 +39,10 @@ def test_a_pattern_stands_for_its_matches(folder: Path) -> None:
 
 def test_a_log_stands_for_itself(folder: Path) -> None:
     (folder / "split").mkdir()
-    for number in range(2):
-        shutil.copy(folder / "monday.mcap", folder / "split" / f"drive_{number}.mcap")
+    with open_log(folder / "monday.mcap") as log:
+        events = list(log.events())
+    for number, part in enumerate((events[:100], events[100:])):
+        write_log(folder / "split" / f"drive_{number}.mcap", part)
     for name in ("monday.mcap", "wednesday", "split", "nowhere"):
         assert find_logs(folder / name) == [folder / name]
     (folder / "odd[1].mcap").write_bytes((folder / "monday.mcap").read_bytes())

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 import sqlite3
 from pathlib import Path
@@ -15,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from gridslam.core.errors import LogError
 from gridslam.core.messages import LaserScan, Odometry, Transform
 from gridslam.logs import open_log
+from gridslam.logs.find import find_logs
 from tests.logs.ros_samples import HUMBLE, odometry, scan, tf, transform
 
 S = 10**9
@@ -108,6 +110,46 @@ def test_parts_are_joined_in_the_order_of_recording_with_and_without_metadata(
     check(folder, "rosbag2")
     with open_log(folder) as log:
         assert any("metadata.yaml is missing" in line for line in log.problems)
+
+
+def drives(folder: Path, shifts_s: tuple[float, ...]) -> Path:
+    """A folder without metadata.yaml of drive_1, drive_2, ...: each lasts 10 s from its shift on."""
+    whole = rosbag2(folder / "whole")
+    (database,) = whole.glob("*.db3")
+    for number, shift_s in enumerate(shifts_s, 1):
+        drive = Path(shutil.copy(database, folder / f"drive_{number}.db3"))
+        with sqlite3.connect(drive) as connection:
+            connection.execute("UPDATE messages SET timestamp = timestamp * 1000000000 + ?", (shift_s * 1e9,))
+    shutil.rmtree(whole)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("shifts_s", "reason"),
+    [
+        ((0.0, 70.0), "60.0 s lie between drive_1.db3 and drive_2.db3"),
+        ((0.0, 10.5, 30.0), "9.5 s lie between drive_2.db3 and drive_3.db3"),
+        ((70.0, 0.0), "60.0 s lie between drive_2.db3 and drive_1.db3"),
+        ((0.0, 3.0), "drive_1.db3 and drive_2.db3 were recorded at the same time"),
+    ],
+)
+def test_drives_of_other_times_are_logs_of_their_own(
+    tmp_path: Path, shifts_s: tuple[float, ...], reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = drives(tmp_path, shifts_s)
+    with pytest.raises(LogError, match=re.escape(reason)):
+        open_log(folder)
+    assert find_logs(folder) == sorted(folder.glob("*.db3"))
+    assert reason in caplog.text
+
+
+def test_a_part_begins_where_the_one_before_ends(tmp_path: Path) -> None:
+    folder = drives(tmp_path, (0.0, 10.4, 19.9))
+    assert find_logs(folder) == [folder]
+    with open_log(folder) as log:
+        assert any(
+            "drive_1.db3, drive_2.db3, drive_3.db3 read one after the other" in p for p in log.problems
+        )
 
 
 def test_a_folder_with_recordings_of_two_names_is_not_joined(tmp_path: Path) -> None:

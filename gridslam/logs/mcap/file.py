@@ -71,7 +71,7 @@ class McapFile:
     _resumed: dict[int, int] = field(default_factory=dict)
     _expected: int | None = None
     profile: str = ""
-    first_log_ns: int | None = None  # where the index says when recording began
+    span_ns: tuple[int, int] | None = None  # of the times of arrival, where the index says them
     _size: int = 0
     _is_indexed: bool = False
     _last: tuple[bytes, int] = b"", 0  # the data of the last message's record, and where its body begins
@@ -273,7 +273,9 @@ class McapFile:
                 self._note_channel(body, summary.start)
             elif opcode == STATISTICS and len(body) >= 8:
                 self._expected = int.from_bytes(body[:8], "little")
-                self.first_log_ns = int.from_bytes(body[26:34], "little") if len(body) >= 34 else None
+                if len(body) >= 42 and self._expected:
+                    first, last = body[26:34], body[34:42]
+                    self.span_ns = int.from_bytes(first, "little"), int.from_bytes(last, "little")
             elif opcode == CHUNK_INDEX and len(body) >= 24:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
         self._chunk_offsets.sort()

@@ -76,15 +76,15 @@ class DatabaseFile:
         self._is_indexed = True
 
     @property
-    def first_log_ns(self) -> int | None:
-        """When recording began: the smallest time of arrival; None for an empty or damaged database."""
+    def span_ns(self) -> tuple[int, int] | None:
+        """The smallest and the largest time of arrival (ns); None for an empty or damaged database."""
         try:
             with closing(self._connect()) as database:
-                ((first,),) = database.execute("SELECT min(timestamp) FROM messages")
+                ((first, last),) = database.execute("SELECT min(timestamp), max(timestamp) FROM messages")
         except _DAMAGE as error:
             _interrupt_or(error, error)
             return None
-        return first if isinstance(first, int) else None
+        return (first, last) if isinstance(first, int) and isinstance(last, int) else None
 
     def _lose(self, what: str, number: int, why: str = "") -> None:
         if not self._is_indexed:

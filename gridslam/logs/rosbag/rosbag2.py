@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,10 +17,10 @@ from gridslam.logs.ros.container import Channel, Container, Schema
 from gridslam.logs.ros.source import RosSource
 from gridslam.logs.rosbag.database import DatabaseFile
 from gridslam.logs.rosbag.packed import ZSTD_MAGIC, PackedMessages, UnpackedFile, is_packed
+from gridslam.logs.rosbag.parts import recorded_parts
 
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _METADATA = "metadata.yaml"
-_PART_NAME = re.compile(r"(?P<stem>.+?)(_(?P<number>[0-9]{1,9}))?\.(db3|mcap)(\.zstd|\.zst)?")
 
 
 class Recordings:
@@ -130,8 +129,8 @@ def _by_time(parts: list[_Part], message_counts: MessageCounts) -> list[_Part]:
     """The parts in the order in which they were recorded; as they are where one does not say when it began."""
     if len(parts) < 2:
         return parts
-    starts = [part.container.first_log_ns for part in parts]
-    known = [start for start in starts if start is not None]
+    spans = [part.container.span_ns for part in parts]
+    known = [span[0] for span in spans if span is not None]
     if len(known) < len(parts) or sorted(known) == known:
         return parts
     message_counts.note("the parts of the recording are named in another order than recorded: sorted by time")
@@ -151,17 +150,6 @@ def _metadata_of(folder: Path) -> dict[str, Any]:
     if not isinstance(metadata, dict):
         raise LogError(f"{folder / 'metadata.yaml'}: no rosbag2_bagfile_information in it")
     return metadata
-
-
-def recorded_parts(folder: Path) -> list[Path]:
-    """The files of one recording in a folder without metadata.yaml, in order of their numbers; none where they are of several."""
-    found = {}
-    for path in sorted(folder.iterdir()):
-        match = _PART_NAME.fullmatch(path.name)
-        if match and path_inside(folder, path.name) is not None and path.is_file():
-            found[path] = match
-    stems = {match["stem"] for match in found.values()}
-    return sorted(found, key=lambda path: int(found[path]["number"] or 0)) if len(stems) == 1 else []
 
 
 def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCounts) -> list[Path]:
