@@ -151,7 +151,9 @@ def reading_config(
     given = {"csv": layout, "start_s": start_s, "end_s": end_s}
     settings = settings.model_copy(update={key: value for key, value in given.items() if value is not None})
     if settings.start_s is not None and settings.end_s is not None and settings.start_s > settings.end_s:
-        raise ConfigError(f"--start {settings.start_s:g} --end {settings.end_s:g}: the end lies before the start")
+        raise ConfigError(
+            f"--start {settings.start_s:g} --end {settings.end_s:g}: the end lies before the start"
+        )
     return settings
 
 

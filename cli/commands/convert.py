@@ -9,7 +9,7 @@ import typer
 
 from .. import console
 from ..completion import complete_config
-from ..options import AsJson, LogPath, Strict, reading_config
+from ..options import AsJson, EndTime, LogPath, StartTime, Strict, reading_config
 from .info import LOSSY, Layout
 
 MAX_PROBLEMS = 20
@@ -34,12 +34,6 @@ ReadingConfig = Annotated[
 Topics = Annotated[
     str, typer.Option("--topics", metavar="A,B", help="Only these topics (see gridslam info).")
 ]
-Start = Annotated[
-    float | None, typer.Option("--start", metavar="S", help="From S seconds after the log's start.")
-]
-End = Annotated[
-    float | None, typer.Option("--end", metavar="S", help="Up to S seconds after the log's start.")
-]
 Replace = Annotated[bool, typer.Option("--force", help="Replace what is there.")]
 
 
@@ -49,8 +43,8 @@ def run(
     rosbag2: Rosbag2Output = None,
     config: ReadingConfig = None,
     topics: Topics = "",
-    start: Start = None,
-    end: End = None,
+    start: StartTime = None,
+    end: EndTime = None,
     layout: Layout = None,
     force: Replace = False,
     strict: Strict = False,

@@ -9,7 +9,7 @@ import typer
 
 from .. import console
 from ..completion import complete_config
-from ..options import AsJson, LogPath, Strict, reading_config
+from ..options import AsJson, EndTime, LogPath, StartTime, Strict, reading_config
 
 if TYPE_CHECKING:
     from gridslam.logs.log import Log
@@ -44,6 +44,8 @@ def run(
     log: LogPath,
     config: MethodConfig = None,
     layout: Layout = None,
+    start: StartTime = None,
+    end: EndTime = None,
     check: Check = False,
     strict: Strict = False,
     as_json: AsJson = False,
@@ -59,13 +61,16 @@ def run(
     yaw about z.
 
     Notes on stderr name what cannot be used and what had to be assumed. With -c, the column "used" says which streams a run would
-    take, and notes are those of the run; a log that lacks what the method needs is an error.
+    take, and notes are those of the run; a log that lacks what the method needs is an error. With --start or --end, messages
+    are those between the two.
     """
     from gridslam.logs.open import open_log
     from gridslam.logs.requirements import require_streams
 
     method = _method_of(config)
-    with open_log(log, reading_config(config, layout), None if method is None else method.reads) as opened:
+    with open_log(
+        log, reading_config(config, layout, start, end), None if method is None else method.reads
+    ) as opened:
         if method is not None:
             require_streams(opened, method.needs)
         if check:
@@ -105,8 +110,9 @@ def describe(log: Log) -> dict[str, Any]:
     """The log as one JSON document. Stamps are decimal text in seconds, exact to the nanosecond."""
     from gridslam.core.stamps import format_stamp
 
-    starts = [i.first_stamp_ns for i in log.streams if i.first_stamp_ns is not None]
-    ends = [i.last_stamp_ns for i in log.streams if i.last_stamp_ns is not None]
+    shown = log.streams_in_span() if log.has_span else log.streams
+    starts = [i.first_stamp_ns for i in shown if i.first_stamp_ns is not None]
+    ends = [i.last_stamp_ns for i in shown if i.last_stamp_ns is not None]
     streams = [
         {
             "kind": i.kind,
@@ -120,7 +126,7 @@ def describe(log: Log) -> dict[str, Any]:
             "out_of_order": i.out_of_order,
             "used": i.used,
         }
-        for i in log.streams
+        for i in shown
     ]
     return {
         "path": str(log.path),

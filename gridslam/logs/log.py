@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -72,6 +72,15 @@ class Log:
         """All streams of the log, by kind, then by topic."""
         return [self._info(index) for index in self._selection.listed]
 
+    def streams_in_span(self) -> list[StreamInfo]:
+        """The streams with what lies between `start_s` and `end_s` of the config; those that no method reads are left out."""
+        first, last = self._span_ns()
+        return [
+            self._info(index, first, last)
+            for index in self._selection.listed
+            if self._source.streams[index].kind != "other"
+        ]
+
     @property
     def base_frame(self) -> str:
         """The robot's frame, which odometry moves and sensors are mounted on."""
@@ -93,10 +102,15 @@ class Log:
         stamps = [info.first_stamp_ns for info in self.streams if info.first_stamp_ns is not None]
         return min(stamps, default=0)
 
+    @property
+    def has_span(self) -> bool:
+        """Whether the config asks for a part of the log."""
+        return self._config.start_s is not None or self._config.end_s is not None
+
     def _span_ns(self) -> tuple[int, int]:
         """The stamps of the part that is used. Raises ConfigError: the log ends before it."""
         start_s, end_s = self._config.start_s, self._config.end_s
-        if start_s is None and end_s is None:
+        if not self.has_span:
             return 0, END_NS
         last = max((info.last_stamp_ns or 0 for info in self.streams), default=0)
         first = self.start_ns + round((start_s or 0.0) * NS_PER_S)
@@ -221,16 +235,20 @@ class Log:
     def _is_sorted(self) -> bool:
         return (self._config.order or self._source.order) == "stamp"
 
-    def _info(self, index: int) -> StreamInfo:
+    def _info(self, index: int, first_ns: int | None = None, last_ns: int = END_NS) -> StreamInfo:
+        """A stream as shown to people; with `first_ns`, only its messages from there to `last_ns`."""
         stream = self._source.streams[index]
-        stamps = stream.stamps_ns if stream.kind != "other" else None
+        all_stamps: Sequence[int] = stream.stamps_ns
+        if first_ns is not None:
+            all_stamps = [stamp for stamp in all_stamps if first_ns <= stamp <= last_ns]
+        stamps = all_stamps if stream.kind != "other" else None
         is_truth = index == self._selection.truth
         return StreamInfo(
             kind="truth" if is_truth else self._selection.kind_of.get(index, stream.kind),
             topic=stream.topic,
             detail=stream.detail,
             type=stream.type,
-            count=len(stream.stamps_ns),
+            count=len(all_stamps),
             first_stamp_ns=min(stamps) if stamps else None,
             last_stamp_ns=max(stamps) if stamps else None,
             frame=", ".join(list(stream.frames)[:8]),

@@ -212,3 +212,19 @@ def test_convert_writes_a_rosbag2_folder_read_by_a_config(
     code, _, err = run(capsys, "convert", log, tmp_path / "b", "-o", tmp_path / "c")
     assert code == 2
     assert "either OUT or -o DIR" in err
+
+
+def test_info_of_a_part_counts_only_its_messages(small_log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(small_log), "--json"]) == 0
+    whole = json.loads(capsys.readouterr().out)
+    assert main(["info", str(small_log), "--start", "1", "--end", "2.5", "--json"]) == 0
+    part = json.loads(capsys.readouterr().out)
+    assert 1.2 < part["duration_s"] <= 1.5 < whole["duration_s"]
+    counts = {stream["kind"]: stream["count"] for stream in whole["streams"]}
+    for stream in part["streams"]:
+        if stream["kind"] in ("scan", "odom"):
+            assert 0 < stream["count"] < 0.5 * counts[stream["kind"]]
+    assert main(["info", str(small_log), "--start", "2", "--end", "1"]) == 2
+    assert "the end lies before the start" in capsys.readouterr().err
+    assert main(["info", str(small_log), "--start", "1000"]) == 2
+    assert "the log has only" in capsys.readouterr().err
