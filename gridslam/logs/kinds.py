@@ -48,7 +48,7 @@ _POSE = ("x", "y", "yaw")
 _COVARIANCE = ("var_x", "var_y", "var_yaw")
 _MATRICES = (*(f"k{i}" for i in range(9)), *(f"p{i}" for i in range(12)))
 _ROTATION = tuple(f"r{i}" for i in range(9))
-_DISTORTION = tuple(f"d{i}" for i in range(camera_info.MAX_DISTORTION))
+_DISTORTION = tuple(f"d{i}" for i in range(camera_info.DISTORTION_COLUMNS))
 
 # In order of precedence: at equal stamps, what a scan needs comes before it.
 _KINDS = (
@@ -78,7 +78,7 @@ _KINDS = (
             camera_info.from_csv,
             camera_info.to_csv,
             required=("camera", "width", "height", *_MATRICES),
-            optional=(*_DISTORTION, *_ROTATION, "model", "frame"),
+            optional=(*_DISTORTION, *_ROTATION, "model", "d_rest", "frame"),
             default_frame="camera_info",
             rows_name_frames=True,
         ),

@@ -17,7 +17,9 @@ from gridslam.logs.ros.fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20
-MAX_DISTORTION = 14  # coefficients that OpenCV's longest model has, and columns of a table
+DISTORTION_COLUMNS = (
+    14  # of a table: the coefficients of OpenCV's longest model; further ones are in one text column
+)
 
 
 def unusable_reason(info: CameraInfo) -> SkipReason | None:
@@ -73,7 +75,8 @@ def to_ros(info: CameraInfo, topic: str | None) -> list[Encoded]:
 def from_csv(rows: list[Row]) -> CameraInfo:
     """The calibration of one row."""
     (row,) = rows
-    distortion = [row.number(f"d{i}", math.nan) for i in range(MAX_DISTORTION)]
+    distortion = [row.number(f"d{i}", math.nan) for i in range(DISTORTION_COLUMNS)]
+    distortion += map(float, row.text("d_rest").split())
     while distortion and math.isnan(distortion[-1]):
         distortion.pop()
     rotation = [row.number(f"r{i}", float(i % 4 == 0)) for i in range(9)]
@@ -94,8 +97,9 @@ def from_csv(rows: list[Row]) -> CameraInfo:
 def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:
     """One row."""
     numbers = [number_field(float(v)) for v in (*np.ravel(info.K), *np.ravel(info.P))]
-    distortion = [number_field(float(v)) for v in info.D[:MAX_DISTORTION]]
-    distortion += [""] * (MAX_DISTORTION - len(distortion))
+    distortion = [number_field(float(v)) for v in info.D]
+    rest = " ".join(distortion[DISTORTION_COLUMNS:])
+    distortion += [""] * (DISTORTION_COLUMNS - len(distortion))
     rotation = [number_field(float(v)) for v in np.ravel(info.R)]
     size = [str(info.width_px), str(info.height_px)]
     model = name_field(info.distortion_model)
@@ -104,9 +108,10 @@ def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:
             name_field(info.camera),
             *size,
             *numbers,
-            *distortion,
+            *distortion[:DISTORTION_COLUMNS],
             *rotation,
             model,
+            rest,
             name_field(info.frame_id),
         ]
     ]
