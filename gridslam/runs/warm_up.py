@@ -14,17 +14,19 @@ from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult
-from gridslam.methods.registry import BUILT_IN, MethodEntry
+from gridslam.methods.registry import BUILT_IN
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.planning.options import PlanOptions
-from gridslam.simulation.scripted import scripted_drawing, scripted_log
+from gridslam.runs.run_config import load_run_config
+from gridslam.simulation.scripted import Noise, scripted_drawing, scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
 DRIVE = DifferentialDrive(
     radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
 )
 COMMAND_EVERY = 50  # events
+STUTTER = Noise(frozen=range(100, 112))  # tracking is lost and recovers
 HALL_CORNER_M = (-1.0, -1.0)  # the drawing of the hall has a margin
 PLAN_START, PLAN_GOAL = np.array([2.0, 1.5, 0.0]), np.array([12.0, 7.5, np.nan])
 ROOM = {
@@ -35,7 +37,7 @@ ROOM = {
 
 
 def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) -> None:
-    """Run each mapper, localizer and explorer with default settings, and plan paths: machine code is kept of their kernels.
+    """Run each mapper, localizer and explorer with its built-in config, and plan paths: machine code is kept of their kernels.
 
     Kernels that only other settings use are compiled at their first use. The parts are shared among `jobs` processes;
     `report` is called with the name of each that is done.
@@ -74,13 +76,12 @@ def warm_up_part(part: str) -> None:
         _simulate()
     else:
         method, command = part.split()
-        entry = BUILT_IN[method]
         if command == "map":
-            _result(_mapper(entry))
+            _result(_mapper(method))
         elif command == "explore":
-            _explore(entry)
+            _explore(method)
         else:
-            _result(registry.load(entry.localizer)(registry.load(entry.config)(), 0, _hall()))
+            _result(registry.load(BUILT_IN[method].localizer)(load_run_config(method).method, 0, _hall()))
 
 
 def _hall() -> OccupancyGrid:
@@ -97,19 +98,21 @@ def _plan() -> None:
         plan_path(_hall(), PLAN_START, PLAN_GOAL, PlanOptions(reverse=reverse))
 
 
-def _mapper(entry: MethodEntry) -> Method:
+def _mapper(name: str) -> Method:
+    """The mapper of a method with its built-in config, as a user runs it."""
+    entry = BUILT_IN[name]
     method: Method = registry.load(entry.mapper)(
-        registry.load(entry.config)(),
+        load_run_config(name).method,
         0,
         **{kind.name: registry.load(kind.example)() for kind in entry.inputs if kind.is_needed},
     )
     return method
 
 
-def _explore(entry: MethodEntry) -> None:
+def _explore(name: str) -> None:
     """Query the explorer for commands along the scripted drive."""
-    method = _mapper(entry)
-    explorer = registry.load(entry.explorer)(method, registry.load(entry.config)(), DRIVE, 0)
+    method = _mapper(name)
+    explorer = registry.load(BUILT_IN[name].explorer)(method, load_run_config(name).method, DRIVE, 0)
     for number, (event, _) in enumerate(scripted_log(laps=1)):
         method.process(event)
         explorer.add(event)
@@ -128,6 +131,6 @@ def _simulate() -> None:
 
 def _result(method: Method) -> RunResult:
     """The result of two laps, so that loops are closed."""
-    for event, _ in scripted_log(laps=2):
+    for event, _ in scripted_log(laps=2, noise=STUTTER):
         method.process(event)
     return method.result()

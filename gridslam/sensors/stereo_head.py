@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.cameras import StereoHead
+from gridslam.core.messages import readonly
 from gridslam.kernels.stereo_columns import (
     MATCHED,
     NONE,
@@ -89,7 +90,7 @@ def measured_columns(disparity: Disparities, head: StereoHead, settings: ColumnS
         min_matched_ratio=settings.min_matched_ratio,
         take_nearest=settings.take_nearest,
     )
-    found, status = measure_columns(np.ascontiguousarray(disparity, np.float32), band, criteria)
+    found, status = measure_columns(readonly(disparity, np.float32), band, criteria)
     middles: Floats = (np.arange(len(found), dtype=np.float64) + 0.5) * settings.bin_px - 0.5
     return StereoColumns(head.bearings(middles), found, status)
 

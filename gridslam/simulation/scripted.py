@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import (
+    AbsolutePose,
     Disparity,
     Event,
     LaserScan,
@@ -32,8 +33,10 @@ SPEED_M = 0.06  # per period
 TURN_RAD = 0.08  # per period
 RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
-SWEEP_EVERY = 60  # periods between sweeps of the infrared ranger, which looks ahead
+SWEEP_EVERY = 20  # periods between sweeps of the infrared ranger, which looks ahead: they overlap
+PICTURE_EVERY = 60  # periods between stereo pictures, each with an absolute pose
 RANGER_LIMITS_M = 0.2, 5.0
+POSE_COVARIANCE = readonly(np.diag([0.02, 0.02, 0.02]) ** 2, np.float64)
 STEREO_PX = 40, 80  # rows, columns of a small disparity image
 STEREO_FOCAL_PX, STEREO_BASELINE_M = 70.0, 0.12
 OPTICAL = (0.5, -0.5, 0.5, -0.5)  # of a camera that looks ahead
@@ -53,13 +56,17 @@ ROUTE: tuple[tuple[float, float], ...] = ((2.0, 1.5), (12.0, 1.5), (12.0, 7.5), 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviation of a range (m), of odometry (as a fraction of the motion), and odometry's systematic errors."""
+    """Standard deviation of a range (m), of odometry (as a fraction of the motion), and odometry's systematic errors.
+
+    In the periods `frozen` odometry stays where it is, and then catches up, as in recorded logs.
+    """
 
     range_m: float = 0.01
     translation: float = 0.05
     rotation: float = 0.05
     scale: float = 1.01
     drift_rad: float = 0.0006  # per period
+    frozen: range = range(0)
 
 
 def walls() -> NDArray[np.float64]:
@@ -146,7 +153,7 @@ def scripted_log(
         ),
         None,
     )
-    estimate, before = np.zeros(3), None
+    estimate, reported, before = np.zeros(3), np.zeros(3), None
     for k, pose in enumerate(true_path(laps)):
         stamp = START_NS + k * PERIOD_NS
         if before is not None:
@@ -155,12 +162,16 @@ def scripted_log(
             step[2] = step[2] * (1 + noise.rotation * rng.standard_normal()) + noise.drift_rad
             estimate = se2.compose(estimate, step)
         before = pose
-        yield _odometry(stamp, "odom", estimate), _odometry(stamp, "map", pose)
+        if k not in noise.frozen:
+            reported = estimate
+        yield _odometry(stamp, "odom", reported), _odometry(stamp, "map", pose)
         exact = ranges_from(se2.compose(pose, [LASER_X_M, 0.0, 0.0]), bearings)
         ranges = exact + noise.range_m * rng.standard_normal(beams)
         yield _scan(stamp, bearings, ranges), None
         if k % SWEEP_EVERY == 0:
             yield from ((reading, None) for reading in _sweep(stamp, pose, noise, rng))
+        if k % PICTURE_EVERY == 0:
+            yield AbsolutePose(stamp, "map", pose, POSE_COVARIANCE), None
             yield _disparity(stamp, pose), None
 
 
