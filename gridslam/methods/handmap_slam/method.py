@@ -11,7 +11,9 @@ from gridslam.core.messages import Event
 from gridslam.core.random import random_stream
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.front_end import Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.drawing import Drawing, drawn_map
 from gridslam.matching.lines import LineSegments
@@ -64,12 +66,8 @@ class HandmapSlam:
         if config.front_end == "lines":
             likelihood = DrawnLikelihood(self.drawn, config.localization.sigma_m)
             self._line_front_end = LineFrontEnd(config, self._observer, likelihood)
-        self._scan_tracker = ScanTracker(
-            self._line_front_end or surface_front_end(config),
-            config.scan,
-            config.advanced.odometry,
-            KeyScanSpacing(KEY_DISTANCE_M, KEY_ANGLE_RAD),
-        )
+        self._scan_tracker = _tracker_of(config, self._line_front_end or surface_front_end(config))
+        self._odometry_check = OdometryCheck(lambda: _tracker_of(config, surface_front_end(config)))
         self._key_drawing_poses: list[DrawingPose | None] = []
         self._stopwatch = Stopwatch()
 
@@ -87,12 +85,18 @@ class HandmapSlam:
         return self._drawing_tracker.pose
 
     def process(self, event: Event) -> None:
-        """Process extrinsics, odometry and scans; a scan waits until odometry has reached its stamp."""
+        """Process extrinsics, odometry and scans; a scan waits until odometry is checked and has reached its stamp."""
+        for checked in self._odometry_check.process(event):
+            self._process(checked)
+
+    def _process(self, event: Event) -> None:
         for placed in self._scan_tracker.process(event):
             self._add_scan(placed)
 
     def result(self) -> RunResult:
         """Close the loops, draw the map, and report on the drawing."""
+        for event in self._odometry_check.flush():
+            self._process(event)
         for placed in self._scan_tracker.flush():
             self._add_scan(placed)
         key_scans = self._scan_tracker.key_scans
@@ -120,6 +124,7 @@ class HandmapSlam:
             series={**series_of(updates), "inlier_ratio": self._inlier_ratio()},
             pictures={"drawing": picture},
             counters=self._counters(),
+            notes=self._odometry_check.notes(),
             timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, observed), **self._key_scan_measures(metric)},
             loops_ns=self._scan_tracker.stamps_of(metric.loops),
@@ -173,7 +178,9 @@ class HandmapSlam:
         return beam_endpoints(scan, extrinsics, self._scan_tracker.twist(placed), max_range_m).endpoints
 
     def _key_scan_measures(self, metric: MetricMap) -> dict[str, object]:
-        measures: dict[str, object] = {"key_scans": len(self._scan_tracker.keys)}
+        tracker = self._scan_tracker
+        motion = {**tracker.motion_measures, "odometry_check": self._odometry_check.measures()}
+        measures: dict[str, object] = {"key_scans": len(tracker.keys), "motion": motion}
         if metric.optimised is not None:
             measures["pose_graph"] = metric.optimised.measures
         return measures
@@ -182,3 +189,8 @@ class HandmapSlam:
         used = Counter({"used.scan": len(self._scan_tracker.stamps_ns)})
         counters = used + self._scan_tracker.counters + self._drawing_tracker.counters
         return {name: int(count) for name, count in counters.items()}
+
+
+def _tracker_of(config: HandmapSlamConfig, front_end: Tracking) -> ScanTracker:
+    spacing = KeyScanSpacing(KEY_DISTANCE_M, KEY_ANGLE_RAD)
+    return ScanTracker(front_end, config.scan, config.advanced.odometry, spacing)

@@ -12,6 +12,11 @@ from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, LaserSc
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
 from gridslam.filters.free_space import free_cells
+from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
+from gridslam.lidar_slam.front_end import FrontEnd
+from gridslam.lidar_slam.key_scans import KeyScanSpacing
+from gridslam.lidar_slam.odometry_check import OdometryCheck
+from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Estimate, Picture, RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
@@ -36,6 +41,9 @@ Floats = NDArray[np.float64]
 
 MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
 JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
+CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
+CHECK_MEMORY_MB = 500.0
+CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
 STATIONARY_UPDATES = (
     3  # updates without motion: the first scans help the search, more of the same view add no evidence
 )
@@ -50,6 +58,8 @@ class IspaceMcl:
         detection = detection_parameters(advanced.camera_background)
         self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
         self._scans = ScanPoses(OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_M, JUMP_RAD))
+        self._odometry_check = OdometryCheck(_tracker)
+        self._seen_bytes = 0  # of images
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._depth = OnboardDepth(
             DepthBand(advanced.depth_min_height_m, advanced.depth_max_height_m, MAX_DEPTH_M),
@@ -81,7 +91,22 @@ class IspaceMcl:
         return Estimate(self._stamp_ns, self._pose, self._localizer.particles.poses)
 
     def process(self, event: Event) -> None:
-        """Process a scan, odometry, a static transform, or an image, depth image or calibration of a camera."""
+        """Process a scan, odometry, a static transform, or an image, depth image or calibration of a camera.
+
+        Events wait until odometry is checked, or until the images among them take too much memory.
+        """
+        if isinstance(event, Image | DepthImage):
+            self._seen_bytes += (event.pixels if isinstance(event, Image) else event.depth_m).nbytes
+            if self._seen_bytes > CHECK_IMAGES_BYTES:
+                self._end_odometry_check()
+        for checked in self._odometry_check.process(event):
+            self._process(checked)
+
+    def _end_odometry_check(self) -> None:
+        for event in self._odometry_check.flush():
+            self._process(event)
+
+    def _process(self, event: Event) -> None:
         if isinstance(event, LaserScan):
             for depth in self._depth.lidar_found():
                 self._process_image(depth)
@@ -121,6 +146,7 @@ class IspaceMcl:
 
     def result(self) -> RunResult:
         """Finish the run and return the trajectory, the table `localization` and the series of the report."""
+        self._end_odometry_check()
         for scan in self._depth.flush():
             self._process_scan(scan)
         self._depth.check()
@@ -139,8 +165,13 @@ class IspaceMcl:
             position_std=series["particle_std"],
             untrusted_ns=self._history.untrusted_ns(),
             counters=dict(counters),
+            notes=self._odometry_check.notes(),
             timings_s=dict(self._localizer.stopwatch.seconds),
-            measures={**self._history.measures(), **self._camera_measures()},
+            measures={
+                **self._history.measures(),
+                **self._camera_measures(),
+                "motion": {"odometry_check": self._odometry_check.measures()},
+            },
             doubt=doubt_of(self._history.statuses, self._occupancy, self._config.advanced.occupied_threshold),
         )
 
@@ -202,6 +233,12 @@ class IspaceMcl:
         )
         self._updated_at = placed.odometry
         self._counters["updates"] += 1
+
+
+def _tracker() -> ScanTracker:
+    """Follows the first scans without odometry, which is checked by them."""
+    odometry = OdometryConfig()
+    return ScanTracker(FrontEnd(odometry, CHECK_MEMORY_MB), ScanConfig(), odometry, CHECK_SPACING)
 
 
 def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> FloorCells:
