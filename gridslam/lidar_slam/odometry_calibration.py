@@ -20,6 +20,7 @@ YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
 MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance ...
 MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations of its mean
 UNDECIDED_Z_SCORE = 1.5  # from here on more motion may decide
+POSSIBLE_Z_SCORE = 2.0  # lags whose differences are larger by less than this may be the true one
 MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
 MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
 MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
@@ -33,6 +34,7 @@ class OdometryCorrection:
     """What is wrong with odometry: it is `lag_s` late, its translation must be multiplied by `scale`, and its yaw be mirrored.
 
     `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `is_undecided`: more motion may show a lag.
+    `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.
     """
 
     lag_s: float = 0.0
@@ -40,6 +42,7 @@ class OdometryCorrection:
     mirrors_yaw: bool = False
     mirrors_y: bool = False
     is_undecided: bool = False
+    possible_lags_s: tuple[float, float] | None = None
 
     @property
     def faults(self) -> list[str]:
@@ -73,12 +76,11 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     windows = windows_of(track, odometry)
     if windows is None:
         return OdometryCorrection()
-    lag_s, is_mirrored, is_undecided = windows.lag_and_sign()
-    found = OdometryCorrection(lag_s, 1.0, is_mirrored, is_undecided=is_undecided)
-    if is_mirrored:
+    found = windows.lag_and_sign()
+    if found.mirrors_yaw:
         both = [replace(found, mirrors_y=mirrors) for mirrors in (False, True)]
         found = min(both, key=windows.translation_cost)
-    return replace(found, scale=windows.scale(lag_s))
+    return replace(found, scale=windows.scale(found.lag_s))
 
 
 def windows_of(track: Trajectory, odometry: Trajectory) -> MotionWindows | None:
@@ -110,13 +112,10 @@ class MotionWindows:
         start, end = (correction.poses(self._at(t, correction.lag_s)) for t in (self._start_s, self._end_s))
         return se2.between(start, end), self._matched
 
-    def lag_and_sign(self) -> tuple[float, bool, bool]:
-        """Lag (s) of the odometry, whether its yaw is mirrored, and whether more motion may show a lag.
-
-        The lag is 0 and the yaw not mirrored without evidence.
-        """
+    def lag_and_sign(self) -> OdometryCorrection:
+        """Lag of the odometry and whether its yaw is mirrored; none and not mirrored without evidence."""
         if np.abs(self._matched[:, 2]).sum() < MIN_ROTATION_RAD:
-            return 0.0, False, False
+            return OdometryCorrection()
         errors = {sign: np.array([self._yaw_errors(float(lag), sign) for lag in LAGS_S]) for sign in (1, -1)}
         smallest = {sign: float(error.mean(axis=1).min()) for sign, error in errors.items()}
         is_mirrored = smallest[-1] < MAX_COST_RATIO * smallest[1]
@@ -124,12 +123,16 @@ class MotionWindows:
         costs, at_zero = found.mean(axis=1), len(LAGS_S) // 2
         best = int(costs.argmin())
         lag_s = float(LAGS_S[best])
+        possible = LAGS_S[[self._z_score(error - found[best]) < POSSIBLE_Z_SCORE for error in found]]
+        result = OdometryCorrection(
+            mirrors_yaw=is_mirrored, possible_lags_s=(float(possible[0]), float(possible[-1]))
+        )
         if abs(lag_s) < MIN_LAG_S:
-            return 0.0, is_mirrored, False
+            return result
         z_score = self._z_score(found[at_zero] - found[best])
         if costs[best] < MAX_COST_RATIO * costs[at_zero] or z_score > MIN_Z_SCORE:
-            return (lag_s if abs(lag_s) >= self._period_s else 0.0), is_mirrored, False
-        return 0.0, is_mirrored, z_score > UNDECIDED_Z_SCORE
+            return replace(result, lag_s=lag_s if abs(lag_s) >= self._period_s else 0.0)
+        return replace(result, is_undecided=z_score > UNDECIDED_Z_SCORE)
 
     def translation_cost(self, correction: OdometryCorrection) -> float:
         """Mean difference (m) of the windows' translations."""

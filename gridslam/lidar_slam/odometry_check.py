@@ -29,13 +29,14 @@ class OdometryCheck:
 
     Good odometry and scans stay as they are.
 
-    `build_tracker` makes the tracker that follows the first scans without odometry.
+    `build_tracker` makes the tracker that follows the first scans without odometry. Unless `is_enabled`, all events are given on
+    at once as they are.
     """
 
-    def __init__(self, build_tracker: Callable[[], ScanTracker]) -> None:
+    def __init__(self, build_tracker: Callable[[], ScanTracker], *, is_enabled: bool = True) -> None:
         self._build_tracker = build_tracker
         self._tracker: ScanTracker | None = build_tracker()
-        self._held: list[Event] | None = []
+        self._held: list[Event] | None = [] if is_enabled else None
         self._tracked = 0  # of the held events
         self._scans = 0
         self._next_check = (
@@ -77,6 +78,7 @@ class OdometryCheck:
         return {
             "checked_scans": self.checked_scans,
             "lag_s": round(found.lag_s, 3),
+            "possible_lags_s": found.possible_lags_s and [round(lag, 3) for lag in found.possible_lags_s],
             "distance_scale": round(1.0 / found.scale, 3),
             "yaw_sign": -1 if found.mirrors_yaw else 1,
             "is_corrected": bool(found.faults),

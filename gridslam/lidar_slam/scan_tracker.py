@@ -55,6 +55,7 @@ class ScanTracker:
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans: list[PreparedScan] = []
         self._lidar = ""  # of the last tracked scan
+        self._lidars: list[str] = []  # of every scan
         self._last_key_of: dict[str, int] = {}  # row of each lidar's last key scan
 
     @property
@@ -85,6 +86,20 @@ class ScanTracker:
     def motion_measures(self) -> dict[str, object]:
         """What the motion between scans was predicted by, and how far that was off."""
         return self._predictor.measures()
+
+    @property
+    def lidar_measures(self) -> dict[str, object]:
+        """Scans of each lidar, the fraction of them that was matched, and their median inlier ratio."""
+        lidars, found = np.array(self._lidars), {}
+        matched = np.array([match.is_matched for match in self._matches])
+        for lidar in sorted(set(self._lidars)):
+            own = lidars == lidar
+            found[lidar] = {
+                "scans": int(own.sum()),
+                "matched_ratio": round(float(matched[own].mean()), 4),
+                "median_inlier_ratio": round(float(np.median(self.inlier_ratios[own])), 4),
+            }
+        return dict(found)
 
     @property
     def motion_doubt(self) -> str | None:
@@ -148,6 +163,7 @@ class ScanTracker:
         match = self._front_end.track(scan, motion.odometry, motion.min_std)
         self._counters["scan.unmatched"] += not match.is_matched
         self._lidar = lidar_of(placed.scan)
+        self._lidars.append(self._lidar)
         self._slips_m2.append(self._slip_m2(placed, match))
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())

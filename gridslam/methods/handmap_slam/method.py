@@ -46,10 +46,13 @@ KEY_DISTANCE_M, KEY_ANGLE_RAD = 0.25, 0.25  # motion after which a scan becomes 
 class HandmapSlam:
     """Maps with a drawing as prior; the map's origin is the pose at the first scan.
 
-    Raises ConfigError if the start lies outside the drawing, and MapError if the drawing has no free space.
+    `checks_odometry`: the first part of the log is held back until its odometry is checked; without, there is a pose from the
+    first scan on. Raises ConfigError if the start lies outside the drawing, and MapError if the drawing has no free space.
     """
 
-    def __init__(self, config: HandmapSlamConfig, seed: int, *, drawing: Drawing) -> None:
+    def __init__(
+        self, config: HandmapSlamConfig, seed: int, *, drawing: Drawing, checks_odometry: bool = True
+    ) -> None:
         self._config = config
         self._seed = seed
         start = None if config.start is None else config.start[:2]
@@ -67,7 +70,9 @@ class HandmapSlam:
             likelihood = DrawnLikelihood(self.drawn, config.localization.sigma_m)
             self._line_front_end = LineFrontEnd(config, self._observer, likelihood)
         self._scan_tracker = _tracker_of(config, self._line_front_end or surface_front_end(config))
-        self._odometry_check = OdometryCheck(lambda: _tracker_of(config, surface_front_end(config)))
+        self._odometry_check = OdometryCheck(
+            lambda: _tracker_of(config, surface_front_end(config)), is_enabled=checks_odometry
+        )
         self._key_drawing_poses: list[DrawingPose | None] = []
         self._stopwatch = Stopwatch()
 
@@ -179,7 +184,11 @@ class HandmapSlam:
 
     def _key_scan_measures(self, metric: MetricMap) -> dict[str, object]:
         tracker = self._scan_tracker
-        motion = {**tracker.motion_measures, "odometry_check": self._odometry_check.measures()}
+        motion = {
+            **tracker.motion_measures,
+            "odometry_check": self._odometry_check.measures(),
+            "lidars": tracker.lidar_measures,
+        }
         measures: dict[str, object] = {"key_scans": len(tracker.keys), "motion": motion}
         if metric.optimised is not None:
             measures["pose_graph"] = metric.optimised.measures

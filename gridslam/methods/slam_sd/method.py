@@ -171,7 +171,11 @@ class SlamSd:
             "resamplings": particles.resamplings,
             "maps_redrawn": particles.redrawn_maps,
             "tiles_mb": round(particles.memory_mb, 3),
-            "motion": {**tracker.motion_measures, "odometry_check": self._odometry_check.measures()},
+            "motion": {
+                **tracker.motion_measures,
+                "odometry_check": self._odometry_check.measures(),
+                "lidars": tracker.lidar_measures,
+            },
         }
 
     def _object_layer(self, tags: TagDatabase | None, seed: int) -> ObjectLayer:

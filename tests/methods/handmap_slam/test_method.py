@@ -180,3 +180,16 @@ def test_the_two_scales_of_a_stretched_drawing_are_estimated_within_5_percent(sc
     facts = result.measures["drawing"]
     assert facts["scale_x"] == pytest.approx(scale_x, rel=0.05)
     assert facts["scale_y"] == pytest.approx(scale_y, rel=0.05)
+
+
+def test_odometry_with_a_mirrored_yaw_is_used_corrected():
+    method = HandmapSlam(HandmapSlamConfig(start=START), 0, drawing=hall_drawing())
+    for event in events():
+        mirrored = (
+            replace(event, yaw_rad=-event.yaw_rad, y_m=-event.y_m) if isinstance(event, Odometry) else event
+        )
+        method.process(mirrored)
+    result = method.result()
+    assert "its yaw has the wrong sign" in result.notes[0]
+    assert result.measures["motion"]["odometry_check"]["yaw_sign"] == -1
+    assert position_errors(result).max() < 0.1
