@@ -1,4 +1,4 @@
-"""Paths of lines and arcs between 200 random pairs of poses on each of the public maps.
+"""Paths of lines and arcs between 50 random pairs of poses on each of the public maps, or GRIDSLAM_PLAN_PAIRS of them.
 
 Robot: a disc of 0.2 m, arcs of 0.2 m or more, forwards only. A refused pair counts as failed unless all random
 drives from the pose that the refusal names end at an obstacle within 1.5 m. The length is compared with a lower bound of the
@@ -25,14 +25,14 @@ from gridslam.maps.occupancy_correlation import fit_correlation
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.footprint import disc
 from gridslam.planning.options import PlanOptions
-from gridslam.planning.space import make_space
+from gridslam.planning.space import Space, make_space
 from gridslam.report.plan import SEGMENT_COLUMNS, segment_row
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir
 from tests.reference.path_checks import Squares, drive, escapes, largest_jump
 
 MAPS = ("depot", "warehouse", "tb3_sandbox", "turtlebot3_world")
-PAIRS = 200
+PAIRS = 50
 ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
 KEPT_M = ROBOT_M + MARGIN_M
 HALF_TURN = np.array([0.0, 0.0, np.pi])
@@ -80,7 +80,7 @@ def rows() -> Iterator[Row]:
 
 def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCounts:
     """Plan between random poses of one component of the free space, and check the paths."""
-    squares = Squares(grid)
+    squares, space = Squares(grid), robot_space(grid)
     options = PlanOptions(discs=disc(ROBOT_M), min_radius_m=RADIUS_M, margin_m=MARGIN_M, reverse=reverse)
     tally = PlanCounts()
     for i, (start, goal) in enumerate(random_pairs(grid, squares, pairs)):
@@ -103,7 +103,7 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCo
         poses = np.vstack([drive(segment) for segment in segments])
         tally.collisions += bool(squares.distances(poses[:, :2], 0.25).min() < ROBOT_M - 1e-4)
         tally.invalid += not is_valid(segments, poses, start, goal)
-        tally.ratios.append(plan.path.length_m / shortest(grid, start, goal))
+        tally.ratios.append(plan.path.length_m / shortest(space, start, goal))
     return tally
 
 
@@ -119,7 +119,7 @@ def is_valid(segments: list[dict[str, float]], poses: Floats, start: Floats, goa
 def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[tuple[Floats, Floats]]:
     """Pairs of poses with random headings in one 4-connected component of cells where the robot fits."""
     rng = np.random.default_rng(0)
-    space = make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
+    space = robot_space(grid)
     fits = space.field[1::2, 1::2] >= ROBOT_M + MARGIN_M
     _, labels = cv2.connectedComponents(fits.astype(np.uint8), connectivity=4)
     cells = np.argwhere(fits)
@@ -135,9 +135,13 @@ def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[
             yield np.array([*points[0], yaws[0]]), np.array([*points[1], yaws[1]])
 
 
-def shortest(grid: OccupancyGrid, start: Floats, goal: Floats) -> float:
+def robot_space(grid: OccupancyGrid) -> Space:
+    """The space of the robot on a map."""
+    return make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
+
+
+def shortest(space: Space, start: Floats, goal: Floats) -> float:
     """A lower bound (m) of the length of any path that keeps the robot's radius from obstacles."""
-    space = make_space(grid, disc(ROBOT_M), MARGIN_M, 0.9, True)
     cells = [space.cell(pose) for pose in space.to_local(np.array([start, goal]))]
     cols = space.blocked.shape[1]
     flat = [row * cols + col for row, col in cells]
