@@ -27,6 +27,7 @@ OVERLAP = 0.06  # of the log, on each side of a cut
 def rows() -> Iterator[Row]:
     """Relations of cut logs, precision and recall of changed cells, and CPU time of the last of 1, 2, 4 and 8 drives."""
     yield from _cut_log()
+    yield from _changed_hall()
     yield from _changed_places()
 
 
@@ -52,6 +53,17 @@ def _cut_log() -> Iterator[Row]:
     _, seconds = _mapped(parts)
     say(f"aces in eight: CPU seconds of each drive: {np.round(seconds, 1).tolist()}")
     yield Row("sessions.cost.eighth", seconds[7] / float(np.mean(seconds[:2])), "of the first two")
+
+
+def _changed_hall() -> Iterator[Row]:
+    """Two recorded drives through one corridor, with doors open and shut in between, in both orders."""
+    folder = data_dir()
+    if folder is None:
+        return
+    drives = [events_of(folder / "wean_hall" / f"robotdata{k}.log.gz") for k in (1, 2)]
+    results = [_mapped(order)[0] for order in (drives, drives[::-1])]
+    joined = sum(bool(result.measures["session"]["is_joined"]) for result in results)  # type: ignore[index]
+    yield Row("sessions.wean_hall.joined", joined, "of both orders")
 
 
 def _part(events: Sequence[Event], k: int, count: int) -> list[Event]:

@@ -41,6 +41,10 @@ UNKNOWN_STD_M = 100.0  # of a place anywhere in the map
 MIN_AGREEING = 3  # parts of the drive that put it in one place
 MANY_AGREEING, MANY_LEAD = 6, 3.0  # then none of them has to be distinct, as a corridor looks alike all along
 MIN_LEAD = 2.0  # times the parts that agree on any other place
+MAX_CHANGED = 0.25  # of a part's points may lie in free space of the map where doors and furniture have changed in between ...
+MIN_AGREEING_CHANGED = (
+    4  # ... if this number of parts agree, at least `MANY_LEAD` times those on any other place
+)
 SHORT_DRIVE_SEGMENTS = 9  # in a shorter drive too few parts can agree: one must be beyond doubt
 CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
 MARGIN_M = 10.0
@@ -103,7 +107,13 @@ def _agreeing(poses: Floats, graph: DirectedEdges, pool: LoopMatches, own: int) 
     )
     best = cliques[0]
     rival = len(cliques[1]) if len(cliques) > 1 else 0
-    is_enough = len(best) >= MIN_AGREEING and bool(is_distinct[best].any())
+    is_unchanged = pool.contradicted <= MAX_CONTRADICTED
+    is_enough = int(is_unchanged[best].sum()) >= MIN_AGREEING and bool(
+        (is_distinct & is_unchanged)[best].any()
+    )
+    is_enough = is_enough or (
+        len(best) >= max(MIN_AGREEING_CHANGED, MANY_LEAD * rival) and bool(is_distinct[best].any())
+    )
     is_enough = is_enough or len(best) >= max(MANY_AGREEING, MANY_LEAD * rival)
     is_enough = is_enough or (own < SHORT_DRIVE_SEGMENTS and bool(is_clear[best].any()))
     if not is_enough or len(best) < MIN_LEAD * rival:
@@ -160,7 +170,7 @@ def _search(union: _Union, known_poses: Floats, drive: KnownMap, queries: Ints) 
     is_plausible = (
         (found.scores >= MIN_SCORE)
         & (found.explained >= MIN_EXPLAINED)
-        & (found.contradicted <= MAX_CONTRADICTED)
+        & (found.contradicted <= MAX_CHANGED)
         & (found.rival_scores <= MAX_RIVAL_RATIO * found.scores)
     )
     return _as_loops(found, known_poses, queries).select(is_plausible)
