@@ -6,6 +6,7 @@ A place that the robot visits twice is one place, so a return says nothing new, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,15 @@ class PlaceGraph:
     views: list[Floats]
     open_views: list[Floats]
     owners: Ints
+
+    @cached_property
+    def neighbours(self) -> list[list[int]]:
+        """The neighbours of each place, in ascending order."""
+        lists: list[list[int]] = [[] for _ in range(len(self.centres))]
+        for a, b in self.edges.tolist():
+            lists[a].append(b)
+            lists[b].append(a)
+        return [sorted(each) for each in lists]
 
 
 def place_graph(occupancy: OccupancyGrid, poses: Floats) -> PlaceGraph:

@@ -5,7 +5,7 @@ A place that the drawing lacks has no wall within range, so its costs are consta
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,11 +14,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
+from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SIGMAS_M = (0.7, 0.45, 0.3)  # of walls from where they are drawn, coarse to fine
 ITERATIONS = 6  # at each
@@ -28,7 +30,7 @@ ROTATION_STD, SCALE_STD = 0.07, 0.08  # per root metre between neighbours
 ASPECT_STD, ASPECT_WEIGHT = 0.5, 0.1  # of the difference of a place's log scales
 EDGE_WEIGHT = 0.5  # each edge is there in both directions
 JUMP = 3.0  # residuals beyond this many standard deviations weigh ever less
-PRIOR_DAMPING = 1e-6
+PRIOR_DAMPING, FIXED_DAMPING = 1e-6, 1e9
 STEP_LIMITS = np.array([0.5, 0.5, 0.15, 0.1, 0.1])  # metres, rad, log scales
 
 
@@ -40,22 +42,26 @@ class Fitted:
     cost: float
 
 
-class _Views:
+def _points(pieces: list[Floats]) -> PlacePoints:
     """The points of all places in one array."""
-
-    def __init__(self, pieces: list[Floats]) -> None:
-        self.place = np.repeat(np.arange(len(pieces)), [len(v) for v in pieces])
-        self.offsets = np.concatenate(pieces) if pieces else np.zeros((0, 2))
+    starts = np.concatenate([[0], np.cumsum([len(v) for v in pieces])]).astype(np.int64)
+    return PlacePoints(np.ascontiguousarray(np.concatenate([*pieces, np.zeros((0, 2))])), starts)
 
 
 class Refinement:
     """The problem for one map and one drawing."""
 
-    def __init__(self, graph: PlaceGraph, evidence: DrawnEvidence) -> None:
+    def __init__(
+        self, graph: PlaceGraph, evidence: DrawnEvidence, fields: dict[str, NDArray[np.float32]] | None = None
+    ) -> None:
         self._graph = graph
+        self._damping = np.full(5 * len(graph.centres), PRIOR_DAMPING)
         self._evidence = evidence
-        self._walls, self._open = _Views(graph.views), _Views(graph.open_views)
-        self._fields = {
+        self._points = (
+            ("wall", WALL_WEIGHT, _points(graph.views)),
+            ("open", OPEN_WEIGHT, _points(graph.open_views)),
+        )
+        self._fields = fields or {
             name: np.stack([field, *_slopes(field)])
             for name, field in (("wall", evidence.to_wall), ("open", evidence.to_free))
         }
@@ -64,45 +70,60 @@ class Refinement:
         self._offsets = graph.centres[self._to] - graph.centres[self._from]
         self._lengths = np.maximum(np.hypot(*self._offsets.T), 0.3)
 
-    def fit(self, states: Floats) -> Fitted:
-        """Improve states `(p, 5)`."""
+    def fit(self, states: Floats, free: Mask | None = None) -> Fitted:
+        """Improve states `(p, 5)`: all of them, or those of the places that are `free` `(p,)`."""
         states = states.copy()
+        if free is None:
+            self._improve(states, self._damping)
+        else:
+            region = _around(self._graph, free)
+            part = states[region]
+            damping = np.where(np.repeat(free[region], 5), PRIOR_DAMPING, FIXED_DAMPING)
+            Refinement(_part_of(self._graph, region, free), self._evidence, self._fields)._improve(
+                part, damping
+            )
+            states[free] = part[free[region]]
+        return Fitted(states, float(self.place_costs(states).sum()))
+
+    def place_costs(self, states: Floats) -> Floats:
+        """Costs `(p,)`: truncated squares of a place's views, and half the heavy-tailed costs of its edges."""
+        p = len(states)
+        costs = np.zeros(p)
+        for weight, equations in self._view_equations(states, SIGMAS_M[-1]):
+            costs += weight * equations.cost
+        edges = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p((self._edge_residuals(states) / JUMP) ** 2).sum(axis=1)
+        return np.asarray(costs + 0.5 * (np.bincount(self._from, edges, p) + np.bincount(self._to, edges, p)))
+
+    def _improve(self, states: Floats, damping: Floats) -> None:
         for sigma_m in SIGMAS_M:
             for _ in range(ITERATIONS):
-                states = self._step(states, sigma_m)
-        return Fitted(states, self.cost(states))
+                states[:] = self._step(states, sigma_m, damping)
 
-    def cost(self, states: Floats) -> float:
-        """Truncated squares of the views, and heavy-tailed costs of the edges."""
-        total = 0.0
-        for name, weight in (("wall", WALL_WEIGHT), ("open", OPEN_WEIGHT)):
-            residual, *_ = self._view_residuals(name, states)
-            s = SIGMAS_M[-1]
-            total += weight * float((residual**2 / (residual**2 + s * s)).sum())
-        edges = self._edge_residuals(states)
-        return total + 0.5 * float(JUMP**2 * np.log1p((edges / JUMP) ** 2).sum()) * EDGE_WEIGHT
-
-    def _step(self, states: Floats, sigma_m: float) -> Floats:
+    def _step(self, states: Floats, sigma_m: float, damping: Floats) -> Floats:
         """States after one Gauss-Newton step, limited to `STEP_LIMITS`."""
         n = 5 * len(states)
         blocks: list[tuple[Ints, Ints, Floats]] = []
         gradient = np.zeros(n)
-        for name, weight in (("wall", WALL_WEIGHT), ("open", OPEN_WEIGHT)):
-            self._add_views(name, weight, states, sigma_m, blocks, gradient)
+        first = 5 * np.arange(len(states))
+        at = np.arange(5)
+        rows, cols = first[:, None, None] + at[:, None] + 0 * at, first[:, None, None] + at + 0 * at[:, None]
+        for weight, equations in self._view_equations(states, sigma_m):
+            blocks.append((rows, cols, weight * equations.matrix))
+            gradient += weight * equations.gradient.ravel()
         self._add_edges(states, blocks, gradient)
         aspect = states[:, 3] - states[:, 4]
-        first = 5 * np.arange(len(states)) + 3
+        first = first + 3
         w = ASPECT_WEIGHT / ASPECT_STD**2
         for a, b, v in ((0, 0, w), (1, 1, w), (0, 1, -w), (1, 0, -w)):
             blocks.append((first + a, first + b, np.full(len(first), v)))
         gradient[first] += w * aspect
         gradient[first + 1] -= w * aspect
         rows, cols, values = (np.concatenate([b[k].ravel() for b in blocks]) for k in range(3))
-        damping = np.arange(n)
+        diagonal = np.arange(n)
         matrix = coo_matrix(
             (
-                np.concatenate([values, np.full(n, PRIOR_DAMPING)]),
-                (np.concatenate([rows, damping]), np.concatenate([cols, damping])),
+                np.concatenate([values, damping]),
+                (np.concatenate([rows, diagonal]), np.concatenate([cols, diagonal])),
             ),
             shape=(n, n),
         ).tocsc()
@@ -113,46 +134,12 @@ class Refinement:
         states[:, 2] = se2.wrap_angle(states[:, 2])
         return states
 
-    def _view_residuals(self, name: str, states: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Distances (m) of all points, their slopes `(n, 2)`, the points relative to their places, and scales `(n,)`."""
-        views = self._walls if name == "wall" else self._open
-        of = states[views.place]
-        points = to_drawing(of, views.offsets)
-        scale = np.exp(0.5 * of[:, 3:].sum(axis=1))
-        values = _sample(self._fields[name], points / self._evidence.cell - 0.5)
-        return values[0] / scale, values[1:].T / self._evidence.cell, points - of[:, :2], scale
-
-    def _add_views(
-        self,
-        name: str,
-        weight: float,
-        states: Floats,
-        sigma_m: float,
-        blocks: list[tuple[Ints, Ints, Floats]],
-        gradient: Floats,
-    ) -> None:
-        """Add the normal equations of all points of one kind, a block `(5, 5)` for each place."""
-        views = self._walls if name == "wall" else self._open
-        residual, slope, relative, scale = self._view_residuals(name, states)
-        robust = weight / sigma_m**2 * (sigma_m**2 / (sigma_m**2 + residual**2)) ** 2
-        yaw = states[views.place, 2]
-        s = np.exp(states[views.place, 3:])
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        x, y = views.offsets.T
-        by_yaw = slope[:, 0] * s[:, 0] * (-sin * x - cos * y) + slope[:, 1] * s[:, 1] * (cos * x - sin * y)
-        jacobian = np.column_stack([slope, by_yaw, slope * relative]) / scale[:, None]
-        p = len(states)
-        normal = np.zeros((p, 5, 5))
-        right = np.zeros((p, 5))
-        for i in range(5):
-            right[:, i] = np.bincount(views.place, robust * jacobian[:, i] * residual, p)
-            for j in range(i, 5):
-                normal[:, i, j] = np.bincount(views.place, robust * jacobian[:, i] * jacobian[:, j], p)
-                normal[:, j, i] = normal[:, i, j]
-        first = 5 * np.arange(p)[:, None, None]
-        at = np.arange(5)
-        blocks.append((first + at[:, None] + 0 * at, first + at + 0 * at[:, None], normal))
-        gradient += right.ravel()
+    def _view_equations(self, states: Floats, sigma_m: float) -> list[tuple[float, NormalEquations]]:
+        """Weights and normal equations of both kinds of points."""
+        return [
+            (weight, normal_equations(self._fields[name], self._evidence.cell, points, states, sigma_m))
+            for name, weight, points in self._points
+        ]
 
     def _edge_residuals(self, states: Floats) -> Floats:
         """Residuals `(e, 5)` of all edges in both directions, in standard deviations."""
@@ -199,20 +186,32 @@ class Refinement:
                 blocks.append((rows, cols, np.einsum("eki,ekj->eij", weighted, right)))
 
 
+def _around(graph: PlaceGraph, free: Mask) -> Ints:
+    """The numbers of the free places and of their neighbours."""
+    chosen = free.copy()
+    a, b = graph.edges.T
+    chosen[a[free[b]]] = True
+    chosen[b[free[a]]] = True
+    return np.flatnonzero(chosen)
+
+
+def _part_of(graph: PlaceGraph, region: Ints, free: Mask) -> PlaceGraph:
+    """The graph of a region, with the views of its free places and their edges."""
+    number = np.full(len(free), -1)
+    number[region] = np.arange(len(region))
+    kept = graph.edges[free[graph.edges].any(axis=1)]
+    none = np.zeros((0, 2))
+    return replace(
+        graph,
+        centres=graph.centres[region],
+        edges=number[kept],
+        views=[graph.views[k] if free[k] else none for k in region],
+        open_views=[graph.open_views[k] if free[k] else none for k in region],
+    )
+
+
 def _slopes(field: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Slopes of a field along x and y, per cell."""
     smooth = cv2.GaussianBlur(field, (0, 0), 1.0)
     y, x = np.gradient(smooth)
     return np.asarray(x, np.float32), np.asarray(y, np.float32)
-
-
-def _sample(fields: NDArray[np.float32], at: Floats) -> Floats:
-    """Values `(k, n)` of fields `(k, rows, cols)` at x, y `(n, 2)` in cells, bilinear; the edge goes on outside."""
-    rows, cols = fields.shape[1:]
-    x, y = np.clip(at[:, 0], 0, cols - 1.001), np.clip(at[:, 1], 0, rows - 1.001)
-    c, r = x.astype(np.int64), y.astype(np.int64)
-    fx, fy = x - c, y - r
-    f = fields
-    low = f[:, r, c] * (1 - fx) + f[:, r, c + 1] * fx
-    high = f[:, r + 1, c] * (1 - fx) + f[:, r + 1, c + 1] * fx
-    return np.asarray(low * (1 - fy) + high * fy)

@@ -6,6 +6,8 @@ the one before in time, so what went wrong in a room that the drawing lacks has 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,51 +30,82 @@ SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
 SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
 RESAMPLE_BELOW = 0.5
+DISTINCT_M = 1.0  # mean distance between two hypotheses
+
+
+@dataclass(frozen=True)
+class Known:
+    """Places `(p,)` whose states, rows of `(p, 5)`, are known."""
+
+    mask: NDArray[np.bool_]
+    states: Floats
 
 
 def find_places(
-    graph: PlaceGraph, evidence: DrawnEvidence, first: Floats, rng: np.random.Generator
+    graph: PlaceGraph,
+    evidence: DrawnEvidence,
+    first: Floats,
+    rng: np.random.Generator,
+    known: Known | None = None,
 ) -> tuple[Floats, Floats]:
     """States `(n, p, 5)` of all places for the surviving hypotheses, and their weights `(n,)`.
 
-    `first` `(n, 5)` are states of the first place.
+    `first` `(n, 5)` are states of the first place, where it is not known. Places that are known are not searched.
     """
     n, p = len(first), len(graph.centres)
-    states = np.empty((p, n, 5), np.float64)
-    ancestors = np.empty((p, n), np.int64)
+    is_known = np.zeros(p, np.bool_) if known is None else known.mask
+    states = [first] * p if known is None else [known.states[k] for k in range(p)]
+    searched = np.flatnonzero(~is_known)
+    rank = np.cumsum(~is_known) - 1  # of a searched place among them
+    ancestors = np.empty((len(searched), n), np.int64)
     log_weights = np.zeros(n)
     scales = first[:, 3:].mean(axis=0)
-    by_place: list[list[int]] = [[] for _ in range(p)]
-    for a, b in graph.edges:
-        by_place[max(a, b)].append(int(min(a, b)))
-    for place in range(p):
+    neighbours = graph.neighbours
+
+    def at(place: int) -> Floats:
+        """States `(n, 5)` of a placed place, or `(5,)` if it is known."""
+        return states[place] if is_known[place] else states[place][ancestors[rank[place]]]
+
+    for count, place in enumerate(searched.tolist(), 1):
         parent = int(graph.parents[place])
         if place == 0:
             states[0] = first
         else:
-            origin = max(parent, 0)  # a place that no earlier one sees is predicted from the first
-            before = states[origin, ancestors[origin]]
-            states[place] = _predict(before, graph.centres[place] - graph.centres[origin], rng)
-        ancestors[place] = np.arange(n)
+            parent = max(parent, 0)  # a place that no earlier one sees is predicted from the first
+            before = np.broadcast_to(at(parent), (n, 5))
+            states[place] = _predict(before, graph.centres[place] - graph.centres[parent], rng)
+        ancestors[count - 1] = np.arange(n)
         here = states[place]
         log_weights += VIEW_WEIGHT * evidence.log_likelihood(
             graph.views[place][::THINNED], graph.open_views[place][::THINNED], here, SIGMA_M
         )
         log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * SCALE_BOUND_WEIGHT
-        for other in by_place[place]:
-            if other != parent:
-                log_weights += _loop(
-                    here, states[other, ancestors[other]], graph.centres[place] - graph.centres[other]
-                )
+        for other in neighbours[place]:
+            if other != parent and (is_known[other] or other < place):
+                log_weights += _loop(here, at(other), graph.centres[place] - graph.centres[other])
         weights = np.exp(log_weights - log_weights.max())
         weights /= weights.sum()
         if 1.0 / (weights**2).sum() < RESAMPLE_BELOW * n:
             chosen = systematic_resampling(weights, n, rng)
-            ancestors[: place + 1] = ancestors[: place + 1, chosen]
+            ancestors[:count] = ancestors[:count, chosen]
             log_weights = np.zeros(n)
     weights = np.exp(log_weights - log_weights.max())
-    lines = np.stack([states[k, ancestors[k]] for k in range(p)], axis=1)
+    lines = np.stack([np.broadcast_to(at(k), (n, 5)) for k in range(p)], axis=1)
     return lines, weights / weights.sum()
+
+
+def distinct(lines: Floats, weights: Floats, places: NDArray[np.bool_], count: int) -> list[Floats]:
+    """The heaviest hypothesis and others `(p, 5)` that differ from all chosen before, at these places `(p,)`."""
+    order = np.argsort(-weights, kind="stable")
+    chosen: list[Floats] = []
+    for index in order[:: max(len(order) // 300, 1)]:
+        line = lines[index]
+        scale = np.exp(line[places, 3:].mean())
+        if all(np.hypot(*(line - c)[places, :2].T).mean() / scale > DISTINCT_M for c in chosen):
+            chosen.append(line)
+        if len(chosen) == count:
+            break
+    return chosen
 
 
 def _predict(before: Floats, offset: Floats, rng: np.random.Generator) -> Floats:
@@ -97,6 +130,6 @@ def _predict(before: Floats, offset: Floats, rng: np.random.Generator) -> Floats
 
 def _loop(here: Floats, other: Floats, offset: Floats) -> Floats:
     """Log-likelihoods `(n,)` of an edge between two places that are both placed: heavy-tailed, because drawings do not close."""
-    scale = np.exp(0.25 * (here[:, 3:] + other[:, 3:]).sum(axis=1))
-    gap = np.hypot(*(to_drawing(other, np.broadcast_to(offset, (len(here), 2))) - here[:, :2]).T) / scale
+    scale = np.exp(0.25 * (here[:, 3:] + other[..., 3:]).sum(axis=1))
+    gap = np.hypot(*(to_drawing(other, offset) - here[:, :2]).T) / scale
     return np.asarray(-np.log1p((gap / LOOP_M) ** 2))

@@ -16,15 +16,15 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
-from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, find_places
+from gridslam.methods.handmap_slam.warp.repair import repair
+from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, distinct, find_places
 
 Floats = NDArray[np.float64]
 
 # The search is repeated while the best cost of a place is above that of the repetition.
-COST_PER_PLACE = (2.7, 3.6, 3.6, 0.0)
+COST_PER_PLACE = (3.6, 0.0)
 MAX_COST_PER_PLACE = 4.45  # of a drawing of this place; 24 drawings of other places cost 4.9 or more
-HYPOTHESES = 6  # refined, of each search
-DISTINCT_M = 1.0  # mean distance between two of them
+HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
 START_PARTICLES = 12000
 START_JITTER = 0.3
@@ -89,12 +89,14 @@ def warp_of(
     states = _annealed(states, graph, evidence, rng)
     problem = Refinement(graph, evidence)
     fits: list[Fitted] = []
+    everywhere = np.ones(len(graph.centres), np.bool_)
     for enough in COST_PER_PLACE:
         lines, weights = find_places(graph, evidence, states, rng)
-        fits += [problem.fit(line) for line in _distinct(lines, weights)]
+        fits += [problem.fit(line) for line in distinct(lines, weights, everywhere, HYPOTHESES)]
         best = min(fits, key=lambda fit: fit.cost)
         if best.cost < enough * len(best.states):
             break
+    best = repair(graph, evidence, problem, best, rng)[0]
     return DrawingWarp(graph, best.states, best.cost / len(best.states))
 
 
@@ -113,17 +115,3 @@ def _annealed(states: Floats, graph: PlaceGraph, evidence: DrawnEvidence, rng: n
         states = states + rng.standard_normal(states.shape) * std
     states[:, 2] = se2.wrap_angle(states[:, 2])
     return states
-
-
-def _distinct(lines: Floats, weights: Floats) -> list[Floats]:
-    """The heaviest hypothesis and others `(p, 5)` that differ from all chosen before."""
-    order = np.argsort(-weights, kind="stable")
-    chosen: list[Floats] = []
-    for index in order[:: max(len(order) // 300, 1)]:
-        line = lines[index]
-        scale = np.exp(line[:, 3:].mean())
-        if all(np.hypot(*(line - c)[:, :2].T).mean() / scale > DISTINCT_M for c in chosen):
-            chosen.append(line)
-        if len(chosen) == HYPOTHESES:
-            break
-    return chosen
