@@ -16,7 +16,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
-from gridslam.methods.handmap_slam.warp.repair import repair
+from gridslam.methods.handmap_slam.warp.repair import Repair
 from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, distinct, find_places
 
 Floats = NDArray[np.float64]
@@ -96,7 +96,8 @@ def warp_of(
         best = min(fits, key=lambda fit: fit.cost)
         if best.cost < enough * len(best.states):
             break
-    best = repair(graph, evidence, problem, best, rng)[0]
+    repair = Repair(graph, evidence, problem, best, rng)
+    best = repair.best
     return DrawingWarp(graph, best.states, best.cost / len(best.states))
 
 
