@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
@@ -16,55 +16,84 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ROUNDS = 12
-RADII_M = (10.0, 20.0, 40.0)  # of regions, in turn
-SMOOTHING_M = 5.0
+QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
+WORTH = 3.0
+# Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m).
+REGIONS = (("cost", 0.75), ("distance", 15.0), ("cost", 0.6), ("distance", 30.0))
+GROWN_M = 6.0  # by which a region reaches beyond what costs much
+MAX_RADIUS_M = 45.0
+SMOOTHING_M = 6.0
 TRIED = 0.75  # factor of a place's priority after each round in which it was searched
 PARTICLES = 1500
 HYPOTHESES = 3
 DIFFERS_M = 1.0  # a place lies elsewhere in two fits that are this far apart
 MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
+# A place is doubtful if the cost of places about it exceeds that of a good fit by more than this factor times the additional cost
+# of its best alternative, if it exceeds the last limit, or if the alternative is about as good.
+DOUBT_STD_M = 15.0
+GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.2, 1.2, 5.5
+AS_GOOD = 0.3
 
 
 class Repair:
-    """The best fit so far, and how much worse each place's best alternative is.
-
-    `alternative` `(p,)` is the additional cost of a place, mean over all that lie elsewhere with it; infinite where none was met.
-    """
+    """The best fit that was met, and which of its places `(p,)` are doubtful."""
 
     def __init__(
         self,
         graph: PlaceGraph,
         evidence: DrawnEvidence,
         problem: Refinement,
-        best: Fitted,
+        fits: list[Fitted],
         rng: np.random.Generator,
     ) -> None:
         self._graph, self._evidence, self._problem, self._rng = graph, evidence, problem, rng
         self._distances = distances_along(graph)
         self._near = smoothing(self._distances, SMOOTHING_M)
-        self._met: list[Floats] = []
-        self.best = best
-        self._costs = problem.place_costs(best.states)
+        self._met = [fit.states for fit in fits]
+        self.best = min(fits, key=lambda fit: fit.cost)
+        self._costs = problem.place_costs(self.best.states)
+        self._take_better_parts()
         self._search()
-        self.alternative = self._alternatives()
+        self._take_better_parts()
 
     def _search(self) -> None:
         priority = np.ones(len(self._costs))
+        quiet = 0
         for count in range(ROUNDS):
-            centre = int(np.argmax(self._near @ self._costs * priority))
-            region = self._distances[centre] < RADII_M[count % len(RADII_M)]
+            costs = self._near @ self._costs
+            region = self._region(int(np.argmax(costs * priority)), costs, *REGIONS[count % len(REGIONS)])
             priority[region] *= TRIED
             fits = self._search_again(region)
             self._met += [fit.states for fit in fits]
             found = min(fits, key=lambda fit: fit.cost)
-            if found.cost < self.best.cost:
-                self._take(found.states)
+            before = self.best.cost
+            if found.cost < before:
+                self._take(self._problem.fit(found.states))
+            quiet = quiet + 1 if self.best.cost > before - WORTH else 0
+            if quiet == QUIET:
+                break
 
-    def _take(self, states: Floats) -> None:
-        """Refine all places of a better fit."""
-        self._met.append(self.best.states)
-        self.best = self._problem.fit(states)
-        self._costs = self._problem.place_costs(self.best.states)
+    def _region(self, centre: int, costs: Floats, kind: str, extent: float) -> Mask:
+        if kind == "distance":
+            return np.asarray(self._distances[centre] < extent)
+        a, b = self._graph.edges[(costs[self._graph.edges] > extent * costs[centre]).all(axis=1)].T
+        p = len(costs)
+        _, parts = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(p, p)), directed=False)
+        grown = (self._distances[parts == parts[centre]] < GROWN_M).any(axis=0)
+        return np.asarray(grown & (self._distances[centre] < MAX_RADIUS_M))
+
+    def _take(self, fit: Fitted) -> None:
+        """Keep the better of a fit and the best one as the best, and the other one as an alternative."""
+        better, other = (fit, self.best) if fit.cost < self.best.cost else (self.best, fit)
+        self._met.append(other.states)
+        self.best, self._costs = better, self._problem.place_costs(better.states)
+
+    def _take_better_parts(self) -> None:
+        """Parts of other fits that are better than the best one's, which was found after them, are taken over."""
+        for states in list(self._met):
+            elsewhere, around = self._elsewhere(states)
+            if elsewhere.any() and self._problem.place_costs(states)[around].sum() < self._costs[around].sum():
+                self._take(self._problem.fit(np.where(around[:, None], states, self.best.states), around))
 
     def _search_again(self, region: Mask) -> list[Fitted]:
         """Other fits, in which the places of a region are placed anew."""
@@ -83,7 +112,11 @@ class Repair:
         around = elsewhere | (self._distances[elsewhere] < MARGIN_M).any(axis=0)
         return elsewhere, around
 
-    def _alternatives(self) -> Floats:
+    def alternatives(self) -> Floats:
+        """The additional cost `(p,)` of each place's best alternative, mean over the places that lie elsewhere with it.
+
+        Infinite where none was met.
+        """
         least = np.full(len(self._costs), np.inf)
         for states in self._met:
             elsewhere, around = self._elsewhere(states)
@@ -91,6 +124,14 @@ class Repair:
                 more = (self._problem.place_costs(states) - self._costs)[around].sum() / elsewhere.sum()
                 least[elsewhere] = np.minimum(least[elsewhere], more)
         return least
+
+    @property
+    def doubtful(self) -> Mask:
+        """The places `(p,)` that do not fit, or would fit about as well elsewhere."""
+        more = self.alternatives()
+        nearby = smoothing(self._distances, DOUBT_STD_M) @ self._costs
+        limit = np.minimum(GOOD_COST + PER_ALTERNATIVE * more, MAX_COST)
+        return np.asarray((nearby > limit) | (more < AS_GOOD))
 
 
 def smoothing(distances: Floats, std_m: float) -> Floats:

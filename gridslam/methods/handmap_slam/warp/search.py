@@ -30,7 +30,7 @@ SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
 SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
 RESAMPLE_BELOW = 0.5
-DISTINCT_M = 1.0  # mean distance between two hypotheses
+DISTINCT_M, DISTINCT_PLACES = 1.5, 8  # two hypotheses differ if this many places are this far apart
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,9 @@ def distinct(lines: Floats, weights: Floats, places: NDArray[np.bool_], count: i
     for index in order[:: max(len(order) // 300, 1)]:
         line = lines[index]
         scale = np.exp(line[places, 3:].mean())
-        if all(np.hypot(*(line - c)[places, :2].T).mean() / scale > DISTINCT_M for c in chosen):
+        if all(
+            (np.hypot(*(line - c)[places, :2].T) > DISTINCT_M * scale).sum() >= DISTINCT_PLACES for c in chosen
+        ):
             chosen.append(line)
         if len(chosen) == count:
             break

@@ -22,7 +22,7 @@ from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, distin
 Floats = NDArray[np.float64]
 
 # The search is repeated while the best cost of a place is above that of the repetition.
-COST_PER_PLACE = (3.6, 0.0)
+COST_PER_PLACE = (4.2, 0.0)
 MAX_COST_PER_PLACE = 4.45  # of a drawing of this place; 24 drawings of other places cost 4.9 or more
 HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
@@ -33,16 +33,25 @@ BLEND_M = 0.7  # places are blended with weights that fall off at this distance
 
 @dataclass(frozen=True)
 class DrawingWarp:
-    """Places of the map with their states `(p, 5)` in the drawing: x, y, yaw of the map frame, log scales along its axes."""
+    """Places of the map with their states `(p, 5)` in the drawing: x, y, yaw of the map frame, log scales along its axes.
+
+    `doubtful` `(p,)` are places that do not fit there, or would fit about as well elsewhere.
+    """
 
     graph: PlaceGraph
     states: Floats
     cost_per_place: float
+    doubtful: NDArray[np.bool_]
 
     @property
     def fits(self) -> bool:
         """Whether the drawing shows the place of the map, and the robot was found in it."""
         return self.cost_per_place < MAX_COST_PER_PLACE
+
+    @property
+    def doubtful_poses(self) -> NDArray[np.bool_]:
+        """Which poses of the drive `(n,)` are at places that may lie elsewhere in the drawing: all, if it does not fit."""
+        return np.asarray(self.doubtful[self.graph.owners] | (not self.fits))
 
     def to_drawing(self, points: Floats, owners: NDArray[np.int64]) -> Floats:
         """Points `(n, 2)` of the map (m) in the drawing, blended from the places that own them and these places' neighbours."""
@@ -96,9 +105,9 @@ def warp_of(
         best = min(fits, key=lambda fit: fit.cost)
         if best.cost < enough * len(best.states):
             break
-    repair = Repair(graph, evidence, problem, best, rng)
+    repair = Repair(graph, evidence, problem, fits, rng)
     best = repair.best
-    return DrawingWarp(graph, best.states, best.cost / len(best.states))
+    return DrawingWarp(graph, best.states, best.cost / len(best.states), repair.doubtful)
 
 
 def _annealed(states: Floats, graph: PlaceGraph, evidence: DrawnEvidence, rng: np.random.Generator) -> Floats:
