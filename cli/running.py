@@ -165,6 +165,9 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
     consistency = document["measures"].get("map_consistency")
     if consistency is not None and not consistency["is_doubtful"]:  # else the row "doubt" says so
         rows.append(("consistency", consistency["summary"]))
+    warp = document["measures"].get("drawing", {}).get("warp", {})
+    if warp.get("summary") and run.result.doubt is None:
+        rows.append(("drawing", warp["summary"]))
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))
     if run.occupancy is not None and run.occupancy.probability.size:
         rows.append(("picture", str(output / "map.png")))

@@ -59,7 +59,10 @@ class LaidDrawing:
             result,
             measures={**result.measures, "drawing": of_drawing},
             tables={**result.tables, **tables_of(self.warp, self.comparison, self.path)},
-            pictures={**result.pictures, "warp": warp_picture(self.drawn, self.comparison, self.path)},
+            pictures={
+                **result.pictures,
+                "warp": warp_picture(self.drawn, self.warp, self.comparison, self.path),
+            },
             doubt=result.doubt or doubt_about(self.warp),
         )
 

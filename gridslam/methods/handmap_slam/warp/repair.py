@@ -92,16 +92,17 @@ class Repair:
         """Parts of other fits that are better than the best one's, which was found after them, are taken over."""
         for states in list(self._met):
             elsewhere, around = self._elsewhere(states)
-            if elsewhere.any() and self._problem.place_costs(states)[around].sum() < self._costs[around].sum():
+            if (
+                elsewhere.any()
+                and self._problem.place_costs(states)[around].sum() < self._costs[around].sum()
+            ):
                 self._take(self._problem.fit(np.where(around[:, None], states, self.best.states), around))
 
     def _search_again(self, region: Mask) -> list[Fitted]:
         """Other fits, in which the places of a region are placed anew."""
         states = self.best.states
         first = np.repeat(states[:1], PARTICLES, axis=0)
-        lines, weights = find_places(
-            self._graph, self._evidence, first, self._rng, Known(~region, states)
-        )
+        lines, weights = find_places(self._graph, self._evidence, first, self._rng, Known(~region, states))
         return [self._problem.fit(line, region) for line in distinct(lines, weights, region, HYPOTHESES)]
 
     def _elsewhere(self, states: Floats) -> tuple[Mask, Mask]:

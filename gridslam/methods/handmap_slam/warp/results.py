@@ -18,12 +18,14 @@ from gridslam.methods.handmap_slam.warp.warp import MAX_COST_PER_PLACE, DrawingW
 
 Floats = NDArray[np.float64]
 
-PATH_COLUMNS = ("stamp", "x", "y", "yaw", "scale_x", "scale_y", "agreement")
-WARP_COLUMNS = ("map_x_m", "map_y_m", "x", "y", "rotation", "scale_x", "scale_y", "agreement")
+PATH_COLUMNS = ("stamp", "x", "y", "yaw", "scale_x", "scale_y", "agreement", "doubtful")
+WARP_COLUMNS = ("map_x_m", "map_y_m", "x", "y", "rotation", "scale_x", "scale_y", "agreement", "doubtful")
 ROOM_COLUMNS = ("room", "x", "y", "area_m2", "observed", "agreement", "state")
 OUTSIDE, DRAWN, WALL = (214, 218, 224), (255, 255, 255), (60, 66, 76)
 AGREES, DIFFERS = (222, 240, 222), (250, 226, 200)
 LACKING, EXTRA, PATH, START = (205, 45, 45), (150, 60, 190), (30, 110, 200), (30, 150, 70)
+DOUBTFUL = (240, 130, 20)
+MAX_DOUBTFUL_FRACTION = 0.1  # of the poses, in a run that is complete
 MIN_PICTURE_PX, MAX_PICTURE_PX = 700, 1600
 
 
@@ -49,13 +51,17 @@ def tables_of(
 ) -> dict[str, Table]:
     """`drawing_path`: the robot in the drawing. `warp`: places of the map in it. `rooms`: the drawing's rooms."""
     poses = [
-        (format_stamp(p.stamp_ns), *_rounded(p.x, p.y, p.yaw_rad, p.scale_x, p.scale_y, p.inlier_ratio))
-        for p in path
+        (
+            format_stamp(p.stamp_ns),
+            *_rounded(p.x, p.y, p.yaw_rad, p.scale_x, p.scale_y, p.inlier_ratio),
+            int(is_doubtful),
+        )
+        for p, is_doubtful in zip(path, warp.doubtful_poses.tolist(), strict=True)
     ]
     places = [
-        _rounded(*centre, *state[:3], *np.exp(state[3:]), ratio)
-        for centre, state, ratio in zip(
-            warp.graph.centres, warp.states, comparison.place_agreement, strict=True
+        (*_rounded(*centre, *state[:3], *np.exp(state[3:]), ratio), int(is_doubtful))
+        for centre, state, ratio, is_doubtful in zip(
+            warp.graph.centres, warp.states, comparison.place_agreement, warp.doubtful, strict=True
         )
     ]
     rooms = [
@@ -75,10 +81,15 @@ def _rounded(*values: float) -> tuple[float, ...]:
 
 
 def measures_of_warp(warp: DrawingWarp, comparison: DrawingComparison) -> dict[str, object]:
-    """Whether the drawing fits, how well, and how much it lacks or has too much of."""
+    """Whether the drawing fits, how well and where not, and how much it lacks or has too much of."""
+    doubtful = float(warp.doubtful_poses.mean())
     states = [room.state for room in comparison.rooms if room.area_m2 >= MIN_ROOM_M2]
     return {
         "fits": warp.fits,
+        "doubtful_fraction": round(doubtful, 4),
+        "summary": f"the robot's place in it is uncertain over {doubtful:.0%} of the path"
+        if doubtful
+        else "",
         "cost_per_place": round(warp.cost_per_place, 3),
         "wall_agreement": round(comparison.wall_agreement, 4),
         "lacking_m": round(comparison.lacking_m, 1),
@@ -91,18 +102,27 @@ _STATES = {"agree": "agrees", "differ": "differs", "not_visited": "not visited"}
 
 
 def doubt_about(warp: DrawingWarp) -> Doubt | None:
-    """Doubt where the drawing cannot be laid over the map."""
-    if warp.fits:
+    """Doubt where the drawing cannot be laid over the map, or over a substantial part of it."""
+    if not warp.fits:
+        return Doubt(
+            "lost",
+            "the drawing does not fit the map, so the robot's place in it is not known; the map is not affected "
+            f"(cost of a place {warp.cost_per_place:.1f}, at most {MAX_COST_PER_PLACE:g} expected); "
+            "does it show this place, is it not mirrored, and is method.start right?",
+        )
+    doubtful = float(warp.doubtful_poses.mean())
+    if doubtful <= MAX_DOUBTFUL_FRACTION:
         return None
     return Doubt(
         "lost",
-        "the drawing does not fit the map, so the robot's place in it is not known; the map is not affected "
-        f"(cost of a place {warp.cost_per_place:.1f}, at most {MAX_COST_PER_PLACE:g} expected); "
-        "does it show this place, is it not mirrored, and is method.start right?",
+        f"over {doubtful:.0%} of the path the robot may be elsewhere in the drawing: parts of it do not fit the map, or fit in "
+        "another way as well (orange in warp.png, `doubtful` in drawing_path.csv); the map is not affected",
     )
 
 
-def warp_picture(drawn: DrawnMap, comparison: DrawingComparison, path: Sequence[DrawingPose]) -> Picture:
+def warp_picture(
+    drawn: DrawnMap, warp: DrawingWarp, comparison: DrawingComparison, path: Sequence[DrawingPose]
+) -> Picture:
     """The drawing, its rooms coloured by agreement, with the robot's path."""
     rows, cols = drawn.walls.shape
     rgb = np.full((rows, cols, 3), OUTSIDE, np.uint8)
@@ -120,9 +140,14 @@ def warp_picture(drawn: DrawnMap, comparison: DrawingComparison, path: Sequence[
     points = np.array([(p.x, p.y) for p in path]) * (zoom / drawn.geometry.resolution_m)
     line = np.rint(points * 16).astype(np.int32)
     cv2.polylines(picture, [line], False, PATH, 2, cv2.LINE_AA, 4)
+    doubtful = warp.doubtful_poses
+    for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(doubtful)) + 1):
+        if doubtful[part[0]]:
+            cv2.polylines(picture, [line[part]], False, DOUBTFUL, 3, cv2.LINE_AA, 4)
     cv2.circle(picture, tuple(np.rint(points[0]).astype(int).tolist()), 4, START, -1, cv2.LINE_AA)
     note = (
-        "The drawing laid over the finished map. Blue: the path, from the green dot. Green rooms agree, orange ones differ, "
+        "The drawing laid over the finished map. Blue: the path, from the green dot; orange where it may be elsewhere. "
+        "Green rooms agree, orange ones differ, "
         "white ones were not visited. Red: mapped walls that are not drawn. Violet: drawn walls where the robot saw free space."
     )
     return Picture(np.ascontiguousarray(picture[::-1]), "The drawing on the map", note)

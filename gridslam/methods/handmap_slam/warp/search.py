@@ -102,7 +102,8 @@ def distinct(lines: Floats, weights: Floats, places: NDArray[np.bool_], count: i
         line = lines[index]
         scale = np.exp(line[places, 3:].mean())
         if all(
-            (np.hypot(*(line - c)[places, :2].T) > DISTINCT_M * scale).sum() >= DISTINCT_PLACES for c in chosen
+            (np.hypot(*(line - c)[places, :2].T) > DISTINCT_M * scale).sum() >= DISTINCT_PLACES
+            for c in chosen
         ):
             chosen.append(line)
         if len(chosen) == count:
