@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from gridslam.methods.handmap_slam.warp.places import PlaceGraph
+from gridslam.methods.handmap_slam.warp.results import doubt_about
+from gridslam.methods.handmap_slam.warp.search import distinct
+from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
 from tests.benchmarks.bench_drawn_buildings import trial
 from tests.benchmarks.mapped_buildings import mapped_building
 from tests.benchmarks.people_drawings import drawing_of
@@ -16,7 +21,39 @@ def test_a_person_s_drawing_is_laid_over_the_map_and_the_robot_is_within_a_metre
 
 
 def test_the_drawing_of_another_building_does_not_fit() -> None:
-    assert not trial(2, is_wrong=True).fits
+    found = trial(2, is_wrong=True)
+    assert not found.fits
+    assert found.doubtful == 1.0
+
+
+@pytest.mark.parametrize(("doubtful_places", "status"), [(0, None), (1, None), (3, "lost"), (20, "lost")])
+def test_a_run_is_lost_if_much_of_its_path_may_lie_elsewhere_in_the_drawing(
+    doubtful_places: int, status: str | None
+) -> None:
+    places = 20
+    none = [np.zeros((0, 2))] * places
+    graph = PlaceGraph(
+        centres=np.zeros((places, 2)),
+        parents=np.arange(places) - 1,
+        edges=np.zeros((0, 2), np.int64),
+        views=none,
+        open_views=none,
+        owners=np.arange(places),
+    )
+    doubtful = np.arange(places) < doubtful_places
+    doubt = doubt_about(DrawingWarp(graph, np.zeros((places, 5)), cost_per_place=3.0, doubtful=doubtful))
+    assert (doubt and doubt.status) == status
+    if doubt is not None:
+        assert f"{doubtful_places / places:.0%} of the path" in doubt.reason
+
+
+def test_fits_are_distinct_if_some_of_their_places_are_apart() -> None:
+    lines = np.zeros((300, 30, 5))
+    lines[100:200, :10, 0] = 3.0
+    lines[200:, :3, 0] = 3.0
+    weights = np.arange(300.0, 0.0, -1.0)
+    chosen = distinct(lines, weights, np.ones(30, np.bool_), 5)
+    np.testing.assert_array_equal([line[0, 0] for line in chosen], [0.0, 3.0])
 
 
 def test_the_true_correspondence_has_no_error() -> None:

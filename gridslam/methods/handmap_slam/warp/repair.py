@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ROUNDS = 12
+MAX_ROUNDS = 24  # while the drawing does not fit
+MAX_COST_PER_PLACE = 4.45  # of a drawing of this place
 QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
 WORTH = 3.0
 # Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m).
@@ -59,7 +61,9 @@ class Repair:
     def _search(self) -> None:
         priority = np.ones(len(self._costs))
         quiet = 0
-        for count in range(ROUNDS):
+        for count in range(MAX_ROUNDS):
+            if (count >= ROUNDS or quiet >= QUIET) and self.best.cost < MAX_COST_PER_PLACE * len(priority):
+                break
             costs = self._near @ self._costs
             region = self._region(int(np.argmax(costs * priority)), costs, *REGIONS[count % len(REGIONS)])
             priority[region] *= TRIED
@@ -70,8 +74,6 @@ class Repair:
             if found.cost < before:
                 self._take(self._problem.fit(found.states))
             quiet = quiet + 1 if self.best.cost > before - WORTH else 0
-            if quiet == QUIET:
-                break
 
     def _region(self, centre: int, costs: Floats, kind: str, extent: float) -> Mask:
         if kind == "distance":

@@ -14,7 +14,8 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.base import Doubt, Picture, Table
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.warp.comparison import MIN_ROOM_M2, DrawingComparison
-from gridslam.methods.handmap_slam.warp.warp import MAX_COST_PER_PLACE, DrawingWarp
+from gridslam.methods.handmap_slam.warp.repair import MAX_COST_PER_PLACE
+from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
 
 Floats = NDArray[np.float64]
 

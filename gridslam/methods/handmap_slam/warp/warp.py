@@ -16,14 +16,13 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
-from gridslam.methods.handmap_slam.warp.repair import Repair
+from gridslam.methods.handmap_slam.warp.repair import MAX_COST_PER_PLACE, Repair
 from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, distinct, find_places
 
 Floats = NDArray[np.float64]
 
 # The search is repeated while the best cost of a place is above that of the repetition.
 COST_PER_PLACE = (4.2, 0.0)
-MAX_COST_PER_PLACE = 4.45  # of a drawing of this place; 24 drawings of other places cost 4.9 or more
 HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
 START_PARTICLES = 12000
