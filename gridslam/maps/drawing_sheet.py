@@ -21,6 +21,9 @@ MAX_AREA = 0.97
 MIN_OVERLAP = 0.95  # intersection over union of the bright area and its quadrilateral
 MAX_BRIGHT_AROUND = 0.15  # fraction of what surrounds the quadrilateral that is as bright as the paper
 MAX_OUTSIDE = 0.05  # of the picture's side, by which a corner may lie outside of the picture
+EVEN_LIMITS = (0.03, 0.04, 0.055, 0.075, 0.1)  # of the logarithm of the light, per pixel
+EVEN_AREAS = 3  # tried at each limit
+EVEN_RIM_PX = 2
 TOLERANCES = np.arange(0.015, 0.09, 0.01)  # of the contour's length, for its corners
 EDGE_RATIO = 0.012  # of the sheet's shorter side; a rim as wide is replaced by the paper next to it
 MIN_CONVERGENCE = 0.05  # of opposite sides, for the proportions to follow from the perspective
@@ -43,9 +46,19 @@ def find_sheet(colours: Bytes) -> Floats | None:
     # A table of wood is bright, but not in all of its channels.
     darkest = small if small.ndim == 2 else small.min(axis=2)
     levels = np.asarray(cv2.GaussianBlur(darkest, (0, 0), 1.0), np.uint8)
+    best = _best_sheet(levels, _bright_areas(levels))
+    if best is None:  # the paper in a shadow may be darker than the table beside it
+        best = _best_sheet(levels, _even_areas(levels))
+    if best is None:
+        return None
+    return _from_upper_left(np.asarray((best + 0.5) * (cols / size[0], rows / size[1]) - 0.5))
+
+
+def _best_sheet(levels: Bytes, areas: Iterator[NDArray[np.uint8]]) -> Floats | None:
+    """The corners of the area that is a quadrilateral most clearly, and a sheet."""
     best, best_overlap = None, MIN_OVERLAP
-    for bright in _bright_areas(levels):
-        found = _quadrilateral(bright)
+    for area in areas:
+        found = _quadrilateral(area)
         if (
             found is not None
             and found[1] > best_overlap
@@ -53,9 +66,7 @@ def find_sheet(colours: Bytes) -> Floats | None:
             and _has_ink(levels, found[0])
         ):
             best, best_overlap = found
-    if best is None:
-        return None
-    return _from_upper_left(np.asarray((best + 0.5) * (cols / size[0], rows / size[1]) - 0.5))
+    return best
 
 
 def flattened(pixels: Bytes, corners: Floats) -> Bytes:
@@ -92,6 +103,25 @@ def _bright_areas(levels: Bytes) -> Iterator[NDArray[np.uint8]]:
         around = closed & (cv2.dilate(filled, np.ones((9, 9), np.uint8)) == 0)
         if around.sum() <= MAX_BRIGHT_AROUND * max(int((filled == 0).sum()), 1):
             yield filled
+
+
+def _even_areas(levels: Bytes) -> Iterator[NDArray[np.uint8]]:
+    """The largest areas within which the light changes gradually only, for several limits, with strokes and holes filled."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (CLOSED_PX, CLOSED_PX))
+    paper = cv2.morphologyEx(levels, cv2.MORPH_CLOSE, kernel).astype(np.float32)
+    light = np.log(paper + 4.0)
+    change = np.hypot(
+        cv2.Sobel(light, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(light, cv2.CV_32F, 0, 1, scale=0.125)
+    )
+    for limit in EVEN_LIMITS:
+        contours, _ = cv2.findContours(
+            (change < limit).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
+        )
+        for contour in sorted(contours, key=cv2.contourArea, reverse=True)[:EVEN_AREAS]:
+            filled = np.zeros_like(levels)
+            cv2.drawContours(filled, [contour], -1, 1, cv2.FILLED)
+            # The edge is where the change is largest, beyond the border of the even area.
+            yield np.asarray(cv2.dilate(filled, np.ones((3, 3), np.uint8), iterations=EVEN_RIM_PX), np.uint8)
 
 
 def _quadrilateral(area: NDArray[np.uint8]) -> tuple[Floats, float] | None:

@@ -22,6 +22,10 @@ def test_the_free_space_of_a_plan_is_read_from_a_picture_of_it(tmp_path: Path, k
     assert iou_of(picture_of(kind, 3, tmp_path)) > 0.93
 
 
+def test_a_sheet_whose_shadow_is_darker_than_the_table_in_the_light_is_found(tmp_path: Path) -> None:
+    assert iou_of(picture_of("table", 8, tmp_path)) > 0.93
+
+
 def test_a_reading_says_what_was_done_and_what_was_ignored(tmp_path: Path) -> None:
     light = drawn_map(load_drawing(picture_of("light", 1, tmp_path).path)).reading
     assert light is not None and light.light_evened
