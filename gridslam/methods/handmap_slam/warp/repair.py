@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 ROUNDS = 12
 MAX_ROUNDS = 24  # while the drawing does not fit
 MAX_COST_PER_PLACE = 4.45  # of a drawing of this place
+HOPELESS_COST, HOPELESS_QUIET = 6.5, 3  # above that cost the search ends after fewer quiet rounds
 QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
 WORTH = 3.0
 # Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m).
@@ -59,10 +60,14 @@ class Repair:
         self._take_better_parts()
 
     def _search(self) -> None:
+        """Search the regions about the costliest places again, those less that were searched before."""
         priority = np.ones(len(self._costs))
         quiet = 0
         for count in range(MAX_ROUNDS):
-            if (count >= ROUNDS or quiet >= QUIET) and self.best.cost < MAX_COST_PER_PLACE * len(priority):
+            cost = self.best.cost / len(priority)
+            if (count >= ROUNDS or quiet >= QUIET) and cost < MAX_COST_PER_PLACE:
+                break
+            if quiet >= HOPELESS_QUIET and cost > HOPELESS_COST:
                 break
             costs = self._near @ self._costs
             region = self._region(int(np.argmax(costs * priority)), costs, *REGIONS[count % len(REGIONS)])
