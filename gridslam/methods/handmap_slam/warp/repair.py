@@ -31,8 +31,8 @@ PARTICLES = 1500
 HYPOTHESES = 3
 DIFFERS_M = 1.0  # a place lies elsewhere in two fits that are this far apart
 MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
-# A place is doubtful if the cost of places about it exceeds that of a good fit by more than this factor times the additional cost
-# of its best alternative, if it exceeds the last limit, or if the alternative is about as good.
+# A place is doubtful if the mean cost of the places about it is above a limit: that of a good fit, plus a factor times the
+# additional cost of the place's best alternative, up to the last limit. It is doubtful too if the alternative is about as good.
 DOUBT_STD_M = 15.0
 GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.2, 1.2, 5.5
 AS_GOOD = 0.3
@@ -125,13 +125,13 @@ class Repair:
 
         Infinite where none was met.
         """
-        least = np.full(len(self._costs), np.inf)
+        smallest = np.full(len(self._costs), np.inf)
         for states in self._met:
             elsewhere, around = self._elsewhere(states)
             if elsewhere.any():
                 more = (self._problem.place_costs(states) - self._costs)[around].sum() / elsewhere.sum()
-                least[elsewhere] = np.minimum(least[elsewhere], more)
-        return least
+                smallest[elsewhere] = np.minimum(smallest[elsewhere], more)
+        return smallest
 
     @property
     def doubtful(self) -> Mask:
