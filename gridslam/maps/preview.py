@@ -30,6 +30,16 @@ from gridslam.maps.picture.window import MapWindow, choose_windows
 Floats = NDArray[np.float64]
 Footprint: TypeAlias = tuple[Floats, Colour, str]  # corners (k, 2) in the map frame, colour, name
 
+
+@dataclass(frozen=True, slots=True)
+class Tint:
+    """A colour over cells of the map: opacities `(rows, cols)` in [0, 1], and what the legend calls it."""
+
+    opacity: NDArray[np.float32]
+    colour: Colour
+    name: str
+
+
 CELLS = (
     LegendEntry("area", ink.FREE, "free"),
     LegendEntry("area", ink.WALL, "occupied"),
@@ -38,6 +48,7 @@ CELLS = (
 BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
 BLOCKS_AT_ONCE = 128  # rows of a shrunk map that are made at once: large maps take much memory
 BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
+WALL_PROBABILITY = 0.5  # from which a cell has no tint
 MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
 
 
@@ -64,6 +75,7 @@ def render_map(
     particles: Floats | None = None,
     title: str | None = None,
     footprints: Sequence[Footprint] = (),
+    tints: Sequence[Tint] = (),
     marks: PathMarks = NO_MARKS,
     with_grid: bool = False,
     whole: bool = False,
@@ -71,9 +83,9 @@ def render_map(
     """An RGB picture of the known part of the map, or all of it if `whole`, in the grid's axes (x to the right, y up).
 
     Drawn on top: the trajectory with its start (green) and end (red) and its `marks`, `points` `(n, 2)` in the map frame
-    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. A long map is
-    divided into pieces, from left to right or from bottom to top. The longer side has about 600 to 2300 pixels. The same input
-    gives the same picture.
+    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. Under all that,
+    cells that are no walls have the colours of `tints`, the last on top. A long map is divided into pieces, from left to right
+    or from bottom to top. The longer side has about 600 to 2300 pixels. The same input gives the same picture.
     """
     path = _Path.of(trajectory, marks)
     windows = choose_windows(grid, path.xy, whole)
@@ -86,6 +98,8 @@ def render_map(
     pieces, has_origin = [], False
     for window in windows:
         canvas = _cells(grid, window)
+        for tint in tints:
+            _apply_tint(canvas, tint, grid, window)
         if with_grid:
             draw_grid(canvas, window, step_m)
         line_px = max(2.5, width / 450)
@@ -98,7 +112,7 @@ def render_map(
     cell = f"cell {grid.geometry.resolution_m * 100:.4g} cm"
     if with_grid:
         cell += f", grid {step_m:g} m"
-    legend = (*CELLS, *layers.legend(), *origin)
+    legend = (*CELLS, *(LegendEntry("area", t.colour, t.name) for t in tints), *layers.legend(), *origin)
     return framed(sheet, (windows[0].px_per_m, cell), legend, title, text_px)
 
 
@@ -202,23 +216,38 @@ def _finite_xy(rows: Floats | None) -> Floats:
 
 def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    k = round(1.0 / window.zoom) if window.zoom < 1.0 else 1
-    at_once = k * BLOCKS_AT_ONCE
-    cells = np.concatenate(
-        [
-            _highest_of_blocks(
-                grid, (first, min(first + at_once, window.row1)), (window.col0, window.col1), k
-            )
-            for first in range(window.row0, window.row1, at_once)
-        ]
-    )
-    steps = np.rint(np.clip(cells[::-1], 0.0, 1.0) * 255.0).astype(np.uint8)
+    cells = _in_window(grid, window)
+    steps = np.rint(np.clip(cells, 0.0, 1.0) * 255.0).astype(np.uint8)
     occupancy = np.arange(256)[:, None] / 255.0
     table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
     colours = table.astype(np.uint8)[steps]
-    colours[cells[::-1] < 0.0] = ink.UNKNOWN
-    picture = Image.fromarray(colours).resize(window.size_px, Image.Resampling.NEAREST)
-    return np.array(picture)
+    colours[cells < 0.0] = ink.UNKNOWN
+    return np.array(_enlarged(colours, window))
+
+
+def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
+    """Blend a tint over the cells that are no walls."""
+    floor = np.where(grid.probability >= WALL_PROBABILITY, np.float32(0.0), tint.opacity)
+    cells = np.clip(_in_window(OccupancyGrid(floor, grid.geometry), window), 0.0, 1.0)
+    opacity = (
+        np.asarray(_enlarged(np.rint(255.0 * cells).astype(np.uint8), window), np.float64)[..., None] / 255.0
+    )
+    canvas[:] = np.rint((1.0 - opacity) * canvas + opacity * np.asarray(tint.colour))
+
+
+def _in_window(grid: OccupancyGrid, window: MapWindow) -> NDArray[np.float32]:
+    """The values of a window, top row first; of a shrunk map the highest of each block. -1: unknown."""
+    k = round(1.0 / window.zoom) if window.zoom < 1.0 else 1
+    at_once = k * BLOCKS_AT_ONCE
+    blocks = [
+        _highest_of_blocks(grid, (first, min(first + at_once, window.row1)), (window.col0, window.col1), k)
+        for first in range(window.row0, window.row1, at_once)
+    ]
+    return np.concatenate(blocks)[::-1]
+
+
+def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:
+    return Image.fromarray(np.ascontiguousarray(cells)).resize(window.size_px, Image.Resampling.NEAREST)
 
 
 def _highest_of_blocks(

@@ -10,7 +10,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.maps.picture.ink import END, FREE, LOOP, PATH, START, UNKNOWN, UNTRUSTED, WALL
 from gridslam.maps.picture.sheet import tick_step_m
 from gridslam.maps.picture.window import choose_windows
-from gridslam.maps.preview import PathMarks, render_map
+from gridslam.maps.preview import PathMarks, Tint, render_map
 
 
 def room(rows: int = 30, cols: int = 40, resolution_m: float = 0.1) -> OccupancyGrid:
@@ -46,6 +46,17 @@ def test_walls_free_and_unknown_have_their_colours() -> None:
     colours = set(map(tuple, np.asarray(render_map(room())).reshape(-1, 3).tolist()))
     assert {FREE, WALL, UNKNOWN} <= colours
     assert PATH not in colours
+
+
+def test_a_tint_colours_the_floor_of_its_cells_and_no_wall() -> None:
+    grid = room()
+    opacity = np.zeros((30, 40), np.float32)
+    opacity[:, 20:] = 1.0
+    colour = (200, 100, 50)
+    pixels = np.asarray(render_map(grid, tints=[Tint(opacity, colour, "seen")]))
+    assert centre_of(pixels, colour)[0] > centre_of(pixels, FREE)[0]
+    walls = (np.asarray(render_map(grid)) == WALL).all(axis=-1)[: int(0.8 * len(pixels))]
+    assert ((pixels[: len(walls)] == WALL).all(axis=-1) == walls).all()
 
 
 def test_the_same_input_gives_the_same_picture() -> None:

@@ -179,7 +179,10 @@ class IspaceMcl:
         coverage = self.cameras.coverage()
         if not len(coverage):
             return {}
-        return {"cameras": coverage_picture(self._occupancy, coverage, self.cameras.moving(), path)}
+        untrusted = self._history.is_untrusted()
+        return {
+            "cameras": coverage_picture(self._occupancy, coverage, self.cameras.moving(), path, untrusted)
+        }
 
     def _camera_measures(self) -> dict[str, object]:
         measures = self.cameras.measures()

@@ -79,8 +79,11 @@ class LocalizationHistory:
 
     def untrusted_ns(self) -> NDArray[np.int64]:
         """First and last stamps `(k, 2)` of the parts in which the robot was not localized."""
-        untrusted = np.array([status != "localized" for status in self.statuses], np.bool_)
-        return stretches(np.array(self._stamps, np.int64), untrusted)
+        return stretches(np.array(self._stamps, np.int64), self.is_untrusted())
+
+    def is_untrusted(self) -> NDArray[np.bool_]:
+        """Whether the robot was not localized `(n,)` at each scan."""
+        return np.array([status != "localized" for status in self.statuses], np.bool_)
 
     def measures(self) -> Mapping[str, object]:
         """Fractions of the scans with each status, the seconds until the first localized one, and the last status."""
