@@ -16,6 +16,9 @@ Floats = NDArray[np.float64]
 WALL_TOLERANCE_M = 0.25  # a beam that ends nearer to a wall agrees with the map
 BLOCKED_TOLERANCE_M = 0.4  # unless a wall lies farther than this before its endpoint
 GRAZING_SLACK_M = 0.3  # a beam whose endpoint becomes visible when moved aside by this much grazes a wall
+DISPLACED_M = (
+    0.1  # a beam that ends farther than this behind a wall, and at no other, shows the wall elsewhere
+)
 BEHIND_WALL_WEIGHT = 0.5  # of a beam that ends at a wall behind another one: furniture was moved
 OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
 HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
@@ -42,12 +45,15 @@ class Assessment:
     `inlier_ratio` is the running mean of the ratio of beams that agree with the map, `distance_m` the mean distance of the
     endpoints to walls. `confidence` in 0..1 is the product of the inlier ratio between its limits, the weight of the main
     cluster, and a factor that falls with the cluster's standard deviation. `status` is localized, uncertain or lost.
+    `displaced_ratio` is the ratio of the scan's beams at walls that end somewhat behind their wall: people and furniture end
+    beams early, and only a wall that stands elsewhere ends them late.
     """
 
     inlier_ratio: float
     distance_m: float
     confidence: float
     status: str
+    displaced_ratio: float
 
 
 class ConfidenceMonitor:
@@ -64,22 +70,22 @@ class ConfidenceMonitor:
 
     def assess(self, belief: Belief, beams: Beams) -> Assessment:
         """The assessment of the main cluster by all beams of a scan."""
-        distance = float("nan")
+        distance, displaced = float("nan"), 0.0
         if len(beams.points):
             distances = self._visibility.field.distances_at(beams.points, belief.mean)
             distance = float(distances.mean())
-            present = self._inlier_ratio_of(beams, belief.mean, distances)
+            present, displaced = self._ratios_of(beams, belief.mean, distances)
             past = present if self._inlier_ratio is None else self._inlier_ratio
             self._inlier_ratio = SMOOTHING * past + (1.0 - SMOOTHING) * present
         inlier_ratio = 0.0 if self._inlier_ratio is None else self._inlier_ratio
         confidence = confidence_of(inlier_ratio, belief, self._limits)
-        return Assessment(inlier_ratio, distance, confidence, _status(confidence, belief.mass))
+        return Assessment(inlier_ratio, distance, confidence, _status(confidence, belief.mass), displaced)
 
-    def _inlier_ratio_of(self, beams: Beams, pose: Floats, distances: Floats) -> float:
-        """Ratio of the returned beams that agree with the map from a pose; ambiguous beams count in part.
+    def _ratios_of(self, beams: Beams, pose: Floats, distances: Floats) -> tuple[float, float]:
+        """Ratios of the returned beams that agree with the map from a pose, and of beams at walls that are displaced.
 
-        A beam that ends at a wall behind another one may show moved furniture; one that ends in free space may show a person.
-        `distances` `(m,)` are those of the endpoints to walls, m.
+        A beam that ends at a wall behind another one may show moved furniture; one that ends in free space may show a person:
+        they agree in part. `distances` `(m,)` are those of the endpoints to walls, m.
         """
         visibility = self._visibility
         bearings, ranges = beams.bearings[beams.returned], beams.ranges[beams.returned]
@@ -93,7 +99,9 @@ class ConfidenceMonitor:
         weights = np.where(
             at_wall, np.where(blocked, BEHIND_WALL_WEIGHT, 1.0), OPEN_SPACE_WEIGHT * in_open_space
         )
-        return float(weights.mean())
+        reaches = ~blocked & (ranges > expected[0] - visibility.tolerance_m)
+        is_late = (distances > DISPLACED_M) & (ranges > expected.max(axis=0) + DISPLACED_M)
+        return float(weights.mean()), float((reaches & is_late).sum() / max(int(reaches.sum()), 1))
 
 
 def confidence_of(inlier_ratio: float, belief: Belief, limits: InlierLimits) -> float:

@@ -172,7 +172,12 @@ class IspaceMcl:
                 **self._camera_measures(),
                 "motion": {"odometry_check": self._odometry_check.measures()},
             },
-            doubt=doubt_of(self._history.statuses, self._occupancy, self._config.advanced.occupied_threshold),
+            doubt=doubt_of(
+                self._history.statuses,
+                self._history.displaced_ratios,
+                self._occupancy,
+                self._config.advanced.occupied_threshold,
+            ),
         )
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:

@@ -77,6 +77,11 @@ class LocalizationHistory:
         """The status (localized, uncertain or lost) of each scan."""
         return [update.assessment.status for update in self._updates]
 
+    @property
+    def displaced_ratios(self) -> list[float]:
+        """The ratio of displaced beams at each scan."""
+        return [update.assessment.displaced_ratio for update in self._updates]
+
     def untrusted_ns(self) -> NDArray[np.int64]:
         """First and last stamps `(k, 2)` of the parts in which the robot was not localized."""
         return stretches(np.array(self._stamps, np.int64), self.is_untrusted())

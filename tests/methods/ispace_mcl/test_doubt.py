@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gridslam.filters.particles import Belief
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.methods.ispace_mcl.confidence import (
+    BLOCKED_TOLERANCE_M,
+    GRAZING_SLACK_M,
+    ConfidenceMonitor,
+    InlierLimits,
+)
 from gridslam.methods.ispace_mcl.doubt import doubt_of
+from gridslam.sensors.lidar_beams import Beams
+from gridslam.sensors.likelihood_field import distance_field, occupied_cells
+from gridslam.sensors.range_caster import range_caster
+from gridslam.sensors.visibility import VisibilityField
 
 WALLS = 0.65
 
@@ -28,7 +39,7 @@ def room(negated: bool = False) -> OccupancyGrid:
     ],
 )
 def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None:
-    assert doubt_of(statuses, room(), WALLS) is None
+    assert doubt_of(statuses, [0.01] * len(statuses), room(), WALLS) is None
 
 
 @pytest.mark.parametrize(
@@ -43,13 +54,51 @@ def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None
     ],
 )
 def test_a_robot_that_was_rarely_localized_or_lost_at_the_end_is_lost(statuses: list[str], line: str) -> None:
-    doubt = doubt_of(statuses, room(), WALLS)
+    doubt = doubt_of(statuses, [0.01] * len(statuses), room(), WALLS)
     assert doubt is not None
     assert doubt.status == "lost"
     assert doubt.reason.startswith(line)
 
 
 def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
-    doubt = doubt_of(["lost"] * 10, room(negated=True), WALLS)
+    doubt = doubt_of(["lost"] * 10, [0.0] * 10, room(negated=True), WALLS)
     assert doubt is not None
     assert "`negate`" in doubt.reason
+
+
+@pytest.mark.parametrize(("ratio", "status"), [(0.02, None), (0.06, "inconsistent")])
+def test_walls_that_beams_pass_a_little_are_doubted(ratio: float, status: str | None) -> None:
+    statuses = ["lost"] * 10 + ["localized"] * 90
+    doubt = doubt_of(statuses, [0.5] * 10 + [ratio] * 90, room(), WALLS)
+    assert (doubt.status if doubt else None) == status
+    assert doubt is None or doubt.reason.startswith(
+        "localized, but 6 % of the beams at walls end behind them"
+    )
+
+
+@pytest.mark.parametrize(
+    ("far_x_m", "shortened", "expected"), [(5.9, False, 0.0), (6.1, False, 0.14), (5.9, True, 0.0)]
+)
+def test_only_a_wall_that_stands_farther_off_displaces_beams(
+    far_x_m: float, shortened: bool, expected: float
+) -> None:
+    """Beams all around from (3, 2) in a room of 0.1 to 5.9 m by 0.1 to 3.9 m, whose right wall is seen at `far_x_m`.
+
+    That wall takes 63 of 360 degrees; beams near its ends graze the other walls and say nothing.
+    """
+    bearings = np.linspace(-np.pi, np.pi, 360, endpoint=False)
+    to_side = np.where(np.cos(bearings) > 0.0, far_x_m - 3.0, 2.9) / np.maximum(
+        np.abs(np.cos(bearings)), 1e-9
+    )
+    ranges = np.minimum(to_side, 1.9 / np.maximum(np.abs(np.sin(bearings)), 1e-9))
+    ranges = np.where(shortened & (np.abs(bearings) < 0.5), ranges - 0.3, ranges)
+    points = ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    beams = Beams(ranges, bearings, np.ones(360, np.bool_), points, np.zeros(3), 10.0, 0)
+    occupied = occupied_cells(room(), WALLS)
+    field = distance_field(occupied, room().geometry, 2.0)
+    visibility = VisibilityField(
+        field, range_caster(occupied, room().geometry), BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
+    )
+    monitor = ConfidenceMonitor(InlierLimits(0.55, 0.8), visibility)
+    belief = Belief(np.array([3.0, 2.0, 0.0]), 1e-4 * np.eye(3), 1.0)
+    assert monitor.assess(belief, beams).displaced_ratio == pytest.approx(expected, abs=0.035)
