@@ -1,0 +1,121 @@
+"""How often poses that were called localized, or had some confidence, are within half a metre of the truth.
+
+Drives by seed from an unknown start, a quarter of a minute each: ordinary places, crowds, changed places, the map of another
+place (where every pose is wrong), and corridors that look the same from both ends.
+`python -m tests.benchmarks.bench_confidence 200` measures 200 drives, prints tables by kind and by confidence, and draws the
+reliability diagram.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.benchmarks.harness import Row, say
+from tests.benchmarks.localization_drives import Drive, corridor_drive, errors_m, localized, place_drive
+
+DRIVES = 20
+FIRST_SEED = 1000
+TRAVEL_M = 15.0
+WITHIN_M = 0.5
+EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+KINDS = ("ordinary", "crowd", "changed", "wrong map", "symmetric")
+PICTURE = Path("out") / "confidence.png"
+
+Floats = NDArray[np.float64]
+
+
+def rows() -> Iterator[Row]:
+    """The fraction of the poses called localized that are right, and of right poses that are called so."""
+    found = measured(DRIVES)
+    called, confidence, error = (np.concatenate([f[i] for f in found.values()]) for i in range(3))
+    right = error <= WITHIN_M
+    yield Row("confidence.localized_right", float(right[called > 0].mean()), "")
+    yield Row("confidence.right_localized", float(called[right].mean()), "")
+    yield Row("confidence.calibration_error", calibration_error(confidence, right), "")
+
+
+def measured(drives: int) -> dict[str, Floats]:
+    """By kind, rows `(3, n)`: whether a pose was called localized, its confidence, and its error (m)."""
+    found: defaultdict[str, list[Floats]] = defaultdict(list)
+    for number in range(drives):
+        kind, seed = KINDS[number % len(KINDS)], FIRST_SEED + number
+        drive, grid = drive_of(kind, seed)
+        result = localized(drive, grid.grid, seed)
+        error, called = errors_m(result, drive.truth)
+        if kind == "wrong map":
+            error = np.full(len(error), np.inf)
+        confidence = result.series["confidence"].values[-len(error) :]
+        found[kind].append(np.stack([called.astype(np.float64), confidence, error]))
+        wrong = int((error[called] > WITHIN_M).sum())
+        say(
+            f"{number} {kind}, {drive.name}: called localized {called.sum()} of {len(error)}, of these wrong {wrong}; "
+            f"status {'complete' if result.doubt is None else result.doubt.status}"
+        )
+    return {kind: np.concatenate(parts, axis=1) for kind, parts in found.items()}
+
+
+def drive_of(kind: str, seed: int) -> tuple[Drive, Drive]:
+    """The drive of a seed, and the one whose map is given."""
+    if kind == "symmetric":
+        drive = corridor_drive(seed)
+        return drive, drive
+    drive = place_drive(seed, TRAVEL_M, crowd=kind == "crowd", changed=kind == "changed")
+    return drive, place_drive(seed + 5000, TRAVEL_M) if kind == "wrong map" else drive
+
+
+def calibration_error(confidence: Floats, right: NDArray[np.bool_]) -> float:
+    """Mean difference of confidence and fraction of right poses over bins of confidence, weighted by their poses."""
+    bins = np.digitize(confidence, EDGES[1:-1])
+    parts = [bins == b for b in range(len(EDGES) - 1)]
+    return float(
+        sum(p.sum() * abs(confidence[p].mean() - right[p].mean()) for p in parts if p.any()) / len(right)
+    )
+
+
+def main(drives: int) -> None:
+    """Print the tables of many drives, and draw the diagram."""
+    found = measured(drives)
+    lines = ["| drives | poses | called localized | of these within 0.5 m |", "|---|---|---|---|"]
+    every = {**found, "all": np.concatenate(list(found.values()), axis=1)}
+    for kind, (called, _, error) in every.items():
+        named = error[called > 0] <= WITHIN_M
+        share = f"{100.0 * named.mean():.2f} %" if len(named) else "-"
+        lines.append(f"| {kind} | {len(error)} | {len(named)} | {share} |")
+    _, confidence, error = every["all"]
+    lines += ["", "| confidence | poses | within 0.5 m |", "|---|---|---|"]
+    bins = np.digitize(confidence, EDGES[1:-1])
+    fractions = []
+    for b, (low, high) in enumerate(pairwise(EDGES)):
+        inside = error[bins == b] <= WITHIN_M
+        fractions.append(inside.mean() if len(inside) else np.nan)
+        if len(inside):
+            lines.append(f"| {low:.1f} to {high:.1f} | {len(inside)} | {100.0 * inside.mean():.1f} % |")
+    print("\n".join(lines))  # noqa: T201
+    draw(np.array(fractions))
+
+
+def draw(fractions: Floats) -> None:
+    """The reliability diagram."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(4.5, 4.0), dpi=120, layout="constrained")
+    axes.bar(EDGES[:-1], np.nan_to_num(fractions), 0.1, align="edge", color="tab:blue", edgecolor="white")
+    axes.plot([0, 1], [0, 1], "--", color="0.3", label="confidence = fraction")
+    axes.set(xlabel="confidence", ylabel="fraction of poses within 0.5 m", xlim=(0, 1), ylim=(0, 1))
+    axes.legend(loc="upper left", frameon=False)
+    PICTURE.parent.mkdir(exist_ok=True)
+    figure.savefig(PICTURE)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else DRIVES)
