@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 BOXES = 40  # new in a changed place
 BOX_SIZE_M = (0.4, 1.2)
 ASIDE_M = (0.9, 2.5)  # of a box from the route
+WHOLE_TRAVEL_M = (
+    150.0  # of the route that a drive is the beginning of: wheels are made for the drift over 100 m
+)
 AROUND_M = 12.0
 KINDS: tuple[Kind, ...] = ("office", "corridors")
 
@@ -47,7 +50,7 @@ class Drive:
 def place_drive(seed: int, travel_m: float, crowd: bool = False, changed: bool = False) -> Drive:
     """A drive through the place of a seed, on its true map: among people, or with boxes that the map lacks."""
     kind = KINDS[seed % len(KINDS)]
-    document = place_document(kind, seed, travel_m)
+    document = _shortened(place_document(kind, seed, WHOLE_TRAVEL_M), travel_m)
     grid = None
     if changed:
         world = validate_world(document, "place")
@@ -145,6 +148,15 @@ def errors_m(result: RunResult, truth: Trajectory) -> tuple[Floats, NDArray[np.b
     column = table.columns.index("status")
     called = np.array([row[column] == "localized" for row in table.rows])
     return np.hypot(off[:, 0], off[:, 1]), called[inside]
+
+
+def _shortened(document: dict[str, Any], travel_m: float) -> dict[str, Any]:
+    """The document with the first `travel_m` of its route."""
+    robot = document["robot"]
+    route = np.array([robot["start"][:2], *robot["route"]], np.float64)
+    travel = np.cumsum(np.hypot(*np.diff(route, axis=0).T))
+    legs = int(np.searchsorted(travel, travel_m)) + 1
+    return document | {"robot": robot | {"route": robot["route"][:legs]}}
 
 
 def _boxes(document: dict[str, Any], rng: np.random.Generator) -> list[dict[str, Any]]:
