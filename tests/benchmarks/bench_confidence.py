@@ -86,8 +86,8 @@ def main(drives: int) -> None:
     every = {**found, "all": np.concatenate(list(found.values()), axis=1)}
     for kind, (called, _, error) in every.items():
         named = error[called > 0] <= WITHIN_M
-        share = f"{100.0 * named.mean():.2f} %" if len(named) else "-"
-        lines.append(f"| {kind} | {len(error)} | {len(named)} | {share} |")
+        right = f"{100.0 * named.mean():.2f} %" if len(named) else "-"
+        lines.append(f"| {kind} | {len(error)} | {len(named)} | {right} |")
     _, confidence, error = every["all"]
     lines += ["", "| confidence | poses | within 0.5 m |", "|---|---|---|"]
     bins = np.digitize(confidence, EDGES[1:-1])

@@ -18,7 +18,7 @@ MAX_WALL_RATIO = 0.5  # walls cover a few percent of a building; above this rati
 
 
 # Mean ratio of displaced beams over the localized scans. On right maps up to 0.016 (crowds and recorded places included), on
-# mirrored maps of nearly symmetric places from 0.04 on (tests/benchmarks/bench_wrong_maps.py).
+# mirrored maps of nearly symmetric places often 0.04 and more (tests/benchmarks/bench_wrong_maps.py).
 MAX_DISPLACED_RATIO = 0.03
 MIN_LOCALIZED_SCANS = 10  # from which that mean says something
 
