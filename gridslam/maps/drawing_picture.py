@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import MapError
+from gridslam.maps.image_levels import check_header
 
 Levels = NDArray[np.uint8]
 Colours = NDArray[np.uint8]
@@ -49,6 +50,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
     Raises MapError if it is no picture, too large or too small.
     """
     try:
+        check_header(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow warns about sizes and unusual palettes
             with Image.open(path, formats=FORMATS) as image:

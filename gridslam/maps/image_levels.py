@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import warnings
 import zlib
@@ -16,6 +17,10 @@ from PIL import Image
 from gridslam.core.errors import MapError
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
+
+MAX_HEADER_BYTES = 65_536  # of a PGM
+_NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])+\d+"
+PNM_HEADER = re.compile(rb"P[14](?:%b){2}\s|P[2356](?:%b){3}\s" % (_NUMBER, _NUMBER))
 
 # A size in a damaged file can ask for any memory.
 _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
@@ -43,6 +48,7 @@ def read_levels(path: Path) -> ImageLevels:
     try:
         if not path.is_file():
             raise MapError(f"{path}: no such image file; correct `image:` in the map's YAML")
+        check_header(path)
         with warnings.catch_warnings():
             # Pillow warns at 89 million pixels; the check below has a limit of its own.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -57,6 +63,17 @@ def read_levels(path: Path) -> ImageLevels:
         raise MapError(
             f"{path}: not a readable PGM, PNG or BMP image ({error}); save the map again"
         ) from None
+
+
+def check_header(path: Path) -> None:
+    """Raise MapError for a PGM whose size and maximum lie behind comments without end: Pillow reads them byte by byte."""
+    with path.open("rb") as file:
+        head = file.read(MAX_HEADER_BYTES)
+    is_cut = len(head) == MAX_HEADER_BYTES
+    if is_cut and head.startswith(b"P") and not PNM_HEADER.match(head):
+        raise MapError(
+            f"{path}: no complete header of a PGM image in its first {MAX_HEADER_BYTES} bytes; save it again"
+        )
 
 
 def _check_size(path: Path, size: tuple[int, int]) -> None:

@@ -11,6 +11,7 @@ from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
 from gridslam.maps.drawing import DAMAGE, FORMATS
+from gridslam.maps.image_levels import check_header
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.simulation.geometry import NO_SEGMENTS, Array, polyline
@@ -71,6 +72,7 @@ def _from_image(plan: FloorPlan, path: Path) -> tuple[NDArray[np.bool_], GridGeo
     if plan.resolution_m is None:
         raise ConfigError(f"plan.resolution_m: the size of a pixel of {plan.file} in metres is missing")
     try:
+        check_header(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit is lower
             with Image.open(path, formats=FORMATS) as picture:
@@ -80,7 +82,7 @@ def _from_image(plan: FloorPlan, path: Path) -> tuple[NDArray[np.bool_], GridGeo
                         "scale the picture down and raise plan.resolution_m"
                     )
                 grey = np.asarray(_flattened(picture, plan.walls_are == "dark"))
-    except (*DAMAGE, Image.DecompressionBombError) as error:
+    except (*DAMAGE, MapError, Image.DecompressionBombError) as error:
         raise ConfigError(f"plan.file: {path}: not a readable picture ({error})") from None
     is_wall = grey < 128 if plan.walls_are == "dark" else grey >= 128
     return np.ascontiguousarray(is_wall[::-1]), GridGeometry(plan.resolution_m, plan.origin)

@@ -6,10 +6,16 @@ import io
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
+
+from gridslam.core.errors import MapError
+from gridslam.maps.drawing import load_drawing
+from gridslam.maps.image_levels import read_levels
 
 CODE = """
 import resource, sys
@@ -38,3 +44,21 @@ def test_a_picture_that_says_it_has_2_gb_is_damaged(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", CODE, path], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("not a readable") == 2
+
+
+@pytest.mark.parametrize("before", [b"", b"4 ", b"4 3 255"])
+@pytest.mark.parametrize("comments", [b"#" + b"x" * 70_000, b"#\n" * 35_000], ids=["one", "many"])
+@pytest.mark.parametrize("load", [read_levels, load_drawing])
+def test_comments_without_end_before_the_size_are_refused(
+    tmp_path: Path, load: Callable[[Path], object], comments: bytes, before: bytes
+) -> None:
+    path = tmp_path / "map.pgm"
+    path.write_bytes(b"P5\n" + before + comments + b"\n4 3\n255\n" + bytes(12))
+    with pytest.raises(MapError, match="no complete header"):
+        load(path)
+
+
+def test_a_picture_of_the_grey_of_comments_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "map.pgm"
+    path.write_bytes(b"P5\n# CREATOR: a map saver\n300 300\n255\n" + b"#" * 90_000)
+    assert (read_levels(path).levels == ord("#")).all()
