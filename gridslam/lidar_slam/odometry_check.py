@@ -17,6 +17,7 @@ from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, sol
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
 from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +49,7 @@ class OdometryCheck:
         self.correction = OdometryCorrection()
         self.own_bodies: list[OwnBody] = []
         self.reverses_scans = False  # those whose messages contradict themselves about their sense
+        self.sweep: SweepTime | None = None  # where the messages say none, or the wrong one
         self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
         self.checked_scans = 0
 
@@ -82,6 +84,7 @@ class OdometryCheck:
             "distance_scale": round(1.0 / found.scale, 3),
             "yaw_sign": -1 if found.mirrors_yaw else 1,
             "is_corrected": bool(found.faults),
+            "sweep_s": None if self.sweep is None else round(self.sweep.sweep_s, 4),
         }
 
     def notes(self) -> list[str]:
@@ -93,6 +96,8 @@ class OdometryCheck:
             found.append(
                 "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
             )
+        if self.sweep is not None:
+            found.append(self.sweep.note)
         return wrong + found + [body.note for body in self.own_bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
@@ -108,6 +113,9 @@ class OdometryCheck:
         if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
             self._next_check = 2 * self._scans
             return
+        if self._scans > 1:
+            repaired = [self._repaired(event) for event in held]
+            self.sweep = find_sweep_time(repaired, self._path(held), self._build_tracker)
         self._held, self._tracker = None, None
         for event in held:
             yield from self._give(event)
@@ -170,6 +178,8 @@ class OdometryCheck:
             return event
         for body in self.own_bodies:
             event = body.removed_from(event)
+        if self.sweep is not None:
+            event = self.sweep.applied_to(event)
         return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
 
     def _path(self, held: list[Event]) -> Trajectory:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ class ScanTracker:
         self._spacing = spacing
         self._scan_poses = ScanPoses(odometry_limits(odometry), max_wait_s=MAX_WAIT_S)
         self._predictor = MotionPredictor()
+        self.known_twist: Callable[[int], Floats] | None = None  # at a stamp, where it is known beforehand
         self._counters: Counter[str] = Counter()
         self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self.stamps_ns: list[int] = []
@@ -148,6 +149,8 @@ class ScanTracker:
 
     def twist(self, placed: PlacedScan) -> Floats:
         """Velocity (vx, vy, wz) `(3,)` since the last tracked scan: by odometry, or as predicted where there is none."""
+        if self.known_twist is not None:
+            return self.known_twist(placed.scan.stamp_ns)
         return self._predictor.twist(placed)
 
     def prepare(self, placed: PlacedScan) -> PreparedScan:

@@ -107,7 +107,8 @@ class LogConfig(StrictModel):
         None,
         gt=0.0,
         description="Time in seconds from the first to the last beam of a scan, for drivers that leave time_increment at 0; "
-        "motion within a scan is then undone. Absent: the beams count as taken at once.",
+        "motion within a scan is then undone. Absent: found by the robot's turns where these show it, else the beams count "
+        "as taken at once.",
     )
     wheels: WheelsConfig = WheelsConfig()
     carmen: CarmenConfig = CarmenConfig()

@@ -157,7 +157,10 @@ def _ambiguous(kind: str, candidates: Sequence[RecordedStream]) -> str:
 def _odometry_from_tf(
     streams: Sequence[RecordedStream], listed: Sequence[int], base_frame: str | None, kind_of: dict[int, str]
 ) -> list[int]:
-    """The tf streams of odom->base, for a log without odometry messages; of several robots the one whose scans are used."""
+    """The tf streams of odom->base, for a log without odometry messages; of several robots the one whose scans are used.
+
+    Of two frames of one robot base_link is taken.
+    """
     robots = (base_frame,) if base_frame else _ROBOT_FRAMES
     found = [
         i
@@ -170,6 +173,9 @@ def _odometry_from_tf(
         sensors = {_namespace(f) for i, kind in kind_of.items() if kind != "tf" for f in streams[i].frames}
         of_sensors = [i for i in found if sensors == {_namespace(streams[i].child_frame)}]
         found = of_sensors or found
+    robots_of = {(streams[i].detail.split("->")[0], _namespace(streams[i].child_frame)) for i in found}
+    if len(found) > 1 and len(robots_of) == 1:  # two frames of one robot
+        found = [min(found, key=lambda i: streams[i].child_frame.rsplit("/", 1)[-1] != _ROBOT_FRAMES[0])]
     if len(found) > 1:
         choice = streams[found[0]].detail
         raise ConfigError(

@@ -1,0 +1,155 @@
+"""How long a lidar's sweep takes and in which order its beams are taken, for drivers that leave this out or reverse the beams.
+
+While the robot turns, scans match best when its motion is undone with the true times of their beams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, as_float32
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.scan_tracker import ScanTracker
+
+Floats = NDArray[np.float64]
+
+MIN_YAW_RATE_RADPS = 0.3  # of scans that are compared: slower turns hardly distort a scan
+MIN_TURNING_SCANS = 40
+FIRST_FRACTION, FRACTIONS = (
+    0.25,
+    (0.5, 0.75, 1.0),
+)  # of the period; the others only where the first is better than no motion
+CORRELATED_SCANS = 4  # neighbours match well or badly together
+MIN_Z_SCORE = 2.5  # of the better match, in standard deviations of its mean
+MIN_GAIN = 0.005  # in the mean inlier ratio
+MAX_SWEEP_PERIODS = 1.02
+
+
+@dataclass(frozen=True, slots=True)
+class SweepTime:
+    """Time (s) from the first to the last beam of a scan; negative where the last beam is taken first."""
+
+    sweep_s: float
+    stated_s: float
+
+    @property
+    def note(self) -> str:
+        """One line for people."""
+        order = "" if self.sweep_s > 0.0 else ", the last beam first"
+        states = f"state {self.stated_s:.3f} s" if self.stated_s else "say nothing of the time of their beams"
+        return (
+            f"the scans {states}: by the robot's turns a sweep takes {abs(self.sweep_s):.3f} s{order}; used to undo motion "
+            "within a scan"
+        )
+
+    def applied_to(self, scan: LaserScan) -> LaserScan:
+        """The scan with this time."""
+        return with_sweep(scan, self.sweep_s)
+
+
+def with_sweep(scan: LaserScan, sweep_s: float) -> LaserScan:
+    """The scan with another time of its sweep (s)."""
+    return replace(scan, time_increment_s=as_float32(sweep_s / max(len(scan.ranges_m) - 1, 1)))
+
+
+def find_sweep_time(
+    events: Sequence[Event], path: Trajectory, build_tracker: Callable[[], ScanTracker]
+) -> SweepTime | None:
+    """The time of a sweep; None where the scans' own is as good, or nothing is certain.
+
+    `events` are scans and extrinsics; `path` is the robot's path over the scans with the times that they state.
+    """
+    scans = [e for e in events if isinstance(e, LaserScan)]
+    if len({(s.frame_id, s.time_increment_s == 0.0) for s in scans}) != 1 or len(path) < MIN_TURNING_SCANS:
+        return None
+    steps_s = np.diff(path.stamps_ns) * 1e-9
+    period_s = float(np.median(steps_s))
+    if not period_s > 0.0 or (steps_s <= 0.0).any():
+        return None
+    stated_s = float(np.median([s.time_increment_s * (len(s.ranges_m) - 1) for s in scans]))
+    events = [e for e in events if not isinstance(e, Odometry)]
+    if stated_s:  # times that may be wrong have bent the path
+        path = _path(events, build_tracker())
+    trials = _Trials(events, path, build_tracker)
+    if len(trials.turning) < MIN_TURNING_SCANS:
+        return None
+    if stated_s:
+        best_s = -stated_s
+        if trials.ratios(best_s).mean() < trials.ratios(0.0).mean():
+            return None
+    else:
+        found = _best_fraction(trials, period_s)
+        if found is None:
+            return None
+        best_s = found
+    gain = trials.ratios(best_s) - trials.ratios(stated_s)
+    z_score = gain.mean() / max(float(gain.std()), 1e-9) * np.sqrt(len(gain) / CORRELATED_SCANS)
+    is_certain = (
+        gain.mean() > MIN_GAIN and z_score > MIN_Z_SCORE and abs(best_s) <= MAX_SWEEP_PERIODS * period_s
+    )
+    return SweepTime(best_s, stated_s) if is_certain else None
+
+
+def _path(events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
+    """The robot's path over scans whose beams count as taken at once."""
+    _track(tracker, events, 0.0)
+    return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses))
+
+
+def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> None:
+    """Track scans whose sweep takes this time (s)."""
+    scans = (with_sweep(e, sweep_s) if isinstance(e, LaserScan) else e for e in events)
+    for placed in chain(chain.from_iterable(map(tracker.process, scans)), tracker.flush()):
+        tracker.track_scan(placed)
+
+
+def _best_fraction(trials: _Trials, period_s: float) -> float | None:
+    """The time of a sweep (s) with which scans match best, interpolated; None where no motion within a scan is as good."""
+    means = {f: float(trials.ratios(f * period_s).mean()) for f in (-FIRST_FRACTION, 0.0, FIRST_FRACTION)}
+    sign = 1.0 if means[FIRST_FRACTION] > means[-FIRST_FRACTION] else -1.0
+    if means[sign * FIRST_FRACTION] <= means[0.0]:
+        return None
+    grid = np.array([0.0, FIRST_FRACTION, *FRACTIONS])
+    values = np.array([float(trials.ratios(sign * f * period_s).mean()) for f in grid])
+    curve = np.polynomial.Polynomial.fit(grid, values, 2)
+    fine = np.linspace(0.0, 1.0, 101)
+    best = float(fine[int(np.argmax(curve(fine)))])
+    return sign * best * period_s if best > 0.0 else None
+
+
+class _Trials:
+    """Inlier ratios of the turning scans with several times of a sweep."""
+
+    def __init__(
+        self, events: Sequence[Event], path: Trajectory, build_tracker: Callable[[], ScanTracker]
+    ) -> None:
+        self._events = events
+        self._build_tracker = build_tracker
+        times_s = (path.stamps_ns - path.stamps_ns[0]) * 1e-9
+        self._origin_ns = int(path.stamps_ns[0])
+        self._middles_s = 0.5 * (times_s[1:] + times_s[:-1])
+        self._twists = se2.between(path.poses[:-1], path.poses[1:]) / np.diff(times_s)[:, None]
+        self.turning = np.flatnonzero(np.abs(self._twists[:, 2]) > MIN_YAW_RATE_RADPS) + 1
+        self._found: dict[float, Floats] = {}
+
+    def ratios(self, sweep_s: float) -> Floats:
+        """Inlier ratios `(k,)` of the turning scans, with the robot's motion undone over this time of a sweep (s)."""
+        if sweep_s not in self._found:
+            self._found[sweep_s] = self._tracked(sweep_s)[self.turning]
+        return self._found[sweep_s]
+
+    def _tracked(self, sweep_s: float) -> Floats:
+        tracker = self._build_tracker()
+        tracker.known_twist = lambda stamp_ns: self._twist(stamp_ns, 0.5 * sweep_s)
+        _track(tracker, self._events, sweep_s)
+        return tracker.inlier_ratios
+
+    def _twist(self, stamp_ns: int, later_s: float) -> Floats:
+        at = (stamp_ns - self._origin_ns) * 1e-9 + later_s
+        return np.array([np.interp(at, self._middles_s, column) for column in self._twists.T])

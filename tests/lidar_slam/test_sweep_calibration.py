@@ -1,0 +1,62 @@
+"""The time of a sweep is found where the messages leave it out or have the wrong sign, and only there."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gridslam.core.messages import Event, LaserScan, Transform
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, with_sweep
+from gridslam.logs.open import open_log
+from gridslam.methods.slam_sd.config import SlamSdConfig
+from gridslam.methods.slam_sd.method import _tracker_of
+
+LOG = Path(__file__).parents[2] / "sample_logs" / "slam-sd.mcap"
+TRUE_SWEEP_S = 0.05  # of configs/worlds/office.yaml
+SCANS = 300
+
+
+@cache
+def events() -> tuple[Event, ...]:
+    with open_log(LOG) as log:
+        found = [event for event in log.events() if isinstance(event, LaserScan | Transform)]
+    return tuple(found[:SCANS])
+
+
+def found_with(sweep_s: float, scans: int = SCANS) -> SweepTime | None:
+    """What is found when all scans state this time."""
+    stated = [with_sweep(e, sweep_s) if isinstance(e, LaserScan) else e for e in events()[:scans]]
+    build = partial(_tracker_of, SlamSdConfig())
+    tracker = build()
+    for event in stated:
+        for placed in tracker.process(event):
+            tracker.track_scan(placed)
+    for placed in tracker.flush():
+        tracker.track_scan(placed)
+    path = Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses))
+    return find_sweep_time(stated, path, build)
+
+
+def test_times_that_are_right_are_kept() -> None:
+    assert found_with(TRUE_SWEEP_S) is None
+
+
+def test_times_that_are_left_out_are_found_by_the_robots_turns() -> None:
+    found = found_with(0.0)
+    assert found is not None
+    assert found.sweep_s == pytest.approx(TRUE_SWEEP_S, abs=0.02)
+    assert "say nothing of the time of their beams" in found.note
+
+
+def test_times_with_the_wrong_sign_are_reversed() -> None:
+    found = found_with(-TRUE_SWEEP_S)
+    assert found is not None
+    assert found.sweep_s == pytest.approx(TRUE_SWEEP_S)
+
+
+def test_few_turns_show_no_time() -> None:
+    assert found_with(0.0, scans=80) is None
