@@ -126,6 +126,7 @@ class MotionPredictor:
         self._previous_odometry = np.zeros(3)  # predicted, in the frame without jumps
         self._T_continuous_odom: Floats | None = None  # None: the frames are the same
         self._twist = np.zeros(3)
+        self._twist_before = np.zeros(3)
         self._twist_ns = 0  # stamp of the scan whose matching gave the twist
         self._was_firm = False  # the last match
         self._good_ns: int | None = None  # stamp of the last good match
@@ -145,8 +146,12 @@ class MotionPredictor:
             return self._twist
         if not 0.0 < elapsed_s < MAX_SCAN_GAP_S:
             return np.zeros(3)
-        _, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
-        return step / elapsed_s
+        source, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
+        if not step.any():
+            return np.zeros(3)  # the last velocity is of too long ago
+        # The mean of two: an error of one matched step bends the next scan, and would come back with the other sign.
+        twist = 0.5 * (self._twist + self._twist_before)
+        return np.array([twist[0], twist[1], step[2] / elapsed_s]) if source is MotionSource.GYRO else twist
 
     def predict(self, placed: PlacedScan) -> PredictedMotion:
         """The motion to a scan; the first scan has no motion."""
@@ -248,6 +253,7 @@ class MotionPredictor:
         elapsed_s = 0.0 if earlier is None else (end_ns - earlier.scan.stamp_ns) * 1e-9
         if not MIN_TWIST_S <= elapsed_s < MAX_SCAN_GAP_S:
             return
+        self._twist_before = self._twist
         self._twist, self._twist_ns = se2.between(earlier_pose, pose) / elapsed_s, end_ns
         if MotionSource.GYRO in self._steps and earlier is self._previous:
             self._gyro.compare(float(self._steps[MotionSource.GYRO][2]), float(matched[2]), elapsed_s)
