@@ -15,7 +15,7 @@ import numpy as np
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.stereo_models import BayesModel
 from tests.benchmarks.stereo_trials import (
-    Score,
+    MapScore,
     Stage,
     config_of,
     drive_stage,
@@ -40,7 +40,7 @@ def rows() -> Iterator[Row]:
 
 def likelihood_rows(kind: str) -> Iterator[Row]:
     """All models on the same rays, room by room."""
-    scores: dict[float, dict[str, list[Score]]] = {rate: defaultdict(list) for rate in FALSE_MATCH_RATES}
+    scores: dict[float, dict[str, list[MapScore]]] = {rate: defaultdict(list) for rate in FALSE_MATCH_RATES}
     for seed in SEEDS:
         for rate in FALSE_MATCH_RATES:
             for name, score in scores_of(STAGES[kind](seed, rate)).items():
@@ -49,7 +49,7 @@ def likelihood_rows(kind: str) -> Iterator[Row]:
         yield from rows_of(f"stereo_bayes.{kind}.false_{round(100 * rate):02d}", rate, scores[rate])
 
 
-def rows_of(label: str, rate: float, scores: Mapping[str, list[Score]]) -> Iterator[Row]:
+def rows_of(label: str, rate: float, scores: Mapping[str, list[MapScore]]) -> Iterator[Row]:
     """One rate of false matches."""
     chain = [s.log_loss for s in scores["chain"]]
     for name, found in scores.items():

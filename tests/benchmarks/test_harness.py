@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 
 from tests.benchmarks import harness
-from tests.benchmarks.harness import HERE, Row, benchmarks, bounded, read_bounds, table, without_row
+from tests.benchmarks.harness import (
+    HERE,
+    Row,
+    benchmarks,
+    bounded,
+    module_of,
+    read_bounds,
+    table,
+    without_row,
+)
 
 
 def test_a_bound_holds_from_both_sides() -> None:
@@ -17,6 +26,10 @@ def test_a_bound_holds_from_both_sides() -> None:
     assert not Row("r", 3.0, "1/s", bound=4.0, at_least=True).holds
     assert Row("x", 3.0, "m").holds
     assert not Row("x", math.nan, "m").holds
+
+
+def test_every_benchmark_can_be_run() -> None:
+    assert all(callable(module_of(name).rows) for name in benchmarks())
 
 
 def test_the_file_sets_bounds_by_name() -> None:
