@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.localization_drives import Drive, corridor_drive, errors_m, localized, place_drive
 
-DRIVES = 20
+DRIVES = 10
 FIRST_SEED = 1000
 TRAVEL_M = 15.0
 WITHIN_M = 0.5

@@ -1,14 +1,15 @@
-"""slam-sd in large places made by seed: are loops closed, how accurate are the paths, how does time grow with the travel.
+"""slam-sd in large places made by seed: are loops closed, how accurate are the paths.
 
-The seeds 0 to 19 are for this table alone; settings are tuned on seeds from 100 on.
+Six places; GRIDSLAM_PLACES=20 in the environment runs as many. The seeds 0 to 19 are for this table alone; settings are tuned on
+seeds from 100 on.
 """
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +23,7 @@ from tests.benchmarks.bench_slam_sd import command, report_of, rounded
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.tracked_places import place_of
 
-ALONE = True
-
-SEEDS = range(20)
-TRAVELS_KM = (0.5, 1.0, 2.0, 4.0)
+SEEDS = range(int(os.environ.get("GRIDSLAM_PLACES", "6")))
 SAME_PLACE_M = 1.0  # two poses this near to each other,
 SAME_YAW_RAD = 0.5  # looking the same way,
 APART_M = 30.0  # with so much travel between them are a loop
@@ -45,7 +43,7 @@ class Score:
 
 
 def rows() -> Iterator[Row]:
-    """Twenty places, then one kind of place with ever more travel."""
+    """The worst place of each kind, and how many are right."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         scores = [scored(seed, folder) for seed in SEEDS]
@@ -55,11 +53,10 @@ def rows() -> Iterator[Row]:
             yield Row(f"places.{name}.ape", max(errors), "% of travel", bound)
             within = sum(error <= bound for error in errors)
             yield Row(f"places.{name}.within", within, f"of {len(errors)}", len(errors), at_least=True)
-        closed = sum(score.open_loops == 0.0 for score in scores)
-        yield Row("places.closed", closed, f"of {len(scores)}", len(scores), at_least=True)
-        complete = sum(score.status == "complete" for score in scores)
-        yield Row("places.complete", complete, f"of {len(scores)}", len(scores), at_least=True)
-        yield from growth(folder)
+        closed = float(np.mean([score.open_loops == 0.0 for score in scores]))
+        yield Row("places.closed", closed, f"of {len(scores)}", 1.0, at_least=True)
+        complete = float(np.mean([score.status == "complete" for score in scores]))
+        yield Row("places.complete", complete, f"of {len(scores)}", 1.0, at_least=True)
 
 
 def scored(seed: int, folder: Path) -> Score:
@@ -80,21 +77,6 @@ def scored(seed: int, folder: Path) -> Score:
     )
     log.unlink()
     return score
-
-
-def growth(folder: Path) -> Iterator[Row]:
-    """Time and memory over the travel in one place."""
-    reports = {}
-    for km in TRAVELS_KM:
-        log = simulated("office", 100, 1000.0 * km, folder)
-        out = folder / f"growth-{km:g}"
-        command("map", str(log), "-c", "slam-sd", "-o", str(out), "-q")
-        reports[km] = report_of(out)
-        seconds, peak = reports[km]["timing"]["process_s"], reports[km]["memory"]["peak_mb"]
-        say(f"office, {km:g} km: {seconds:.1f} s, {peak:.0f} MB")
-    for less, more in pairwise(TRAVELS_KM):
-        times = [reports[km]["timing"]["process_s"] for km in (less, more)]
-        yield Row(f"places.growth.{less:g}_to_{more:g}_km.time", times[1] / times[0], "x", 2.2)
 
 
 def simulated(kind: str, seed: int, travel_m: float, folder: Path) -> Path:
