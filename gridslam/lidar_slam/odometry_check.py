@@ -30,14 +30,14 @@ class OdometryCheck:
 
     Good odometry and scans stay as they are.
 
-    `build_tracker` makes the tracker that follows the first scans without odometry. Unless `is_enabled`, all events are given on
-    at once as they are.
+    `build_tracker` makes the tracker that follows the first scans without odometry. After `flush` all events are given on at
+    once.
     """
 
-    def __init__(self, build_tracker: Callable[[], ScanTracker], *, is_enabled: bool = True) -> None:
+    def __init__(self, build_tracker: Callable[[], ScanTracker]) -> None:
         self._build_tracker = build_tracker
         self._tracker: ScanTracker | None = build_tracker()
-        self._held: list[Event] | None = [] if is_enabled else None
+        self._held: list[Event] | None = []
         self._tracked = 0  # of the held events
         self._scans = 0
         self._next_check = (

@@ -17,10 +17,7 @@ from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir
 
 NS_PER_S = 10**9
-SCALE_TOLERANCE, LAG_TOLERANCE_S = (
-    0.08,
-    0.06,
-)  # of what a run says: wheels slip, and drivers have a delay of their own
+SCALE_TOLERANCE, LAG_TOLERANCE_S = 0.05, 0.05  # of what a run says
 
 
 @dataclass(frozen=True, slots=True)

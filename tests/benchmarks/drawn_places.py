@@ -155,7 +155,8 @@ def round_trip(grid: OccupancyGrid, start: tuple[float, float]) -> Floats:
 
 def judge(run: RecordedDrive, config: HandmapSlamConfig, drawing: Drawing, seed: int) -> Judged:
     """Map the drive and compare the result with the truth."""
-    method = HandmapSlam(config, seed, drawing=drawing, checks_odometry=False)
+    method = HandmapSlam(config, seed, drawing=drawing)
+    method.process_at_once()
     drawn: list[DrawingPose] = []
     started = time.process_time()
     for event in run.events:

@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cli.main import main
@@ -56,6 +57,12 @@ def test_the_run_directory_holds_map_log_truth_tour_and_picture(explored: Path) 
         rows = list(csv.DictReader(stream))
     assert len(rows) == facts["points"]
     assert {row["status"] for row in rows} <= {"reached", "seen"}
+
+
+def test_the_robot_does_not_wait_before_it_drives(explored: Path) -> None:
+    path = np.loadtxt(explored / "truth" / "trajectory.tum")
+    early = path[path[:, 0] < path[0, 0] + 10.0]
+    assert np.hypot(*(early[-1, 1:3] - early[0, 1:3])) > 0.5
 
 
 def test_it_can_be_evaluated_like_any_run(explored: Path, capsys: pytest.CaptureFixture[str]) -> None:

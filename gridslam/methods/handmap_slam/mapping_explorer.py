@@ -18,6 +18,7 @@ class MappingExplorer:
     def __init__(
         self, mapper: HandmapSlam, config: HandmapSlamConfig, drive: DifferentialDrive, seed: int
     ) -> None:
+        mapper.process_at_once()
         self._mapper = mapper
         self._explorer = Explorer(config.advanced.exploration, mapper.drawn, drive, seed)
 

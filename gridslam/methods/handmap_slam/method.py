@@ -46,13 +46,11 @@ KEY_DISTANCE_M, KEY_ANGLE_RAD = 0.25, 0.25  # motion after which a scan becomes 
 class HandmapSlam:
     """Maps with a drawing as prior; the map's origin is the pose at the first scan.
 
-    `checks_odometry`: the first part of the log is held back until its odometry is checked; without, there is a pose from the
-    first scan on. Raises ConfigError if the start lies outside the drawing, and MapError if the drawing has no free space.
+    The first part of the log is held back until its odometry is checked, unless `process_at_once` is called before it. Raises
+    ConfigError if the start lies outside the drawing, and MapError if the drawing has no free space.
     """
 
-    def __init__(
-        self, config: HandmapSlamConfig, seed: int, *, drawing: Drawing, checks_odometry: bool = True
-    ) -> None:
+    def __init__(self, config: HandmapSlamConfig, seed: int, *, drawing: Drawing) -> None:
         self._config = config
         self._seed = seed
         start = None if config.start is None else config.start[:2]
@@ -70,9 +68,7 @@ class HandmapSlam:
             likelihood = DrawnLikelihood(self.drawn, config.localization.sigma_m)
             self._line_front_end = LineFrontEnd(config, self._observer, likelihood)
         self._scan_tracker = _tracker_of(config, self._line_front_end or surface_front_end(config))
-        self._odometry_check = OdometryCheck(
-            lambda: _tracker_of(config, surface_front_end(config)), is_enabled=checks_odometry
-        )
+        self._odometry_check = OdometryCheck(lambda: _tracker_of(config, surface_front_end(config)))
         self._key_drawing_poses: list[DrawingPose | None] = []
         self._stopwatch = Stopwatch()
 
@@ -94,14 +90,18 @@ class HandmapSlam:
         for checked in self._odometry_check.process(event):
             self._process(checked)
 
+    def process_at_once(self) -> None:
+        """From now on process every event as it arrives: a robot that drives by the estimate cannot wait for the check."""
+        for event in self._odometry_check.flush():
+            self._process(event)
+
     def _process(self, event: Event) -> None:
         for placed in self._scan_tracker.process(event):
             self._add_scan(placed)
 
     def result(self) -> RunResult:
         """Close the loops, draw the map, and report on the drawing."""
-        for event in self._odometry_check.flush():
-            self._process(event)
+        self.process_at_once()
         for placed in self._scan_tracker.flush():
             self._add_scan(placed)
         key_scans = self._scan_tracker.key_scans

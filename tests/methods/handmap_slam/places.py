@@ -45,7 +45,8 @@ def run(
     config: HandmapSlamConfig, drawing: Drawing, laps: int = 1, seed: int = 0, max_events: int = 10**9
 ) -> tuple[RunResult, list[tuple[DrawingPose, NDArray[np.float64]]], HandmapSlam]:
     """The result, and the pose in the drawing with the true pose after every odometry message."""
-    method = HandmapSlam(config, seed, drawing=drawing, checks_odometry=False)
+    method = HandmapSlam(config, seed, drawing=drawing)
+    method.process_at_once()
     pairs = []
     for index, (event, truth) in enumerate(scripted(laps)):
         if index >= max_events:
