@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gridslam.core.stamps import END_S
 from gridslam.methods.registry import MethodEntry, built_in_with
 
 from . import console
@@ -64,11 +65,15 @@ Jobs = Annotated[
 ]
 StartTime = Annotated[
     float | None,
-    typer.Option("--start", metavar="S", min=0.0, help="Use the log from S seconds after its start."),
+    typer.Option(
+        "--start", metavar="S", min=0.0, max=END_S, help="Use the log from S seconds after its start."
+    ),
 ]
 EndTime = Annotated[
     float | None,
-    typer.Option("--end", metavar="S", min=0.0, help="Use the log up to S seconds after its start."),
+    typer.Option(
+        "--end", metavar="S", min=0.0, max=END_S, help="Use the log up to S seconds after its start."
+    ),
 ]
 Strict = Annotated[
     bool,

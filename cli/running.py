@@ -23,6 +23,7 @@ from gridslam.runs.run import Command, Run
 from gridslam.runs.run_config import RunConfig, load_run_config
 
 from . import console
+from .coordinates import coordinates
 from .interruption import finishing, stop_on_signals
 
 LOSSY, DOUBTFUL, INTERRUPTED = 3, 5, 130
@@ -183,12 +184,8 @@ def span_overrides(start_s: float | None, end_s: float | None) -> list[str]:
 
 def start_override(text: str, option: str = "--start") -> str:
     """`--start x,y,yaw` as an override of `method.start`."""
-    try:
-        x, y, yaw = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ConfigError(
-            f"{option} {text}: expected x,y,yaw in metres and radians, for example {option} 1.5,-2,0.3"
-        ) from None
+    form = f"x,y,yaw in metres and radians, for example {option} 1.5,-2,0.3"
+    x, y, yaw = coordinates(option, text, (3,), form)
     return f"method.start=[{x!r}, {y!r}, {yaw!r}]"
 
 

@@ -98,6 +98,7 @@ def run(
     place, path = load_world(world, world_override or (), world_seed)
     if jobs is not None:
         limit_threads(jobs)
+    from gridslam.core.files import real_path
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.explore import LOG_NAME, TRUTH_NAME, explore
 
@@ -105,7 +106,7 @@ def run(
         console.say("compiling kernels, once per installation: about a minute")
 
     inputs = read_inputs({"drawing": drawing}, settings.method_name)
-    target = output.resolve()
+    target = real_path(output)
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:
         with console.progress_bar("explore") as show, announcing_compilation(say_compiling):

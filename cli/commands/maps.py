@@ -238,13 +238,10 @@ def _numbers(words: list[str], count: int, option: str) -> NDArray[np.float64]:
     """Rows of `count` numbers between commas. Raises ConfigError: a word is not of that form."""
     import numpy as np
 
-    try:
-        rows = np.array([[float(part) for part in word.split(",")] for word in words], np.float64)
-    except ValueError:
-        rows = np.zeros((0, 0))
-    if rows.ndim != 2 or rows.shape[1] != count or not np.isfinite(rows).all():
-        raise ConfigError(f"{option} {' '.join(words)}: expected {count} numbers between commas")
-    return rows
+    from ..coordinates import coordinates
+
+    form = f"{count} numbers between commas"
+    return np.array([coordinates(option, word, (count,), form) for word in words], np.float64)
 
 
 def _check_free(path: Path, force: bool) -> None:

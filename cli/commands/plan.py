@@ -188,29 +188,15 @@ def _show(plan: PlannedPath) -> None:
 def _pose(option: str, text: str, yaw_is_free: bool) -> tuple[float, float, float]:
     import math
 
-    from gridslam.core.errors import ConfigError
+    from ..coordinates import coordinates
 
-    parts = text.split(",")
-    try:
-        values = [float(part) for part in parts]
-    except ValueError:
-        values = []
-    if yaw_is_free and len(values) == 2 and all(map(math.isfinite, values)):
-        return values[0], values[1], math.nan
-    if len(values) != 3 or not all(map(math.isfinite, values)):
-        form = "x,y,yaw or x,y" if yaw_is_free else "x,y,yaw"
-        raise ConfigError(
-            f"{option} {text}: expected {form} in metres and radians, for example {option} 1.5,-2,0.3"
-        )
-    return values[0], values[1], values[2]
+    form = f"{'x,y,yaw or x,y' if yaw_is_free else 'x,y,yaw'} in metres and radians, for example {option} 1.5,-2,0.3"
+    x, y, *yaw = coordinates(option, text, (2, 3) if yaw_is_free else (3,), form)
+    return x, y, yaw[0] if yaw else math.nan
 
 
-def _corners(text: str) -> list[tuple[float, float]]:
-    from gridslam.core.errors import ConfigError
+def _corners(text: str) -> list[list[float]]:
+    from ..coordinates import coordinates
 
-    try:
-        return [(float(x), float(y)) for x, y in (corner.split(",") for corner in text.split())]
-    except ValueError:
-        raise ConfigError(
-            f"--footprint {text}: expected corners x,y in metres, for example '0.3,0.2 -0.2,0.2 -0.2,-0.2 0.3,-0.2'"
-        ) from None
+    form = "corners x,y in metres, for example '0.3,0.2 -0.2,0.2 -0.2,-0.2 0.3,-0.2'"
+    return [coordinates("--footprint", corner, (2,), form) for corner in text.split()]

@@ -61,6 +61,7 @@ def run(
 ) -> None:
     """Run and evaluate logs x configs x overrides x seeds, and write tables of the results."""
     from gridslam.core.errors import ConfigError
+    from gridslam.core.files import real_path
     from gridslam.sweep.cluster import run_on_cluster
     from gridslam.sweep.config import load_sweep
     from gridslam.sweep.gates import parse_sweep_gate
@@ -75,7 +76,7 @@ def run(
         )
     sweep = load_sweep(path)
     gates = [parse_sweep_gate(text) for text in require or ()]
-    folder = path.resolve().parent
+    folder = real_path(path).parent
     with stop_on_signals() as stop:
         if scheduler is None:
             work = partial(run_locally, processes=jobs or os.cpu_count() or 1, stop=stop)

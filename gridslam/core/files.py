@@ -26,6 +26,11 @@ _RANDOM = "[a-z0-9_]{8}"  # inserted by tempfile between a name and its suffix
 _MAX_NAME_BYTES = 255 - len("..12345678.partial")
 
 
+def real_path(path: Path) -> Path:
+    """The absolute path without symbolic links; a loop of links is left in it, so that opening it is what fails."""
+    return Path(os.path.realpath(path))
+
+
 def write_atomic(path: Path, data: bytes) -> None:
     """Write `data` under a temporary name beside `path`, then rename: readers never see an incomplete file."""
     with partial_file(path) as stream:
@@ -169,7 +174,7 @@ def check_file_free(path: Path, force: bool) -> None:
 def refuse_to_replace(target: Path, inputs: Iterable[Path]) -> None:
     """Raise ConfigError if an input is the target or lies inside it."""
     for path in inputs:
-        if path.resolve().is_relative_to(target.resolve()):
+        if real_path(path).is_relative_to(real_path(target)):
             raise ConfigError(f"{target}: would replace the input {path}; choose another output")
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import damage_as_value_error
+from gridslam.core.plain_files import MAX_JSON_BYTES, open_plain_file, read_plain_file
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.pose_topics import read_topic
@@ -72,7 +73,7 @@ def read_consistency(path: Path) -> dict[str, float | bool] | None:
 def _report_of(path: Path) -> dict[str, Any]:
     """The report of a run directory; empty where there is none that can be read."""
     try:
-        document = json.loads((path / REPORT).read_bytes())
+        document = json.loads(read_plain_file(path / REPORT, MAX_JSON_BYTES))
     except (OSError, ValueError, RecursionError):
         return {}
     return document if isinstance(document, dict) else {}
@@ -135,7 +136,7 @@ def read_probability(path: Path) -> OccupancyGrid | None:
     try:
         with (
             damage_as_value_error(),
-            path.open("rb") as stream,
+            open_plain_file(path) as stream,
             np.load(stream, allow_pickle=False) as layers,
         ):
             if "probability" not in layers:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
+from gridslam.core.stamps import END_S
 from gridslam.logs.csv.layout import CsvLayout
 from gridslam.logs.kinds import EVENT_KINDS, OLDER_NAMES
 
@@ -93,10 +94,14 @@ class LogConfig(StrictModel):
     start_s: float | None = Field(
         None,
         ge=0.0,
+        le=END_S,
         description="Seconds after the log's start from which it is used. Absent: from the start.",
     )
     end_s: float | None = Field(
-        None, ge=0.0, description="Seconds after the log's start up to which it is used. Absent: to the end."
+        None,
+        ge=0.0,
+        le=END_S,
+        description="Seconds after the log's start up to which it is used. Absent: to the end.",
     )
     base_frame: str | None = Field(None, description="absent: the odometry's child frame, else base_link")
     extrinsics: dict[str, ExtrinsicsConfig] = Field(

@@ -10,7 +10,7 @@ from pathlib import Path
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Event, StereoPair, Transform
-from gridslam.core.stamps import NS_PER_S
+from gridslam.core.stamps import END_S, NS_PER_S
 from gridslam.logs.cameras import camera_of
 from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE
 from gridslam.logs.log import Log
@@ -42,6 +42,9 @@ def convert_log(
     with `force` where it is no log of its format, or the log that is read.
     """
     refuse_to_replace(output, [log.path])
+    for option, seconds in (("--start", start_s), ("--end", end_s)):
+        if seconds is not None and not 0.0 <= seconds <= END_S:
+            raise ConfigError(f"{option} {seconds:g}: expected seconds from 0 to {END_S}")
     if start_s is not None and end_s is not None and not start_s <= end_s:
         raise ConfigError(f"--start {start_s:g} --end {end_s:g}: the end lies before the start")
     streams = [info for info in log.streams if info.used or info.kind == "truth"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +10,7 @@ import numpy as np
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.plain_files import sha256_of
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import ordering
@@ -149,12 +149,8 @@ class Log:
         root = self.path if self.path.is_dir() else self.path.parent
         hashes = {}
         for file in self._source.files:
-            digest = hashlib.sha256()
-            with file.open("rb") as stream:
-                while block := stream.read(1 << 20):
-                    digest.update(block)
             name = file.relative_to(root) if file.is_relative_to(root) else file
-            hashes[str(name)] = digest.hexdigest()
+            hashes[str(name)] = sha256_of(file)
         return dict(sorted(hashes.items()))
 
     def events(self) -> Iterator[Event]:

@@ -18,17 +18,35 @@ WALL_CELLS = 3  # kept around what is reachable
 MAX_CELLS = 100_000_000
 COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
 MAX_LOG_ODDS = 6.0
+CORNER_BITS = 4  # of a fraction of a cell, in which cv2 takes corners of polygons
+OUTSIDE_CELLS = 2.0  # around the map, beyond which a polygon is cut off
 
 
 def crop_to_polygon(grid: OccupancyGrid, corners: Floats) -> OccupancyGrid:
     """The cells whose centres lie inside a polygon `(n, 2)` of the map frame. Raises ConfigError: no known cell does."""
     cells = _fractional_cells(grid.geometry, corners)[:, ::-1]
     mask = np.zeros(grid.probability.shape, np.uint8)
-    scale = 1 << 4  # cv2 takes corners in sixteenths of a cell
-    limit = 4 * max(grid.probability.shape)
-    shifted = np.rint(np.clip(cells, -limit, limit) * scale).astype(np.int32)
-    cv2.fillPoly(mask, [shifted], 1, shift=4)
+    corners_near = _clipped(cells, np.full(2, -OUTSIDE_CELLS), np.array(mask.shape[::-1]) + OUTSIDE_CELLS)
+    shifted = np.rint(corners_near * (1 << CORNER_BITS)).astype(np.int32)
+    if len(shifted):
+        cv2.fillPoly(mask, [shifted], 1, shift=CORNER_BITS)
     return _kept(grid, mask.astype(np.bool_), "the polygon holds no known cell of the map")
+
+
+def _clipped(polygon: Floats, low: Floats, high: Floats) -> Floats:
+    """The part of a polygon `(n, 2)` inside a box from `low` (2,) to `high` (2,); Sutherland and Hodgman 1974."""
+    for axis in range(2):
+        for bound, sign in ((low[axis], 1.0), (high[axis], -1.0)):
+            beyond = sign * (polygon[:, axis] - bound)
+            kept: list[Floats] = []
+            for k in range(len(polygon)):
+                before, here = beyond[k - 1], beyond[k]
+                if (before < 0.0) != (here < 0.0):
+                    kept.append(polygon[k - 1] + before / (before - here) * (polygon[k] - polygon[k - 1]))
+                if here >= 0.0:
+                    kept.append(polygon[k])
+            polygon = np.array(kept).reshape(-1, 2)
+    return polygon
 
 
 def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
@@ -136,11 +154,11 @@ def resampled(
 def _frame_around(points: Floats, cell_m: float) -> tuple[GridGeometry, tuple[int, int]]:
     """A grid along the axes around points, whose corner lies on a multiple of the cell size."""
     low = np.floor(points.min(axis=0) / cell_m + 1e-9)
-    cols, rows = (np.ceil(points.max(axis=0) / cell_m - 1e-9) - low).astype(np.int64).tolist()
-    if rows * cols > MAX_CELLS:
-        raise ConfigError(f"the map would have {cols} x {rows} cells; the limit is {MAX_CELLS}")
+    size = np.ceil(points.max(axis=0) / cell_m - 1e-9) - low
+    if not size.prod() <= MAX_CELLS:
+        raise ConfigError(f"the map would have {size[0]:.9g} x {size[1]:.9g} cells; the limit is {MAX_CELLS}")
     x, y = (low * cell_m).tolist()
-    return GridGeometry(cell_m, (x, y)), (rows, cols)
+    return GridGeometry(cell_m, (x, y)), (int(size[1]), int(size[0]))
 
 
 def _fractional_cells(geometry: GridGeometry, points: Floats) -> Floats:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import MapError
+from gridslam.core.plain_files import open_plain_file
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
 
@@ -66,8 +67,11 @@ def read_levels(path: Path) -> ImageLevels:
 
 
 def check_header(path: Path) -> None:
-    """Raise MapError for a PGM whose size and maximum lie behind comments without end: Pillow reads them byte by byte."""
-    with path.open("rb") as file:
+    """Raise MapError for a PGM whose size and maximum lie behind comments without end: Pillow reads them byte by byte.
+
+    Raises OSError: it cannot be read, or is a device or a pipe.
+    """
+    with open_plain_file(path) as file:
         head = file.read(MAX_HEADER_BYTES)
     is_cut = len(head) == MAX_HEADER_BYTES
     if is_cut and head.startswith(b"P") and not PNM_HEADER.match(head):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.core.files import write_atomic
+from gridslam.core.files import real_path, write_atomic
 from gridslam.maps.image_levels import ImageLevels, read_levels
 from gridslam.maps.map_yaml import MapYaml, Mode, read_map_yaml
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
@@ -69,7 +69,7 @@ def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> Occupancy
     path = Path(yaml_path)
     meta = read_map_yaml(path)
     image_path = path.parent / meta.image
-    if inside_folder and not image_path.resolve().is_relative_to(path.parent.resolve()):
+    if inside_folder and not real_path(image_path).is_relative_to(real_path(path.parent)):
         raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
     image = read_levels(image_path)
     _warn_about_unusual_values(path, meta, image)

@@ -28,10 +28,12 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 from gridslam.config.base import StrictModel
 from gridslam.config.errors import config_error
 from gridslam.config.yaml_file import read_yaml
+from gridslam.core.errors import ConfigError
 
 Point = tuple[float, float]
 MIN_AREA_M2 = 1e-4
 MAX_SIZE_M = 20.0
+MAX_COORDINATE = 1e6  # m or degrees, of a closed door
 
 
 class ObjectTag(StrictModel):
@@ -65,10 +67,14 @@ class TaggedObject(StrictModel):
     def _check_geometry(self) -> TaggedObject:
         if abs(_signed_area(self.footprint)) < MIN_AREA_M2:
             raise ValueError(f"object {self.id!r}: the footprint has no area")
-        if max(abs(value) for point in self.footprint for value in point) > MAX_SIZE_M:
-            raise ValueError(
-                f"object {self.id!r}: the footprint is given in metres; this one exceeds {MAX_SIZE_M:g} m"
-            )
+        points = {"footprint": self.footprint, "tags' positions": tuple(tag.position for tag in self.tags)}
+        for name, place in (points | {"hinge": (self.hinge or (0.0, 0.0),)}).items():
+            if not max(abs(value) for point in place for value in point) <= MAX_SIZE_M:
+                raise ValueError(
+                    f"object {self.id!r}: the {name} are metres from the object; one exceeds {MAX_SIZE_M:g} m"
+                )
+        if self.closed_pose is not None and not max(map(abs, self.closed_pose)) <= MAX_COORDINATE:
+            raise ValueError(f"object {self.id!r}: a number of closed_pose exceeds {MAX_COORDINATE:g}")
         if self.closed_pose is not None and self.hinge is None:
             raise ValueError(f"object {self.id!r}: closed_pose is for doors, and there is no hinge")
         return self
@@ -90,10 +96,13 @@ class TagDatabase(StrictModel):
 def load_tag_database(path: Path) -> TagDatabase:
     """The database of a YAML file.
 
-    Raises ConfigError: the file is missing or invalid; the message names the line or the key.
+    Raises ConfigError: the file is missing, empty or invalid; the message names the line or the key.
     """
+    document = read_yaml(path)
+    if not document:
+        raise ConfigError(f"{path}: is empty; expected `version: 1` and a list `objects`")
     try:
-        return TagDatabase.model_validate(read_yaml(path))
+        return TagDatabase.model_validate(document)
     except ValidationError as error:
         raise config_error(error, TagDatabase, str(path)) from None
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from gridslam.core.errors import MapError
+from gridslam.core.plain_files import open_plain_file
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 CELL_M = 0.1
@@ -60,7 +61,7 @@ def load_wean_map(path: str | Path) -> OccupancyGrid:
 def decompressed_head(path: Path, size: int = 4096) -> bytes:
     """The first bytes of a file, decompressed if it is gzipped; empty if it cannot be read."""
     try:
-        with path.open("rb") as stream:
+        with open_plain_file(path) as stream:
             packed = stream.read(2) == _GZIP_MAGIC
         with gzip.open(path) if packed else path.open("rb") as stream:
             return stream.read(size)

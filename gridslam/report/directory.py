@@ -18,8 +18,10 @@ from gridslam.core.files import (
     making,
     partial_folder,
     put_folder,
+    real_path,
     refuse_to_replace,
 )
+from gridslam.core.plain_files import MAX_JSON_BYTES, read_plain_file
 
 REPORT_NAME = "report.json"
 REPORT_FORMAT = "gridslam run"
@@ -54,7 +56,7 @@ def check_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> Ide
 def is_run_directory(directory: Path) -> bool:
     """Whether the folder is a run directory, by its report.json."""
     try:
-        document = json.loads((directory / REPORT_NAME).read_bytes())
+        document = json.loads(read_plain_file(directory / REPORT_NAME, MAX_JSON_BYTES))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(document, dict) and document.get("format") == REPORT_FORMAT
@@ -68,7 +70,7 @@ def new_run_directory(directory: Path, force: bool = False, before: Identity | N
     `check_free` found before the run. Raises ConfigError as `check_free`, or if the folder cannot be created, or if another
     process has written it since.
     """
-    target = directory.resolve()
+    target = real_path(directory)
     check_free(target, force)
     with making(directory):
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +82,7 @@ def new_run_directory(directory: Path, force: bool = False, before: Identity | N
 
 def _check_parent(directory: Path) -> None:
     """Raise ConfigError unless the nearest existing ancestor is a writable folder with room for a run."""
-    above = directory.resolve().parent
+    above = real_path(directory).parent
     while not above.exists() and above != above.parent:
         above = above.parent
     if not above.is_dir():

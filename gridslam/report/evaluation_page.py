@@ -13,7 +13,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import check_name, making, partial_folder, put_folder, write_atomic
+from gridslam.core.files import check_name, making, partial_folder, put_folder, real_path, write_atomic
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
@@ -60,7 +60,7 @@ def write_evaluation(
     `output` is what evaluation.json holds, `answers` are the lines about gates.
     """
     check_evaluation_free(directory, force)
-    target = directory.resolve()
+    target = real_path(directory)
     with making(directory):
         target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder:

@@ -100,7 +100,9 @@ def _pieces_of_equal_error(points: Floats, errors: Floats) -> tuple[list[Floats]
     low, high = float(errors.min()), float(errors.max())
     width = max(high - low, 1e-12) / ERROR_LEVELS
     level = np.minimum(((errors[:-1] - low) / width).astype(np.int64), ERROR_LEVELS - 1)
-    starts = np.flatnonzero(np.r_[True, level[1:] != level[:-1]]) if len(level) else np.zeros(0, np.int64)
+    if not len(level):  # one pose has no path
+        return [], np.zeros(0)
+    starts = np.flatnonzero(np.r_[True, level[1:] != level[:-1]])
     ends = np.r_[starts[1:], len(level)]
     pieces = [points[first : last + 1] for first, last in zip(starts, ends, strict=True)]
     return pieces, low + width * (level[starts] + 0.5)

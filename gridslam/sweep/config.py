@@ -14,6 +14,7 @@ from gridslam.config.base import StrictModel
 from gridslam.config.errors import config_error
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import real_path
 from gridslam.logs.find import find_logs
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
@@ -187,7 +188,7 @@ class SweepConfig(StrictModel):
 
 def load_sweep(path: Path) -> SweepConfig:
     """The checked sweep file. Raises ConfigError with the file, the key path and what is wrong there."""
-    document = _with_found_logs(read_yaml(path), path.resolve().parent)
+    document = _with_found_logs(read_yaml(path), real_path(path).parent)
     try:
         return SweepConfig.model_validate(document)
     except ValidationError as error:

@@ -10,6 +10,7 @@ from typing import Any
 
 from gridslam.config.builtin import builtin_names
 from gridslam.core.errors import ConfigError
+from gridslam.core.files import real_path
 from gridslam.methods import registry
 from gridslam.report.run_yaml import settings_of
 from gridslam.runs.run_config import load_run_config
@@ -124,7 +125,7 @@ def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) 
             key=content_key(program=program_key(), world=document, plan=plan),
             program=program_key(),
             world=document,
-            world_folder=path.parent.resolve(),
+            world_folder=real_path(path.parent),
             directory=simulated(output, entry.label, seed),
         )
 

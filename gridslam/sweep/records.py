@@ -12,6 +12,7 @@ from typing import Any
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import write_atomic
+from gridslam.core.plain_files import MAX_JSON_BYTES, read_plain_file
 from gridslam.report.directory import is_run_directory
 from gridslam.report.document import json_bytes
 from gridslam.sweep.job_result import JobResult
@@ -47,7 +48,7 @@ def sweep_directory(path: Path) -> Iterator[Path]:
 
 def _is_sweep(path: Path) -> bool:
     try:
-        document = json.loads((path / MARKER).read_bytes())
+        document = json.loads(read_plain_file(path / MARKER, MAX_JSON_BYTES))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(document, dict) and document.get("format") == FORMAT
@@ -96,7 +97,7 @@ class Records:
     def _read(self, job: RunJob | SimulateJob) -> dict[str, Any]:
         """The record; empty if it is missing or unreadable."""
         try:
-            document = json.loads(self._path(job).read_bytes())
+            document = json.loads(read_plain_file(self._path(job), MAX_JSON_BYTES))
         except (OSError, ValueError, RecursionError):
             return {}
         is_whole = isinstance(document, dict) and all(

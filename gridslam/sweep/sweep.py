@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from gridslam.core.files import real_path
 from gridslam.evaluation.gates import parse_gate
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes
@@ -61,7 +62,7 @@ def run_sweep(
     `gates`: gates beside those of the file. Raises ConfigError before the first job starts.
     """
     settings = settings_of_sweep(sweep, folder)
-    directory, hashes = output.resolve(), Hashes()
+    directory, hashes = real_path(output), Hashes()
     worlds = list(simulations(sweep, folder, directory, hashes))
     combinations = list(product(sweep.logs, settings))
     # Runs on existing logs are planned first, so that their errors are reported before any simulation.

@@ -289,3 +289,11 @@ def test_plots_and_a_page_are_written_at_once_or_not_at_all(
     (tmp_path / "mine" / "notes.txt").write_text("keep")
     assert cli(run_dir, "--truth", truth_dir, "-o", tmp_path / "mine", "--force")[0] == 2
     assert (tmp_path / "mine" / "notes.txt").read_text() == "keep"
+
+
+def test_one_pose_with_a_truth_has_a_page(tmp_path: Path, cli: Cli) -> None:
+    one = tmp_path / "one.tum"
+    one.write_text("1.5 0 0 0 0 0 0 1\n")
+    (tmp_path / "truth.tum").write_text("0.5 0 0 0 0 0 0 1\n1.5 1 0 0 0 0 0 1\n2.5 2 0 0 0 0 0 1\n")
+    code, _, err = cli(one, "--truth", tmp_path / "truth.tum", "-o", tmp_path / "page")
+    assert (code, (tmp_path / "page" / "evaluation.html").exists()) == (0, True), err

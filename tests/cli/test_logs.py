@@ -228,3 +228,14 @@ def test_info_of_a_part_counts_only_its_messages(small_log: Path, capsys: pytest
     assert "the end lies before the start" in capsys.readouterr().err
     assert main(["info", str(small_log), "--start", "1000"]) == 2
     assert "the log has only" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seconds", ["inf", "1e300", "nan", "-1"])
+def test_seconds_that_no_log_has_are_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, seconds: str
+) -> None:
+    log = sample_mcap(tmp_path / "a.mcap")
+    for option in ("--start", "--end"):
+        code, _, err = run(capsys, "convert", log, tmp_path / "out.mcap", f"{option}={seconds}")
+        assert (code, err.count("\n")) == (2, 1), err
+        assert list(tmp_path.glob("out*")) == []

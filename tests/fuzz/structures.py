@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from PIL import Image
 
 from gridslam import api
 from gridslam.config.builtin import read_config
@@ -25,9 +24,9 @@ from gridslam.runs.run_config import run_config_model, validate_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, validate_world
 from gridslam.sweep.config import load_sweep
-from tests.fuzz import log_records, targets
-from tests.fuzz.value_trees import damaged, drawn, number_near
-from tests.small_log import write_small_log
+from tests.fuzz import command_lines, log_records, targets
+from tests.fuzz.map_files import write_odd_map
+from tests.fuzz.value_trees import at_bounds, damaged, drawn
 
 RUN_ONE_IN = 40  # valid configurations
 POSES = "".join(f"{i}.5 {i} {i % 3} 0 0 0 0 1\n" for i in range(1, 12))
@@ -129,32 +128,8 @@ def check_map(path: Path) -> None:
 
 
 def read_map(rng: random.Random, folder: Path) -> str:
-    """A map_server pair: values of the YAML, and bytes or the size of the image, are changed."""
-    document = yaml.safe_load(targets.MAP_YAML)
-    suffix = rng.choice((".pgm", ".png", ".bmp", ".tif"))
-    document["image"] = f"map{suffix}"
-    for key in rng.sample(list(document)[1:], rng.randrange(3)):
-        document[key] = number_near(document[key], rng)
-    if rng.random() < 0.2:
-        document["mode"] = rng.choice(("scale", "raw", "Trinary", "x", 3))
-    shape = rng.choice(((3, 4), (1, 1), (40, 30), (2, 3000)))
-    depth = rng.choice(("L", "L", "RGBA", "I;16", "1", "P"))
-    cells = np.random.default_rng(rng.randrange(99)).integers(0, 256, shape).astype(np.uint8)
-    picture = Image.fromarray(cells)
-    image = folder / f"map{suffix}"
-    picture = picture.convert(depth) if depth != "I;16" else Image.fromarray(cells.astype(np.uint16) * 257)
-    try:
-        picture.save(image)
-    except OSError:
-        Image.fromarray(cells).save(image)
-    if rng.random() < 0.6:
-        data = bytearray(image.read_bytes())
-        for _ in range(rng.choice((1, 2, 8))):
-            at = rng.randrange(min(len(data), rng.choice((40, 400, 10**9))))
-            data[at] = rng.choice((0, 255, 127, rng.randrange(256), ord("9")))
-        image.write_bytes(data[: rng.randrange(len(data))] if rng.random() < 0.2 else data)
-    path = folder / "map.yaml"
-    path.write_text(yaml.dump(document).replace("\\uD800", "x"), "utf-8")
+    """An odd map is loaded."""
+    path = write_odd_map(folder, rng)
     return answer(lambda: check_map(path))
 
 
@@ -206,9 +181,23 @@ def read_config_values(rng: random.Random, folder: Path) -> str:
     result = answer(lambda: valid.append(validate_run_config(document, "drawn.yaml")))
     if not valid or name not in ("slam-sd", "handmap-slam") or rng.randrange(RUN_ONE_IN):
         return f"{name} {result}"
-    log = folder / "small"
-    if not log.exists():
-        write_small_log(log, scans=8, beams=60)
+    log = command_lines.small_log(folder)
+    return f"{name} run {answer(lambda: api.map_log(log, valid[0]))}"  # type: ignore[arg-type]
+
+
+def read_extremes(rng: random.Random, folder: Path) -> str:
+    """A world or a configuration with several allowed values at their bounds; every valid one is worked with."""
+    if rng.random() < 0.5:
+        return f"world {_world_answer(at_bounds(WORLD, world_schema(), rng), folder)}"
+    name = rng.choice(("slam-sd", "handmap-slam"))
+    document, schema = full_config(name)
+    document = at_bounds(document, schema, rng)
+    document["method"]["name"] = name
+    valid: list[object] = []
+    result = answer(lambda: valid.append(validate_run_config(document, "drawn.yaml")))
+    if not valid:
+        return f"{name} check {result}"
+    log = command_lines.small_log(folder)
     return f"{name} run {answer(lambda: api.map_log(log, valid[0]))}"  # type: ignore[arg-type]
 
 
@@ -225,7 +214,10 @@ def pixels(world: WorldConfig) -> float:
 
 def read_world(rng: random.Random, folder: Path) -> str:
     """A world with drawn values; valid ones are recorded, and the log is one that its own reader takes whole."""
-    document = drawn(WORLD, world_schema(), rng, rng.choice((1, 1, 2, 4)))
+    return _world_answer(drawn(WORLD, world_schema(), rng, rng.choice((1, 1, 2, 4))), folder)
+
+
+def _world_answer(document: dict[str, Any], folder: Path) -> str:
     valid: list[WorldConfig] = []
     result = answer(lambda: valid.append(validate_world(document, "drawn.yaml")))
     if (
@@ -253,4 +245,6 @@ STRUCTURES: Mapping[str, Callable[[random.Random, Path], str]] = {
     "trajectory": read_trajectory,
     "config": read_config_values,
     "world": read_world,
+    "extremes": read_extremes,
+    **command_lines.TARGETS,
 }

@@ -84,6 +84,30 @@ def drawn(
     return document
 
 
+def at_bounds(document: dict[str, Any], schema: Mapping[str, Any], rng: random.Random) -> dict[str, Any]:
+    """A copy in which several numbers of the schema are at their bounds, and as many near them."""
+    document = copy.deepcopy(document)
+    for _ in range(rng.choice((2, 4, 8, 20))):
+        node, part = document, resolved(schema, schema, rng)
+        while part.get("properties"):
+            name = rng.choice(list(part["properties"]))
+            part = resolved(part["properties"][name], schema, rng)
+            if part.get("properties") and isinstance(node.get(name) or {}, dict):
+                node[name] = node = node.get(name) or {}
+                continue
+            bounds = [
+                part[b] for b in ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum") if b in part
+            ]
+            if bounds and part.get("type") in ("number", "integer"):
+                bound = rng.choice(bounds)
+                inside = bound * rng.choice((1.0, 1.001, 0.999)) or rng.choice((0.0, 1e-9))
+                node[name] = round(inside) if part["type"] == "integer" else inside
+            elif part.get("type") in ("boolean", "string"):
+                node[name] = value_of(part, schema, rng)
+            break
+    return document
+
+
 def resolved(part: Mapping[str, Any], schema: Mapping[str, Any], rng: random.Random) -> dict[str, Any]:
     """The part of a schema behind references; one of its alternatives."""
     part = dict(part)

@@ -74,3 +74,18 @@ def test_merged_maps_know_what_either_knew() -> None:
     whole = merged(left, shifted, pose)
     assert np.count_nonzero(~np.isnan(whole.probability)) == np.count_nonzero(~np.isnan(grid.probability))
     assert cKDTree(walls(grid)).query(walls(whole))[0].max() < 1e-6
+
+
+def test_a_polygon_that_reaches_far_beyond_the_map_keeps_its_edges() -> None:
+    grid = room()
+    near = np.array([[-10.0, 0.0], [10.0, 5.0], [10.0, 20.0], [-10.0, 20.0]])
+    far = np.array([[-1e8, 0.25e8 * -1 + 2.5], [1e8, 0.25e8 + 2.5], [1e8, 1e8], [-1e8, 1e8]])
+    parts = [crop_to_polygon(grid, corners) for corners in (near, far)]
+    assert parts[0].geometry == parts[1].geometry
+    np.testing.assert_array_equal(parts[0].probability, parts[1].probability)
+
+
+@pytest.mark.parametrize("pose", [(1e300, 0.0, 0.0), (0.0, 1e9, 0.0)])
+def test_a_map_that_would_be_endless_is_refused(pose: tuple[float, float, float]) -> None:
+    with pytest.raises(ConfigError, match="the limit is"):
+        merged(room(), room(), np.array(pose))

@@ -44,7 +44,7 @@ def test_boxes_and_doors_with_several_tags_are_read(tmp_path: Path) -> None:
         (BIN.replace("footprint", "footprin"), r"objects\.0\.footprin: no such key \(did you mean 'footprint'\?\)"),
         (BIN.replace("[0.2, -0.25], [0.2, 0.25]", "[0.4, -0.25], [0.6, -0.25]").replace("[-0.2, 0.25]", "[1, -0.25]"),
          "the footprint has no area"),
-        (BIN.replace("0.25", "250"), "the footprint is given in metres"),
+        (BIN.replace("0.25", "250"), "the footprint are metres from the object"),
         (BIN + "    closed_pose: [0, 0, 0]\n", "closed_pose is for doors"),
         (BIN.replace("0.2, 0]", ".nan, 0]"), "finite"),
     ],
@@ -57,3 +57,22 @@ def test_an_invalid_entry_is_named(tmp_path: Path, text: str, complaint: str) ->
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
         load_tag_database(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        DOOR.replace("hinge: [0, 0]", "hinge: [0, 1e300]"),
+        DOOR.replace("hinge: [0, 0]", "hinge: [0, 0]\n    closed_pose: [1e9, 0, 0]"),
+        BIN.replace("position: [0.2, 0]", "position: [21.0, 0]"),
+    ],
+)
+def test_a_number_out_of_range_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match="exceeds"):
+        load_tag_database(written(tmp_path, text))
+
+
+def test_an_empty_file_is_no_database(tmp_path: Path) -> None:
+    (tmp_path / "tags.yaml").write_text("# nothing\n")
+    with pytest.raises(ConfigError, match=r"is empty; expected .version: 1."):
+        load_tag_database(tmp_path / "tags.yaml")

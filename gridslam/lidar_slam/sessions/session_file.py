@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.core.plain_files import read_plain_file
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
 from gridslam.lidar_slam.scans import PreparedScan
@@ -26,6 +27,7 @@ NORMAL_UNIT_RAD = 1e-4
 MAX_ANGLE = int(np.pi / NORMAL_UNIT_RAD)
 NO_NORMAL = np.int16(-32768)
 MAX_POINT_M = 1000.0
+MAX_FILE_BYTES = 1 << 30
 MAX_POSE_M = 1e6
 EDGES = ("loops", "visits", "landmarks")
 SCHEMA = {  # of all arrays but those of edges: type, columns
@@ -76,7 +78,7 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
 def load_session(path: Path) -> Session:
     """The session that a run left. Raises InputError: the file cannot be read, is damaged or of another version."""
     try:
-        return read_session(path.read_bytes(), str(path))
+        return read_session(read_plain_file(path, MAX_FILE_BYTES), str(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
 
@@ -97,7 +99,9 @@ def read_session(content: bytes, name: str) -> Session:
 def _logs(head: NDArray[np.generic] | None) -> list[str]:
     """Names of the logs, out of the head. Raises ValueError: it is not one of this format and version."""
     try:
-        document = json.loads(np.asarray(head, np.uint8).tobytes())
+        if head is None or head.dtype != np.uint8:
+            raise ValueError
+        document = json.loads(head.tobytes())
         kind, version, logs = document["format"], document["version"], document["logs"]
     except (ValueError, TypeError, KeyError, RecursionError):
         raise ValueError("it has no readable head") from None

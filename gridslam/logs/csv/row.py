@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.files import real_path
 from gridslam.core.messages import canonical_yaw
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
@@ -136,7 +137,7 @@ def path_inside(folder: Path, name: str) -> Path | None:
     """The path of a file named inside a log, or None where it leads out of the folder, links included."""
     path = folder / name
     try:
-        resolved = path.resolve()
+        resolved = real_path(path)
     except (OSError, RuntimeError, ValueError):
         return None
-    return resolved if resolved.is_relative_to(folder.resolve()) else None
+    return resolved if resolved.is_relative_to(real_path(folder)) else None

@@ -14,7 +14,7 @@ from typing import IO, Any
 import yaml
 
 from gridslam.core.errors import ConfigError, LogError
-from gridslam.core.files import check_name, identity_of, partial_folder, put_folder
+from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.logs.csv.fields import name_field
@@ -47,7 +47,7 @@ class CsvFolderWriter:
     """
 
     def __init__(self, path: str | Path, force: bool = False) -> None:
-        self._path = Path(path).resolve()
+        self._path = real_path(Path(path))
         self._force = force
         check_csv_free(Path(path), force)
         self._aside = ExitStack()

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.errors import LogError
+from gridslam.core.files import real_path
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Transform, readonly
+from gridslam.core.plain_files import read_plain_file
 from gridslam.logs.cameras import opened_picture
 from gridslam.logs.csv.pictures import read_pixels
 from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
+    MAX_BYTES,
     image_stream,
     in_plane,
     inside,
@@ -51,7 +54,7 @@ def open_tum_rgbd(folder: Path) -> DatasetSource:
     streams: list[DatasetStream] = []
     files = [folder / "rgb.txt", folder / "depth.txt"]
     (rgb_stamps, rgb_names), (depth_stamps, depth_names) = (_listed(path) for path in files)
-    name = next((name for name in INTRINSICS if name in folder.resolve().name), "")
+    name = next((name for name in INTRINSICS if name in real_path(folder).name), "")
     notes = []
     if not name:
         notes.append(
@@ -104,7 +107,7 @@ def _depths(folder: Path, stamps: list[int], names: list[str]) -> DatasetStream:
     """The depths in metres, NaN for none."""
 
     def event(k: int) -> Event:
-        with opened_picture(inside(folder, names[k]).read_bytes(), ("PNG",)) as picture:
+        with opened_picture(read_plain_file(inside(folder, names[k]), MAX_BYTES), ("PNG",)) as picture:
             values = np.asarray(picture).astype(np.float32)
         if values.ndim != 2:
             raise ValueError("depths have one channel")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gridslam.core.errors import LogError
+from gridslam.core.files import real_path
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, full_name
@@ -114,7 +115,7 @@ class DatabaseFile:
 
     def _connect(self) -> sqlite3.Connection:
         path, options = (self.path, "mode=ro&immutable=1") if self._copy is None else (self._copy, "mode=rw")
-        database = sqlite3.connect(f"{path.resolve().as_uri()}?{options}", uri=True)
+        database = sqlite3.connect(f"{real_path(path).as_uri()}?{options}", uri=True)
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         database.set_progress_handler(lambda: 0, _TICK_INSTRUCTIONS)
         return database

@@ -10,7 +10,7 @@ from types import TracebackType
 import yaml
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, write_atomic
+from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path, write_atomic
 from gridslam.core.messages import Event, Odometry
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.mcap.writer import McapWriter
@@ -38,7 +38,7 @@ class Rosbag2Writer:
     """
 
     def __init__(self, path: str | Path, force: bool = False) -> None:
-        self._path = Path(path).resolve()
+        self._path = real_path(Path(path))
         check_rosbag2_free(Path(path), force)
         self._before = identity_of(self._path)
         self._aside = ExitStack()
@@ -122,8 +122,8 @@ def check_rosbag2_free(path: Path, force: bool) -> None:
     """Raise ConfigError unless a rosbag2 folder may be written here: at a new path, or over an earlier one with `force`."""
     check_name(path)
     if not path.exists():
-        if not path.resolve().parent.is_dir():
-            raise ConfigError(f"{path}: cannot be written: {path.resolve().parent} is not a folder")
+        if not real_path(path).parent.is_dir():
+            raise ConfigError(f"{path}: cannot be written: {real_path(path).parent} is not a folder")
         return
     if path.is_dir() and not any(path.iterdir()):
         return

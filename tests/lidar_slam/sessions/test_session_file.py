@@ -53,6 +53,7 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
     for content, reason in (
         (changed(session, head=head), "version 99"),
         (changed(session, head=None), "no readable head"),
+        (changed(session, head=np.ones(9, np.complex128)), "no readable head"),
         (changed(session, returns=None), "returns is missing"),
         (changed(session, key__pose=poses), "not finite"),
         (changed(session, key__pose=session.poses[:-1]), "do not fit"),
