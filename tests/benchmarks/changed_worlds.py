@@ -1,11 +1,15 @@
-"""Places of which some furniture stands in one drive and not in the next, and how well the changes are found."""
+"""Places of which some furniture and shut doors stand in one drive and not in the next, and how well the changes are found.
+
+Furniture stands in rooms and corridors, up to the walls, but in no wall. Only the places called `office` have doors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +33,8 @@ from gridslam.simulation.world_config import validate_world
 Floats = NDArray[np.float64]
 
 TRAVEL_M = 150.0
-CHANGED_RATIO = 0.2  # of the furniture, between two drives
+CHANGED_RATIO = 0.2  # of the furniture is absent, and of the doors shut, in each drive
+DOOR_WIDTHS_M = 0.9, 1.15  # between the ends of two walls
 NEAR_M = 0.15  # a reported cell this near to a changed piece is right
 CELL_M = 0.05
 FURNITURE = 30  # pieces
@@ -51,10 +56,15 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
     """Drives through a place of which a fifth of the furniture changes each time."""
     document = place_document(kind, seed, TRAVEL_M)
     rng = np.random.default_rng(seed)
-    walls = [*document["walls"], *furniture(document["robot"], rng)]
-    pieces = range(len(document["walls"]), len(walls))
+    route = _route(document["robot"])
+    walls = [*document["walls"]]
+    walls += furniture(route, _sides(walls), rng)
+    pieces = np.arange(len(document["walls"]), len(walls))
+    walls += doors(document["walls"], route)
+    leaves = np.arange(pieces[-1] + 1, len(walls))
     absent = [
-        set(rng.permutation(pieces)[: max(round(CHANGED_RATIO * len(pieces)), 1)].tolist())
+        set(rng.permutation(pieces)[: round(CHANGED_RATIO * len(pieces))].tolist())
+        | set(rng.permutation(leaves)[round(CHANGED_RATIO * len(leaves)) :].tolist())
         for _ in range(number)
     ]
     results, alone, truths = [], [], []
@@ -83,20 +93,66 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
     return Drives(results, alone, truths, [corners(c) for c in new], [corners(c) for c in gone])
 
 
-def furniture(robot: dict[str, object], rng: np.random.Generator) -> list[dict[str, object]]:
-    """Boxes beside the route, clear of the robot."""
+def _route(robot: dict[str, object]) -> Floats:
+    """Points `(n, 2)` 0.2 m apart along the route."""
     route = np.array([robot["start"][:2], *(point[:2] for point in robot["route"])], np.float64)  # type: ignore[index, union-attr]
-    path = np.concatenate(
+    return np.concatenate(
         [np.linspace(a, b, max(int(np.hypot(*(b - a)) / 0.2), 2)) for a, b in pairwise(route)]
     )
+
+
+def _sides(walls: Sequence[Mapping[str, Any]]) -> Floats:
+    """The segments `(n, 2, 2)` of walls."""
+    pieces = []
+    for wall in walls:
+        points = np.array([*wall["points"], *wall["points"][: bool(wall.get("closed"))]], np.float64)
+        pieces.append(np.stack([points[:-1], points[1:]], axis=1))
+    return np.concatenate(pieces)
+
+
+def furniture(route: Floats, sides: Floats, rng: np.random.Generator) -> list[dict[str, object]]:
+    """Boxes beside the route, in view of it and clear of the robot; they cross neither walls nor each other."""
     found: list[dict[str, object]] = []
     while len(found) < FURNITURE:
-        centre = path[rng.integers(len(path))] + rng.uniform(-2.5, 2.5, 2)
+        centre = route[rng.integers(len(route))] + rng.uniform(-2.5, 2.5, 2)
         size, yaw = rng.uniform(0.35, 0.9, 2), rng.uniform(-np.pi, np.pi)
         corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5 * size
         points = se2.transform_points(np.array([*centre, yaw]), corners).round(3)
-        if np.hypot(*(path - centre).T).min() > CLEARANCE_M + 0.5 * float(np.hypot(*size)):
-            found.append({"points": points.tolist(), "closed": True})
+        away = np.hypot(*(route - centre).T)
+        if away.min() <= CLEARANCE_M + 0.5 * float(np.hypot(*size)):
+            continue
+        box: dict[str, object] = {"points": points.tolist(), "closed": True}
+        own, view = _sides([box]), np.stack([route[away.argmin()], centre])[None]
+        if not crosses(np.concatenate([view, own, points.reshape(2, 2, 2)]), sides):
+            found.append(box)
+            sides = np.concatenate([sides, own])
+    return found
+
+
+def crosses(segments: Floats, others: Floats) -> bool:
+    """Whether any of the segments `(n, 2, 2)` crosses any of the others `(m, 2, 2)`."""
+    is_near = (others.min(axis=1) <= segments.max(axis=(0, 1))).all(axis=1)
+    others = others[is_near & (others.max(axis=1) >= segments.min(axis=(0, 1))).all(axis=1)]
+    a, b = segments[:, None, 0], segments[:, None, 1]
+    c, d = others[None, :, 0], others[None, :, 1]
+
+    def side(p: Floats, q: Floats, r: Floats) -> Floats:
+        return (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
+
+    return bool(((side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)).any())
+
+
+def doors(walls: Sequence[Mapping[str, Any]], route: Floats) -> list[dict[str, object]]:
+    """A leaf for every gap as wide as a door between the ends of two walls that the robot does not drive through."""
+    open_walls = [np.array(wall["points"], np.float64) for wall in walls if not wall.get("closed")]
+    found: list[dict[str, object]] = []
+    for one, other in permutations(open_walls, 2):
+        leaf = np.stack([one[-1], other[0]])
+        width = float(np.hypot(*(leaf[1] - leaf[0])))
+        if not DOOR_WIDTHS_M[0] < width < DOOR_WIDTHS_M[1]:
+            continue
+        if np.hypot(*(route - leaf.mean(axis=0)).T).min() > CLEARANCE_M + 0.5 * width:
+            found.append({"points": leaf.tolist()})
     return found
 
 
@@ -127,8 +183,9 @@ def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
 
 
 def contour_points(corners: Floats) -> Floats:
-    """Points about a cell apart along the sides of a piece."""
-    sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    """Points about a cell apart along the sides of a piece, or along the leaf of a door."""
+    is_leaf = len(corners) == 2
+    sides = [(corners[0], corners[1])] if is_leaf else zip(corners, np.roll(corners, -1, axis=0), strict=True)
     return np.concatenate([np.linspace(a, b, max(int(np.hypot(*(b - a)) / CELL_M), 2)) for a, b in sides])
 
 

@@ -29,6 +29,10 @@ SURE_HITS, SURE_MISSES = (
 )  # scans that met a surface, and that looked through it, in one cell of a place
 MIN_HITS, MIN_MISSES = 1, 2  # and all others
 MAX_POSE_ERROR_M = 0.1
+# A changed place reaches this far beyond the cells that contradict each other by more than an error of the poses, as far as cells
+# hang together with it: the side of a box that meets a wall, and what few beams met.
+GROWN_M = 0.3
+GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = 0.25, 0.2  # at least met, at most met by the other drive, in the cell itself
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15
@@ -76,11 +80,12 @@ def find_changes(
         ("appeared", after, before, later, earlier),
     )
     for kind, surface, free, met_by, passed_by in comparisons:
-        for cells in _places(_contradicted(surface, free, frame), _is_sure(surface, free), frame):
+        contradicted, weak = _contradicted(surface, free, frame), _weakly_contradicted(surface, free)
+        for cells in _places(contradicted, _is_sure(surface, free), frame):
             seen = _observations(cells, met_by, passed_by, frame)
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
-                found.append(_change(kind, drive, cells, times, frame))
+                found.append(_change(kind, drive, _grown(cells, weak, frame), times, frame))
     return sorted(found, key=lambda change: (change.x_m, change.y_m, change.kind))
 
 
@@ -90,6 +95,23 @@ def _contradicted(surface: Evidence, free: Evidence, frame: CellFrame) -> Bools:
     radius = round(MAX_POSE_ERROR_M / frame.resolution_m)
     was_met = dilated(_at_ratio(free, SOMETIMES_RATIO, 1), radius)
     return stands & ~was_met & (free.misses >= MIN_MISSES)
+
+
+def _weakly_contradicted(surface: Evidence, free: Evidence) -> Bools:
+    """Cells that one drive met and another one looked through, where an error of the poses might explain it."""
+    was_met = _at_ratio(free, GROWN_FREE_RATIO, 1)
+    return _at_ratio(surface, GROWN_SURFACE_RATIO, 1) & ~was_met & (free.misses >= 1)
+
+
+def _grown(cells: Ints, weak: Bools, frame: CellFrame) -> Ints:
+    """The cells `(n, 2)` of a place with the weakly contradicted ones that hang together with it."""
+    radius = round(GROWN_M / frame.resolution_m)
+    low = np.maximum(cells.min(axis=0) - radius, 0)
+    window = weak[tuple(slice(a, b) for a, b in zip(low, cells.max(axis=0) + radius + 1, strict=True))]
+    own = np.zeros(window.shape, np.bool_)
+    own[tuple((cells - low).T)] = True
+    _, labels = cv2.connectedComponents((own | (window & dilated(own, radius))).astype(np.uint8))
+    return np.argwhere(np.isin(labels, np.unique(labels[own]))) + low
 
 
 def _is_sure(surface: Evidence, free: Evidence) -> Bools:

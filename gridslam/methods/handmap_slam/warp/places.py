@@ -5,7 +5,7 @@ A place that the robot visits twice is one place, so a return says nothing new, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,21 @@ class PlaceGraph:
             lists[a].append(b)
             lists[b].append(a)
         return [sorted(each) for each in lists]
+
+    def in_order(self, order: Ints, parents: Ints) -> PlaceGraph:
+        """The same graph with its places in another order, and with other `parents` `(p,)`, numbered as they are now."""
+        number = np.empty(len(order), np.int64)
+        number[order] = np.arange(len(order))
+        entered_from = parents[order]
+        return replace(
+            self,
+            centres=self.centres[order],
+            parents=np.where(entered_from >= 0, number[entered_from], -1),
+            edges=np.sort(number[self.edges], axis=1),
+            views=[self.views[k] for k in order],
+            open_views=[self.open_views[k] for k in order],
+            owners=number[self.owners],
+        )
 
 
 def place_graph(occupancy: OccupancyGrid, poses: Floats) -> PlaceGraph:

@@ -14,15 +14,25 @@ from gridslam.methods.handmap_slam.warp.search import Known, distinct, find_plac
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+PlaceOrder = tuple[NDArray[np.int64], NDArray[np.int64]]  # of all places, and the one from which each is entered
 
 ROUNDS = 12
 MAX_ROUNDS = 24  # while the drawing does not fit
 MAX_COST_PER_PLACE = 4.45  # of a drawing of this place
-HOPELESS_COST, HOPELESS_QUIET = 6.5, 3  # above that cost the search ends after fewer quiet rounds
+HOPELESS_COST, HOPELESS_QUIET = 6.5, 4  # above that cost the search ends after fewer quiet rounds
 QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
 WORTH = 3.0
-# Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m).
-REGIONS = (("cost", 0.75), ("distance", 15.0), ("cost", 0.6), ("distance", 30.0))
+# Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m),
+# searched from where the robot entered them, or from where it left them.
+REGIONS = (
+    ("cost", 0.75, "entry"),
+    ("cost", 0.6, "exits"),
+    ("distance", 15.0, "entry"),
+    ("distance", 30.0, "exits"),
+    ("cost", 0.6, "entry"),
+    ("cost", 0.4, "exits"),
+    ("distance", 30.0, "entry"),
+)
 GROWN_M = 6.0  # by which a region reaches beyond what costs much
 MAX_RADIUS_M = 45.0
 SMOOTHING_M = 6.0
@@ -70,9 +80,10 @@ class Repair:
             if quiet >= HOPELESS_QUIET and cost > HOPELESS_COST:
                 break
             costs = self._near @ self._costs
-            region = self._region(int(np.argmax(costs * priority)), costs, *REGIONS[count % len(REGIONS)])
+            kind, extent, begin = REGIONS[count % len(REGIONS)]
+            region = self._region(int(np.argmax(costs * priority)), costs, kind, extent)
             priority[region] *= TRIED
-            fits = self._search_again(region)
+            fits = self._search_again(region, self._from_exits(region, costs) if begin == "exits" else None)
             self._met += [fit.states for fit in fits]
             found = min(fits, key=lambda fit: fit.cost)
             before = self.best.cost
@@ -105,12 +116,35 @@ class Repair:
             ):
                 self._take(self._problem.fit(np.where(around[:, None], states, self.best.states), around))
 
-    def _search_again(self, region: Mask) -> list[Fitted]:
+    def _search_again(self, region: Mask, backwards: PlaceOrder | None) -> list[Fitted]:
         """Other fits, in which the places of a region are placed anew."""
-        states = self.best.states
+        states, graph = self.best.states, self._graph
         first = np.repeat(states[:1], PARTICLES, axis=0)
-        lines, weights = find_places(self._graph, self._evidence, first, self._rng, Known(~region, states))
+        if backwards is None:
+            lines, weights = find_places(graph, self._evidence, first, self._rng, Known(~region, states))
+        else:
+            order, parents = backwards
+            known = Known(~region[order], states[order])
+            ordered = graph.in_order(order, parents)
+            lines, weights = find_places(ordered, self._evidence, first, self._rng, known)
+            lines = lines[:, np.argsort(order)]
         return [self._problem.fit(line, region) for line in distinct(lines, weights, region, HYPOTHESES)]
+
+    def _from_exits(self, region: Mask, costs: Floats) -> PlaceOrder | None:
+        """The order in which a region is searched from where the robot left it, if there are places beyond it that fit better."""
+        a, b = np.concatenate([self._graph.edges, self._graph.edges[:, ::-1]]).T
+        beyond = np.unique(b[region[a] & ~region[b]])
+        beyond = beyond[(beyond > np.flatnonzero(region)[0]) & (costs[beyond] < costs[region].mean())]
+        if not len(beyond):
+            return None
+        within = region[a] & (region[b] | np.isin(b, beyond))
+        lengths = np.maximum(np.hypot(*(self._graph.centres[a] - self._graph.centres[b])[within].T), 1e-3)
+        p = len(region)
+        paths = coo_matrix((lengths, (b[within], a[within])), shape=(p, p)).tocsr()
+        away, before, _ = dijkstra(paths, indices=beyond, min_only=True, return_predecessors=True)
+        away = np.where(region, np.minimum(away, 1e9), -1.0)
+        parents = np.where(region & (before >= 0), before, np.where(region, beyond[0], -1))
+        return np.argsort(away, kind="stable"), parents
 
     def _elsewhere(self, states: Floats) -> tuple[Mask, Mask]:
         """Which places lie elsewhere than in the best fit, and these with all around them."""

@@ -7,6 +7,7 @@ the one before in time, so what went wrong in a room that the drawing lacks has 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,7 @@ Floats = NDArray[np.float64]
 
 PARTICLES = 5000
 SIGMA_M = 0.35  # of walls from where they are drawn
-VIEW_WEIGHT = 0.05  # power of a point's likelihood
 THINNED = 2  # every second point is used
-WIDE = 0.25  # fraction of the particles that expect another scale and direction from here on
 TRANSLATION_PER_M = 0.1
 ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # rad per root metre
 SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # of log scales per root metre
@@ -31,6 +30,16 @@ SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior a
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
 RESAMPLE_BELOW = 0.5
 DISTINCT_M, DISTINCT_PLACES = 1.5, 8  # two hypotheses differ if this many places are this far apart
+
+
+class Scope(NamedTuple):
+    """The power of a point's likelihood, and the fraction of particles that expect another scale and direction from a place on."""
+
+    view_weight: float
+    wide: float
+
+
+CAREFUL, WIDE = Scope(0.05, 0.25), Scope(0.03, 0.5)
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,8 @@ def find_places(
     first: Floats,
     rng: np.random.Generator,
     known: Known | None = None,
+    *,
+    scope: Scope = CAREFUL,
 ) -> tuple[Floats, Floats]:
     """States `(n, p, 5)` of all places for the surviving hypotheses, and their weights `(n,)`.
 
@@ -73,10 +84,10 @@ def find_places(
         else:
             parent = max(parent, 0)  # a place that no earlier one sees is predicted from the first
             before = np.broadcast_to(at(parent), (n, 5))
-            states[place] = _predict(before, graph.centres[place] - graph.centres[parent], rng)
+            states[place] = _predict(before, graph.centres[place] - graph.centres[parent], scope.wide, rng)
         ancestors[count - 1] = np.arange(n)
         here = states[place]
-        log_weights += VIEW_WEIGHT * evidence.log_likelihood(
+        log_weights += scope.view_weight * evidence.log_likelihood(
             graph.views[place][::THINNED], graph.open_views[place][::THINNED], here, SIGMA_M
         )
         log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * SCALE_BOUND_WEIGHT
@@ -111,11 +122,11 @@ def distinct(lines: Floats, weights: Floats, places: NDArray[np.bool_], count: i
     return chosen
 
 
-def _predict(before: Floats, offset: Floats, rng: np.random.Generator) -> Floats:
+def _predict(before: Floats, offset: Floats, wide_fraction: float, rng: np.random.Generator) -> Floats:
     """States `(n, 5)` at an offset `(2,)` (m) from places in states `(n, 5)`."""
     n = len(before)
     distance = float(np.hypot(*offset))
-    wide = rng.permutation(np.arange(n) < WIDE * n)
+    wide = rng.permutation(np.arange(n) < wide_fraction * n)
     noise = rng.standard_normal((n, 5))
     root = np.sqrt(distance)
     after = before.copy()

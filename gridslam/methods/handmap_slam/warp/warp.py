@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,16 +18,26 @@ from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawin
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
 from gridslam.methods.handmap_slam.warp.repair import MAX_COST_PER_PLACE, Repair
-from gridslam.methods.handmap_slam.warp.search import PARTICLES, SIGMA_M, distinct, find_places
+from gridslam.methods.handmap_slam.warp.search import (
+    CAREFUL,
+    PARTICLES,
+    SIGMA_M,
+    WIDE,
+    distinct,
+    find_places,
+)
 
 Floats = NDArray[np.float64]
 
-# The search is repeated while the best cost of a place is above that of the repetition.
-COST_PER_PLACE = (4.2, 0.0)
+GOOD_COST = 4.2  # of a place: the search is repeated while the best is above it
+SEARCHES = (CAREFUL, WIDE, CAREFUL, WIDE)
 HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
 START_PARTICLES = 12000
 START_JITTER = 0.3
+# A drawing of the place is about as large as the map, or larger: std of its log scale above that. One view alone is matched best
+# at a scale that is too large, where there are walls everywhere.
+EXTENT_STD = 0.15
 BLEND_M = 0.7  # places are blended with weights that fall off at this distance
 
 
@@ -94,28 +105,47 @@ def warp_of(
     to_robot = np.array([0.0, 0.0, -poses[0, 2]])
     states = first(se2.transform_points(to_robot, graph.views[0])).copy()
     states[:, 2] -= poses[0, 2]
-    states = _annealed(states, graph, evidence, rng)
+    excess = np.maximum(states[:, 3:].mean(axis=1) - _max_log_scale(drawn, graph), 0.0)
+    log_prior = -0.5 * (excess / EXTENT_STD) ** 2
     problem = Refinement(graph, evidence)
     fits: list[Fitted] = []
     everywhere = np.ones(len(graph.centres), np.bool_)
-    for enough in COST_PER_PLACE:
-        lines, weights = find_places(graph, evidence, states, rng)
+    for scope in SEARCHES:
+        start = _annealed(states, log_prior, graph, evidence, rng)
+        lines, weights = find_places(graph, evidence, start, rng, scope=scope)
         fits += [problem.fit(line) for line in distinct(lines, weights, everywhere, HYPOTHESES)]
         best = min(fits, key=lambda fit: fit.cost)
-        if best.cost < enough * len(best.states):
+        if best.cost < GOOD_COST * len(best.states):
             break
     repair = Repair(graph, evidence, problem, fits, rng)
     best = repair.best
     return DrawingWarp(graph, best.states, best.cost / len(best.states), repair.doubtful)
 
 
-def _annealed(states: Floats, graph: PlaceGraph, evidence: DrawnEvidence, rng: np.random.Generator) -> Floats:
+def _max_log_scale(drawn: DrawnMap, graph: PlaceGraph) -> float:
+    """The log scale at which the map is as large as the drawing."""
+    seen = np.concatenate([view + centre for view, centre in zip(graph.views, graph.centres, strict=True)])
+    drawn_m = _diameter(np.argwhere(drawn.walls) * drawn.geometry.resolution_m)
+    return float(np.log(drawn_m / max(_diameter(np.concatenate([seen, graph.centres])), 1.0)))
+
+
+def _diameter(points: Floats) -> float:
+    """The largest distance between any two of the points `(n, 2)`."""
+    hull = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
+    return float(np.hypot(*(hull[:, None] - hull[None]).T).max())
+
+
+def _annealed(
+    states: Floats, log_prior: Floats, graph: PlaceGraph, evidence: DrawnEvidence, rng: np.random.Generator
+) -> Floats:
     """Particles of the first place."""
     previous = 0.0
     for k, power in enumerate(ANNEALING):
         score = (power - previous) * evidence.log_likelihood(
             graph.views[0], graph.open_views[0], states, SIGMA_M
         )
+        if k == 0:
+            score += log_prior
         previous = power
         weights = np.exp(score - score.max())
         count = PARTICLES if k == len(ANNEALING) - 1 else START_PARTICLES
