@@ -13,13 +13,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Odometry
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.alignment import find_alignment
-from gridslam.evaluation.map_errors import sample
 from gridslam.lidar_slam.sessions.session_file import read_session
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -35,7 +32,6 @@ Floats = NDArray[np.float64]
 TRAVEL_M = 150.0
 CHANGED_RATIO = 0.2  # of the furniture is absent, and of the doors shut, in each drive
 DOOR_WIDTHS_M = 0.9, 1.15  # between the ends of two walls
-NEAR_M = 0.15  # a reported cell this near to a changed piece is right
 CELL_M = 0.05
 FURNITURE = 30  # pieces
 CLEARANCE_M = 0.45  # of the route
@@ -43,13 +39,17 @@ CLEARANCE_M = 0.45  # of the route
 
 @dataclass(frozen=True, slots=True)
 class Drives:
-    """The result of the last of three drives, the results of each alone, the truth of all, and the changed pieces."""
+    """The results of three drives, each continuing those before it, and of each alone; the truth of all, and the pieces.
+
+    `static` are points `(n, 2)` of the walls that stand in all drives.
+    """
 
     results: list[RunResult]
     alone: list[RunResult]
     truths: list[Trajectory]
     appeared: list[list[Floats]]  # corners (4, 2) of the pieces that are new in drive k
     vanished: list[list[Floats]]
+    static: Floats
 
 
 def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
@@ -90,7 +90,8 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
 
     new = [set[int]()] + [absent[k - 1] - absent[k] for k in range(1, number)]
     gone = [set[int]()] + [absent[k] - absent[k - 1] for k in range(1, number)]
-    return Drives(results, alone, truths, [corners(c) for c in new], [corners(c) for c in gone])
+    static = np.concatenate([dense(a, b) for a, b in _sides(document["walls"])])
+    return Drives(results, alone, truths, [corners(c) for c in new], [corners(c) for c in gone], static)
 
 
 def _route(robot: dict[str, object]) -> Floats:
@@ -173,62 +174,6 @@ def _mapped(events: list[Event], session: bytes | None, log: str) -> RunResult:
     return method.result()
 
 
-def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
-    """The true frame's pose in the map, and the root mean square error (m) of the path."""
-    true, inside = truth.at(path.stamps_ns)
-    found = find_alignment(path.poses[inside], true[inside], "se2")
-    assert found is not None
-    errors = se2.compose(found.T_truth_estimate, path.poses[inside])[:, :2] - true[inside, :2]
-    return np.asarray(se2.inverse(found.T_truth_estimate)), float(np.sqrt((errors**2).sum(axis=1).mean()))
-
-
-def contour_points(corners: Floats) -> Floats:
-    """Points about a cell apart along the sides of a piece, or along the leaf of a door."""
-    is_leaf = len(corners) == 2
-    sides = [(corners[0], corners[1])] if is_leaf else zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    return np.concatenate([np.linspace(a, b, max(int(np.hypot(*(b - a)) / CELL_M), 2)) for a, b in sides])
-
-
-def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
-    """Reported cells that are right, and all; true cells that were reported, and all, of drive number k.
-
-    A true cell lies on the contour of a changed piece, stands in the map of the drive that met it alone, and is free in that
-    of the other one alone.
-    """
-    result = drives.results[k]
-    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
-    layer = result.layers["changes"]
-    right = reported = found = true = 0
-    for sign, pieces, with_piece, without in (
-        (1, drives.appeared[k], k, k - 1),
-        (-1, drives.vanished[k], k - 1, k),
-    ):
-        cells = layer.geometry.centres(np.argwhere(np.asarray(layer.values) == sign * (k + 1)))
-        reported += len(cells)
-        if not pieces:
-            continue
-        contours = np.concatenate([contour_points(piece) for piece in pieces])
-        at = se2.transform_points(T_map_truth, contours)
-        if len(cells):
-            right += int((cKDTree(at).query(cells)[0] <= NEAR_M).sum())
-        is_true = _state(drives, with_piece, contours, 0.0)[0] & _state(drives, without, contours, 0.0)[1]
-        true += int(is_true.sum())
-        if len(cells) and is_true.any():
-            found += int((cKDTree(cells).query(at[is_true])[0] <= NEAR_M).sum())
-    return right, reported, found, true
-
-
-def _state(drives: Drives, k: int, points: Floats, _: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether true points are occupied, and free, in the map of drive k alone."""
-    alone = drives.alone[k]
-    assert alone.occupancy is not None
-    T_map_truth, _error = truth_to_map(alone.trajectory, drives.truths[k])
-    at = se2.transform_points(T_map_truth, points)
-    around = np.stack(
-        [
-            sample(alone.occupancy, at + np.array(d) * CELL_M)
-            for d in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
-        ]
-    )
-    values = np.where(np.isnan(around), 0.5, around)
-    return np.asarray(values.max(axis=0) > 0.65), np.asarray(values.max(axis=0) < 0.35)
+def dense(a: Floats, b: Floats) -> Floats:
+    """Points about a cell apart from a to b."""
+    return np.linspace(a, b, max(int(np.hypot(*(b - a)) / CELL_M), 2))

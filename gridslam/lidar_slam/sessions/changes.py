@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.lidar_slam.sessions.evidence import CellFrame, Evidence, PlacedScans
+from gridslam.lidar_slam.sessions.evidence import MAX_RANGE_M, CellFrame, Evidence, PlacedScans
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,14 +32,16 @@ MAX_POSE_ERROR_M = 0.1
 # A changed place reaches this far beyond the cells that contradict each other by more than an error of the poses, as far as cells
 # hang together with it: the side of a box that meets a wall, and what few beams met.
 GROWN_M = 0.3
-GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = 0.25, 0.2  # at least met, at most met by the other drive, in the cell itself
+GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = (
+    0.25,
+    0.2,
+)  # at least met, at most met by the other drive, in the cell itself
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15
 BEHIND_M = 0.25  # a beam that passes a cell ends this far behind it, or farther
 MAX_ANGLE_RAD = np.radians(30.0)  # between a beam that met a surface and one that passes it
 SAME_VIEW_RATIO = 0.3  # of the cells, that were looked at from the same side by both drives
-FARTHEST_M = 12.0
 MAX_CELLS_LOOKED_AT = 400  # of one place
 
 
@@ -111,7 +113,7 @@ def _grown(cells: Ints, weak: Bools, frame: CellFrame) -> Ints:
     own = np.zeros(window.shape, np.bool_)
     own[tuple((cells - low).T)] = True
     _, labels = cv2.connectedComponents((own | (window & dilated(own, radius))).astype(np.uint8))
-    return np.argwhere(np.isin(labels, np.unique(labels[own]))) + low
+    return np.asarray(np.argwhere(np.isin(labels, np.unique(labels[own]))) + low)
 
 
 def _is_sure(surface: Evidence, free: Evidence) -> Bools:
@@ -191,7 +193,7 @@ def _looked_at(centres: Floats, scans: PlacedScans, frame: CellFrame, *, is_met:
     middle = centres.mean(axis=0)
     radius = float(np.hypot(*(centres - middle).T).max())
     away = np.hypot(*(scans.viewpoints - middle).T)
-    for k in np.flatnonzero(away <= FARTHEST_M + radius).tolist():
+    for k in np.flatnonzero(away <= MAX_RANGE_M + radius).tolist():
         origin, beams = scans.viewpoints[k], scans.endpoints[k] - scans.viewpoints[k]
         if not len(beams):
             continue
@@ -203,7 +205,7 @@ def _looked_at(centres: Floats, scans: PlacedScans, frame: CellFrame, *, is_met:
         missed_by = np.abs(np.angle(np.exp(1j * (beam_angle[order][nearest] - angle)))) * distance
         behind = beam_range[order][nearest] - distance
         fits = np.abs(behind) <= 1.5 * frame.resolution_m if is_met else behind >= BEHIND_M
-        rows = np.flatnonzero(fits & (missed_by <= frame.resolution_m) & (distance <= FARTHEST_M))
+        rows = np.flatnonzero(fits & (missed_by <= frame.resolution_m) & (distance <= MAX_RANGE_M))
         cells.append(rows)
         angles.append(angle[rows])
         stamps.append(np.full(len(rows), scans.stamps_ns[k]))

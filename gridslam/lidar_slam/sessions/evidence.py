@@ -19,7 +19,7 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
 BYTES_PER_CELL = 40.0
-MAX_RANGE_M = 12.0  # farther away an error of the heading moves a beam past a corner
+MAX_RANGE_M = 20.0  # farther away an error of the heading moves a beam past a corner
 HITS = log_odds.LogOddsUpdate(hit=1.0, miss=0.0, limit=1e6)
 MISSES = log_odds.LogOddsUpdate(hit=0.0, miss=1.0, limit=1e6)
 

@@ -14,7 +14,9 @@ from gridslam.methods.handmap_slam.warp.search import Known, distinct, find_plac
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-PlaceOrder = tuple[NDArray[np.int64], NDArray[np.int64]]  # of all places, and the one from which each is entered
+PlaceOrder = tuple[
+    NDArray[np.int64], NDArray[np.int64]
+]  # of all places, and the one from which each is entered
 
 ROUNDS = 12
 MAX_ROUNDS = 24  # while the drawing does not fit

@@ -33,7 +33,7 @@ DISTINCT_M, DISTINCT_PLACES = 1.5, 8  # two hypotheses differ if this many place
 
 
 class Scope(NamedTuple):
-    """The power of a point's likelihood, and the fraction of particles that expect another scale and direction from a place on."""
+    """The power of a point's likelihood, and the fraction of particles that expect another scale and direction from here on."""
 
     view_weight: float
     wide: float

@@ -125,11 +125,11 @@ def warp_of(
 def _max_log_scale(drawn: DrawnMap, graph: PlaceGraph) -> float:
     """The log scale at which the map is as large as the drawing."""
     seen = np.concatenate([view + centre for view, centre in zip(graph.views, graph.centres, strict=True)])
-    drawn_m = _diameter(np.argwhere(drawn.walls) * drawn.geometry.resolution_m)
+    drawn_m = _diameter(np.argwhere(drawn.walls)) * drawn.geometry.resolution_m
     return float(np.log(drawn_m / max(_diameter(np.concatenate([seen, graph.centres])), 1.0)))
 
 
-def _diameter(points: Floats) -> float:
+def _diameter(points: Floats | NDArray[np.int64]) -> float:
     """The largest distance between any two of the points `(n, 2)`."""
     hull = cv2.convexHull(points.astype(np.float32))[:, 0].astype(np.float64)
     return float(np.hypot(*(hull[:, None] - hull[None]).T).max())

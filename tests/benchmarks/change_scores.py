@@ -1,0 +1,92 @@
+"""How well the changes between drives were found, and whether the joint map has kept what stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+from gridslam.core.trajectory import Trajectory
+from gridslam.evaluation.alignment import find_alignment
+from gridslam.evaluation.map_errors import sample
+from gridslam.maps.occupancy import OccupancyGrid
+from tests.benchmarks.changed_worlds import CELL_M, Drives, dense
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NEAR_M = 0.15  # a reported cell this near to a changed piece is right
+
+
+def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
+    """The true frame's pose in the map, and the root mean square error (m) of the path."""
+    true, inside = truth.at(path.stamps_ns)
+    found = find_alignment(path.poses[inside], true[inside], "se2")
+    assert found is not None
+    errors = se2.compose(found.T_truth_estimate, path.poses[inside])[:, :2] - true[inside, :2]
+    return np.asarray(se2.inverse(found.T_truth_estimate)), float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def contour_points(corners: Floats) -> Floats:
+    """Points about a cell apart along the sides of a piece, or along the leaf of a door."""
+    is_leaf = len(corners) == 2
+    sides = [(corners[0], corners[1])] if is_leaf else zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return np.concatenate([dense(a, b) for a, b in sides])
+
+
+def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
+    """Reported cells that are right, and all; true cells that were reported, and all, of drive number k.
+
+    A true cell lies on the contour of a changed piece, stands in the map of the drive that met it alone, and is free in that
+    of the other one alone.
+    """
+    result = drives.results[k]
+    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
+    layer = result.layers["changes"]
+    right = reported = found = true = 0
+    for sign, pieces, with_piece, without in (
+        (1, drives.appeared[k], k, k - 1),
+        (-1, drives.vanished[k], k - 1, k),
+    ):
+        cells = layer.geometry.centres(np.argwhere(np.asarray(layer.values) == sign * (k + 1)))
+        reported += len(cells)
+        if not pieces:
+            continue
+        contours = np.concatenate([contour_points(piece) for piece in pieces])
+        at = se2.transform_points(T_map_truth, contours)
+        if len(cells):
+            right += int((cKDTree(at).query(cells)[0] <= NEAR_M).sum())
+        stands, was_free = _state(drives, with_piece, contours)[0], _state(drives, without, contours)[1]
+        is_true = stands & was_free
+        true += int(is_true.sum())
+        if len(cells) and is_true.any():
+            found += int((cKDTree(cells).query(at[is_true])[0] <= NEAR_M).sum())
+    return right, reported, found, true
+
+
+def static_walls(drives: Drives, k: int) -> tuple[int, int]:
+    """Points of static walls that drive k and the one before it have in their own maps: those free in the joint map, and all."""
+    result = drives.results[k]
+    assert result.occupancy is not None
+    T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
+    stands = _state(drives, k, drives.static)[0] & _state(drives, k - 1, drives.static)[0]
+    is_lost = ~states_at(result.occupancy, se2.transform_points(T_map_truth, drives.static[stands]))[0]
+    return int(is_lost.sum()), int(stands.sum())
+
+
+def _state(drives: Drives, k: int, points: Floats) -> tuple[Bools, Bools]:
+    """Whether true points are occupied, and free, in the map of drive k alone."""
+    alone = drives.alone[k]
+    assert alone.occupancy is not None
+    T_map_truth, _error = truth_to_map(alone.trajectory, drives.truths[k])
+    return states_at(alone.occupancy, se2.transform_points(T_map_truth, points))
+
+
+def states_at(grid: OccupancyGrid, at: Floats) -> tuple[Bools, Bools]:
+    """Whether there is an occupied cell at points or beside them, and whether none there is anything but free."""
+    around = np.stack(
+        [sample(grid, at + np.array(d) * CELL_M) for d in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
+    )
+    values = np.where(np.isnan(around), 0.5, around)
+    return np.asarray(values.max(axis=0) > 0.65), np.asarray(values.max(axis=0) < 0.35)
