@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
+from gridslam.methods.handmap_slam.warp.repair import from_exits
 from gridslam.methods.handmap_slam.warp.results import doubt_about
 from gridslam.methods.handmap_slam.warp.search import distinct
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
@@ -21,7 +22,7 @@ def test_a_person_s_drawing_is_laid_over_the_map_and_the_robot_is_within_a_metre
 
 
 def test_the_drawing_of_another_building_does_not_fit() -> None:
-    found = trial(2, is_wrong=True)
+    found = trial(212, is_wrong=True)
     assert not found.fits
     assert found.doubtful == 1.0
 
@@ -41,10 +42,40 @@ def test_a_run_is_lost_if_much_of_its_path_may_lie_elsewhere_in_the_drawing(
         owners=np.arange(places),
     )
     doubtful = np.arange(places) < doubtful_places
-    doubt = doubt_about(DrawingWarp(graph, np.zeros((places, 5)), cost_per_place=3.0, doubtful=doubtful))
+    warp = DrawingWarp(
+        graph, np.zeros((places, 5)), cost_per_place=3.0, deformation_per_place=0.2, doubtful=doubtful
+    )
+    doubt = doubt_about(warp)
     assert (doubt and doubt.status) == status
     if doubt is not None:
         assert f"{doubtful_places / places:.0%} of the path" in doubt.reason
+
+
+def chain(places: int) -> PlaceGraph:
+    """Places a metre apart in a row, each entered from the one before."""
+    at = np.arange(places)
+    return PlaceGraph(
+        centres=np.column_stack([at, 0.0 * at]),
+        parents=at - 1,
+        edges=np.column_stack([at[:-1], at[1:]]),
+        views=[np.full((1, 2), float(k)) for k in at],
+        open_views=[np.zeros((0, 2))] * places,
+        owners=at,
+    )
+
+
+def test_a_region_is_searched_backwards_from_where_the_robot_left_it_if_the_map_fits_there() -> None:
+    region = np.array([False, True, True, True, False, False])
+    found = from_exits(chain(6), region, costs=np.array([1.0, 5.0, 5.0, 5.0, 1.0, 1.0]))
+    assert found is not None
+    order, parents = found
+    assert order[-3:].tolist() == [3, 2, 1]
+    assert parents[[3, 2, 1]].tolist() == [4, 3, 2]
+    graph = chain(6).in_order(order, parents)
+    assert graph.parents[-3:].tolist() == [order.tolist().index(4), 3, 4]
+    assert [view[0, 0] for view in graph.views] == order.tolist()
+    assert (graph.edges[:, 0] < graph.edges[:, 1]).all()
+    assert from_exits(chain(6), region, costs=np.array([1.0, 5.0, 5.0, 5.0, 9.0, 9.0])) is None
 
 
 def test_fits_are_distinct_if_some_of_their_places_are_apart() -> None:

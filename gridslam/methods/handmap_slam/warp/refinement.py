@@ -91,8 +91,13 @@ class Refinement:
         costs = np.zeros(p)
         for weight, equations in self._view_equations(states, SIGMAS_M[-1]):
             costs += weight * equations.cost
+        return np.asarray(costs + self.deformation_costs(states))
+
+    def deformation_costs(self, states: Floats) -> Floats:
+        """The part `(p,)` of the costs that is for edges: what the drawing changes from a place to its neighbours."""
+        p = len(states)
         edges = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p((self._edge_residuals(states) / JUMP) ** 2).sum(axis=1)
-        return np.asarray(costs + 0.5 * (np.bincount(self._from, edges, p) + np.bincount(self._to, edges, p)))
+        return np.asarray(0.5 * (np.bincount(self._from, edges, p) + np.bincount(self._to, edges, p)))
 
     def _improve(self, states: Floats, damping: Floats) -> None:
         for sigma_m in SIGMAS_M:

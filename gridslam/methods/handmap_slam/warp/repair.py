@@ -20,7 +20,7 @@ PlaceOrder = tuple[
 
 ROUNDS = 12
 MAX_ROUNDS = 24  # while the drawing does not fit
-MAX_COST_PER_PLACE = 4.45  # of a drawing of this place
+MAX_COST_PER_PLACE = 4.45  # of most drawings of this place
 HOPELESS_COST, HOPELESS_QUIET = 6.5, 4  # above that cost the search ends after fewer quiet rounds
 QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
 WORTH = 3.0
@@ -38,6 +38,7 @@ REGIONS = (
 GROWN_M = 6.0  # by which a region reaches beyond what costs much
 MAX_RADIUS_M = 45.0
 SMOOTHING_M = 6.0
+FAR_M = 1e9  # of a place that no path joins to an exit
 TRIED = 0.75  # factor of a place's priority after each round in which it was searched
 PARTICLES = 1500
 HYPOTHESES = 3
@@ -46,7 +47,7 @@ MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
 # A place is doubtful if the mean cost of the places about it is above a limit: that of a good fit, plus a factor times the
 # additional cost of the place's best alternative, up to the last limit. It is doubtful too if the alternative is about as good.
 DOUBT_STD_M = 15.0
-GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.2, 1.2, 5.5
+GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.6, 1.2, 5.5
 AS_GOOD = 0.3
 
 
@@ -85,7 +86,9 @@ class Repair:
             kind, extent, begin = REGIONS[count % len(REGIONS)]
             region = self._region(int(np.argmax(costs * priority)), costs, kind, extent)
             priority[region] *= TRIED
-            fits = self._search_again(region, self._from_exits(region, costs) if begin == "exits" else None)
+            fits = self._search_again(
+                region, from_exits(self._graph, region, costs) if begin == "exits" else None
+            )
             self._met += [fit.states for fit in fits]
             found = min(fits, key=lambda fit: fit.cost)
             before = self.best.cost
@@ -132,22 +135,6 @@ class Repair:
             lines = lines[:, np.argsort(order)]
         return [self._problem.fit(line, region) for line in distinct(lines, weights, region, HYPOTHESES)]
 
-    def _from_exits(self, region: Mask, costs: Floats) -> PlaceOrder | None:
-        """The order in which a region is searched from where the robot left it, if there are places beyond it that fit better."""
-        a, b = np.concatenate([self._graph.edges, self._graph.edges[:, ::-1]]).T
-        beyond = np.unique(b[region[a] & ~region[b]])
-        beyond = beyond[(beyond > np.flatnonzero(region)[0]) & (costs[beyond] < costs[region].mean())]
-        if not len(beyond):
-            return None
-        within = region[a] & (region[b] | np.isin(b, beyond))
-        lengths = np.maximum(np.hypot(*(self._graph.centres[a] - self._graph.centres[b])[within].T), 1e-3)
-        p = len(region)
-        paths = coo_matrix((lengths, (b[within], a[within])), shape=(p, p)).tocsr()
-        away, before, _ = dijkstra(paths, indices=beyond, min_only=True, return_predecessors=True)
-        away = np.where(region, np.minimum(away, 1e9), -1.0)
-        parents = np.where(region & (before >= 0), before, np.where(region, beyond[0], -1))
-        return np.argsort(away, kind="stable"), parents
-
     def _elsewhere(self, states: Floats) -> tuple[Mask, Mask]:
         """Which places lie elsewhere than in the best fit, and these with all around them."""
         best = self.best.states
@@ -176,6 +163,25 @@ class Repair:
         nearby = smoothing(self._distances, DOUBT_STD_M) @ self._costs
         limit = np.minimum(GOOD_COST + PER_ALTERNATIVE * more, MAX_COST)
         return np.asarray((nearby > limit) | (more < AS_GOOD))
+
+
+def from_exits(graph: PlaceGraph, region: Mask, costs: Floats) -> PlaceOrder | None:
+    """The order in which a region `(p,)` is searched from where the robot left it; None if no place there fits better.
+
+    Places that are held come first. Each place of the region is entered from one before it on the shortest path to an exit.
+    """
+    a, b = np.concatenate([graph.edges, graph.edges[:, ::-1]]).T
+    exits = np.unique(b[region[a] & ~region[b]])
+    exits = exits[(exits > np.flatnonzero(region)[0]) & (costs[exits] < costs[region].mean())]
+    if not len(exits):
+        return None
+    within = region[a] & (region[b] | np.isin(b, exits))
+    lengths = np.maximum(np.hypot(*(graph.centres[a] - graph.centres[b])[within].T), 1e-3)
+    p = len(region)
+    paths = coo_matrix((lengths, (b[within], a[within])), shape=(p, p)).tocsr()
+    away, before, _ = dijkstra(paths, indices=exits, min_only=True, return_predecessors=True)
+    order = np.argsort(np.where(region, np.minimum(away, FAR_M), -1.0), kind="stable")
+    return order, np.where(region, np.where(before >= 0, before, exits[0]), -1).astype(np.int64)
 
 
 def smoothing(distances: Floats, std_m: float) -> Floats:

@@ -14,8 +14,7 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.base import Doubt, Picture, Table
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.warp.comparison import MIN_ROOM_M2, DrawingComparison
-from gridslam.methods.handmap_slam.warp.repair import MAX_COST_PER_PLACE
-from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
+from gridslam.methods.handmap_slam.warp.warp import MAX_MISFIT, DrawingWarp
 
 Floats = NDArray[np.float64]
 
@@ -92,6 +91,7 @@ def measures_of_warp(warp: DrawingWarp, comparison: DrawingComparison) -> dict[s
         if doubtful
         else "",
         "cost_per_place": round(warp.cost_per_place, 3),
+        "misfit": round(warp.misfit, 3),
         "wall_agreement": round(comparison.wall_agreement, 4),
         "lacking_m": round(comparison.lacking_m, 1),
         "extra_m": round(comparison.extra_m, 1),
@@ -108,7 +108,7 @@ def doubt_about(warp: DrawingWarp) -> Doubt | None:
         return Doubt(
             "lost",
             "the drawing does not fit the map, so the robot's place in it is not known; the map is not affected "
-            f"(cost of a place {warp.cost_per_place:.1f}, at most {MAX_COST_PER_PLACE:g} expected); "
+            f"(misfit of a place {warp.misfit:.1f}, at most {MAX_MISFIT:g} expected); "
             "does it show this place, is it not mirrored, and is method.start right?",
         )
     doubtful = float(warp.doubtful_poses.mean())

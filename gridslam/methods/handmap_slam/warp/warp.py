@@ -17,7 +17,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
-from gridslam.methods.handmap_slam.warp.repair import MAX_COST_PER_PLACE, Repair
+from gridslam.methods.handmap_slam.warp.repair import Repair
 from gridslam.methods.handmap_slam.warp.search import (
     CAREFUL,
     PARTICLES,
@@ -38,6 +38,9 @@ START_JITTER = 0.3
 # A drawing of the place is about as large as the map, or larger: std of its log scale above that. One view alone is matched best
 # at a scale that is too large, where there are walls everywhere.
 EXTENT_STD = 0.15
+# A drawing of another place is laid over a map as well where it may be deformed enough: by 0.36 to 1.2 a place, right ones by 0.1
+# to 0.3 (drawings 100 to 232). Their costs overlap, the misfits do not: 4.8 at most, 5.9 at least.
+DEFORMATION_WEIGHT, MAX_MISFIT = 2.0, 5.3
 BLEND_M = 0.7  # places are blended with weights that fall off at this distance
 
 
@@ -51,12 +54,18 @@ class DrawingWarp:
     graph: PlaceGraph
     states: Floats
     cost_per_place: float
+    deformation_per_place: float  # the part of the cost that is for changes from a place to its neighbours
     doubtful: NDArray[np.bool_]
+
+    @property
+    def misfit(self) -> float:
+        """The cost of a place, with what the drawing had to be deformed for it counted more than once."""
+        return self.cost_per_place + DEFORMATION_WEIGHT * self.deformation_per_place
 
     @property
     def fits(self) -> bool:
         """Whether the drawing shows the place of the map, and the robot was found in it."""
-        return self.cost_per_place < MAX_COST_PER_PLACE
+        return self.misfit < MAX_MISFIT
 
     @property
     def doubtful_poses(self) -> NDArray[np.bool_]:
@@ -119,7 +128,8 @@ def warp_of(
             break
     repair = Repair(graph, evidence, problem, fits, rng)
     best = repair.best
-    return DrawingWarp(graph, best.states, best.cost / len(best.states), repair.doubtful)
+    deformation = float(problem.deformation_costs(best.states).mean())
+    return DrawingWarp(graph, best.states, best.cost / len(best.states), deformation, repair.doubtful)
 
 
 def _max_log_scale(drawn: DrawnMap, graph: PlaceGraph) -> float:
