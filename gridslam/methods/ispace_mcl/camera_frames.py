@@ -65,5 +65,5 @@ class CameraFrame:
         for tracked in self.objects:
             past = [(path.motion_since(past_ns), cells) for past_ns, cells in tracked.past]
             known = tuple((then, cells) for then, cells in past if then is not None)
-            tracks.append(ObservedTrack(tracked.cells, known))
+            tracks.append(ObservedTrack(tracked.cells, known, tracked.was_expected))
         return CameraObservation(self.moving, self.in_view, T_now_then, tuple(tracks))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,12 @@ Floats = NDArray[np.float64]
 _CUTOFF = 4.0  # bandwidths: beyond them the kernel is taken as 0
 _FAR = 1e-3  # nearness below which the past of an object does not matter
 _PAST_CUTOFF_M = 2.0  # distance at which an object's past position cannot be the robot's
+_EXCHANGED = (
+    0.1  # that a track changed from a person to the robot: one hides behind the other, or leaves the view ...
+)
+_EXCHANGED_GROWTH = (
+    2.0  # ... which each frame since then makes likelier, in which it agrees with the robot's path
+)
 _MIN_WEIGHT = 1e-300
 _SAME_MOMENT_M = 0.05  # frames between which the robot moves less are taken as simultaneous
 DENSITY_BANDWIDTH_M = 0.5  # kernel of the paper's densities; smaller ones lose the robot in a missed frame
@@ -49,10 +55,13 @@ class DetectionLikelihood:
 class ObservedTrack:
     """A moving object of a frame: its floor cells, and those of the same object in earlier frames, latest first, each with the
     robot's pose T_now_then `(3,)` at that frame.
+
+    `was_expected`: an object was near by in the frame before, which may have been another one if there is no past.
     """
 
     moving: FloorCells
     past: tuple[tuple[Floats, FloorCells], ...] = ()
+    was_expected: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +80,7 @@ class CameraObservation:
         """The observation for a later scan, to which the robot came by the motion `step` `(3,)`."""
         back = se2.inverse(step)
         tracks = tuple(
-            ObservedTrack(t.moving, tuple((se2.compose(back, then), cells) for then, cells in t.past))
+            replace(t, past=tuple((se2.compose(back, then), cells) for then, cells in t.past))
             for t in self.tracks
         )
         return CameraObservation(self.moving, self.in_view, se2.compose(back, self.T_now_then), tracks)
@@ -132,9 +141,8 @@ class DetectionWeight:
         nearest, best = np.zeros((2, len(positions)))
         for track in observation.tracks or (ObservedTrack(observation.moving),):
             near = self._nearness(track.moving, positions)
-            clutter_per_m2 = p.clutter_per_m2
+            clutter_per_m2 = p.tracked_per_m2 if track.was_expected else p.clutter_per_m2
             if track.past:
-                clutter_per_m2 = p.tracked_per_m2
                 is_near = np.flatnonzero(near > _FAR)
                 near[is_near] *= self._agreement(track, poses[is_near])
             nearest = np.maximum(nearest, near)
@@ -142,14 +150,20 @@ class DetectionWeight:
         return nearest, best
 
     def _agreement(self, track: ObservedTrack, poses: Floats) -> Floats:
-        """How well the past `(n,)` of an object agrees with the paths of robots with poses `(n, 3)` now, from 0 to 1."""
+        """How well the past `(n,)` of an object agrees with the paths of robots with poses `(n, 3)` now, from 0 to 1.
+
+        The track may have been a person's until some frames ago: then only its past since then counts, for less.
+        """
         p = self._likelihood
-        squares = np.zeros(len(poses))
+        squares, best = np.zeros((2, len(poses)))
         transforms = [T_now_then for T_now_then, _ in track.past]
-        for (_, cells), then in zip(track.past, past_positions(transforms, poses), strict=True):
+        since = past_positions(transforms, poses)
+        for frames, ((_, cells), then) in enumerate(zip(track.past, since, strict=True)):
+            agreement = np.exp(-0.5 * squares / (max(frames, 1) * p.past_bandwidth_m**2))
+            best = np.maximum(best, agreement * min(_EXCHANGED * _EXCHANGED_GROWTH**frames, 1.0))
             distance = distance_to_cells(cells, then, p.radius_m + _PAST_CUTOFF_M)
             squares += np.maximum(distance - p.radius_m, 0.0) ** 2
-        return np.asarray(np.exp(-0.5 * squares / (len(track.past) * p.past_bandwidth_m**2)))
+        return np.maximum(best, np.exp(-0.5 * squares / (len(track.past) * p.past_bandwidth_m**2)))
 
     def _nearness(self, moving: FloorCells, positions: Floats) -> Floats:
         """exp(-d^2 / 2 h^2) `(n,)` for the distance d to the nearest moving cell, less the robot's own radius."""

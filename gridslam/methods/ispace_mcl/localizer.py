@@ -146,6 +146,7 @@ class Localizer:
         with self.stopwatch.stage("assess"):
             belief = self._cluster()
             assessment = self._monitor.assess(belief, beams)
+        self._window.track(belief.mean)
         self._schedule.assessed(assessment.status, travel_m)
         if self._relocalizer is not None and self._schedule.is_due(assessment.status):
             with self.stopwatch.stage("search"):
@@ -230,6 +231,7 @@ class Localizer:
         self.particles = comparison.particles
         if comparison.is_switch:
             self._monitor.restart()
+            self._window.lose_track()
             self._schedule.prior_log_odds = 0.0
             self.counters["injections"] += 1
         return True

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
-from gridslam.filters.resampling import systematic_resampling
 from gridslam.methods.ispace_mcl.environment import CameraObservation
-from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow
+from gridslam.methods.ispace_mcl.hypothesis_particles import mixture, sample_hypotheses, with_overlooked
+from gridslam.methods.ispace_mcl.window import MAX_SEARCH_SCANS, PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import (
     PoseHypotheses,
@@ -57,11 +57,8 @@ KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
-TRACKED_FRACTION = 0.3  # fraction of the particles that continue as they are when hypotheses get particles
+BESIDE_M = 1.5  # the path drifts as much over the window: its older scans cannot tell two poses apart that are as near
 
-_MIN_RELATIVE_WEIGHT = 1e-4  # hypotheses with less than this of the best one's likelihood get no particles
-_PARTICLES_EACH = 50  # about a hypothesis that had none
-_PARTICLE_STD = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
 _SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
 _CLIMB_ROUNDS, _CLIMB_SHRINK = 4, 0.7
 _CLIMB_STEP = (0.1, 0.02)  # m, rad
@@ -123,11 +120,14 @@ class Relocalizer:
         """Log-likelihoods `(k, n)` of k past scans, latest first, for robots that are at poses `(n, 3)` now.
 
         Each pose is traced back along the odometry and drawn to the map at every scan: a hypothesis about the present must have
-        been possible all along, to the map and to the fixed cameras. The log-odds of a single scan between two poses are bounded,
-        because a place may have changed.
+        been possible all along, to the map and to the fixed cameras. The first pose is that of the filter, and follows the poses
+        that the filter had, because the odometry drifts. The log-odds of a single scan between two poses are bounded, because a
+        place may have changed.
         """
         scores, by_cameras = np.zeros((2, len(past), len(poses)))
         for row, scan in enumerate(past):
+            if scan.tracked is not None and _is_near(scan.tracked, poses[0], BESIDE_M):
+                poses = np.concatenate([scan.tracked[None], poses[1:]])
             if len(scan.beams):
                 score = self._score(scan.beams)
                 scores[row] = score(poses)
@@ -154,20 +154,27 @@ class Relocalizer:
         if tracked is None:
             seen = past[0].observations
             scored = PoseHypotheses(found.poses, found.scores + self._by_cameras(seen, found.poses))
-            return Comparison(_sample(scored, count, rng), is_switch=True)
+            return Comparison(sample_hypotheses(scored, count, rng), is_switch=True)
         own = self.refine(tracked.belief.mean[None], beams)
         others = _elsewhere(found.poses, own.poses[0])
         scores = self.trace_back(np.concatenate([own.poses[:1], others]), past)
+        beside = np.r_[False, _is_near(others, own.poses[0], BESIDE_M)]
+        scores[MAX_SEARCH_SCANS:, beside] = scores[MAX_SEARCH_SCANS:, :1]
         own_score = float(scores[:, 0].sum()) + tracked.prior_log_odds
-        found = PoseHypotheses(others, with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS))
+        by_scans = with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS)
+        mass = _mass_near(others, tracked.particles)
+        found = PoseHypotheses(others, with_filter(by_scans, own_score, mass / tracked.belief.mass))
         lead = own_score - found.scores.max(initial=-np.inf)
         if lead < -SWITCH_LOG_ODDS:
-            particles = _mixture(tracked.particles, own_score, found, count, rng)
+            particles = mixture(tracked.particles, own_score, found, count, rng)
             return Comparison(particles, is_switch=True)
         is_confirmed = lead > CONFIRM_LOG_ODDS
         if tracked.belief.mass > DECIDED_MASS:
             return Comparison(None, is_confirmed)
-        return Comparison(_with_overlooked(tracked, own_score, found, rng), is_confirmed)
+        overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
+        return Comparison(
+            with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng), is_confirmed
+        )
 
 
 def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
@@ -182,56 +189,30 @@ def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
     return np.asarray(np.maximum(latest[-1], carried))
 
 
+def with_filter(scores: Floats, own_score: float, mass_ratios: Floats) -> Floats:
+    """Scores `(n,)` of hypotheses; for those that the filter has followed, the mean of the score and of what the filter says.
+
+    The scans of the window are evidence that the filter had too, with more beams, but with less freedom for a pose to move.
+    `mass_ratios` `(n,)` are the weights of the particles at each hypothesis over that of the tracked pose; 0 without particles.
+    """
+    is_followed = mass_ratios > 0.0
+    pooled = 0.5 * (scores + own_score + np.log(np.where(is_followed, mass_ratios, 1.0)))
+    return np.where(is_followed, pooled, scores)
+
+
+def _mass_near(poses: Floats, particles: Particles) -> Floats:
+    """The total weight `(n,)` of the particles at each of the poses `(n, 3)`."""
+    is_near = _is_near(poses[:, None, :], particles.poses, _SAME_M)
+    return np.asarray(np.where(is_near, particles.weights, 0.0).sum(axis=1))
+
+
 def _elsewhere(poses: Floats, pose: Floats) -> Floats:
     """Those of the poses `(n, 3)` that are about another place than the pose `(3,)`."""
-    off = poses - pose
-    same = (np.hypot(off[:, 0], off[:, 1]) < _SAME_M) & (np.abs(se2.wrap_angle(off[:, 2])) < _SAME_RAD)
-    return np.asarray(poses[~same])
+    return np.asarray(poses[~_is_near(poses, pose, _SAME_M)])
 
 
-def _with_overlooked(
-    tracked: TrackedPose, own_score: float, found: PoseHypotheses, rng: np.random.Generator
-) -> Particles | None:
-    """The particles with new ones at the hypotheses that have none, weighted against the main cluster; None if all have some."""
-    off = found.poses[:, None, :] - tracked.particles.poses
-    is_near = np.hypot(off[..., 0], off[..., 1]) < _SAME_M
-    is_near &= np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD
-    likely = found.scores > own_score + np.log(_MIN_RELATIVE_WEIGHT)
-    new = likely & ~is_near.any(axis=1)
-    if not new.any():
-        return None
-    overlooked = PoseHypotheses(found.poses[new], found.scores[new])
-    weights = tracked.belief.mass * np.exp(overlooked.scores - own_score)
-    added = _sample(overlooked, _PARTICLES_EACH * int(new.sum()), rng)
-    poses = np.concatenate([tracked.particles.poses, added.poses])
-    joined = np.r_[tracked.particles.weights, added.weights * weights.sum()]
-    return Particles(poses, joined / joined.sum())
-
-
-def _sample(found: PoseHypotheses, count: int, rng: np.random.Generator) -> Particles:
-    """Particles about the hypotheses, their weights proportional to the likelihoods.
-
-    The number of particles of a hypothesis is proportional to the root of its likelihood, so that unlikely ones have enough.
-    """
-    likelihoods = np.exp(found.scores - found.scores.max())
-    kept = likelihoods >= _MIN_RELATIVE_WEIGHT
-    poses, weights = found.poses[kept], likelihoods[kept] / likelihoods[kept].sum()
-    chosen = systematic_resampling(np.sqrt(weights), count, rng)
-    particles_each = np.bincount(chosen, minlength=len(poses))
-    scattered = poses[chosen] + rng.standard_normal((count, 3)) * _PARTICLE_STD
-    scattered[:, 2] = se2.wrap_angle(scattered[:, 2])
-    split = weights[chosen] / particles_each[chosen]
-    return Particles(scattered, split / split.sum())
-
-
-def _mixture(
-    particles: Particles, score: float, others: PoseHypotheses, count: int, rng: np.random.Generator
-) -> Particles:
-    """Some of the tracked particles with new ones about the hypotheses, weighted by the scores of both."""
-    tracked_weight = float(1.0 / np.exp(np.r_[score, others.scores] - score).sum())
-    kept = max(int(TRACKED_FRACTION * count), 1)
-    chosen = systematic_resampling(particles.weights, kept, rng)
-    new = _sample(others, count - kept, rng)
-    poses = np.concatenate([particles.poses[chosen], new.poses])
-    weights = np.r_[np.full(kept, tracked_weight / kept), new.weights * (1.0 - tracked_weight)]
-    return Particles(poses, weights / weights.sum())
+def _is_near(poses: Floats, others: Floats, distance_m: float) -> NDArray[np.bool_]:
+    """Which pairs of poses `(..., 3)` are within a distance of each other, with about the same heading."""
+    off = poses - others
+    is_near = np.hypot(off[..., 0], off[..., 1]) < distance_m
+    return np.asarray(is_near & (np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.sensors.floor_cells import FloorCells
 
@@ -18,20 +19,25 @@ MAX_SPEED_MPS = 2.0  # of a person or a robot
 POSITION_STD_M = 0.3  # of an object between frames: its visible side changes
 MAX_GAP_S = 1.2  # an object that is not detected for longer is a new one
 MAX_FRAMES = 12  # that the past of an object spans
+AMBIGUOUS_M = 0.5  # an object is not known to continue another one if a second pair is nearly as near as this
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedObject:
-    """An object in one frame: its floor cells, and the earlier frames in which it was detected, latest first."""
+    """An object in one frame: its floor cells, and the earlier frames in which it was detected, latest first.
+
+    `was_expected`: an object was near by in the frame before. The past is that since when it is certain to be the same one.
+    """
 
     stamp_ns: int
     cells: FloorCells
     past: tuple[tuple[int, FloorCells], ...] = ()
+    was_expected: bool = False
 
-    def continued(self, stamp_ns: int, cells: FloorCells) -> TrackedObject:
-        """The same object in a later frame."""
-        past = ((self.stamp_ns, self.cells), *self.past)[:MAX_FRAMES]
-        return TrackedObject(stamp_ns, cells, past)
+    def continued(self, stamp_ns: int, cells: FloorCells, is_certain: bool) -> TrackedObject:
+        """The same object in a later frame; with a new past if it may be another one."""
+        past = ((self.stamp_ns, self.cells), *self.past)[:MAX_FRAMES] if is_certain else ()
+        return TrackedObject(stamp_ns, cells, past, was_expected=True)
 
 
 class MovingObjectTracker:
@@ -46,12 +52,12 @@ class MovingObjectTracker:
         objects = objects_of(moving)
         continues = _continued(stamp_ns, objects, recent)
         found = [
-            recent[continues[i]].continued(stamp_ns, cells)
+            recent[continues[i][0]].continued(stamp_ns, cells, is_certain=continues[i][1])
             if i in continues
             else TrackedObject(stamp_ns, cells)
             for i, cells in enumerate(objects)
         ]
-        used = set(continues.values())
+        used = {j for j, _ in continues.values()}
         self._recent = [o for j, o in enumerate(recent) if j not in used] + found
         return found
 
@@ -72,17 +78,27 @@ def objects_of(moving: FloorCells) -> list[FloorCells]:
 
 def _continued(
     stamp_ns: int, objects: Sequence[FloorCells], recent: Sequence[TrackedObject]
-) -> dict[int, int]:
-    """Index of the recent object that each object continues: pairs by distance, nearest first, none used twice."""
-    pairs = []
-    for i, cells in enumerate(objects):
-        for j, before in enumerate(recent):
-            off = cells.centres.mean(axis=0) - before.cells.centres.mean(axis=0)
-            distance = float(np.hypot(off[0], off[1]))
-            if distance <= POSITION_STD_M + MAX_SPEED_MPS * (stamp_ns - before.stamp_ns) * 1e-9:
-                pairs.append((distance, i, j))
-    continues: dict[int, int] = {}
-    for _, i, j in sorted(pairs):
-        if i not in continues and j not in continues.values():
-            continues[i] = j
+) -> dict[int, tuple[int, bool]]:
+    """Index of the recent object that each object continues, and whether that is certain: pairs by distance, none used twice.
+
+    It is uncertain where people meet the robot or each other: they become one object, part again, or hide each other.
+    """
+    off = np.array([[_centre(cells) - _centre(before.cells) for before in recent] for cells in objects])
+    distance = np.hypot(*np.moveaxis(off.reshape(len(objects), len(recent), 2), 2, 0))
+    age_s = np.array([stamp_ns - before.stamp_ns for before in recent]) * 1e-9
+    near = np.argwhere(distance <= POSITION_STD_M + MAX_SPEED_MPS * age_s)
+    continues: dict[int, tuple[int, bool]] = {}
+    used: set[int] = set()
+    for i, j in sorted(near.tolist(), key=lambda pair: (distance[pair[0], pair[1]], *pair)):
+        if i in continues or j in used:
+            continue
+        rivals = (distance[i] < distance[i, j] + AMBIGUOUS_M).sum() + (
+            distance[:, j] < distance[i, j] + AMBIGUOUS_M
+        ).sum()
+        continues[i] = (j, bool(rivals == 2))  # the pair itself is in both sums
+        used.add(j)
     return continues
+
+
+def _centre(cells: FloorCells) -> NDArray[np.float64]:
+    return np.asarray(cells.centres.mean(axis=0))

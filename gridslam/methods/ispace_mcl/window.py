@@ -46,7 +46,7 @@ _SEARCH_RAD, _SEARCH_RAD_PER_RAD, _SEARCH_RAD_PER_M = 0.06, 0.3, 0.3
 class _WindowScan:
     """Points `(m, 2)` and sensor position `(2,)` in the robot's frame, and T_previous_this by odometry or by matching.
 
-    `observations` are those of the fixed cameras since the scan before.
+    `observations` are those of the fixed cameras since the scan before; `tracked` `(3,)` is the filter's pose at the scan.
     """
 
     odometry: Floats
@@ -55,6 +55,7 @@ class _WindowScan:
     step: Floats
     is_matched: bool
     observations: list[CameraObservation]
+    tracked: Floats | None = None
 
     def beams(self, max_beams: int) -> BeamSegments:
         """At most `max_beams` of the beams, evenly from the scan."""
@@ -64,13 +65,14 @@ class _WindowScan:
 
 @dataclass(frozen=True, slots=True)
 class PastScan:
-    """A scan's beams in the robot's frame at its stamp, T_previous_this `(3,)` from the scan before it, and the observations of
-    the fixed cameras since then.
+    """A scan's beams in the robot's frame at its stamp, T_previous_this `(3,)` from the scan before it, the observations of
+    the fixed cameras since then, and the filter's pose `(3,)` at the scan, None if it has been elsewhere since.
     """
 
     step: Floats
     beams: BeamSegments
     observations: Sequence[CameraObservation]
+    tracked: Floats | None = None
 
 
 class ScanWindow:
@@ -112,6 +114,15 @@ class ScanWindow:
         seen = [*earlier, *observations]
         self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False, seen))
 
+    def track(self, pose: Floats) -> None:
+        """Store the filter's pose `(3,)` at the last scan."""
+        self._scans[-1].tracked = pose
+
+    def lose_track(self) -> None:
+        """Forget the filter's poses, as when it is elsewhere now."""
+        for scan in self._scans:
+            scan.tracked = None
+
     def recent(self, max_beams: int) -> BeamSegments:
         """The beams of the last scans in the robot's present frame, at most `max_beams`, equally many of each scan."""
         self._match()
@@ -135,7 +146,8 @@ class ScanWindow:
     def past(self, max_beams: int) -> list[PastScan]:
         """All scans from the latest to the oldest, each with at most `max_beams` beams."""
         self._match()
-        return [PastScan(s.step, s.beams(max_beams), s.observations) for s in reversed(self._scans)]
+        scans = reversed(self._scans)
+        return [PastScan(s.step, s.beams(max_beams), s.observations, s.tracked) for s in scans]
 
     def _match(self) -> None:
         """Correct the steps that are still those of the odometry."""

@@ -86,14 +86,31 @@ def test_an_object_that_moved_otherwise_than_the_robot_is_a_person() -> None:
 
     def log_likelihood(speed: float) -> float:
         past = tuple((then, at(2.05 - speed * (k + 1))) for k, then in enumerate(back))
-        seen = replace(frame((2.05, 2.05)), tracks=(ObservedTrack(at(2.05), past),))
+        seen = replace(frame((2.05, 2.05)), tracks=(ObservedTrack(at(2.05), past, was_expected=True),))
         return float(DetectionWeight().log_likelihood([seen], np.array([[2.05, 2.05, 0.0]]))[0])
 
     unseen = float(DetectionWeight().log_likelihood([frame()], np.array([[2.05, 2.05, 0.0]]))[0])
     new = float(DetectionWeight().log_likelihood([frame((2.05, 2.05))], np.array([[2.05, 2.05, 0.0]]))[0])
     assert 0.5 < log_likelihood(0.5) < new  # a tracked object was to be expected there
-    assert log_likelihood(-0.5) == pytest.approx(unseen, abs=CUT)
+    assert unseen < log_likelihood(-0.5) < 0.0
     assert log_likelihood(0.0) < 0.0
+
+
+def test_a_person_for_whom_the_robot_was_taken_is_the_robot_again_after_some_frames() -> None:
+    """The robot drives ahead; the object of its track came towards it until `frames` frames ago."""
+
+    def log_likelihood(frames: int) -> float:
+        past = tuple(
+            (np.array([-0.5 * k, 0.0, 0.0]), FloorCells.containing(np.array([[x, 2.05]]), CELL_M))
+            for k, x in enumerate([2.05 - 0.5 * k if k <= frames else 4.05 for k in range(1, 9)], start=1)
+        )
+        seen = replace(frame((2.05, 2.05)), tracks=(ObservedTrack(frame((2.05, 2.05)).moving, past, True),))
+        return float(DetectionWeight().log_likelihood([seen], np.array([[2.05, 2.05, 0.0]]))[0])
+
+    by_frames = [log_likelihood(frames) for frames in range(9)]
+    assert by_frames[0] < by_frames[1] < by_frames[2] < by_frames[3] < by_frames[4]
+    assert by_frames[0] < 0.0 < by_frames[4]
+    assert by_frames[4] == pytest.approx(by_frames[8])
 
 
 def test_an_observation_seen_from_a_later_scan_has_the_robot_farther_back() -> None:

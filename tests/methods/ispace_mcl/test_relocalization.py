@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
 from gridslam.methods.ispace_mcl.environment import CameraObservation
-from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, with_kidnapping
+from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, with_filter, with_kidnapping
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow, matched_step
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.likelihood_field import distance_field
@@ -37,6 +39,12 @@ def test_a_hypothesis_explains_all_scans_or_the_latest_ones_at_a_price(seed, sca
         choices = [others[:, k].sum()]
         choices += [others[:b, k].sum() + own[b:].sum() - 1.5 for b in range(1, scans)]
         assert got[k] == pytest.approx(max(choices))
+
+
+def test_what_the_filter_knows_of_a_hypothesis_counts_as_much_as_the_scans_of_the_window():
+    ratios = np.array([0.0, 1.0, 0.01])  # to the weight of the tracked pose
+    found = with_filter(np.array([3.0, 3.0, 3.0]), 1.0, ratios)
+    assert found == pytest.approx([3.0, 2.0, 2.0 + 0.5 * np.log(0.01)])
 
 
 def test_a_scan_matched_to_the_one_before_corrects_the_odometry():
@@ -91,6 +99,10 @@ def test_what_the_cameras_saw_in_the_past_counts_for_the_pose_that_the_odometry_
     past = [PastScan(step, nothing, ()), PastScan(step, nothing, (SEEN, SEEN))]
     scores = relocalizer.trace_back(np.array([[5.0, 2.0, 0.0], [5.0, 2.0, np.pi]]), past)
     np.testing.assert_allclose(scores, [[0.0, 0.0], [7.0, 13.0]])
+    # The first pose follows those of the filter, unless the filter was elsewhere.
+    for tracked, by_cameras in (([4.0, 2.0, 0.0], 8.0), ([9.0, 2.0, 0.0], 7.0)):
+        known = [past[0], replace(past[1], tracked=np.array(tracked))]
+        assert relocalizer.trace_back(np.array([[5.0, 2.0, 0.0]]), known)[1, 0] == pytest.approx(by_cameras)
 
 
 def test_a_scan_that_is_replaced_leaves_its_observations_to_the_next_one():

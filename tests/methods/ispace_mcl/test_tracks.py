@@ -48,3 +48,15 @@ def test_a_missed_frame_does_not_end_a_track_and_its_past_is_bounded() -> None:
     for k in range(3 * MAX_FRAMES):
         objects = tracker.add(k * S // 2, at() if k == 5 else at((1.05 + 0.1 * k, 1.05)))
     assert len(objects[0].past) == MAX_FRAMES
+
+
+def test_whom_a_track_continues_is_uncertain_when_two_meet_and_part() -> None:
+    tracker = MovingObjectTracker()
+    for k in range(4):
+        tracker.add(k * S // 2, at((1.05, 1.05), (3.05 - 0.4 * k, 1.55)))
+    (joined,) = tracker.add(2 * S, at((1.05, 1.05), (1.45, 1.25)))
+    assert joined.past == () and joined.was_expected
+    parted = tracker.add(5 * S // 2, at((1.05, 1.05), (1.05, 1.65)))
+    assert [tracked.past for tracked in parted] == [(), ()]
+    again = tracker.add(3 * S, at((1.05, 1.05), (3.05, 1.65)))
+    assert len(again[0].past) == 1
