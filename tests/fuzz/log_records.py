@@ -38,7 +38,8 @@ from gridslam.logs.config import LogConfig, LogLimits
 from gridslam.logs.convert import convert_log
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.mcap.file import McapFile
-from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA
+from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, RECORD, SCHEMA
+from gridslam.logs.mcap.summary import FOOTER_BYTES
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
 from gridslam.logs.write import open_writer
@@ -117,6 +118,32 @@ def fuzz_mcap(path: Path, sample: Path, rng: random.Random) -> Path:
     return path
 
 
+def fuzz_summary(path: Path, sample: Path, rng: random.Random) -> Path:
+    """An MCAP file whose summary says other places, counts and times than the data, with a right checksum or none."""
+    data = bytearray(sample.read_bytes())
+    foot = len(data) - FOOTER_BYTES + RECORD.size
+    (start,) = struct.unpack_from("<Q", data, foot)
+    for _ in range(rng.choice((1, 1, 3, 8))):
+        if rng.random() < 0.1:
+            struct.pack_into(
+                "<Q",
+                data,
+                foot + rng.choice((0, 8)),
+                rng.choice((0, 8, start - 9, start + 1, 2**63, len(data))),
+            )
+            continue
+        at = rng.randrange(start, foot - RECORD.size)
+        if rng.random() < 0.6:
+            data[at] = rng.randrange(256)
+        else:
+            number = rng.choice((0, 1, 8, 2**31, 2**63, len(data), rng.randrange(len(data))))
+            struct.pack_into("<Q", data, min(at, foot - RECORD.size - 8), number)
+    crc = zlib.crc32(data[start : foot + 16]) if rng.random() < 0.7 else 0
+    struct.pack_into("<I", data, foot + 16, crc)
+    path.write_bytes(data)
+    return path
+
+
 def _in_chunks(records: list[bytes], rng: random.Random) -> list[bytes]:
     """The records in compressed chunks with right checksums; one in a hundred says a wrong size."""
     chunks = []
@@ -179,6 +206,7 @@ MAKERS: dict[str, Callable[[Path, Path, random.Random], Path]] = {
     "db3": fuzz_database,
     "csv": fuzz_folder,
     "bag": fuzz_bag,
+    "summary": fuzz_summary,
 }
 
 

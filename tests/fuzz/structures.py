@@ -37,6 +37,7 @@ robot: {start: [1, 1, 0], route: [[1.3, 1]]}
 sensors: {lidar: {rate_hz: 5, beams: 60}, odometry: {}, gyro: {}}
 max_duration_s: 6
 """)
+SUFFIXES = {"summary": "mcap"}  # of logs whose target has another name
 LIMIT_S, LIMIT_PIXELS = 20.0, 50_000_000  # of the longest simulated drive, of all its pictures
 
 
@@ -47,7 +48,9 @@ def log_target(kind: str) -> Callable[[random.Random, Path], str]:
         sample = folder / ("sample" if kind == "csv" else "sample.mcap")
         if not sample.exists():
             log_records.write_sample(sample)
-        return log_records.check(log_records.MAKERS[kind](folder / f"log.{kind}", sample, rng), folder)
+        return log_records.check(
+            log_records.MAKERS[kind](folder / f"log.{SUFFIXES.get(kind, kind)}", sample, rng), folder
+        )
 
     return run
 
