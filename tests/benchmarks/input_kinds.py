@@ -1,0 +1,373 @@
+"""One simulated drive, recorded as the log of each kind of robot: clouds, several lidars, no odometry, odd drivers.
+
+Every kind sees the same walls from the same true poses; clouds and further lidars are cast here, with the noise of the
+simulator's lidar. Messages are written with rosbags' own serialisation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from rosbags.typesys import get_types_from_msg
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry
+from gridslam.simulation.record import tum_line
+from gridslam.simulation.route import drive_route
+from gridslam.simulation.scene import Scene
+from gridslam.simulation.simulator import Simulator
+from gridslam.simulation.world_config import validate_world
+from tests.benchmarks.bench_odometry_faults import late, scaled
+from tests.logs.ros_samples import HUMBLE, header, make, tf, transform, write_mcap
+
+Floats = NDArray[np.float64]
+Messages = Iterator[tuple[str, Any]]
+
+PERIOD_S, HEIGHT_M, FORWARD_M, CEILING_M = 0.1, 0.6, 0.1, 2.4
+RINGS_DEG = np.arange(-15.0, 16.0, 2.0)
+COLUMNS = 600
+WORLD = """
+walls:
+  - {rectangle: [0, 0, 14, 10]}
+  - {points: [[3, 3], [6, 3]]}
+  - {points: [[7, 3], [11, 3], [11, 7], [3, 7], [3, 3]]}
+  - {points: [[0, 5], [1.2, 5]]}
+  - {points: [[8, 7], [8, 8.2]]}
+  - {points: [[12.6, 4], [14, 4]]}
+boxes:
+  - {centre: [0.6, 0.6], size: [0.8, 0.6], yaw_deg: 15}
+  - {centre: [6.2, 0.3], size: [1.4, 0.5]}
+  - {centre: [13.4, 8.8], size: [0.6, 1.2]}
+  - {centre: [4.5, 9.6], size: [1.0, 0.5]}
+cylinders: [{centre: [9.5, 1.0], radius_m: 0.2}]
+robot:
+  start: [1.5, 1.5, 0]
+  speed_mps: 0.8
+  turn_radps: 1.2
+  route: [[12.3, 1.6], [12.2, 8.4], [1.8, 8.5], [1.6, 1.6], [12.0, 1.5]]
+sensors:
+  lidar: {rate_hz: 10, beams: 360, sweep_s: 0.0997, extrinsics: {x: 0.1, z: 0.6}, range_max_m: 20}
+  odometry: {rate_hz: 20}
+  gyro: {rate_hz: 100, noise_radps: 0.003, bias_deviation_radps: 0.002}
+"""
+LIVOX = {
+    "livox_ros_driver2/msg/CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\n"
+    "uint8 reflectivity\nuint8 tag\nuint8 line",
+    "livox_ros_driver2/msg/CustomMsg": "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\n"
+    "uint8[3] rsvd\nCustomPoint[] points",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """The simulator's events, the true poses of the robot by time (s after the first stamp), and the walls."""
+
+    events: list[Event]
+    poses_at: Callable[[Floats], Floats]
+    start_ns: int
+    scene: Scene
+    truth: str
+
+    def sweeps(self) -> list[LaserScan]:
+        return [event for event in self.events if isinstance(event, LaserScan)]
+
+
+def drive(seed: int) -> Drive:
+    """The drive, with errors of wheels and sensors by seed."""
+    world = validate_world({**yaml.safe_load(WORLD), "seed": seed}, "inputs")
+    simulator = Simulator(world, Path())
+    events, truth = [], []
+    for event, is_truth in drive_route(simulator):
+        (truth if is_truth else events).append(event)
+    lines = "".join(tum_line(event) for event in truth if isinstance(event, Odometry))
+    return Drive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines)
+
+
+def returns(
+    drive: Drive, stamp_ns: int, mount: Floats, rays: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Points `(n, 3)` in the sensor's frame, and the walls' horizontal distances `(n,)`.
+
+    `rays` `(n, 3)`: bearing, elevation (rad), time after the stamp (s). `mount` (3,) is T_base_sensor, `HEIGHT_M` above
+    the floor.
+    """
+    robot = drive.poses_at((stamp_ns - drive.start_ns) * 1e-9 + rays[:, 2])
+    sensor = se2.compose(robot, np.broadcast_to(mount, robot.shape))
+    yaw = sensor[:, 2] + rays[:, 0]
+    hits = drive.scene.cast(np.column_stack([sensor[:, :2], np.cos(yaw), np.sin(yaw)]), 60.0, 0.0)
+    slope = np.tan(rays[:, 1])
+    with np.errstate(divide="ignore"):
+        plane = np.where(slope < 0.0, -HEIGHT_M / slope, (CEILING_M - HEIGHT_M) / slope)
+    flat = np.minimum(hits.ranges_m, np.where(slope == 0.0, np.inf, plane))
+    flat = flat + rng.normal(0.0, 0.01 + 0.0005 * flat)
+    flat[~hits.is_hit | (rng.random(len(flat)) < 0.002)] = np.nan
+    points = np.column_stack([flat * np.cos(rays[:, 0]), flat * np.sin(rays[:, 0]), flat * slope])
+    return points, flat
+
+
+def spinning_rays() -> Floats:
+    """Rays `(COLUMNS * rings, 3)` of a spinning lidar, column by column."""
+    turn = np.arange(COLUMNS) / COLUMNS
+    bearing, elevation = np.meshgrid(2 * np.pi * turn - np.pi, np.radians(RINGS_DEG), indexing="ij")
+    times = np.broadcast_to((PERIOD_S * turn)[:, None], bearing.shape)
+    return np.stack([bearing, elevation, times], axis=-1).reshape(-1, 3)
+
+
+def scattered_rays(count: int, half_field_deg: float, rng: np.random.Generator) -> Floats:
+    """Rays `(count, 3)` of a lidar without a sweep: any bearing at any time."""
+    bearing = np.radians(rng.uniform(-half_field_deg, half_field_deg, count))
+    elevation = np.radians(rng.uniform(-12.0, 12.0, count))
+    return np.column_stack([bearing, elevation, np.sort(rng.uniform(0.0, PERIOD_S, count))])
+
+
+def cloud_message(stamp_ns: int, points: Floats, times: Floats, rings: int = 0) -> Any:
+    """sensor_msgs/PointCloud2: with `rings` organised, with NaN, padding, intensity and ring; else x, y, z, time alone."""
+    names = {"x": "<f4", "y": "<f4", "z": "<f4", "intensity": "<f4", "ring": "<u2", "t": "<u4"}
+    if not rings:
+        names = {"x": "<f4", "y": "<f4", "z": "<f4", "time": "<f4"}
+    layout = np.dtype([*names.items(), ("", "V6")]) if rings else np.dtype(list(names.items()))
+    rows = np.zeros(len(points), layout)
+    rows["x"], rows["y"], rows["z"] = points.T
+    rows["t" if rings else "time"] = np.round(times * 1e9) if rings else times
+    if rings:
+        rows["ring"] = np.tile(np.arange(rings), len(points) // rings)
+        rows = rows.reshape(-1, rings).T.copy()
+    else:
+        rows = rows[np.isfinite(points).all(axis=1)][None]
+    kinds = {"<f4": 7, "<u2": 4, "<u4": 6}
+    fields = [
+        make("sensor_msgs/msg/PointField", name=n, offset=layout.fields[n][1], datatype=kinds[k], count=1)
+        for n, k in names.items()
+    ]  # fmt: skip
+    return make(
+        "sensor_msgs/msg/PointCloud2", header=header(stamp_ns, "lidar"), height=rows.shape[0], width=rows.shape[1], fields=fields,
+        point_step=layout.itemsize, row_step=layout.itemsize * rows.shape[1], data=np.frombuffer(rows.tobytes(), np.uint8),
+        is_dense=not rings,
+    )  # fmt: skip
+
+
+def scan_message(scan: LaserScan, **changes: Any) -> Any:
+    """sensor_msgs/LaserScan of a scan."""
+    given = {
+        "header": header(scan.stamp_ns, scan.frame_id), "angle_min": scan.angle_min_rad,
+        "angle_max": scan.angle_min_rad + scan.angle_increment_rad * (len(scan.ranges_m) - 1),
+        "angle_increment": scan.angle_increment_rad, "time_increment": scan.time_increment_s, "scan_time": PERIOD_S,
+        "range_min": scan.range_min_m, "range_max": scan.range_max_m, "ranges": np.array(scan.ranges_m),
+    }  # fmt: skip
+    return make("sensor_msgs/msg/LaserScan", **{**given, **changes})
+
+
+def echoes_message(scan: LaserScan, rng: np.random.Generator) -> Any:
+    """sensor_msgs/MultiEchoLaserScan: the wall is the strongest echo, one in five beams has a weak one before it."""
+    echoes, strengths = [], []
+    for value in scan.ranges_m.tolist():
+        if not math.isfinite(value):
+            echoes.append([])
+            strengths.append([])
+        elif rng.random() < 0.2:
+            echoes.append([value * rng.uniform(0.3, 0.9), value])
+            strengths.append([20.0, 200.0])
+        else:
+            echoes.append([value])
+            strengths.append([200.0])
+
+    def each(rows: list[list[float]]) -> list[Any]:
+        return [make("sensor_msgs/msg/LaserEcho", echoes=np.array(row, np.float32)) for row in rows]
+
+    plain = scan_message(scan)
+    same = {
+        name: getattr(plain, name)
+        for name in plain.__dataclass_fields__
+        if name not in ("ranges", "intensities", "__msgtype__")
+    }
+    return make(
+        "sensor_msgs/msg/MultiEchoLaserScan", **same, ranges=each(echoes), intensities=each(strengths)
+    )
+
+
+def odometry_message(event: Odometry) -> Any:
+    """nav_msgs/Odometry of a pose."""
+    message = make("nav_msgs/msg/Odometry", header=header(event.stamp_ns, "odom"), child_frame_id="base_link")
+    position, turned = message.pose.pose.position, message.pose.pose.orientation
+    position.x, position.y = event.x_m, event.y_m
+    turned.w, turned.z = math.cos(event.yaw_rad / 2.0), math.sin(event.yaw_rad / 2.0)
+    return message
+
+
+def imu_message(event: Imu) -> Any:
+    """sensor_msgs/Imu of a yaw rate."""
+    message = make("sensor_msgs/msg/Imu", header=header(event.stamp_ns, "imu"))
+    message.angular_velocity.z = event.wz_radps
+    message.orientation_covariance[0] = -1.0
+    return message
+
+
+def mounted(frame: str, x: float = FORWARD_M, yaw_rad: float = 0.0) -> Any:
+    """base_link -> frame."""
+    return transform(
+        0, "base_link", frame, (x, 0.0, HEIGHT_M), (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
+    )
+
+
+def recorded(
+    drive: Drive,
+    path: Path,
+    scans: Callable[[LaserScan], Messages],
+    frames: tuple[Any, ...],
+    odometry: Callable[[Odometry], Odometry | None] = lambda o: o,
+    with_imu: bool = False,
+) -> Path:
+    """The log: what `scans` makes of each sweep, the odometry changed, and the yaw rates."""
+
+    def messages() -> Messages:
+        yield "/tf_static", tf(*frames)
+        for event in drive.events:
+            if isinstance(event, LaserScan):
+                yield from scans(event)
+            elif isinstance(event, Odometry) and (changed := odometry(event)) is not None:
+                yield "/odom", odometry_message(changed)
+            elif isinstance(event, Imu) and with_imu:
+                yield "/imu", imu_message(event)
+
+    return write_mcap(path, messages())
+
+
+def plain(drive: Drive, path: Path, **changes: Any) -> Path:
+    """The ordinary recording; `changes` are keywords of `recorded`."""
+    given = {"scans": lambda scan: iter([("/scan", scan_message(scan))]), "frames": (mounted("laser"),)}
+    return recorded(drive, path, **{**given, **changes})
+
+
+def clouds(drive: Drive, path: Path, rings: int = 0, half_field_deg: float = 0.0) -> Path:
+    """A spinning lidar, organised where `rings` are named, or one without a sweep in a field of view."""
+    rng = np.random.default_rng(5)
+
+    def scans(scan: LaserScan) -> Messages:
+        rays = scattered_rays(4000, half_field_deg, rng) if half_field_deg else spinning_rays()
+        points, _ = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
+        yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2], rings)
+
+    return recorded(drive, path, scans, (mounted("lidar"),))
+
+
+def livox(drive: Drive, path: Path) -> Path:
+    """livox_ros_driver2/CustomMsg with all bearings, as of a Mid-360."""
+    rng = np.random.default_rng(6)
+    if "livox_ros_driver2/msg/CustomMsg" not in HUMBLE.types:
+        HUMBLE.register({k: v for n, text in LIVOX.items() for k, v in get_types_from_msg(text, n).items()})
+    point = HUMBLE.types["livox_ros_driver2/msg/CustomPoint"]
+
+    def scans(scan: LaserScan) -> Messages:
+        rays = scattered_rays(1500, 180.0, rng)
+        points, _ = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
+        given = np.nan_to_num(points).tolist()
+        times = np.round(rays[:, 2] * 1e9).astype(int).tolist()
+        made = [point(t, x, y, z, 10, 0, 0) for t, (x, y, z) in zip(times, given, strict=True)]
+        head = header(scan.stamp_ns, "lidar")
+        yield (
+            "/livox/lidar",
+            make(
+                "livox_ros_driver2/msg/CustomMsg",
+                header=head,
+                point_num=len(made),
+                rsvd=np.zeros(3, np.uint8),
+                points=made,
+            ),
+        )
+
+    return recorded(drive, path, scans, (mounted("lidar"),))
+
+
+def two_lidars(drive: Drive, path: Path) -> Path:
+    """A front lidar of 240 degrees, and one at the back that sees half as far at half the rate."""
+    rng = np.random.default_rng(7)
+    places = {"front": np.array([0.25, 0.0, 0.0]), "back": np.array([-0.2, 0.0, math.pi])}
+    count, field = 320, math.radians(240.0)
+    turn = np.arange(count) / (count - 1)
+    rays = np.column_stack([field * (turn - 0.5), np.zeros(count), 0.06 * turn])
+    sweeps = {scan.stamp_ns: k for k, scan in enumerate(drive.sweeps())}
+
+    def scans(scan: LaserScan) -> Messages:
+        for name in ("front", "back")[: 1 + sweeps[scan.stamp_ns] % 2]:
+            _, ranges = returns(drive, scan.stamp_ns, places[name], rays, rng)
+            reach = 20.0 if name == "front" else 10.0
+            ranges = np.where(ranges < reach, ranges, np.inf).astype(np.float32)
+            one = replace(
+                scan, frame_id=name, ranges_m=ranges, angle_min_rad=-0.5 * field, range_max_m=reach,
+                angle_increment_rad=field / (count - 1), time_increment_s=0.06 / (count - 1),
+            )  # fmt: skip
+            yield f"/{name}/scan", scan_message(one, angle_max=0.5 * field)
+
+    return recorded(
+        drive, path, scans, tuple(mounted(n, float(p[0]), float(p[2])) for n, p in places.items())
+    )
+
+
+def echoes(drive: Drive, path: Path) -> Path:
+    rng = np.random.default_rng(8)
+    return plain(drive, path, scans=lambda scan: iter([("/echoes", echoes_message(scan, rng))]))
+
+
+def narrow(drive: Drive, path: Path) -> Path:
+    """The ordinary lidar with the field of view of a solid-state one: 120 degrees."""
+
+    def scans(scan: LaserScan) -> Messages:
+        cut = slice(120, 240)
+        first = scan.angle_min_rad + 120 * scan.angle_increment_rad
+        stamp = scan.stamp_ns + round(120e9 * scan.time_increment_s)
+        yield (
+            "/scan",
+            scan_message(replace(scan, stamp_ns=stamp, ranges_m=scan.ranges_m[cut], angle_min_rad=first)),
+        )
+
+    return plain(drive, path, scans=scans)
+
+
+def timed(**changes: Any) -> Callable[[Drive, Path], Path]:
+    """The ordinary recording whose scans have other times: `late_s` added to their stamps, another `time_increment`."""
+    late_s = changes.pop("late_s", 0.0)
+
+    def make_log(drive: Drive, path: Path) -> Path:
+        def scans(scan: LaserScan) -> Messages:
+            yield (
+                "/scan",
+                scan_message(replace(scan, stamp_ns=scan.stamp_ns + round(late_s * 1e9)), **changes),
+            )
+
+        return plain(drive, path, scans=scans)
+
+    return make_log
+
+
+def odometry(
+    change: Callable[[Odometry], Odometry | None], with_imu: bool = False
+) -> Callable[[Drive, Path], Path]:
+    """The ordinary recording with another odometry."""
+    return lambda drive, path: plain(drive, path, odometry=change, with_imu=with_imu)
+
+
+ORDINARY = {"ordinary": plain, "ordinary_narrow": narrow}
+KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
+    "cloud": (clouds, "ordinary"),
+    "cloud_organised": (lambda d, p: clouds(d, p, rings=len(RINGS_DEG)), "ordinary"),
+    "cloud_solid_state": (lambda d, p: clouds(d, p, half_field_deg=60.0), "ordinary_narrow"),
+    "livox": (livox, "ordinary"),
+    "multi_echo": (echoes, "ordinary"),
+    "two_lidars": (two_lidars, "ordinary"),
+    "no_odometry": (odometry(lambda o: None), "ordinary"),
+    "no_odometry_imu": (odometry(lambda o: None, with_imu=True), "ordinary"),
+    "imu": (odometry(lambda o: o, with_imu=True), "ordinary"),
+    "sweep_unknown": (timed(time_increment=0.0, scan_time=0.0), "ordinary"),
+    "stamp_at_end": (timed(late_s=0.0997), "ordinary"),
+    "odometry_scaled_0.8": (odometry(scaled(0.8)), "ordinary"),
+    "odometry_scaled_1.25": (odometry(scaled(1.25)), "ordinary"),
+    "odometry_late": (odometry(late(0.15)), "ordinary"),
+    "odometry_mirrored": (odometry(lambda o: replace(o, yaw_rad=-o.yaw_rad)), "ordinary"),
+}
