@@ -23,6 +23,10 @@ HALF_BAND_M = 0.3  # about a sensor whose height is not known
 LINEAR_FRACTION = (
     0.1  # times that leave the line through them by more of the sweep belong to no rotating sweep
 )
+MIN_HALF_WINDOW_S = (
+    0.005  # about the median time of a cloud that no sweep has taken: a turning robot moves by 0.3 degrees
+)
+SECTOR_BEAMS, MIN_COVERED = 20, 0.9  # size of a sector, and how many of those with a return must be seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +60,18 @@ class VirtualLidar:
         bearings = np.arctan2(points[:, 1], points[:, 0])
         beams = ((bearings + math.pi) * (BEAMS / (2.0 * math.pi))).astype(np.int64) % BEAMS
         nearest, beam_of = _nearest_of_each(beams, ranges)
-        values = np.full(BEAMS, np.nan)
-        values[beam_of] = ranges[nearest]
         increment = 2.0 * math.pi / BEAMS
         first, step, start_s, time_increment_s = 0, 1, 0.0, 0.0
         if len(cloud.times_s) and len(beam_of):
-            times = cloud.times_s[used][nearest].astype(np.float64)
-            first, step, start_s, time_increment_s = _sweep(beam_of, times)
+            times = cloud.times_s[used].astype(np.float64)
+            first, step, start_s, time_increment_s = _sweep(beam_of, times[nearest])
+            if not time_increment_s:
+                around = _around_median(times, beams)
+                start_s = float(np.median(times[around]))
+                nearest, beam_of = _nearest_of_each(beams[around], ranges[around])
+                nearest = around[nearest]
+        values = np.full(BEAMS, np.nan)
+        values[beam_of] = ranges[nearest]
         order = (first + step * np.arange(BEAMS)) % BEAMS
         return LaserScan(
             cloud.stamp_ns + round(start_s * 1e9),
@@ -101,10 +110,26 @@ def _nearest_of_each(beams: NDArray[np.int64], ranges: Floats) -> tuple[NDArray[
     return candidates[first], beam_of
 
 
+def _around_median(times: Floats, beams: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Indices of points whose times are close to the median, as few as see nearly all sectors that have a return.
+
+    The nearest of returns that were taken while the robot turned is too near: they come from several directions.
+    """
+    apart = np.abs(times - np.median(times))
+    sectors = beams // SECTOR_BEAMS
+    covered = MIN_COVERED * len(np.unique(sectors))
+    half_s = MIN_HALF_WINDOW_S
+    while True:
+        chosen = np.flatnonzero(apart <= half_s)
+        if len(chosen) == len(times) or len(np.unique(sectors[chosen])) >= covered:
+            return chosen
+        half_s *= 2.0
+
+
 def _sweep(beam_of: NDArray[np.int64], times: Floats) -> tuple[int, int, float, float]:
     """The first beam of a rotating sweep, its sense (1 or -1), its start (s) and the time between beams (s).
 
-    Where times do not follow the bearing (solid-state lidars), all points count as taken at their median time.
+    Where times do not follow the bearing (solid-state lidars), the time between beams is 0.
     """
     unknown = 0, 1, float(np.median(times)), 0.0
     duration = float(times.max() - times.min())

@@ -181,3 +181,32 @@ def test_clouds_serve_as_scans_where_the_log_has_none_and_stay_clouds_in_a_conve
     with open_log(tmp_path / "copy.mcap") as log:
         clouds = [event for event in log.events() if isinstance(event, PointCloud)]
     np.testing.assert_array_equal(clouds[0].points_m, room_cloud().points_m)
+
+
+def turning_cloud(bearings: np.ndarray, times: np.ndarray, yaw_rate: float) -> PointCloud:
+    """Returns of a wall 3 m ahead at `times`, seen by a lidar that turns and faces the wall at 0.05 s."""
+    world = bearings + yaw_rate * (times - 0.05)
+    ranges = 3.0 / np.cos(world)
+    return cloud_of(
+        np.column_stack([ranges * np.cos(bearings), ranges * np.sin(bearings), 0.0 * ranges]), times
+    )
+
+
+def test_the_turn_of_the_robot_does_not_bring_a_wall_nearer_that_no_sweep_has_taken() -> None:
+    rng = np.random.default_rng(3)
+    bearings, times = rng.uniform(-1.0, 1.0, 8000), np.sort(rng.uniform(0.0, 0.1, 8000))
+    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(turning_cloud(bearings, times, 1.2))
+    angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(BEAMS)
+    seen = np.isfinite(scan.ranges_m)
+    assert np.abs(scan.ranges_m * np.cos(angles) - 3.0)[seen].mean() < 0.012  # of all 8,000 returns: 0.076
+    assert abs(scan.stamp_ns - 5.05 * S) < 2_000_000
+    assert (np.abs(angles[seen]).max() > 0.98) and seen.sum() > 250
+
+
+def test_a_pattern_that_takes_all_the_time_for_its_field_of_view_keeps_it() -> None:
+    times = np.linspace(0.0, 0.1, 4000)
+    bearings = np.abs((times * 20.0) % 2.0 - 1.0) * 2.0 - 1.0  # there and back
+    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(turning_cloud(bearings, times, 0.0))
+    angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(BEAMS)
+    seen = angles[np.isfinite(scan.ranges_m)]
+    assert seen.min() < -0.85 and seen.max() > 0.85
