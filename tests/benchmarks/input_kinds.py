@@ -297,10 +297,10 @@ def two_lidars(drive: Drive, path: Path) -> Path:
     def scans(scan: LaserScan) -> Messages:
         for name in ("front", "back")[: 1 + sweeps[scan.stamp_ns] % 2]:
             _, ranges = returns(drive, scan.stamp_ns, places[name], rays, rng)
-            reach = 20.0 if name == "front" else 10.0
-            ranges = np.where(ranges < reach, ranges, np.inf).astype(np.float32)
+            max_range_m = 20.0 if name == "front" else 10.0
+            ranges = np.where(ranges < max_range_m, ranges, np.inf).astype(np.float32)
             one = replace(
-                scan, frame_id=name, ranges_m=ranges, angle_min_rad=-0.5 * field, range_max_m=reach,
+                scan, frame_id=name, ranges_m=ranges, angle_min_rad=-0.5 * field, range_max_m=max_range_m,
                 angle_increment_rad=field / (count - 1), time_increment_s=0.06 / (count - 1),
             )  # fmt: skip
             yield f"/{name}/scan", scan_message(one, angle_max=0.5 * field)
