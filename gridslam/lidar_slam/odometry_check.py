@@ -115,7 +115,9 @@ class OdometryCheck:
             return
         if self._scans > 1:
             repaired = [self._repaired(event) for event in held]
-            self.sweep = find_sweep_time(repaired, self._path(held), self._build_tracker)
+            self._path(held)
+            if self._tracker is not None:
+                self.sweep = find_sweep_time(repaired, self._tracker, self._build_tracker)
         self._held, self._tracker = None, None
         for event in held:
             yield from self._give(event)

@@ -17,6 +17,7 @@ from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
 from gridslam.lidar_slam.motion_prediction import MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
+from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.slips import slip_variances
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
@@ -54,7 +55,7 @@ class ScanTracker:
         self._matches: list[ScanMatch] = []
         self._slips_m2: list[Floats] = []  # of every scan's step
         self.keys: list[int] = []  # rows of the key scans among all scans
-        self.key_scans: list[PreparedScan] = []
+        self.key_scans = PackedScans()
         self._lidar = ""  # of the last tracked scan
         self._lidars: list[str] = []  # of every scan
         self._last_key_of: dict[str, int] = {}  # row of each lidar's last key scan

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, as_float32
-from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 
 Floats = NDArray[np.float64]
@@ -59,24 +58,28 @@ def with_sweep(scan: LaserScan, sweep_s: float) -> LaserScan:
 
 
 def find_sweep_time(
-    events: Sequence[Event], path: Trajectory, build_tracker: Callable[[], ScanTracker]
+    events: Sequence[Event], tracker: ScanTracker, build_tracker: Callable[[], ScanTracker]
 ) -> SweepTime | None:
     """The time of a sweep; None where the scans' own is as good, or nothing is certain.
 
-    `events` are scans and extrinsics; `path` is the robot's path over the scans with the times that they state.
+    `events` are scans and extrinsics; `tracker` has followed the robot over the scans with the times that they state.
     """
     scans = [e for e in events if isinstance(e, LaserScan)]
-    if len({(s.frame_id, s.time_increment_s == 0.0) for s in scans}) != 1 or len(path) < MIN_TURNING_SCANS:
+    if (
+        len({(s.frame_id, s.time_increment_s == 0.0) for s in scans}) != 1
+        or len(tracker.stamps_ns) < MIN_TURNING_SCANS
+    ):
         return None
-    steps_s = np.diff(path.stamps_ns) * 1e-9
+    steps_s = np.diff(_times_s(tracker))
     period_s = float(np.median(steps_s))
     if not period_s > 0.0 or (steps_s <= 0.0).any():
         return None
     stated_s = float(np.median([s.time_increment_s * (len(s.ranges_m) - 1) for s in scans]))
     events = [e for e in events if not isinstance(e, Odometry)]
     if stated_s:  # times that may be wrong have bent the path
-        path = _path(events, build_tracker())
-    trials = _Trials(events, path, build_tracker)
+        tracker = build_tracker()
+        _track(tracker, events, 0.0)
+    trials = _Trials(events, tracker, build_tracker)
     if len(trials.turning) < MIN_TURNING_SCANS:
         return None
     if stated_s:
@@ -94,12 +97,6 @@ def find_sweep_time(
         gain.mean() > MIN_GAIN and z_score > MIN_Z_SCORE and abs(best_s) <= MAX_SWEEP_PERIODS * period_s
     )
     return SweepTime(best_s, stated_s) if is_certain else None
-
-
-def _path(events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
-    """The robot's path over scans whose beams count as taken at once."""
-    _track(tracker, events, 0.0)
-    return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses))
 
 
 def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> None:
@@ -123,20 +120,28 @@ def _best_fraction(trials: _Trials, period_s: float) -> float | None:
     return sign * best * period_s if best > 0.0 else None
 
 
+def _times_s(tracker: ScanTracker) -> Floats:
+    """Times `(n,)` of the tracked scans (s), from the first."""
+    stamps_ns = np.array(tracker.stamps_ns, np.int64)
+    return np.asarray((stamps_ns - stamps_ns[0]) * 1e-9)
+
+
 class _Trials:
     """Inlier ratios of the turning scans with several times of a sweep."""
 
     def __init__(
-        self, events: Sequence[Event], path: Trajectory, build_tracker: Callable[[], ScanTracker]
+        self, events: Sequence[Event], at_once: ScanTracker, build_tracker: Callable[[], ScanTracker]
     ) -> None:
+        """`at_once` has followed the scans as if all beams of one were taken at once."""
         self._events = events
         self._build_tracker = build_tracker
-        times_s = (path.stamps_ns - path.stamps_ns[0]) * 1e-9
-        self._origin_ns = int(path.stamps_ns[0])
+        times_s = _times_s(at_once)
+        self._origin_ns = at_once.stamps_ns[0]
         self._middles_s = 0.5 * (times_s[1:] + times_s[:-1])
-        self._twists = se2.between(path.poses[:-1], path.poses[1:]) / np.diff(times_s)[:, None]
+        poses = np.array(at_once.track_poses)
+        self._twists = se2.between(poses[:-1], poses[1:]) / np.diff(times_s)[:, None]
         self.turning = np.flatnonzero(np.abs(self._twists[:, 2]) > MIN_YAW_RATE_RADPS) + 1
-        self._found: dict[float, Floats] = {}
+        self._found = {0.0: at_once.inlier_ratios[self.turning]}
 
     def ratios(self, sweep_s: float) -> Floats:
         """Inlier ratios `(k,)` of the turning scans, with the robot's motion undone over this time of a sweep (s)."""

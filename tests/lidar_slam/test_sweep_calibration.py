@@ -5,11 +5,9 @@ from __future__ import annotations
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Transform
-from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, with_sweep
 from gridslam.logs.open import open_log
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -37,8 +35,7 @@ def found_with(sweep_s: float, scans: int = SCANS) -> SweepTime | None:
             tracker.track_scan(placed)
     for placed in tracker.flush():
         tracker.track_scan(placed)
-    path = Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses))
-    return find_sweep_time(stated, path, build)
+    return find_sweep_time(stated, tracker, build)
 
 
 def test_times_that_are_right_are_kept() -> None:

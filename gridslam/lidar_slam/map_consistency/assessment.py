@@ -127,12 +127,11 @@ def assess_map(
             revisited=0.0,
             longest_unchecked_m=0.0,
         )
-    chosen = [scans[row] for row in rows]
     passages = find_passages(poses[rows], distance_driven(poses)[rows])
-    observations = observe(chosen, poses[rows], passages)
+    observations = observe(scans, rows, poses[rows], passages)
     found = find_contradictions(observations)
     strained = max_strained(track, poses, rows, drift or DriftModel())
-    stamps = np.array([scan.stamp_ns for scan in chosen], np.int64)
+    stamps = np.array([scans[row].stamp_ns for row in rows], np.int64)
     places = contradicted_places(found, observations, passages, stamps)
     places += strained_places(strained, poses[rows], stamps)
     residuals = np.zeros(1)

@@ -63,14 +63,14 @@ class Observations:
         return free, occupied
 
 
-def observe(scans: Sequence[PreparedScan], poses: Floats, passages: Passages) -> Observations:
-    """The observations of scans `(n,)` at their poses `(n, 3)`."""
-    viewpoints = np.array([scan.viewpoint for scan in scans])
-    returns = [scan.returns for scan in scans]
+def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: Passages) -> Observations:
+    """The observations of the scans in `rows` `(n,)` at their poses `(n, 3)`."""
+    viewpoints = np.array([scans[row].viewpoint for row in rows])
+    returns = [scans[row].returns for row in rows]
     profiles = free_space.Profiles(
         *free_space.scan_profiles(np.concatenate(returns), _offsets(returns), viewpoints, SECTORS)
     )
-    chosen = [scan.subset(MAX_POINTS).points for scan in scans]
+    chosen = [scans[row].subset(MAX_POINTS).points for row in rows]
     first = _offsets(chosen)
     testimony = free_space.testimony(
         np.concatenate(chosen),
@@ -82,7 +82,7 @@ def observe(scans: Sequence[PreparedScan], poses: Floats, passages: Passages) ->
         limits=TOLERANCES,
     )
     in_map = [se2.transform_points(pose, points) for pose, points in zip(poses, chosen, strict=True)]
-    scan = np.repeat(np.arange(len(scans)), np.diff(first))
+    scan = np.repeat(np.arange(len(rows)), np.diff(first))
     return Observations(
         poses,
         viewpoints,

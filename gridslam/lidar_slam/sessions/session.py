@@ -91,8 +91,10 @@ class Session:
         return offsets([len(drive.keys) for drive in self.drives])
 
     @property
-    def scans(self) -> list[PreparedScan]:
+    def scans(self) -> Sequence[PreparedScan]:
         """The key scans of all drives."""
+        if len(self.drives) == 1:
+            return self.drives[0].scans
         return [scan for drive in self.drives for scan in drive.scans]
 
     @property

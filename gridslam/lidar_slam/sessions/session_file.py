@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,9 +68,9 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield "key.viewpoint", np.array([scan.viewpoint for scan in scans])
     yield "key.returns", np.array([len(scan.returns) for scan in scans], np.int64)
     yield "key.surface", np.array([len(scan.surface) for scan in scans], np.int64)
-    yield "returns", _packed_points([scan.returns for scan in scans])
-    yield "surface", _packed_points([scan.surface for scan in scans])
-    yield "surface.normal", _packed_normals(np.concatenate([scan.surface_normals for scan in scans]))
+    yield "returns", _packed_points(scan.returns for scan in scans)
+    yield "surface", _packed_points(scan.surface for scan in scans)
+    yield "surface.normal", np.concatenate([_packed_normals(scan.surface_normals) for scan in scans])
     for name in EDGES:
         yield from _edge_arrays(name, getattr(constraints, name)).items()
 
@@ -206,7 +206,7 @@ def _scans(a: Arrays, first_key: NDArray[np.int64], first_scan: NDArray[np.int64
     ]
 
 
-def _packed_points(parts: list[NDArray[np.float64]]) -> NDArray[np.int32]:
+def _packed_points(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.int32]:
     """Points as differences of whole numbers, which compress well."""
     whole = np.concatenate([np.rint(part / POINT_UNIT_M).astype(np.int32) for part in parts])
     return np.diff(whole, axis=0, prepend=np.zeros((1, 2), np.int32))

@@ -6,6 +6,7 @@ Without tag reads this is a lidar SLAM.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -128,7 +129,7 @@ class SlamSd:
                     key_poses = session.poses_of(len(session.drives) - 1)
             resolution_m = config.pose_graph.resolution_m or resolution_m
         trajectory = tracker.corrected(key_poses)
-        scans = tracker.key_scans
+        scans: Sequence[PreparedScan] = tracker.key_scans
         with self._stopwatch.stage("map_consistency"):
             compared = (scans, key_poses, tracker.key_poses, loops)
             if continued is not None:
@@ -215,12 +216,8 @@ class SlamSd:
 
     def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
         """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
-        scans = [
-            self._objects.without_moved_objects(key, scan, key_poses)
-            for key, scan in enumerate(self._tracker.key_scans)
-        ]
         closed = close_trajectory(
-            scans,
+            self._objects.all_without_moved_objects(self._tracker.key_scans, key_poses),
             self._tracker.key_poses,
             self._objects.landmarks(key_poses),
             self._track_drift,
@@ -233,10 +230,7 @@ class SlamSd:
     def _session_with(self, closed: ClosedTrajectory) -> tuple[Session, Continued | None]:
         """The session after this drive; and if it continues an earlier one, how."""
         tracker = self._tracker
-        scans = [
-            self._objects.without_objects(key, scan, closed.poses)
-            for key, scan in enumerate(tracker.key_scans)
-        ]
+        scans = self._objects.all_without_objects(tracker.key_scans, closed.poses)
         drive = drive_of(self._log_name, tracker, scans)
         constraints = constraints_of(closed, self._objects.landmarks(closed.poses))
         if self._session is None:

@@ -68,8 +68,13 @@ class ObjectLayer(Protocol):
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
         """A key scan without the endpoints on objects."""
 
-    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on objects that have been moved."""
+    def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
+        """All key scans without the endpoints on objects."""
+
+    def all_without_moved_objects(
+        self, scans: Sequence[PreparedScan], path: Floats
+    ) -> Sequence[PreparedScan]:
+        """All key scans without the endpoints on objects that have been moved."""
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """Masks over the returns of each key scan that lie on an object; None if no object was found."""
@@ -111,9 +116,15 @@ class NoObjects:
         """The scan itself."""
         return scan
 
-    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """The scan itself."""
-        return scan
+    def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
+        """The scans themselves."""
+        return scans
+
+    def all_without_moved_objects(
+        self, scans: Sequence[PreparedScan], path: Floats
+    ) -> Sequence[PreparedScan]:
+        """The scans themselves."""
+        return scans
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """None."""
@@ -209,9 +220,16 @@ class TaggedObjects:
         """A key scan without the endpoints on tagged objects."""
         return self._without(self.found, key, scan, path)
 
-    def without_moved_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on objects that have been moved."""
-        return self._without([found for found in self.found if found.has_moved], key, scan, path)
+    def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
+        """All key scans without the endpoints on tagged objects."""
+        return [self._without(self.found, key, scan, path) for key, scan in enumerate(scans)]
+
+    def all_without_moved_objects(
+        self, scans: Sequence[PreparedScan], path: Floats
+    ) -> Sequence[PreparedScan]:
+        """All key scans without the endpoints on objects that have been moved."""
+        moved = [found for found in self.found if found.has_moved]
+        return [self._without(moved, key, scan, path) for key, scan in enumerate(scans)]
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """Masks over the returns of each key scan that lie on an object; None if no object was found."""
