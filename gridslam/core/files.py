@@ -31,7 +31,7 @@ def real_path(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def write_atomic(path: Path, data: bytes) -> None:
+def write_atomic(path: Path, data: bytes | memoryview) -> None:
     """Write `data` under a temporary name beside `path`, then rename: readers never see an incomplete file."""
     with partial_file(path) as stream:
         stream.write(data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, overload
 
@@ -12,7 +13,7 @@ from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
-BLOCK_VALUES = 1 << 18  # of four bytes: blocks of this size are returned to the system when they are freed
+BLOCK_VALUES = 1 << 18  # of four bytes
 
 
 class _Place(NamedTuple):
@@ -38,7 +39,7 @@ class PackedScans(Sequence[PreparedScan]):
         parts = (scan.returns, scan.points, scan.normals, scan.surface, scan.surface_normals)
         size = sum(part.size for part in parts)
         if not self._blocks or self._used + size > len(self._blocks[-1]):
-            self._blocks.append(np.empty(max(BLOCK_VALUES, size), np.float32))
+            self._blocks.append(_new_block(max(BLOCK_VALUES, size)))
             self._used = 0
         sizes = len(scan.returns), len(scan.points), len(scan.surface)
         self._places.append(_Place(len(self._blocks) - 1, self._used, sizes, scan.stamp_ns, scan.viewpoint))
@@ -71,3 +72,8 @@ class PackedScans(Sequence[PreparedScan]):
             arrays.append(block[at : at + 2 * count].reshape(-1, 2).astype(np.float64))
             at += 2 * count
         return PreparedScan(place.stamp_ns, place.viewpoint, *arrays)
+
+
+def _new_block(values: int) -> NDArray[np.float32]:
+    """Memory straight from the system, which gets it back as soon as the scans are not needed; an allocator may keep it."""
+    return np.frombuffer(mmap.mmap(-1, values * np.dtype(np.float32).itemsize), np.float32)

@@ -237,13 +237,16 @@ def cells_of_grid(grid: OccupancyGrid) -> NDArray[np.int8]:
     return cells
 
 
-def _image_bytes(cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: ImageFormat) -> bytes:
+def _image_bytes(
+    cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: ImageFormat
+) -> bytes | memoryview:
     if not cells.size:
         raise ConfigError("an empty map (no rows or no columns) cannot be saved")
     top_first = cells[::-1]
-    image = Image.fromarray(
-        _looked_up(_pixel_of_value(mode, limits), top_first)
-    )  # -1, unknown, is the last entry
+    pixel_of_value = _pixel_of_value(mode, limits)  # -1, unknown, is the last entry
+    if mode != "scale" and kind == "pgm":
+        return _pgm_bytes(top_first, pixel_of_value)
+    image = Image.fromarray(_looked_up(pixel_of_value, top_first))
     if mode == "scale" and kind == "png":
         image.putalpha(Image.fromarray(np.where(top_first == UNKNOWN, np.uint8(0), np.uint8(255))))
         image = image.convert("RGBA")
@@ -254,6 +257,19 @@ def _image_bytes(cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: 
     buffer = io.BytesIO()
     image.save(buffer, format={"pgm": "PPM", "png": "PNG", "bmp": "BMP"}[kind])
     return buffer.getvalue()
+
+
+def _pgm_bytes(top_first: NDArray[np.int8], pixel_of_value: NDArray[np.uint8]) -> memoryview:
+    """A PGM file, filled in blocks of rows: of a large map no copy is made."""
+    rows, cols = top_first.shape
+    header = b"P5\n%d %d\n255\n" % (cols, rows)
+    content = np.empty(len(header) + rows * cols, np.uint8)
+    content[: len(header)] = np.frombuffer(header, np.uint8)
+    pixels = content[len(header) :].reshape(rows, cols)
+    for first in range(0, rows, ROWS_PER_BLOCK):
+        block = slice(first, first + ROWS_PER_BLOCK)
+        pixels[block] = _looked_up(pixel_of_value, top_first[block])
+    return content.data
 
 
 def _pixel_of_value(mode: Mode, limits: Thresholds) -> NDArray[np.uint8]:

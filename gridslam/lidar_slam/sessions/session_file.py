@@ -66,10 +66,12 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield "key.scan", np.concatenate([drive.keys for drive in drives])
     yield "key.pose", session.poses
     yield "key.viewpoint", np.array([scan.viewpoint for scan in scans])
-    yield "key.returns", np.array([len(scan.returns) for scan in scans], np.int64)
-    yield "key.surface", np.array([len(scan.surface) for scan in scans], np.int64)
-    yield "returns", _packed_points(scan.returns for scan in scans)
-    yield "surface", _packed_points(scan.surface for scan in scans)
+    returns = np.array([len(scan.returns) for scan in scans], np.int64)
+    surfaces = np.array([len(scan.surface) for scan in scans], np.int64)
+    yield "key.returns", returns
+    yield "key.surface", surfaces
+    yield "returns", _packed_points((scan.returns for scan in scans), int(returns.sum()))
+    yield "surface", _packed_points((scan.surface for scan in scans), int(surfaces.sum()))
     yield "surface.normal", np.concatenate([_packed_normals(scan.surface_normals) for scan in scans])
     for name in EDGES:
         yield from _edge_arrays(name, getattr(constraints, name)).items()
@@ -206,10 +208,15 @@ def _scans(a: Arrays, first_key: NDArray[np.int64], first_scan: NDArray[np.int64
     ]
 
 
-def _packed_points(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.int32]:
-    """Points as differences of whole numbers, which compress well."""
-    whole = np.concatenate([np.rint(part / POINT_UNIT_M).astype(np.int32) for part in parts])
-    return np.diff(whole, axis=0, prepend=np.zeros((1, 2), np.int32))
+def _packed_points(parts: Iterable[NDArray[np.float64]], count: int) -> NDArray[np.int32]:
+    """`count` points of all parts as differences of whole numbers, which compress well."""
+    packed_points = np.empty((count, 2), np.int32)
+    last, at = np.zeros((1, 2), np.int32), 0
+    for part in parts:
+        whole = np.concatenate([last, np.rint(part / POINT_UNIT_M).astype(np.int32)])
+        packed_points[at : at + len(part)] = np.diff(whole, axis=0)
+        last, at = whole[-1:], at + len(part)
+    return packed_points
 
 
 def _points(packed_points: NDArray[np.int64]) -> NDArray[np.float64]:
