@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,23 +24,32 @@ MAX_DISPLACED_RATIO = 0.03
 MIN_LOCALIZED_SCANS = 10  # from which that mean says something
 
 
-def doubt_of(
-    statuses: Sequence[str],
-    displaced_ratios: Sequence[float],
-    occupancy: OccupancyGrid,
-    occupied_threshold: float,
-) -> Doubt | None:
-    """The doubt about a localization with these statuses (localized, uncertain, lost) of its scans; None if it is trusted.
+class History(Protocol):
+    """What is known of each scan's pose: its status (localized, uncertain, lost), and the ratio of its displaced beams."""
 
-    `displaced_ratios` are those of the scans' assessments.
-    """
+    @property
+    def statuses(self) -> Sequence[str]:
+        """Of every scan."""
+
+    @property
+    def displaced_ratios(self) -> Sequence[float]:
+        """Of every scan."""
+
+    def travel_ratio(self) -> float:
+        """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
+
+
+def doubt_of(history: History, occupancy: OccupancyGrid, occupied_threshold: float) -> Doubt | None:
+    """The doubt about a localization; None if it is trusted."""
+    statuses = history.statuses
     if not statuses:
         return None
     localized = np.array([status == "localized" for status in statuses])
     end = localized[-max(int(END_RATIO * len(localized)), 1) :]
     is_found = localized.mean() >= MIN_LOCALIZED_RATIO or end.mean() >= MIN_LOCALIZED_AT_END
     if is_found and statuses[-1] != "lost":
-        return _doubt_of_walls(np.asarray(displaced_ratios, np.float64)[localized])
+        displaced = np.asarray(history.displaced_ratios, np.float64)[localized]
+        return _doubt_of_walls(displaced) or _doubt_of_scale(history.travel_ratio())
     return Doubt(
         "lost",
         f"localized {100.0 * localized.mean():.0f} % of the time, {statuses[-1]} at the end; "
@@ -55,6 +65,17 @@ def _doubt_of_walls(displaced: NDArray[np.float64]) -> Doubt | None:
         "inconsistent",
         f"localized, but {100.0 * displaced.mean():.0f} % of the beams at walls end behind them; "
         "is the map mirrored, of another floor, or out of date?",
+    )
+
+
+def _doubt_of_scale(travel_ratio: float) -> Doubt | None:
+    """The doubt about odometry or a map of another scale than the place."""
+    if travel_ratio == 1.0:
+        return None
+    return Doubt(
+        "inconsistent",
+        f"localized, but the robot drove {travel_ratio:.2f} times as far on the map as by its odometry; "
+        "is the odometry's scale right, and the map's resolution?",
     )
 
 

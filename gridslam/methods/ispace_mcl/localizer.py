@@ -225,7 +225,7 @@ class Localizer:
         )
         if comparison is None:
             return False
-        self._schedule.is_confirmed = comparison.is_confirmed
+        self._schedule.confirm(comparison.is_confirmed)
         if comparison.particles is None:
             return False
         self.particles = comparison.particles

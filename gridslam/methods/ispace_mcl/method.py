@@ -172,12 +172,7 @@ class IspaceMcl:
                 **self._camera_measures(),
                 "motion": {"odometry_check": self._odometry_check.measures()},
             },
-            doubt=doubt_of(
-                self._history.statuses,
-                self._history.displaced_ratios,
-                self._occupancy,
-                self._config.advanced.occupied_threshold,
-            ),
+            doubt=doubt_of(self._history, self._occupancy, self._config.advanced.occupied_threshold),
         )
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:
@@ -206,7 +201,7 @@ class IspaceMcl:
         since = se2.between(self._updated_at, placed.odometry)
         self._pose = se2.compose(self._update.belief.mean, since)
         self._stamp_ns = placed.scan.stamp_ns
-        self._history.add(self._stamp_ns, self._pose, self._update)
+        self._history.add(self._stamp_ns, self._pose, placed.odometry, self._update)
         self._counters["used.scan"] += 1
 
     def _is_update_due(self, placed: PlacedScan) -> bool:

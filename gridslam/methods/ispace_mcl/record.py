@@ -12,6 +12,7 @@ from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.filters.particles import Belief
 from gridslam.methods.base import Series, Table
 from gridslam.methods.ispace_mcl.localizer import FilterUpdate
+from gridslam.methods.ispace_mcl.travel_ratio import travel_ratio
 
 COLUMNS = (
     "stamp",
@@ -36,11 +37,13 @@ class LocalizationHistory:
     def __init__(self) -> None:
         self._stamps: list[int] = []
         self._poses: list[np.ndarray] = []
+        self._odometry: list[np.ndarray] = []
         self._updates: list[FilterUpdate] = []
 
-    def add(self, stamp_ns: int, pose: np.ndarray, update: FilterUpdate) -> None:
-        """Add the pose `(3,)` at a scan's stamp and the last update until then."""
+    def add(self, stamp_ns: int, pose: np.ndarray, odometry: np.ndarray, update: FilterUpdate) -> None:
+        """Add the pose `(3,)` and T_odom_base `(3,)` at a scan's stamp, and the last update until then."""
         self._stamps.append(stamp_ns)
+        self._odometry.append(odometry)
         self._poses.append(pose)
         self._updates.append(update)
 
@@ -82,6 +85,12 @@ class LocalizationHistory:
         """The ratio of displaced beams at each scan."""
         return [update.assessment.displaced_ratio for update in self._updates]
 
+    def travel_ratio(self) -> float:
+        """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
+        if len(self._poses) < 2:
+            return 1.0
+        return travel_ratio(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())
+
     def untrusted_ns(self) -> NDArray[np.int64]:
         """First and last stamps `(k, 2)` of the parts in which the robot was not localized."""
         return stretches(np.array(self._stamps, np.int64), self.is_untrusted())
@@ -104,6 +113,7 @@ class LocalizationHistory:
                 },
                 "localized_after_s": seconds,
                 "status_at_end": statuses[-1] if statuses else "lost",
+                "travel_over_odometry": round(self.travel_ratio(), 3),
             }
         }
 

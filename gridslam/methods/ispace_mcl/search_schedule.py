@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 RETRY_M = 1.0  # travel between searches while the robot is lost or uncertain
-CHECK_M = 4.0  # travel after which a start pose is compared with the whole map: the window is full then
+CHECK_M = 4.0  # travel after which the window is full, and a pose can be confirmed: until then it is compared ever later
 RECHECK_M = 25.0  # travel between comparisons while the robot is localized
 
 START_LOG_ODDS = 3.0  # in favour of a start pose
@@ -13,21 +13,20 @@ MAX_LOG_ODDS = 6.0  # that it can have before a comparison
 
 
 class SearchSchedule:
-    """Travel since the last search of the map, and the prior log-odds of the tracked pose.
-
-    `is_confirmed` is True while the last comparison confirmed the tracked pose.
-    """
+    """Travel since the last search of the map, whether that confirmed the tracked pose, and the prior log-odds of the pose."""
 
     def __init__(self, has_start: bool) -> None:
         self._since_search_m = (
             RETRY_M  # a start pose that does not agree with the map at all is compared at once
         )
-        self.is_confirmed = False
+        self._travel_m = 0.0  # since the start, or since all trust was withdrawn
+        self._is_confirmed = False
         self.prior_log_odds = START_LOG_ODDS if has_start else 0.0
 
     def travel(self, distance_m: float) -> None:
         """Add travel since the last search."""
         self._since_search_m += distance_m
+        self._travel_m += distance_m
 
     def assessed(self, status: str, travel_m: float) -> None:
         """Update the prior log-odds: a pose that agrees with the map while the robot moves gains, a lost one loses."""
@@ -40,13 +39,20 @@ class SearchSchedule:
         """Whether the map is to be searched now."""
         if status != "localized":
             return self._since_search_m >= RETRY_M
-        return self._since_search_m >= (RECHECK_M if self.is_confirmed else CHECK_M)
+        if self._is_confirmed:
+            return self._since_search_m >= RECHECK_M
+        return self._since_search_m >= min(max(0.5 * self._travel_m, RETRY_M), CHECK_M)
 
     def searched(self) -> None:
         """Restart the travel after a search."""
         self._since_search_m = 0.0
 
+    def confirm(self, is_confirmed: bool) -> None:
+        """Store whether the last comparison confirmed the tracked pose, by a window that was full."""
+        self._is_confirmed = is_confirmed and self._travel_m >= CHECK_M
+
     def reset(self) -> None:
         """Withdraw all trust, as after a jump of the odometry."""
-        self.is_confirmed = False
+        self._is_confirmed = False
+        self._travel_m = 0.0
         self.prior_log_odds = 0.0

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -22,6 +25,18 @@ from gridslam.sensors.visibility import VisibilityField
 WALLS = 0.65
 
 
+@dataclass(frozen=True)
+class History:
+    """What doubt_of asks for."""
+
+    statuses: Sequence[str]
+    displaced_ratios: Sequence[float]
+    ratio: float = 1.0
+
+    def travel_ratio(self) -> float:
+        return self.ratio
+
+
 def room(negated: bool = False) -> OccupancyGrid:
     """A free room with a wall around it; negated, the walls are free and the room is a wall."""
     probability = np.full((40, 60), 0.95, np.float32)
@@ -39,7 +54,7 @@ def room(negated: bool = False) -> OccupancyGrid:
     ],
 )
 def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None:
-    assert doubt_of(statuses, [0.01] * len(statuses), room(), WALLS) is None
+    assert doubt_of(History(statuses, [0.01] * len(statuses)), room(), WALLS) is None
 
 
 @pytest.mark.parametrize(
@@ -54,14 +69,14 @@ def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None
     ],
 )
 def test_a_robot_that_was_rarely_localized_or_lost_at_the_end_is_lost(statuses: list[str], line: str) -> None:
-    doubt = doubt_of(statuses, [0.01] * len(statuses), room(), WALLS)
+    doubt = doubt_of(History(statuses, [0.01] * len(statuses)), room(), WALLS)
     assert doubt is not None
     assert doubt.status == "lost"
     assert doubt.reason.startswith(line)
 
 
 def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
-    doubt = doubt_of(["lost"] * 10, [0.0] * 10, room(negated=True), WALLS)
+    doubt = doubt_of(History(["lost"] * 10, [0.0] * 10), room(negated=True), WALLS)
     assert doubt is not None
     assert "`negate`" in doubt.reason
 
@@ -69,7 +84,7 @@ def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
 @pytest.mark.parametrize(("ratio", "status"), [(0.02, None), (0.06, "inconsistent")])
 def test_walls_that_beams_pass_a_little_are_doubted(ratio: float, status: str | None) -> None:
     statuses = ["lost"] * 10 + ["localized"] * 90
-    doubt = doubt_of(statuses, [0.5] * 10 + [ratio] * 90, room(), WALLS)
+    doubt = doubt_of(History(statuses, [0.5] * 10 + [ratio] * 90), room(), WALLS)
     assert (doubt.status if doubt else None) == status
     assert doubt is None or doubt.reason.startswith(
         "localized, but 6 % of the beams at walls end behind them"
@@ -102,3 +117,10 @@ def test_only_a_wall_that_stands_farther_off_displaces_beams(
     monitor = ConfidenceMonitor(InlierLimits(0.55, 0.8), visibility)
     belief = Belief(np.array([3.0, 2.0, 0.0]), 1e-4 * np.eye(3), 1.0)
     assert monitor.assess(belief, beams).displaced_ratio == pytest.approx(expected, abs=0.035)
+
+
+def test_travel_that_differs_from_the_odometry_is_inconsistent() -> None:
+    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100, 1.25), room(), WALLS)
+    assert doubt is not None
+    assert doubt.status == "inconsistent"
+    assert "1.25 times as far on the map as by its odometry" in doubt.reason

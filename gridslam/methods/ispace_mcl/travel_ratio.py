@@ -1,0 +1,45 @@
+"""Compares the robot's travel on the map with that of its odometry: a difference shows a wrong scale, of either of the two."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+WINDOW_M = 1.0  # of travel by odometry: some centimetres of error of the poses are a few percent of it
+MAX_STEP_M = 0.5  # a longer step between two scans is a jump of the odometry or of the estimate
+MIN_WINDOWS = 3
+MAX_IQR = 0.15  # relative; where the ratio varies more, wheels have slipped, or people have hidden the walls
+MIN_RATIO = 1.15  # of a fault; good odometry is within a tenth
+
+
+def travel_ratio(poses: Floats, odometry: Floats, is_localized: Bools) -> float:
+    """Travel on the map over travel by odometry, 1 without clear evidence of a difference.
+
+    `poses` and `odometry` `(n, 3)` are those of all scans. Only stretches count over which the robot was localized throughout.
+    """
+    moved, by_odometry = (np.hypot(*np.diff(path[:, :2], axis=0).T) for path in (poses, odometry))
+    is_broken = ~is_localized[1:] | (moved > MAX_STEP_M) | (by_odometry > MAX_STEP_M)
+    ratios = []
+    for first, last in pairwise([-1, *np.flatnonzero(is_broken).tolist(), len(moved)]):
+        ratios += _ratios(poses[first + 1 : last + 1, :2], odometry[first + 1 : last + 1, :2])
+    if len(ratios) < MIN_WINDOWS:
+        return 1.0
+    low, ratio, high = np.quantile(ratios, [0.25, 0.5, 0.75]).tolist()
+    is_clear = max(ratio, 1.0 / ratio) > MIN_RATIO and high - low < MAX_IQR * ratio
+    return float(ratio) if is_clear else 1.0
+
+
+def _ratios(positions: Floats, odometry: Floats) -> list[float]:
+    """The ratio of the distances over each window of a stretch `(n, 2)`."""
+    ratios, start = [], 0
+    for row in range(len(odometry)):
+        distance = float(np.hypot(*(odometry[row] - odometry[start])))
+        if distance >= WINDOW_M:
+            ratios.append(max(float(np.hypot(*(positions[row] - positions[start]))), 1e-3) / distance)
+            start = row
+    return ratios
