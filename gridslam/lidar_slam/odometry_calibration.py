@@ -147,7 +147,7 @@ class MotionWindows:
         moved = (by_odometry > MIN_WINDOW_M) & (matched > MIN_WINDOW_M)
         if moved.sum() < MIN_WINDOWS:
             return 1.0
-        low, middle, high = np.quantile(matched[moved] / by_odometry[moved], [0.25, 0.5, 0.75])
+        low, middle, high = _weighted_quartiles(matched[moved] / by_odometry[moved], matched[moved])
         is_clear = max(middle, 1.0 / middle) > MIN_SCALE_RATIO and high - low < MAX_SCALE_IQR * middle
         return float(middle) if is_clear else 1.0
 
@@ -168,6 +168,13 @@ class MotionWindows:
 
     def _seconds(self, stamps_ns: NDArray[np.int64]) -> Floats:
         return np.asarray((stamps_ns - self._origin_ns) * 1e-9)
+
+
+def _weighted_quartiles(values: Floats, weights: Floats) -> Floats:
+    """Quartiles `(3,)` of values `(n,)`; the noise of matching lengthens short motions, so long ones weigh more."""
+    order = np.argsort(values)
+    shares = np.cumsum(weights[order]) / weights.sum()
+    return np.asarray(values[order][np.searchsorted(shares, [0.25, 0.5, 0.75])])
 
 
 def _windows(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

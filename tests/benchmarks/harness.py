@@ -15,9 +15,8 @@ import multiprocessing
 import os
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -95,8 +94,8 @@ def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str
     ]
 
 
-def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Row]]:
-    """The rows of the named benchmarks, or of all, each with the name of its benchmark.
+def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, list[Row]]]:
+    """The names and rows of the named benchmarks, or of all, each as soon as it is done.
 
     First those that run alone, then the others on several processes.
     """
@@ -107,13 +106,14 @@ def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Row]]:
             raise SystemExit(f"no benchmark {name!r}; there are: {', '.join(known)}")
     alone = [name for name in chosen if jobs == 1 or getattr(module_of(name), "ALONE", False)]
     for name in alone:
-        yield from ((name, row) for row in rows_of(name))
+        yield name, rows_of(name)
     together = [name for name in chosen if name not in alone]
     if together:
         spawn = multiprocessing.get_context("spawn")
         with threads_each(1), ProcessPoolExecutor(jobs, mp_context=spawn) as pool:
-            for name, rows in zip(together, pool.map(rows_of, together), strict=True):
-                yield from ((name, row) for row in rows)
+            running = {pool.submit(rows_of, name): name for name in together}
+            for done in as_completed(running):
+                yield running[done], done.result()
 
 
 def module_of(name: str) -> ModuleType:
@@ -147,22 +147,28 @@ def table(rows: Iterable[Row]) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Measure and print; the exit code is 1 if a bound fails or belongs to no row."""
+    """Measure, print each benchmark as it ends, and at last the broken bounds.
+
+    The exit code is 1 if a bound fails or belongs to no row.
+    """
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.harness")
     parser.add_argument("names", nargs="*", metavar="NAME", help="of a benchmark: absent, all")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     given = parser.parse_args(arguments)
     bounds = read_bounds(HERE / "bounds.yaml")
-    rows: list[Row] = []
-    found: defaultdict[str, set[str]] = defaultdict(set)
-    for benchmark, row in measure(given.names, given.jobs):
-        rows.append(bounded(row, bounds.get(benchmark, {})))
-        found[benchmark].add(row.name)
-    print(table(rows))  # noqa: T201
+    broken: list[Row] = []
+    found: dict[str, set[str]] = {}
+    for benchmark, measured in measure(given.names, given.jobs):
+        rows = [bounded(row, bounds.get(benchmark, {})) for row in measured]
+        print(table(rows) if rows else f"{benchmark}: no rows", end="\n\n", flush=True)  # noqa: T201
+        broken += [row for row in rows if not row.holds]
+        found[benchmark] = {row.name for row in rows}
     lost = without_row(bounds, found)
     for bound in lost:
         say(f"bounds.yaml: {bound}: no such row was measured; was it renamed?")
-    return 0 if not lost and all(row.holds for row in rows) else 1
+    count = sum(map(len, found.values()))
+    print(table(broken) if broken else f"all bounds of {count} rows hold")  # noqa: T201
+    return 1 if lost or broken else 0
 
 
 if __name__ == "__main__":

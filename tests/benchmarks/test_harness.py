@@ -1,7 +1,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -89,7 +90,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
 
 
 class _Pool:
-    """A pool that does its work in this process when a result is requested."""
+    """A pool that does its work in this process, at once."""
 
     def __init__(self, jobs: int, mp_context: object) -> None:
         self.jobs = jobs
@@ -100,8 +101,10 @@ class _Pool:
     def __exit__(self, *error: object) -> None:
         pass
 
-    def map(self, call: Callable[[str], list[Row]], names: Iterable[str]) -> Iterator[list[Row]]:
-        return map(call, names)
+    def submit(self, call: Callable[[str], list[Row]], name: str) -> Future[list[Row]]:
+        future: Future[list[Row]] = Future()
+        future.set_result(call(name))
+        return future
 
 
 @pytest.mark.parametrize(
@@ -112,4 +115,7 @@ def test_a_benchmark_that_measures_by_the_clock_runs_before_the_others_share_the
 ) -> None:
     monkeypatch.setattr(harness, "rows_of", lambda name: [Row(name, 1.0, "s")])
     monkeypatch.setattr(harness, "ProcessPoolExecutor", _Pool)
-    assert [name for name, _ in harness.measure(["plan", "bench_cli", "wean_hall"], jobs)] == expected
+    found = [name for name, _ in harness.measure(["plan", "bench_cli", "wean_hall"], jobs)]
+    alone = expected.index("plan") + 1
+    assert found[:alone] == expected[:alone]
+    assert sorted(found[alone:]) == sorted(expected[alone:])
