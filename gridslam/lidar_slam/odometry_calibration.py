@@ -173,8 +173,8 @@ class MotionWindows:
 def _weighted_quartiles(values: Floats, weights: Floats) -> Floats:
     """Quartiles `(3,)` of values `(n,)`; the noise of matching lengthens short motions, so long ones weigh more."""
     order = np.argsort(values)
-    shares = np.cumsum(weights[order]) / weights.sum()
-    return np.asarray(values[order][np.searchsorted(shares, [0.25, 0.5, 0.75])])
+    fractions = np.cumsum(weights[order]) / weights.sum()
+    return np.asarray(values[order][np.searchsorted(fractions, [0.25, 0.5, 0.75])])
 
 
 def _windows(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
