@@ -17,7 +17,7 @@ from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, sol
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
 from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
 from gridslam.lidar_slam.scan_tracker import ScanTracker
-from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time
+from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, stamped_at_end, stated_sweep_s
 
 Floats = NDArray[np.float64]
 
@@ -45,11 +45,12 @@ class OdometryCheck:
         )
         self._moved = np.zeros(2)  # m, rad
         self._last: Odometry | None = None
-        self._early: deque[Odometry] = deque()  # corrected odometry later than the last event
+        self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
         self.correction = OdometryCorrection()
         self.own_bodies: list[OwnBody] = []
         self.reverses_scans = False  # those whose messages contradict themselves about their sense
         self.sweep: SweepTime | None = None  # where the messages say none, or the wrong one
+        self.late_scans_s = 0.0  # of scans that are stamped when their sweep is complete
         self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
         self.checked_scans = 0
 
@@ -85,6 +86,7 @@ class OdometryCheck:
             "yaw_sign": -1 if found.mirrors_yaw else 1,
             "is_corrected": bool(found.faults),
             "sweep_s": None if self.sweep is None else round(self.sweep.sweep_s, 4),
+            "late_scans_s": round(self.late_scans_s, 4),
         }
 
     def notes(self) -> list[str]:
@@ -98,6 +100,11 @@ class OdometryCheck:
             )
         if self.sweep is not None:
             found.append(self.sweep.note)
+        if self.late_scans_s:
+            found.append(
+                f"by the odometry the scans are stamped at the end of their sweep, {self.late_scans_s:.3f} s after the first "
+                "beam: their stamps, and those of the poses, are moved"
+            )
         return wrong + found + [body.note for body in self.own_bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
@@ -118,12 +125,29 @@ class OdometryCheck:
             self._path(held)
             if self._tracker is not None:
                 self.sweep = find_sweep_time(repaired, self._tracker, self._build_tracker)
+            self._find_late_scans(held, odometry)
         self._held, self._tracker = None, None
         for event in held:
             yield from self._give(event)
 
+    def _find_late_scans(self, held: list[Event], odometry: list[Odometry]) -> None:
+        """Look whether the scans, and not the odometry, have the wrong stamps."""
+        scans = [e for e in held if isinstance(e, LaserScan)]
+        if len(odometry) < 2 or len({scan.frame_id for scan in scans}) != 1:
+            return
+        if self.sweep is not None and self.correction.lag_s:  # the path was that of scans with other times
+            self._tracker, self._tracked = self._build_tracker(), 0
+            self.correction = calibrate(self._path(held), _trajectory(odometry))
+        sweep_s = stated_sweep_s([scan for e in scans if isinstance(scan := self._repaired(e), LaserScan)])
+        if stamped_at_end(self.correction.lag_s, sweep_s):
+            self.late_scans_s = sweep_s
+            self.correction = replace(self.correction, lag_s=0.0)
+
     def _give(self, event: Event) -> Iterator[Event]:
-        """The event with corrections; odometry waits until events have reached its corrected stamp."""
+        """The event with corrections; odometry waits until events have reached its corrected stamp.
+
+        Where scans are late, all else but transforms waits for them.
+        """
         event = self._repaired(event)
         if (
             self.mount is not None
@@ -131,10 +155,15 @@ class OdometryCheck:
             and event.child_frame_id == self.mount.child_frame_id
         ):
             event = self.mount
-        if not self.correction.faults:
+        if not (self.correction.faults or self.late_scans_s):
             yield event
         elif isinstance(event, Odometry):
             self._early.append(self.correction.corrected(event))
+        elif self.late_scans_s and not isinstance(event, LaserScan):
+            if isinstance(event, Transform):
+                yield event
+            else:
+                self._early.append(event)
         else:
             while self._early and self._early[0].stamp_ns <= event.stamp_ns:
                 yield self._early.popleft()
@@ -182,6 +211,8 @@ class OdometryCheck:
             event = body.removed_from(event)
         if self.sweep is not None:
             event = self.sweep.applied_to(event)
+        if self.late_scans_s:
+            event = replace(event, stamp_ns=event.stamp_ns - round(self.late_scans_s * 1e9))
         return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
 
     def _path(self, held: list[Event]) -> Trajectory:

@@ -28,6 +28,7 @@ CORRELATED_SCANS = 4  # neighbours match well or badly together
 MIN_Z_SCORE = 2.5  # of the better match, in standard deviations of its mean
 MIN_GAIN = 0.005  # in the mean inlier ratio
 MAX_SWEEP_PERIODS = 1.02
+MAX_END_FRACTION, MIN_END_TOLERANCE_S = 0.2, 0.015  # of a lag that is the time of a sweep
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,21 @@ class SweepTime:
         return with_sweep(scan, self.sweep_s)
 
 
+def stated_sweep_s(scans: Sequence[LaserScan]) -> float:
+    """The time (s) from the first to the last beam by the scans' messages; 0 where they say nothing."""
+    return float(np.median([s.time_increment_s * (len(s.ranges_m) - 1) for s in scans]))
+
+
+def stamped_at_end(lag_s: float, sweep_s: float) -> bool:
+    """Whether odometry that is `lag_s` late shows scans whose stamps are those of their last beam.
+
+    Stamps of odometry before its motion cannot be, but many drivers stamp a sweep when it is complete.
+    """
+    return lag_s < 0.0 < sweep_s and abs(lag_s + sweep_s) <= max(
+        MAX_END_FRACTION * sweep_s, MIN_END_TOLERANCE_S
+    )
+
+
 def with_sweep(scan: LaserScan, sweep_s: float) -> LaserScan:
     """The scan with another time of its sweep (s)."""
     return replace(scan, time_increment_s=as_float32(sweep_s / max(len(scan.ranges_m) - 1, 1)))
@@ -74,7 +90,7 @@ def find_sweep_time(
     period_s = float(np.median(steps_s))
     if not period_s > 0.0 or (steps_s <= 0.0).any():
         return None
-    stated_s = float(np.median([s.time_increment_s * (len(s.ranges_m) - 1) for s in scans]))
+    stated_s = stated_sweep_s(scans)
     events = [e for e in events if not isinstance(e, Odometry)]
     if stated_s:  # times that may be wrong have bent the path
         tracker = build_tracker()

@@ -9,12 +9,14 @@ import pytest
 
 from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam import odometry_check
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.odometry_calibration import calibrate
 from gridslam.lidar_slam.odometry_check import OdometryCheck, reversed_sense
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.sweep_calibration import stamped_at_end
 from tests.methods.slam_sd import hall
 
 NS = 10**9
@@ -113,6 +115,42 @@ def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_ne
     stamps = [e.stamp_ns for e in given]
     assert stamps == sorted(stamps)
     assert sum(isinstance(e, LaserScan) for e in given) == len(hall.path(1))
+
+
+def test_scans_that_are_late_by_their_sweep_get_the_stamps_of_its_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(odometry_check, "stated_sweep_s", lambda scans: 0.3)
+    right = [e.stamp_ns for e in hall.events(1) if isinstance(e, LaserScan)]
+    late = (
+        replace(e, stamp_ns=e.stamp_ns + 3 * NS // 10) if isinstance(e, LaserScan) else e
+        for e in hall.events(1)
+    )
+    check, given = checked(sorted(late, key=lambda e: e.stamp_ns))
+    assert not check.correction.faults
+    assert check.measures()["late_scans_s"] == 0.3
+    assert "at the end of their sweep, 0.300 s after the first beam" in check.notes()[0]
+    assert [e.stamp_ns for e in given if isinstance(e, LaserScan)] == right
+    stamps = [e.stamp_ns for e in given]
+    assert stamps == sorted(stamps)
+    assert len(given) == len(list(hall.events(1)))
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "sweep_s", "expected"),
+    [
+        (-0.09, 0.1, True),
+        (0.1, 0.1, False),
+        (-0.2, 0.1, False),
+        (-0.05, 0.0, False),
+        (0.0, 0.01, False),
+        (0.0, 0.0, False),
+    ],
+)
+def test_only_a_lag_as_long_as_the_sweep_shows_stamps_of_its_end(
+    lag_s: float, sweep_s: float, expected: bool
+) -> None:
+    assert stamped_at_end(lag_s, sweep_s) == expected
 
 
 def test_odometry_decides_on_the_sense_of_scans_that_contradict_themselves() -> None:
