@@ -17,6 +17,7 @@ from gridslam.core.threads import limit_threads
 from gridslam.core.trajectory import Trajectory
 from gridslam.report.directory import check_free
 from gridslam.report.environment import made_with
+from gridslam.report.sensor_trust import sensor_summary
 from gridslam.report.write import write_run
 from gridslam.runs.feed import Stop
 from gridslam.runs.run import Command, Run
@@ -163,6 +164,8 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
                 f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
             )
         )
+    if (sensors := sensor_summary(document["measures"].get("motion", {}))) is not None:
+        rows.append(("sensors", sensors))
     consistency = document["measures"].get("map_consistency")
     if consistency is not None and not consistency["is_doubtful"]:  # else the row "doubt" says so
         rows.append(("consistency", consistency["summary"]))

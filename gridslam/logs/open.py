@@ -86,6 +86,7 @@ def _text_source(path: Path, config: LogConfig) -> Source:
     from gridslam.logs.carmen.lines import looks_like_carmen
     from gridslam.logs.carmen.source import CarmenSource
     from gridslam.logs.carmen.wean_hall import WeanHallSource, looks_like_wean_hall
+    from gridslam.logs.foreign import advice_for
     from gridslam.logs.text import beginning
 
     text = beginning(path)
@@ -93,5 +94,7 @@ def _text_source(path: Path, config: LogConfig) -> Source:
         return CarmenSource(path, config)
     if looks_like_wean_hall(text):
         return WeanHallSource(path, config)
+    if (advice := advice_for(path, text)) is not None:
+        raise LogError(f"{path}: {advice}")
     what = "empty" if not path.stat().st_size else "no log of a known format"
     raise LogError(f"{path}: {what}; readable are {READABLE}")

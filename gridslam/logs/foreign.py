@@ -1,0 +1,49 @@
+"""Files that people take for logs and that are not read: what they are, and how their data gets into a log."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_TO_TABLES = "into a folder of CSV files, whose columns a log.yaml names (see the page on formats)"
+_BY_BEGINNING = (
+    (
+        b"\x89HDF\r\n\x1a\n",
+        f"HDF5, which is not read: write its data sets, for example with h5py, {_TO_TABLES}",
+    ),
+    (b"PK\x03\x04", "a zip archive: unpack it, and give the log or the folder in it"),
+    (b"MATLAB 5.0 MAT-file", f"a MAT-file, which is not read: write its variables {_TO_TABLES}"),
+    (
+        b"\xd4\xc3\xb2\xa1",
+        "packets of a network (pcap): replay them with the lidar's driver, and record its point clouds",
+    ),
+    (
+        b"\n\r\r\n",
+        "packets of a network (pcapng): replay them with the lidar's driver, and record its point clouds",
+    ),
+)
+_RAWLOG = re.compile(rb"C(Observation\w+|ActionCollection|SensoryFrame)\0?")
+_RAWLOG_HEAD_BYTES = 64  # the name of the first object's class stands at the start
+
+
+def advice_for(path: Path, beginning: bytes) -> str | None:
+    """What a file is, by its first unpacked bytes, and how to get its data read; None for an unknown one."""
+    for magic, advice in _BY_BEGINNING:
+        if beginning.startswith(magic):
+            return advice
+    if _RAWLOG.search(beginning[:_RAWLOG_HEAD_BYTES]):
+        return (
+            "an MRPT rawlog, which is not read: export it with `rawlog-edit --export-2d-scans-txt` and "
+            f"`--export-odometry-txt`, {_TO_TABLES}"
+        )
+    words = re.split(rb"[,;\s]+", beginning.partition(b"\n")[0].strip())
+    is_table = len(words) > 2 and (path.suffix.lower() == ".csv" or all(map(_is_number, words)))
+    return f"a table alone: put it {_TO_TABLES}" if is_table else None
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,33 @@
+"""Files that are no logs are named, with what to do."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+
+from gridslam.core.errors import LogError
+from gridslam.logs.open import open_log
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5, which is not read: write its data sets, for example with h5py"),
+        ("a.rawlog", gzip.compress(b"\x98CObservation2DRangeScan\x00\x07" + bytes(99)), "rawlog-edit --export-2d-scans-txt"),
+        ("b.rawlog", b"\x91CActionCollection\x00" + bytes(99), "an MRPT rawlog"),
+        ("a.zip", b"PK\x03\x04" + bytes(99), "unpack it"),
+        ("a.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT-file"),
+        ("a.pcap", b"\xd4\xc3\xb2\xa1" + bytes(99), "replay them with the lidar's driver"),
+        ("laser.csv", b"time,r0,r1,r2\n1,2,3,4\n", "a table alone: put it into a folder of CSV files"),
+        ("laser.txt", b"1.5 2.0 3.0 4.0\n", "a table alone"),
+        ("letter.txt", b"Dear all,\n", "no log of a known format"),
+        ("empty.csv", b"", "empty; readable are"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_log_is_named(tmp_path: Path, name: str, content: bytes, says: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError) as raised:
+        open_log(tmp_path / name)
+    assert says in str(raised.value)
