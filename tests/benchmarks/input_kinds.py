@@ -245,16 +245,23 @@ def plain(drive: Drive, path: Path, **changes: Any) -> Path:
     return recorded(drive, path, **{**given, **changes})
 
 
-def clouds(drive: Drive, path: Path, rings: int = 0, half_field_deg: float = 0.0) -> Path:
+def clouds(
+    drive: Drive,
+    path: Path,
+    rings: int = 0,
+    half_field_deg: float = 0.0,
+    is_timed: bool = True,
+    **changes: Any,
+) -> Path:
     """A spinning lidar, organised where `rings` are named, or one without a sweep in a field of view."""
     rng = np.random.default_rng(5)
 
     def scans(scan: LaserScan) -> Messages:
         rays = scattered_rays(4000, half_field_deg, rng) if half_field_deg else spinning_rays()
         points, _ = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
-        yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2], rings)
+        yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2] * is_timed, rings)
 
-    return recorded(drive, path, scans, (mounted("lidar"),))
+    return recorded(drive, path, scans, (mounted("lidar"),), **changes)
 
 
 def livox(drive: Drive, path: Path) -> Path:
@@ -285,7 +292,7 @@ def livox(drive: Drive, path: Path) -> Path:
     return recorded(drive, path, scans, (mounted("lidar"),))
 
 
-def two_lidars(drive: Drive, path: Path) -> Path:
+def two_lidars(drive: Drive, path: Path, **changes: Any) -> Path:
     """A front lidar of 240 degrees, and one at the back that sees half as far at half the rate."""
     rng = np.random.default_rng(7)
     places = {"front": np.array([0.25, 0.0, 0.0]), "back": np.array([-0.2, 0.0, math.pi])}
@@ -306,7 +313,7 @@ def two_lidars(drive: Drive, path: Path) -> Path:
             yield f"/{name}/scan", scan_message(one, angle_max=0.5 * field)
 
     return recorded(
-        drive, path, scans, tuple(mounted(n, float(p[0]), float(p[2])) for n, p in places.items())
+        drive, path, scans, tuple(mounted(n, float(p[0]), float(p[2])) for n, p in places.items()), **changes
     )
 
 
@@ -370,4 +377,13 @@ KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "odometry_scaled_1.25": (odometry(scaled(1.25)), "ordinary"),
     "odometry_late": (odometry(late(0.15)), "ordinary"),
     "odometry_mirrored": (odometry(lambda o: replace(o, yaw_rad=-o.yaw_rad)), "ordinary"),
+}
+MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
+    "cloud_untimed": (lambda d, p: clouds(d, p, is_timed=False), "ordinary"),
+    "cloud_no_odometry": (lambda d, p: clouds(d, p, odometry=lambda o: None), "ordinary"),
+    "solid_state_no_odometry_imu": (
+        lambda d, p: clouds(d, p, half_field_deg=60.0, odometry=lambda o: None, with_imu=True),
+        "ordinary_narrow",
+    ),
+    "two_lidars_no_odometry": (lambda d, p: two_lidars(d, p, odometry=lambda o: None), "ordinary"),
 }
