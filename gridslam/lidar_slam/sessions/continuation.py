@@ -64,7 +64,7 @@ def continue_session(
         order = np.concatenate([members, joined_drives])
         joined, joined_drives = found.session, order
         searched, loops, visits = searched + found.pairs_searched, loops + found.loops, visits + found.visits
-    whole = _assemble(session, joined, joined_drives)
+    whole = replace(_assemble(session, joined, joined_drives), objects=session.objects)
     moved = np.hypot(*(whole.poses[: len(session.poses)] - session.poses)[:, :2].T)
     return Continued(whole, searched, loops, visits, round(float(moved.max()), 4))
 

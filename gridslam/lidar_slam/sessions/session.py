@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.key_scans import distribute_corrections
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -77,13 +78,14 @@ class Session:
     """Drives in the order in which they were mapped, and the final poses `(k, 3)` of all their key scans in one map frame.
 
     `parts` `(d,)` numbers the connected parts of the map: drives of different parts have not been found to overlap, and how
-    the parts lie to each other is unknown.
+    the parts lie to each other is unknown. `objects` are the estimates of tagged objects, relative to key scans.
     """
 
     drives: tuple[Drive, ...]
     poses: Floats
     parts: Ints
     constraints: Constraints
+    objects: ObjectRecords = field(default_factory=ObjectRecords.none)
 
     @property
     def first_key(self) -> Ints:

@@ -16,12 +16,14 @@ from gridslam.core.plain_files import read_plain_file
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.object_records import SCHEMA as OBJECT_SCHEMA
+from gridslam.lidar_slam.sessions.object_records import records_in
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session, offsets
 
 Arrays = dict[str, NDArray[Any]]
 
 FILE_NAME = "session.npz"
-FORMAT, VERSION = "gridslam session", 1
+FORMAT, VERSION = "gridslam session", 2
 POINT_UNIT_M = 2.0**-10  # coordinates of points are whole numbers of it
 NORMAL_UNIT_RAD = 1e-4
 MAX_ANGLE = int(np.pi / NORMAL_UNIT_RAD)
@@ -56,7 +58,13 @@ def session_bytes(session: Session) -> bytes:
 def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """All arrays by name, made one after the other: those of points are large."""
     drives, scans, constraints = session.drives, session.scans, session.constraints
-    head = {"format": FORMAT, "version": VERSION, "logs": [drive.log for drive in drives]}
+    objects = session.objects
+    head = {
+        "format": FORMAT,
+        "version": VERSION,
+        "logs": [drive.log for drive in drives],
+        "objects": list(objects.ids),
+    }
     yield "head", np.frombuffer(json.dumps(head).encode(), np.uint8)
     yield "drive.scans", np.array([len(drive.stamps_ns) for drive in drives], np.int64)
     yield "drive.keys", np.array([len(drive.keys) for drive in drives], np.int64)
@@ -75,6 +83,7 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield "surface.normal", np.concatenate([_packed_normals(scan.surface_normals) for scan in scans])
     for name in EDGES:
         yield from _edge_arrays(name, getattr(constraints, name)).items()
+    yield from objects.arrays().items()
 
 
 def load_session(path: Path) -> Session:
@@ -89,36 +98,38 @@ def read_session(content: bytes, name: str) -> Session:
     """The session of a file's content. Raises InputError, which names the file: damaged, or of another version."""
     try:
         arrays = read_npz(content)
-        logs = _logs(arrays.pop("head", None))
+        logs, objects = _names(arrays.pop("head", None))
         _check(arrays)
-        return _session(arrays, logs)
+        return _session(arrays, logs, objects)
     except ValueError as error:
         raise InputError(
             f"{name}: not a session that can be continued: {error}; map its logs again"
         ) from None
 
 
-def _logs(head: NDArray[np.generic] | None) -> list[str]:
-    """Names of the logs, out of the head. Raises ValueError: it is not one of this format and version."""
+def _names(head: NDArray[np.generic] | None) -> tuple[list[str], list[str]]:
+    """Names of the logs, and of the objects of all estimates. Raises ValueError: it is not of this format and version."""
     try:
         if head is None or head.dtype != np.uint8:
             raise ValueError
         document = json.loads(head.tobytes())
         kind, version, logs = document["format"], document["version"], document["logs"]
+        objects = document.get("objects")
     except (ValueError, TypeError, KeyError, RecursionError):
         raise ValueError("it has no readable head") from None
     if kind != FORMAT:
         raise ValueError("it is another kind of file")
     if version != VERSION:
         raise ValueError(f"version {str(version)[:20]}, this program reads version {VERSION}")
-    if not isinstance(logs, list) or not all(isinstance(log, str) for log in logs):
-        raise ValueError("its logs have no names")
-    return logs
+    for names in (logs, objects):
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError("its logs or objects have no names")
+    return logs, objects
 
 
 def _check(arrays: Arrays) -> None:
     """Types, sizes and ranges of all arrays. Raises ValueError: one is missing or wrong."""
-    schema = dict(SCHEMA)
+    schema = {**SCHEMA, **OBJECT_SCHEMA}
     schema.update({f"{name}.{column}": form for name in EDGES for column, form in EDGE_SCHEMA.items()})
     for name, (kind, columns) in schema.items():
         values = arrays.get(name)
@@ -162,7 +173,7 @@ def _total(counts: NDArray[np.generic]) -> int:
     return int(counts.sum())
 
 
-def _session(arrays: Arrays, logs: list[str]) -> Session:
+def _session(arrays: Arrays, logs: list[str], objects: list[str]) -> Session:
     a = arrays
     first_scan, first_key = offsets(a["drive.scans"].tolist()), offsets(a["drive.keys"].tolist())
     if len(logs) != len(a["drive.keys"]) or not len(logs) or (a["drive.keys"] < 1).any():
@@ -180,7 +191,9 @@ def _session(arrays: Arrays, logs: list[str]) -> Session:
     )
     n_keys = int(first_key[-1])
     constraints = Constraints(*(_edges(a, name, n_keys) for name in EDGES))
-    return Session(drives, a["key.pose"], a["drive.part"], constraints)
+    return Session(
+        drives, a["key.pose"], a["drive.part"], constraints, objects=records_in(a, objects, n_keys)
+    )
 
 
 def _scans(a: Arrays, first_key: NDArray[np.int64], first_scan: NDArray[np.int64]) -> list[PreparedScan]:

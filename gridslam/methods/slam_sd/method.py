@@ -29,6 +29,7 @@ from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.continuation import Continued, continue_session
+from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_map import draw_session
 from gridslam.maps.tag_database import TagDatabase
@@ -144,7 +145,9 @@ class SlamSd:
             else:
                 masked = self._objects.returns_on_objects(scans, key_poses)
                 static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
-            objects = self._objects.result(static, key_poses, trajectory)
+            is_joined = continued is not None and continued.is_joined
+            path = session.poses if session is not None and is_joined else key_poses
+            objects = self._objects.result(static, path, trajectory)
         result = RunResult(
             trajectory,
             occupancy=static,
@@ -234,10 +237,21 @@ class SlamSd:
         drive = drive_of(self._log_name, tracker, scans)
         constraints = constraints_of(closed, self._objects.landmarks(closed.poses))
         if self._session is None:
-            return Session((drive,), closed.poses, np.zeros(1, np.int64), constraints), None
+            objects = self._objects.records(ObjectRecords.none())
+            return Session((drive,), closed.poses, np.zeros(1, np.int64), constraints, objects), None
         refuse_repeated_log(self._session, drive)
         continued = continue_session(self._session, drive, closed.poses, constraints, self._drift)
-        return continued.session, continued
+        session = continued.session
+        earlier, first_key = session.objects, int(session.first_key[-2])
+        if continued.is_joined:
+            self._objects.continue_histories(earlier, first_key, session.poses)
+            objects = self._objects.records(earlier)
+        else:
+            own = self._objects.records(ObjectRecords.none())
+            own = replace(own, anchor=own.anchor + first_key)
+            objects = ObjectRecords.concatenate([earlier, own])
+        session = replace(session, objects=objects)
+        return session, replace(continued, session=session)
 
     def _process_scan(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan also goes through the filter and to the objects."""

@@ -15,12 +15,14 @@ from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory, pose_at
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
 from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
 from gridslam.methods.slam_sd.object_history import ObjectHistory
 from gridslam.methods.slam_sd.object_model import object_models
+from gridslam.methods.slam_sd.object_records import records_of
 from gridslam.methods.slam_sd.object_result import ObjectResult, result_of
 from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.object_tracker import ObjectTracker
@@ -79,6 +81,15 @@ class ObjectLayer(Protocol):
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """Masks over the returns of each key scan that lie on an object; None if no object was found."""
 
+    def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
+        """Let the histories follow those of earlier drives; `path` `(k, 3)` are the poses of the key scans of all drives.
+
+        The drive's own key scans are numbered from `first_key` from here on.
+        """
+
+    def records(self, earlier: ObjectRecords) -> ObjectRecords:
+        """The estimates of all objects for the session; those of earlier drives if this one has no tags."""
+
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
         """Maps, tables and the picture of the objects; None if no object was found."""
 
@@ -129,6 +140,13 @@ class NoObjects:
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
         """None."""
         return None
+
+    def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
+        """There are no histories."""
+
+    def records(self, earlier: ObjectRecords) -> ObjectRecords:
+        """Those of earlier drives."""
+        return earlier
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
         """None."""
@@ -240,6 +258,18 @@ class TaggedObjects:
             points_on(scan.returns, footprints_at_key_scan(key, scan.stamp_ns, path, found), self._margin_m)
             for key, scan in enumerate(scans)
         ]
+
+    def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
+        """Let the histories follow those of earlier drives; `path` `(k, 3)` are the poses of the key scans of all drives."""
+        self._tracker.continue_histories(earlier, first_key, path)
+
+    def records(self, earlier: ObjectRecords) -> ObjectRecords:
+        """The estimates of all objects: after `continue_histories` with those of earlier drives.
+
+        Objects that the tag database does not have any more are kept.
+        """
+        others = earlier.select([name not in self._tracker.objects for name in earlier.ids])
+        return ObjectRecords.concatenate([others, records_of(self._tracker.objects.values())])
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
         """Maps, tables and the picture for the final poses `(k, 3)` of the key scans; None if no object was found."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.methods.slam_sd.absence import log_silence, scans_see_nothing
 from gridslam.methods.slam_sd.joint_estimation import LocatedObject, VisitedObject, locate_jointly
 from gridslam.methods.slam_sd.landmarks import Reobservation
@@ -30,6 +31,7 @@ from gridslam.methods.slam_sd.object_estimation import (
 from gridslam.methods.slam_sd.object_filter import LIDAR_WEIGHT, READ_WEIGHT, ObjectFilter, ObjectPosterior
 from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
 from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.object_records import after_earlier_drives
 from gridslam.methods.slam_sd.object_settings import ObjectSettings
 from gridslam.methods.slam_sd.observations import RunObservations
 from gridslam.methods.slam_sd.read_gating import ReadGate
@@ -99,11 +101,24 @@ class ObjectTracker:
                     self._locate_without_read(history, visit, path)
         self.update_episodes(path)
 
+    def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
+        """Put the estimates of earlier drives before those of this one, at the end of the log.
+
+        `path` `(k, 3)` are the poses of the key scans of all drives, of which this one has those from `first_key` on.
+        """
+        for history in after_earlier_drives(self.objects.values(), earlier, first_key):
+            self.objects[history.model.id] = history
+        self._separate_episodes(path)
+
     def update_episodes(self, path: Floats) -> None:
         """Decide again what has moved, for better poses `(k, 3)` of the key scans."""
         for history in self.objects.values():
+            history.estimates.sort(key=lambda estimate: estimate.first_ns)
+        self._separate_episodes(path)
+
+    def _separate_episodes(self, path: Floats) -> None:
+        for history in self.objects.values():
             if history.estimates:
-                history.estimates.sort(key=lambda estimate: estimate.first_ns)
                 if history.model.is_door:
                     history.estimates = estimates_of_one_hinge(history.estimates, path)
                 differs = partial(has_moved, history.model)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import POINT_UNIT_M, read_session, session_bytes
 from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
@@ -36,6 +38,31 @@ def test_a_session_is_read_back(session: Session) -> None:
 def test_a_session_that_was_read_is_written_with_the_same_bytes(session: Session) -> None:
     content = session_bytes(session)
     assert session_bytes(read_session(content, "session.npz")) == content
+
+
+def test_estimates_of_objects_are_read_back(session: Session) -> None:
+    covariance = np.diag([0.01, 0.02, 0.03])
+    objects = ObjectRecords(
+        ("door-1", "bin"),
+        anchor=np.array([0, 5]),
+        poses=np.array([[1.0, 2.0, 0.5], [3.0, 1.0, -0.5]]),
+        covariances=np.array([covariance, covariance]),
+        stamps_ns=np.array([[10, 20], [30, 40]]),
+        reads=np.array([3, 4]),
+        gain=np.array([50.0, 60.0]),
+        closed_yaw=np.array([0.3, np.nan]),
+        gone_ns=np.array([0, 99]),
+        is_gone=np.array([False, True]),
+    )
+    with_objects = replace(session, objects=objects)
+    read = read_session(session_bytes(with_objects), "session.npz").objects
+    assert read.ids == objects.ids
+    for name, values in objects.arrays().items():
+        np.testing.assert_array_equal(read.arrays()[name], values)
+    with pytest.raises(InputError, match="an object without a key scan"):
+        read_session(changed(with_objects, object__anchor=np.array([0, 10_000])), "session.npz")
+    with pytest.raises(InputError, match="objects do not fit"):
+        read_session(changed(with_objects, object__reads=np.array([3])), "session.npz")
 
 
 def changed(session: Session, **arrays: object) -> bytes:
