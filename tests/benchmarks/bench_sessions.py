@@ -7,27 +7,36 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import time
+import tracemalloc
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from gridslam.api import map_log
 from gridslam.core.messages import Event, LaserScan
-from gridslam.evaluation.files import read_relations
+from gridslam.evaluation.files import read_relations, read_trajectory
 from gridslam.evaluation.relations import relation_errors
 from gridslam.lidar_slam.sessions.session_file import read_session
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
+from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
+from gridslam.simulation.record import truth_folder
 from tests.benchmarks.change_scores import scores, static_walls, truth_to_map
-from tests.benchmarks.changed_worlds import drives_of
+from tests.benchmarks.changed_worlds import drives_of, recorded
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir, events_of
+from tests.benchmarks.tagged_worlds import aligned, judged, simulated
 
 SEEDS = range(int(os.environ.get("GRIDSLAM_SESSIONS_SEEDS", "4")))
 KINDS: tuple[Kind, ...] = ("office", "corridors")
+TAGGED = ("sd-corridor-long", "sd-corridor-long-moved", "sd-corridor-long")
+COST_TRAVEL_M = 80.0
 OVERLAP = 0.06  # of the log, on each side of a cut
 
 
@@ -36,6 +45,8 @@ def rows() -> Iterator[Row]:
     yield from _cut_log()
     yield from _changed_hall()
     yield from _changed_places()
+    yield from _tagged_corridor()
+    yield from _cost()
 
 
 def _cut_log() -> Iterator[Row]:
@@ -51,15 +62,11 @@ def _cut_log() -> Iterator[Row]:
         ("reverse", 2, [1, 0]),
         ("five", 5, [0, 1, 2, 3, 4]),
     ):
-        result, _ = _mapped([_part(events, k, count) for k in order])
+        result = _mapped([_part(events, k, count) for k in order])
         means[name] = float(relation_errors(result.trajectory, relations).errors.translation_m.mean())
         say(f"aces in {name}: relations.trans.mean {means[name]:.4f} m")
         if count > 1:
             yield Row(f"sessions.aces.{name}.ratio", means[name] / means["one"], "of one drive")
-    parts = [_part(events, k, 8) for k in range(8)]
-    _, seconds = _mapped(parts)
-    say(f"aces in eight: CPU seconds of each drive: {np.round(seconds, 1).tolist()}")
-    yield Row("sessions.cost.eighth", seconds[7] / float(np.mean(seconds[:2])), "of the first two")
 
 
 def _changed_hall() -> Iterator[Row]:
@@ -68,7 +75,7 @@ def _changed_hall() -> Iterator[Row]:
     if folder is None:
         return
     drives = [events_of(folder / "wean_hall" / f"robotdata{k}.log.gz") for k in (1, 2)]
-    results = [_mapped(order)[0] for order in (drives, drives[::-1])]
+    results = [_mapped(order) for order in (drives, drives[::-1])]
     joined = sum(bool(result.measures["session"]["is_joined"]) for result in results)  # type: ignore[index]
     yield Row("sessions.wean_hall.joined", joined, "of both orders")
 
@@ -81,20 +88,17 @@ def _part(events: Sequence[Event], k: int, count: int) -> list[Event]:
     return [event for event in events if first <= event.stamp_ns <= last or event.stamp_ns < stamps[0]]
 
 
-def _mapped(drives: Sequence[Sequence[Event]]) -> tuple[RunResult, list[float]]:
-    """The result of the last drive, each continuing the one before it, and the CPU time (s) of each."""
-    session, seconds = None, []
-    result = None
+def _mapped(drives: Sequence[Sequence[Event]]) -> RunResult:
+    """The result of the last drive, each continuing the one before it."""
+    session, result = None, None
     for k, events in enumerate(drives):
-        started = time.process_time()
         method = SlamSd(SlamSdConfig(), 0, session=session, log_name=f"drive {k + 1}")
         for event in events:
             method.process(event)
         result = method.result()
         session = read_session(result.files["session.npz"], "session.npz")
-        seconds.append(time.process_time() - started)
     assert result is not None
-    return result, seconds
+    return result
 
 
 def _changed_places() -> Iterator[Row]:
@@ -140,6 +144,49 @@ def _changed_place(kind: Kind, seed: int) -> Changed:
         f"{static}, not joined {unjoined}, APE {np.mean(joint):.3f} m, alone {np.mean(alone):.3f} m"
     )
     return Changed(counts.tolist(), unjoined, float(np.mean(joint) / np.mean(alone)))
+
+
+def _tagged_corridor() -> Iterator[Row]:
+    """The paper's corridor in three sessions, eight of its 24 objects moved during the second."""
+    right = []
+    with tempfile.TemporaryDirectory() as folder:
+        before: Path | None = None
+        for k, world in enumerate(TAGGED):
+            log = simulated(world, k)
+            truth = truth_folder(log)
+            found = map_log(log, "slam-sd", tags=truth / "tags.yaml", session=before)
+            before = found.save(Path(folder) / str(k))
+            result = found.run.result
+            path = result.trajectories.get(f"trajectory_{k + 1}", result.trajectory)
+            T_truth_map, _ = aligned(path, read_trajectory(truth / "trajectory.tum"))
+            right.append(sum(each.is_right for each in judged(result, truth / "objects.csv", T_truth_map)))
+    say(f"tagged corridor, objects right in each session: {right}")
+    yield Row("sessions.tagged.right", min(right), "of 24")
+
+
+def _cost() -> Iterator[Row]:
+    """CPU time and memory of what a drive costs beyond its own tracking, when it is the first, second, fourth and eighth.
+
+    All drives follow the same route through the same place, so the new drive meets all earlier ones everywhere.
+    """
+    document = place_document("corridors", 0, COST_TRAVEL_M)
+    session = None
+    seconds, memory = [], []
+    for k in range(8):
+        method = SlamSd(SlamSdConfig(), 0, session=session, log_name=f"drive {k + 1}")
+        for event in recorded({**document, "seed": k}, []):
+            method.process(event)
+        tracemalloc.start()
+        started = time.process_time()
+        result = method.result()
+        seconds.append(time.process_time() - started)
+        memory.append(tracemalloc.get_traced_memory()[1] / 1e6)
+        tracemalloc.stop()
+        session = read_session(result.files["session.npz"], "session.npz")
+    say(f"drives of {COST_TRAVEL_M:.0f} m: CPU seconds after the last scan {np.round(seconds, 1).tolist()}")
+    say(f"memory (MB) after the last scan {np.round(memory, 1).tolist()}")
+    yield Row("sessions.cost.eighth", seconds[7] / seconds[1], "of the second")
+    yield Row("sessions.cost.memory.eighth", memory[7] / memory[1], "of the second")
 
 
 def main() -> None:

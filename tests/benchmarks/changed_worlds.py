@@ -76,7 +76,7 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
             "walls": [w for i, w in enumerate(walls) if i not in missing],
         }
         truth: list[tuple[int, float, float, float]] = []
-        events = list(_events(world, truth))
+        events = list(recorded(world, truth))
         own = _mapped(events, None, f"drive {k + 1}")
         joint = own if session is None else _mapped(events, session, f"drive {k + 1}")
         session = joint.files["session.npz"]
@@ -157,7 +157,8 @@ def doors(walls: Sequence[Mapping[str, Any]], route: Floats) -> list[dict[str, o
     return found
 
 
-def _events(world: dict[str, object], truth: list[tuple[int, float, float, float]]) -> Iterator[Event]:
+def recorded(world: dict[str, Any], truth: list[tuple[int, float, float, float]]) -> Iterator[Event]:
+    """The events of a drive through a world; its true poses are appended to `truth`."""
     for event, is_truth in drive_route(Simulator(validate_world(world, "place"), Path())):
         if is_truth:
             assert isinstance(event, Odometry)
