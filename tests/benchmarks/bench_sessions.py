@@ -169,7 +169,7 @@ def _cost() -> Iterator[Row]:
 
     All drives follow the same route through the same place, so the new drive meets all earlier ones everywhere.
     """
-    document = place_document("corridors", 0, COST_TRAVEL_M)
+    document = place_document("office", 0, COST_TRAVEL_M)
     session = None
     seconds, memory = [], []
     for k in range(8):
