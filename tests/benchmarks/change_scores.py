@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 NEAR_M = 0.15  # a reported cell this near to a changed piece is right
+OCCUPIED, FREE = 0.65, 0.35  # probabilities
 
 
 def truth_to_map(path: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
@@ -66,12 +67,17 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
 
 
 def static_walls(drives: Drives, k: int) -> tuple[int, int]:
-    """Points of static walls that drive k and the one before it have in their own maps: those free in the joint map, and all."""
+    """Points of static walls that drive k and the one before it have in their own maps: those lost in the joint map, and all.
+
+    A point is lost without an occupied cell within `NEAR_M`.
+    """
     result = drives.results[k]
     assert result.occupancy is not None
     T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
     stands = _state(drives, k, drives.static)[0] & _state(drives, k - 1, drives.static)[0]
-    is_lost = ~states_at(result.occupancy, se2.transform_points(T_map_truth, drives.static[stands]))[0]
+    occupied = np.argwhere(np.nan_to_num(result.occupancy.probability, nan=0.0) > OCCUPIED)
+    walls = cKDTree(result.occupancy.geometry.centres(occupied))
+    is_lost = walls.query(se2.transform_points(T_map_truth, drives.static[stands]))[0] > NEAR_M
     return int(is_lost.sum()), int(stands.sum())
 
 
@@ -89,4 +95,4 @@ def states_at(grid: OccupancyGrid, at: Floats) -> tuple[Bools, Bools]:
         [sample(grid, at + np.array(d) * CELL_M) for d in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
     )
     values = np.where(np.isnan(around), 0.5, around)
-    return np.asarray(values.max(axis=0) > 0.65), np.asarray(values.max(axis=0) < 0.35)
+    return np.asarray(values.max(axis=0) > OCCUPIED), np.asarray(values.max(axis=0) < FREE)
