@@ -1,0 +1,40 @@
+"""What a run says of a session that its drive does not fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gridslam.lidar_slam.sessions.session import Constraints, Session
+from gridslam.methods.slam_sd.session_result import apart_reason, range_notes
+from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
+
+
+@pytest.fixture(scope="module")
+def first() -> Session:
+    return session_of(drive_along(LAP[:12], "monday.mcap"))
+
+
+def with_second(first: Session, scale: float) -> Session:
+    """The session and a drive whose lidar sees `scale` times as far."""
+    (drive,) = first.drives
+    scans = [
+        replace(scan, returns=scan.viewpoint + scale * (scan.returns - scan.viewpoint))
+        for scan in drive.scans
+    ]
+    second = replace(drive, log="thursday.mcap", scans=scans)
+    return Session((drive, second), np.tile(first.poses, (2, 1)), np.zeros(2, np.int64), Constraints.none())
+
+
+def test_two_lidars_of_different_range_are_noted_in_both_orders(first: Session) -> None:
+    assert range_notes(with_second(first, 1.2)) == []
+    for scale in (0.5, 2.0):
+        (note,) = range_notes(with_second(first, scale))
+        assert "drive 1 (monday.mcap)" in note and "not compared" in note
+
+
+def test_a_drive_that_does_not_overlap_is_named_and_said_to_be_kept(first: Session) -> None:
+    reason = apart_reason(with_second(first, 1.0))
+    assert reason.startswith("thursday.mcap was not found to overlap") and "both are kept" in reason
