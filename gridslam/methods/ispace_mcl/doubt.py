@@ -21,6 +21,7 @@ MAX_WALL_RATIO = 0.5  # walls cover a few percent of a building; above this rati
 # Mean ratio of displaced beams over the localized scans. On right maps up to 0.016 (crowds and recorded places included), on
 # mirrored maps of nearly symmetric places often 0.04 and more (tests/benchmarks/bench_wrong_maps.py).
 MAX_DISPLACED_RATIO = 0.03
+MIRRORED = "localized, but the mirror image of the scans fits the map better: is the map mirrored, or the lidar upside down?"
 MIN_LOCALIZED_SCANS = 10  # from which that mean says something
 
 
@@ -39,7 +40,9 @@ class History(Protocol):
         """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
 
 
-def doubt_of(history: History, occupancy: OccupancyGrid, occupied_threshold: float) -> Doubt | None:
+def doubt_of(
+    history: History, occupancy: OccupancyGrid, occupied_threshold: float, is_map_mirrored: bool = False
+) -> Doubt | None:
     """The doubt about a localization; None if it is trusted."""
     statuses = history.statuses
     if not statuses:
@@ -48,6 +51,8 @@ def doubt_of(history: History, occupancy: OccupancyGrid, occupied_threshold: flo
     end = localized[-max(int(END_RATIO * len(localized)), 1) :]
     is_found = localized.mean() >= MIN_LOCALIZED_RATIO or end.mean() >= MIN_LOCALIZED_AT_END
     if is_found and statuses[-1] != "lost":
+        if is_map_mirrored:
+            return Doubt("inconsistent", MIRRORED)
         displaced = np.asarray(history.displaced_ratios, np.float64)[localized]
         return _doubt_of_walls(displaced) or _doubt_of_scale(history.travel_ratio())
     return Doubt(

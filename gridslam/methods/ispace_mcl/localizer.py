@@ -159,6 +159,11 @@ class Localizer:
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)
 
+    @property
+    def is_map_mirrored(self) -> bool:
+        """Whether the mirror image of the scans fits the map better than the scans."""
+        return self._relocalizer is not None and self._relocalizer.mirror_check.is_mirrored
+
     def _weigh_by_cameras(self, observations: Sequence[CameraObservation]) -> None:
         """Apply the environment weight: the likelihood of detections, or the paper's product of densities."""
         if not observations:

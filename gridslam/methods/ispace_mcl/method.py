@@ -18,7 +18,7 @@ from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.methods.base import Estimate, Picture, RunResult
+from gridslam.methods.base import Doubt, Estimate, Picture, RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.doubt import doubt_of
 from gridslam.methods.ispace_mcl.fixed_cameras import (
@@ -172,8 +172,12 @@ class IspaceMcl:
                 **self._camera_measures(),
                 "motion": {"odometry_check": self._odometry_check.measures()},
             },
-            doubt=doubt_of(self._history, self._occupancy, self._config.advanced.occupied_threshold),
+            doubt=self._doubt(),
         )
+
+    def _doubt(self) -> Doubt | None:
+        occupied_threshold = self._config.advanced.occupied_threshold
+        return doubt_of(self._history, self._occupancy, occupied_threshold, self._localizer.is_map_mirrored)
 
     def _pictures(self, path: Trajectory) -> dict[str, Picture]:
         coverage = self.cameras.coverage()

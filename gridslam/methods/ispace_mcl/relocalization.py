@@ -17,6 +17,7 @@ from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.methods.ispace_mcl.environment import CameraObservation
 from gridslam.methods.ispace_mcl.hypothesis_particles import mixture, sample_hypotheses, with_overlooked
+from gridslam.methods.ispace_mcl.mirror_check import MirrorCheck
 from gridslam.methods.ispace_mcl.window import MAX_SEARCH_SCANS, PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import (
@@ -57,6 +58,7 @@ KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
+CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
 BESIDE_M = 1.5  # the path drifts as much over the window: its older scans cannot tell two poses apart that are as near
 
 _SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
@@ -95,6 +97,7 @@ class Relocalizer:
         self._by_cameras = by_cameras  # log-likelihoods (n,) of poses (n, 3)
         self._visibility = visibility
         self._table = log_likelihood_table(visibility.field, MATCH_STD_M, RANDOM_WEIGHT)
+        self.mirror_check = MirrorCheck(self.search, visibility)
 
     def search(self, beams: BeamSegments) -> PoseHypotheses:
         """Hypotheses about the robot's pose, best first; their scores are log-likelihoods of the beams."""
@@ -156,6 +159,8 @@ class Relocalizer:
             scored = PoseHypotheses(found.poses, found.scores + self._by_cameras(seen, found.poses))
             return Comparison(sample_hypotheses(scored, count, rng), is_switch=True)
         own = self.refine(tracked.belief.mean[None], beams)
+        if tracked.belief.mass > CONCENTRATED_MASS:
+            self.mirror_check.add(beams, np.concatenate([own.poses[:1], found.poses]))
         others = _elsewhere(found.poses, own.poses[0])
         scores = self.trace_back(np.concatenate([own.poses[:1], others]), past)
         beside = np.r_[False, _is_near(others, own.poses[0], BESIDE_M)]

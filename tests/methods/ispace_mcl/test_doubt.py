@@ -124,3 +124,10 @@ def test_travel_that_differs_from_the_odometry_is_inconsistent() -> None:
     assert doubt is not None
     assert doubt.status == "inconsistent"
     assert "1.25 times as far on the map as by its odometry" in doubt.reason
+
+
+def test_a_map_that_the_mirror_image_fits_better_is_inconsistent() -> None:
+    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100), room(), WALLS, is_map_mirrored=True)
+    assert doubt is not None
+    assert doubt.status == "inconsistent"
+    assert "mirror" in doubt.reason
