@@ -6,8 +6,8 @@ Without tag reads this is a lidar SLAM.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -24,19 +24,21 @@ from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory, close_trajectory
-from gridslam.lidar_slam.map_consistency.assessment import assess_map
+from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map
 from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.continuation import Continued, continue_session
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
-from gridslam.lidar_slam.sessions.session_map import draw_session
+from gridslam.lidar_slam.sessions.session_map import SessionMap, draw_session
+from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.map_consistency import with_consistency
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
+from gridslam.methods.slam_sd.object_result import ObjectResult
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
 from gridslam.methods.slam_sd.session_result import (
     constraints_of,
@@ -57,6 +59,17 @@ DIAGNOSTIC_UNITS = {
     "particle_std": "m",
     "matched_particles": "fraction",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class _ClosedDrive:
+    """Final poses `(k, 3)` of the key scans, the loops between them, the session, and how it was continued, if it was."""
+
+    poses: Floats
+    loops: Edges
+    session: Session | None = None
+    continued: Continued | None = None
+    measures: Mapping[str, object] = field(default_factory=dict)
 
 
 class SlamSd:
@@ -114,57 +127,69 @@ class SlamSd:
             self._process_scan(placed)
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
-        config, tracker = self._config, self._tracker
-        key_poses = self._filter.best_trajectory
-        self._objects.finish(key_poses)
-        measures = self._measures()
-        resolution_m = config.map.resolution_m
-        loops = Edges.none()
-        session, continued = None, None
-        if config.pose_graph.enabled:
-            with self._stopwatch.stage("loop_closure"):
-                closed, measures["pose_graph"] = self._optimised(key_poses)
-                key_poses, loops = closed.poses, closed.loops
-                session, continued = self._session_with(closed)
-                if continued is not None:
-                    key_poses = session.poses_of(len(session.drives) - 1)
-            resolution_m = config.pose_graph.resolution_m or resolution_m
-        trajectory = tracker.corrected(key_poses)
-        scans: Sequence[PreparedScan] = tracker.key_scans
-        with self._stopwatch.stage("map_consistency"):
-            compared = (scans, key_poses, tracker.key_poses, loops)
-            if continued is not None:
-                compared = scans_to_compare(continued.session)
-            drift = self._drift if continued is not None else self._track_drift
-            consistency = assess_map(*compared, drift)
-        with self._stopwatch.stage("draw_map"):
-            drawn = None
-            if continued is not None:
-                drawn = draw_session(continued.session, resolution_m, config.memory_limit_mb)
-                static = drawn.grid
-            else:
-                masked = self._objects.returns_on_objects(scans, key_poses)
-                static = draw_map(scans, key_poses, resolution_m, config.memory_limit_mb, masked)
-            is_joined = continued is not None and continued.is_joined
-            path = session.poses if session is not None and is_joined else key_poses
-            objects = self._objects.result(static, path, trajectory)
+        self._objects.finish(self._filter.best_trajectory)
+        drive = self._closed_drive()
+        consistency = self._assessed(drive)
+        static, drawn, objects = self._drawn(drive)
+        tracker = self._tracker
         result = RunResult(
-            trajectory,
+            tracker.corrected(drive.poses),
             occupancy=static,
             series=self._series(),
             counters=self._counters(),
             notes=self._odometry_check.notes(),
             timings_s=dict(self._stopwatch.seconds),
-            measures=measures,
-            loops_ns=tracker.stamps_of(loops),
+            measures={**self._measures(), **drive.measures},
+            loops_ns=tracker.stamps_of(drive.loops),
             untrusted_ns=tracker.unmatched_ns(),
         )
         result = with_consistency(result, consistency, tracker.motion_doubt)
-        if continued is not None and drawn is not None:
-            result = with_drives(result, continued, drawn)
-        if session is not None:
-            result = with_session_file(result, session)
+        if drive.continued is not None and drawn is not None:
+            result = with_drives(result, drive.continued, drawn)
+        if drive.session is not None:
+            result = with_session_file(result, drive.session)
         return result if objects is None else objects.added_to(result)
+
+    def _closed_drive(self) -> _ClosedDrive:
+        """The drive with its loops closed, unless that is disabled, and the session after it."""
+        poses = self._filter.best_trajectory
+        if not self._config.pose_graph.enabled:
+            return _ClosedDrive(poses, Edges.none())
+        with self._stopwatch.stage("loop_closure"):
+            closed, measures = self._optimised(poses)
+            session, continued = self._session_with(closed)
+            poses = closed.poses if continued is None else session.poses_of(len(session.drives) - 1)
+        return _ClosedDrive(poses, closed.loops, session, continued, {"pose_graph": measures})
+
+    def _assessed(self, drive: _ClosedDrive) -> MapConsistency:
+        """How consistent the map of this drive is, or that of all drives of its session."""
+        with self._stopwatch.stage("map_consistency"):
+            if drive.continued is not None:
+                return assess_map(*scans_to_compare(drive.continued.session), self._drift)
+            tracker = self._tracker
+            return assess_map(
+                tracker.key_scans, drive.poses, tracker.key_poses, drive.loops, self._track_drift
+            )
+
+    def _drawn(self, drive: _ClosedDrive) -> tuple[OccupancyGrid, SessionMap | None, ObjectResult | None]:
+        """The map, what else is drawn of a session that goes on, and the objects."""
+        config, tracker = self._config, self._tracker
+        resolution_m = config.map.resolution_m
+        if config.pose_graph.enabled:
+            resolution_m = config.pose_graph.resolution_m or resolution_m
+        path, drawn = drive.poses, None
+        with self._stopwatch.stage("draw_map"):
+            if drive.continued is not None:
+                drawn = draw_session(drive.continued.session, resolution_m, config.memory_limit_mb)
+                static = drawn.grid
+                if drive.continued.is_joined:
+                    path = drive.continued.session.poses
+            else:
+                masked = self._objects.returns_on_objects(tracker.key_scans, drive.poses)
+                static = draw_map(
+                    tracker.key_scans, drive.poses, resolution_m, config.memory_limit_mb, masked
+                )
+            return static, drawn, self._objects.result(static, path, tracker.corrected(drive.poses))
 
     def _measures(self) -> dict[str, object]:
         """Numbers about tracking and filter, for the report."""
