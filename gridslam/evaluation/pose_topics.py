@@ -13,6 +13,7 @@ from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.logs.codecs.transform import unusable_reason
 from gridslam.logs.config import LogConfig
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
@@ -73,7 +74,8 @@ def _edges(log: Log) -> tuple[dict[Edge, Trajectory], dict[Edge, NDArray[np.floa
     """The moving transforms of a log by parent and child, sorted by stamp, and the static ones."""
     stamps: dict[Edge, list[int]] = {}
     poses: dict[Edge, list[NDArray[np.float64]]] = {}
-    static = {(t.frame_id, t.child_frame_id): _planar(t) for t in log.static_transforms}
+    usable = (t for t in log.static_transforms if unusable_reason(t) is None)
+    static = {(t.frame_id, t.child_frame_id): _planar(t) for t in usable}
     for event in log.events():
         if isinstance(event, Transform):
             edge = (event.frame_id, event.child_frame_id)

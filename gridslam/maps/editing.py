@@ -123,13 +123,21 @@ def merged(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> O
         corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
         ends.append(se2.transform_points(pose, grid.geometry.centres(corners)))
     geometry, shape = _frame_around(np.concatenate(ends), base.geometry.resolution_m)
-    one = resampled(base, np.zeros(3), geometry, shape)
-    two = resampled(other, T_base_other, geometry, shape)
+    values = resampled(base, np.zeros(3), geometry, shape)
+    second = resampled(other, T_base_other, geometry, shape)
+    is_seen = ~np.isnan(values).all(axis=1) | ~np.isnan(second).all(axis=1)
+    for row in np.flatnonzero(is_seen):  # by rows: a large map many times over would not fit into memory
+        values[row] = _added(values[row], second[row])
+    return trimmed(OccupancyGrid(values, geometry))
+
+
+def _added(one: NDArray[np.float32], two: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Probabilities `(n,)` of both maps' log-odds together; NaN where neither knows a cell."""
     known = ~np.isnan(one), ~np.isnan(two)
     log_odds = np.where(known[0], _log_odds(one), 0.0) + np.where(known[1], _log_odds(two), 0.0)
     values = (1.0 / (1.0 + np.exp(-np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)))).astype(np.float32)
     values[~(known[0] | known[1])] = np.nan
-    return trimmed(OccupancyGrid(values, geometry))
+    return values
 
 
 def resampled(
@@ -139,10 +147,14 @@ def resampled(
     T_old_new = se2.inverse(T_new_old)
     values = np.full(shape, np.nan, np.float32)
     rows, cols = grid.probability.shape
-    block = max((1 << 20) // max(shape[1], 1), 1)
-    for first in range(0, shape[0], block):
-        part = values[first : first + block]
-        at = np.indices(part.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0])
+    corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
+    covered = geometry.cells(se2.transform_points(T_new_old, grid.geometry.centres(corners)))
+    low = np.clip(covered.min(axis=0) - 1, 0, shape)
+    high = np.clip(covered.max(axis=0) + 2, low, shape)
+    block = max((1 << 20) // max(int(high[1] - low[1]), 1), 1)
+    for first in range(int(low[0]), int(high[0]), block):
+        part = values[first : min(first + block, int(high[0])), low[1] : high[1]]
+        at = np.indices(part.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, low[1]])
         cells = grid.geometry.cells(se2.transform_points(T_old_new, geometry.centres(at)))
         inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
         flat = np.full(len(at), np.nan, np.float32)

@@ -322,6 +322,23 @@ def echoes(drive: Drive, path: Path) -> Path:
     return plain(drive, path, scans=lambda scan: iter([("/echoes", echoes_message(scan, rng))]))
 
 
+def swaying(drive: Drive, path: Path, amplitude_deg: float = 4.0) -> Path:
+    """The ordinary lidar on a robot that rolls and pitches: beams meet the walls farther away, or the floor."""
+
+    def scans(scan: LaserScan) -> Messages:
+        time_s = (scan.stamp_ns - drive.start_ns) * 1e-9
+        roll = amplitude_deg * math.sin(2.5 * time_s)
+        pitch = amplitude_deg * math.sin(1.7 * time_s + 1.0)
+        bearing = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
+        slope = np.tan(np.radians(roll * np.sin(bearing) - pitch * np.cos(bearing)))
+        with np.errstate(divide="ignore"):
+            plane = np.where(slope < 0.0, -HEIGHT_M / slope, (CEILING_M - HEIGHT_M) / np.abs(slope))
+        ranges = np.minimum(scan.ranges_m, plane) * np.hypot(1.0, slope)
+        yield "/scan", scan_message(replace(scan, ranges_m=ranges.astype(np.float32)))
+
+    return plain(drive, path, scans=scans)
+
+
 def narrow(drive: Drive, path: Path) -> Path:
     """The ordinary lidar with the field of view of a solid-state one: 120 degrees."""
 
@@ -385,5 +402,6 @@ MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
         lambda d, p: clouds(d, p, half_field_deg=60.0, odometry=lambda o: None, with_imu=True),
         "ordinary_narrow",
     ),
+    "swaying": (swaying, "ordinary"),
     "two_lidars_no_odometry": (lambda d, p: two_lidars(d, p, odometry=lambda o: None), "ordinary"),
 }

@@ -27,7 +27,7 @@ def _odd_array(values: NDArray[Any], rng: random.Random) -> NDArray[Any]:
             if values.dtype.kind == "f"
             else (0, 1, -1, np.iinfo(values.dtype).max, np.iinfo(values.dtype).min)
         )
-        values.flat[rng.randrange(values.size)] = rng.choice(odd)
+        values.flat[rng.randrange(values.size)] = np.array(rng.choice(odd)).astype(values.dtype)
     elif what == 1:
         values = values.astype(rng.choice(("<f4", ">i8", "<U3", "?", "<c16", "<f8")))
     elif what == 2:
