@@ -17,10 +17,12 @@ def read_plain_file(path: Path, max_bytes: int) -> bytes:
     Raises OSError: it cannot be read, is larger than `max_bytes`, or is a device or a pipe.
     """
     with open_plain_file(path) as stream:
-        data = stream.read(max_bytes + 1)
+        data = bytearray()  # a read of `max_bytes` would take that memory first
+        while len(data) <= max_bytes and (block := stream.read(_BLOCK_BYTES)):
+            data += block
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"larger than {max_bytes} bytes", str(path))
-    return data
+    return bytes(data)
 
 
 def sha256_of(path: Path) -> str:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from gridslam.core.files import (
     remove_left_over,
     write_atomic,
 )
+from gridslam.core.plain_files import read_plain_file
 
 
 def test_a_file_appears_when_it_is_complete_with_the_rights_of_any_other(tmp_path: Path) -> None:
@@ -117,3 +119,13 @@ def test_an_input_is_not_replaced_whichever_way_it_is_named(tmp_path: Path) -> N
         with pytest.raises(ConfigError, match="would replace the input"):
             refuse_to_replace(target, [log])
     refuse_to_replace(tmp_path / "run2", [log])
+
+
+def test_a_small_file_is_read_with_little_memory_whatever_the_limit(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"x" * 3_000_000)
+    tracemalloc.start()
+    assert len(read_plain_file(tmp_path / "a", 1 << 30)) == 3_000_000
+    assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    tracemalloc.stop()
+    with pytest.raises(OSError, match="larger than 2999999 bytes"):
+        read_plain_file(tmp_path / "a", 2_999_999)
