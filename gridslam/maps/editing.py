@@ -135,11 +135,9 @@ def _added(one: NDArray[np.float32], two: NDArray[np.float32]) -> NDArray[np.flo
     """Probabilities `(n,)` of both maps' log-odds together; NaN where neither knows a cell."""
     known = ~np.isnan(one), ~np.isnan(two)
     log_odds = np.where(known[0], _log_odds(one), 0.0) + np.where(known[1], _log_odds(two), 0.0)
-    values: NDArray[np.float32] = np.float32(
-        1.0 / (1.0 + np.exp(-np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)))
-    )
+    values = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)))
     values[~(known[0] | known[1])] = np.nan
-    return values
+    return np.asarray(values, np.float32)
 
 
 def resampled(
