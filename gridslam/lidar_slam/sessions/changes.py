@@ -36,6 +36,13 @@ GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = (
     0.25,
     0.2,
 )  # at least met, at most met by the other drive, in the cell itself
+# Poses may be wrong by more where two drives overlap little. Around a place the surfaces of both are compared at offsets up to
+# this one; if another offset than none explains many more of them, the drives are displaced here by it.
+MAX_DISPLACED_M, AROUND_M = 0.3, 3.0
+DISPLACED_RATIO, DISPLACED_GAIN = (
+    0.6,
+    0.15,
+)  # of the surfaces that the offset explains, and more than without it
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15
@@ -84,7 +91,8 @@ def find_changes(
     for kind, surface, free, met_by, passed_by in comparisons:
         contradicted, weak = _contradicted(surface, free, frame), _weakly_contradicted(surface, free)
         for cells in _places(contradicted, _is_sure(surface, free), frame):
-            seen = _observations(cells, met_by, passed_by, frame)
+            cells = _without_displaced(cells, surface, free, frame)
+            seen = _observations(cells, met_by, passed_by, frame) if len(cells) >= MIN_CELLS else None
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
                 found.append(_change(kind, drive, _grown(cells, weak, frame), times, frame))
@@ -114,6 +122,24 @@ def _grown(cells: Ints, weak: Bools, frame: CellFrame) -> Ints:
     own[tuple((cells - low).T)] = True
     _, labels = cv2.connectedComponents((own | (window & dilated(own, radius))).astype(np.uint8))
     return np.asarray(np.argwhere(np.isin(labels, np.unique(labels[own]))) + low)
+
+
+def _without_displaced(cells: Ints, surface: Evidence, free: Evidence, frame: CellFrame) -> Ints:
+    """The cells `(n, 2)` of a place that contradict the other drive also if that is displaced as all around them shows."""
+    around, reach = round(AROUND_M / frame.resolution_m), round(MAX_DISPLACED_M / frame.resolution_m)
+    low = np.maximum(cells.min(axis=0) - around, 0)
+    window = tuple(slice(a, b) for a, b in zip(low, cells.max(axis=0) + around + 1, strict=True))
+    one, other = (Evidence(e.hits[window], e.misses[window]) for e in (surface, free))
+    stands = _at_ratio(one, SURFACE_RATIO, MIN_HITS) & (other.hits + other.misses > 0)
+    met = _at_ratio(other, SURFACE_RATIO, MIN_HITS)
+    image = np.pad(dilated(met, 1), reach).astype(np.float32)
+    explained = cv2.matchTemplate(image, stands.astype(np.float32), cv2.TM_CCORR) / max(stands.sum(), 1)
+    best = np.array(np.unravel_index(int(explained.argmax()), explained.shape))
+    if explained.max() < max(DISPLACED_RATIO, explained[reach, reach] + DISPLACED_GAIN):
+        return cells
+    moved = np.clip(cells - low + best - reach, 0, np.array(met.shape) - 1)
+    was_met = dilated(met, round(MAX_POSE_ERROR_M / frame.resolution_m))
+    return np.asarray(cells[~was_met[tuple(moved.T)]])
 
 
 def _is_sure(surface: Evidence, free: Evidence) -> Bools:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.lidar_slam.sessions.session import Session
+from gridslam.lidar_slam.sessions import changes
+from gridslam.lidar_slam.sessions.session import Constraints, Session
 from gridslam.lidar_slam.sessions.session_map import draw_session
 from tests.lidar_slam.sessions.rings import LAP, PLACE, Floats, continued, drive_along, errors, session_of
 from tests.methods.slam_sd import hall
@@ -82,3 +83,17 @@ def test_what_was_moved_is_reported_and_the_map_shows_the_newest_state(first: Se
 def test_an_unchanged_place_has_no_changes(first: Session) -> None:
     found = continued(first, drive_along(LAP, "thursday", 1000))
     assert draw_session(found.session, 0.05, 100.0).changes == []
+
+
+def test_walls_have_not_changed_where_a_drive_is_displaced(
+    first: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    poses = np.concatenate([first.poses, first.poses + np.array([0.2, 0.0, 0.0])])
+    both = Session(first.drives * 2, poses, np.zeros(2, np.int64), Constraints.none())
+
+    def changed_cells() -> int:
+        return sum(len(change.cells) for change in draw_session(both, 0.05, 100.0).changes)
+
+    found = changed_cells()
+    monkeypatch.setattr(changes, "DISPLACED_RATIO", 2.0)
+    assert found < 0.3 * changed_cells()

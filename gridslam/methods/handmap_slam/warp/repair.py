@@ -47,7 +47,7 @@ MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
 # A place is doubtful if the mean cost of the places about it is above a limit: that of a good fit, plus a factor times the
 # additional cost of the place's best alternative, up to the last limit. It is doubtful too if the alternative is about as good.
 DOUBT_STD_M = 15.0
-GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.6, 1.2, 5.5
+GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.2, 1.2, 5.5
 AS_GOOD = 0.3
 
 
