@@ -126,18 +126,18 @@ def _grown(cells: Ints, weak: Bools, frame: CellFrame) -> Ints:
 
 def _without_displaced(cells: Ints, surface: Evidence, free: Evidence, frame: CellFrame) -> Ints:
     """The cells `(n, 2)` of a place that contradict the other drive also if that is displaced as all around them shows."""
-    around, reach = round(AROUND_M / frame.resolution_m), round(MAX_DISPLACED_M / frame.resolution_m)
+    around, limit = round(AROUND_M / frame.resolution_m), round(MAX_DISPLACED_M / frame.resolution_m)
     low = np.maximum(cells.min(axis=0) - around, 0)
     window = tuple(slice(a, b) for a, b in zip(low, cells.max(axis=0) + around + 1, strict=True))
     one, other = (Evidence(e.hits[window], e.misses[window]) for e in (surface, free))
     stands = _at_ratio(one, SURFACE_RATIO, MIN_HITS) & (other.hits + other.misses > 0)
     met = _at_ratio(other, SURFACE_RATIO, MIN_HITS)
-    image = np.pad(dilated(met, 1), reach).astype(np.float32)
+    image = np.pad(dilated(met, 1), limit).astype(np.float32)
     explained = cv2.matchTemplate(image, stands.astype(np.float32), cv2.TM_CCORR) / max(stands.sum(), 1)
     best = np.array(np.unravel_index(int(explained.argmax()), explained.shape))
-    if explained.max() < max(DISPLACED_RATIO, explained[reach, reach] + DISPLACED_GAIN):
+    if explained.max() < max(DISPLACED_RATIO, explained[limit, limit] + DISPLACED_GAIN):
         return cells
-    moved = np.clip(cells - low + best - reach, 0, np.array(met.shape) - 1)
+    moved = np.clip(cells - low + best - limit, 0, np.array(met.shape) - 1)
     was_met = dilated(met, round(MAX_POSE_ERROR_M / frame.resolution_m))
     return np.asarray(cells[~was_met[tuple(moved.T)]])
 
