@@ -10,7 +10,7 @@ OUT    ?= out/sample
 FUZZ_SECONDS ?= 60
 BASELINE ?= out/same-results.json
 
-.PHONY: help map test lint same-results bench papers fuzz newcomer samples clean
+.PHONY: help map test lint same-results docs bench papers fuzz newcomer samples clean
 .DEFAULT_GOAL := help
 
 help:

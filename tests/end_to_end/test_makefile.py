@@ -64,3 +64,12 @@ def test_a_finished_set_up_is_not_done_again(checkout: Path) -> None:
     (checkout / ".venv").mkdir()
     (checkout / ".venv" / ".ready").touch()
     assert "venv --clear" not in make(checkout, "-n", "map").stdout
+
+
+def test_a_folder_of_the_name_of_a_target_does_not_count_as_made(checkout: Path) -> None:
+    targets = [line.split()[1] for line in make(checkout).stdout.splitlines() if line.startswith("make ")]
+    assert "docs" in targets
+    for target in targets:
+        (checkout / target).mkdir()
+    for target in targets:
+        assert "up to date" not in make(checkout, "-n", target).stdout, target
