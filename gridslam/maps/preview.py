@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeAlias
@@ -216,13 +216,20 @@ def _finite_xy(rows: Floats | None) -> Floats:
 
 def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    cells = _in_window(grid, window)
+    colours: Canvas = np.concatenate([_colours_of(cells) for cells in _blocks(grid, window)])[::-1]
+    if colours.shape[1::-1] == window.size_px:
+        return np.ascontiguousarray(colours)
+    return np.array(_enlarged(colours, window))
+
+
+def _colours_of(cells: NDArray[np.float32]) -> Canvas:
+    """The colours of probabilities; -1: unknown."""
     steps = np.rint(np.clip(cells, 0.0, 1.0) * 255.0).astype(np.uint8)
     occupancy = np.arange(256)[:, None] / 255.0
     table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
     colours = table.astype(np.uint8)[steps]
     colours[cells < 0.0] = ink.UNKNOWN
-    return np.array(_enlarged(colours, window))
+    return colours
 
 
 def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
@@ -237,13 +244,16 @@ def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWind
 
 def _in_window(grid: OccupancyGrid, window: MapWindow) -> NDArray[np.float32]:
     """The values of a window, top row first; of a shrunk map the highest of each block. -1: unknown."""
+    return np.concatenate(list(_blocks(grid, window)))[::-1]
+
+
+def _blocks(grid: OccupancyGrid, window: MapWindow) -> Iterator[NDArray[np.float32]]:
+    """The same in blocks of rows, the lowest first."""
     k = round(1.0 / window.zoom) if window.zoom < 1.0 else 1
     at_once = k * BLOCKS_AT_ONCE
-    blocks = [
-        _highest_of_blocks(grid, (first, min(first + at_once, window.row1)), (window.col0, window.col1), k)
-        for first in range(window.row0, window.row1, at_once)
-    ]
-    return np.concatenate(blocks)[::-1]
+    for first in range(window.row0, window.row1, at_once):
+        rows = first, min(first + at_once, window.row1)
+        yield _highest_of_blocks(grid, rows, (window.col0, window.col1), k)
 
 
 def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:

@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.memory import return_freed_memory
 from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.open import open_log
@@ -133,6 +134,7 @@ def _run(
         history = ParticleHistory(method) if config.output.viewer else None
         fed = feed(log, history or method, show, stop, clock.now)
         log.close()  # frees what it keeps of its messages
+        return_freed_memory()
         show(Progress(fed.events, fed.events, fed.scans, is_finishing=True))
         before_result = clock.now()
         result = method.result()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError
+from gridslam.core.memory import return_freed_memory
 from gridslam.core.messages import Event, TagInventory
 from gridslam.core.random import random_stream
 from gridslam.core.stopwatch import Stopwatch
@@ -130,6 +131,7 @@ class SlamSd:
         self._objects.finish(self._filter.best_trajectory)
         drive = self._closed_drive()
         consistency = self._assessed(drive)
+        return_freed_memory()
         static, drawn, objects = self._drawn(drive)
         tracker = self._tracker
         result = RunResult(
