@@ -229,7 +229,7 @@ def _colours_of(cells: NDArray[np.float32]) -> Canvas:
     table = np.rint(np.asarray(ink.FREE) * (1.0 - occupancy) + np.asarray(ink.WALL) * occupancy)
     colours = table.astype(np.uint8)[steps]
     colours[cells < 0.0] = ink.UNKNOWN
-    return colours
+    return np.asarray(colours)
 
 
 def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
