@@ -21,15 +21,26 @@ MAX_WALL_RATIO = 0.5  # walls cover a few percent of a building; above this rati
 # Mean ratio of displaced beams over the localized scans. On right maps up to 0.016 (crowds and recorded places included), on
 # mirrored maps of nearly symmetric places often 0.04 and more (tests/benchmarks/bench_wrong_maps.py).
 MAX_DISPLACED_RATIO = 0.03
+ALIKE = (
+    "the scans agree with the map, but in more than one place that looks alike (as along a corridor): "
+    "--start would decide between them"
+)
 MIRRORED = "localized, but the mirror image of the scans fits the map better: is the map mirrored, or the lidar upside down?"
 MIN_LOCALIZED_SCANS = 10  # from which that mean says something
+# Median inlier ratio of the scans that were not localized, from which the map fits and only the place is undecided: 1.0 in a
+# corridor that looks alike all along, about 0.7 on a map of another place.
+FITTING_RATIO = 0.9
 
 
 class History(Protocol):
-    """What is known of each scan's pose: its status (localized, uncertain, lost), and the ratio of its displaced beams."""
+    """Of each scan: its status (localized, uncertain, lost), and its ratios of inliers and of displaced beams."""
 
     @property
     def statuses(self) -> Sequence[str]:
+        """Of every scan."""
+
+    @property
+    def inlier_ratios(self) -> Sequence[float]:
         """Of every scan."""
 
     @property
@@ -55,10 +66,12 @@ def doubt_of(
             return Doubt("inconsistent", MIRRORED)
         displaced = np.asarray(history.displaced_ratios, np.float64)[localized]
         return _doubt_of_walls(displaced) or _doubt_of_scale(history.travel_ratio())
+    inliers = np.asarray(history.inlier_ratios, np.float64)[~localized]
+    is_fitting = len(inliers) > 0 and float(np.median(inliers)) >= FITTING_RATIO
+    cause = ALIKE if is_fitting else _question(occupancy, occupied_threshold)
     return Doubt(
         "lost",
-        f"localized {100.0 * localized.mean():.0f} % of the time, {statuses[-1]} at the end; "
-        f"{_question(occupancy, occupied_threshold)}",
+        f"localized {100.0 * localized.mean():.0f} % of the time, {statuses[-1]} at the end; {cause}",
     )
 
 

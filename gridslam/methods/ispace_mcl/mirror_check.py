@@ -22,6 +22,7 @@ COMPARED = 40  # of the hypotheses of a search
 MAX_CHECKS = 6  # each takes another search
 MIN_CHECKS = 2
 MIN_LEAD = 0.015  # of the mirror image, per beam; on right maps that are nearly their own mirror image it is 0 or less
+CLEAR_LAG = 0.05  # of the mirror image over MIN_CHECKS windows: no others are searched for it, the map is not mirrored
 _STEPS = ((0.1, 0.02), (0.05, 0.01), (0.05, 0.01), (0.025, 0.005), (0.025, 0.005), (0.0125, 0.0025))  # m, rad
 
 
@@ -39,9 +40,16 @@ class MirrorCheck:
         """Whether the map is mirrored, as far as the windows show it."""
         return len(self._leads) >= MIN_CHECKS and float(np.mean(self._leads)) > MIN_LEAD
 
+    @property
+    def _is_finished(self) -> bool:
+        """Whether further windows would not change the result."""
+        if len(self._leads) >= MAX_CHECKS:
+            return True
+        return len(self._leads) >= MIN_CHECKS and max(self._leads) < -CLEAR_LAG
+
     def add(self, beams: BeamSegments, poses: Floats) -> None:
         """Compare the beams of a window with their mirror image; `poses` `(n, 3)` are where the beams fit, best first."""
-        if len(self._leads) < MAX_CHECKS:
+        if not self._is_finished:
             image = BeamSegments(beams.origins * [1.0, -1.0], beams.endpoints * [1.0, -1.0])
             lead = self._best(image, self._search(image).poses) - self._best(beams, poses)
             self._leads.append(lead)

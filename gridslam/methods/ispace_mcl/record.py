@@ -81,6 +81,11 @@ class LocalizationHistory:
         return [update.assessment.status for update in self._updates]
 
     @property
+    def inlier_ratios(self) -> list[float]:
+        """The running mean of the ratio of beams that agree with the map, at each scan."""
+        return [update.assessment.inlier_ratio for update in self._updates]
+
+    @property
     def displaced_ratios(self) -> list[float]:
         """The ratio of displaced beams at each scan."""
         return [update.assessment.displaced_ratio for update in self._updates]

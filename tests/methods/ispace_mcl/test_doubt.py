@@ -32,6 +32,11 @@ class History:
     statuses: Sequence[str]
     displaced_ratios: Sequence[float]
     ratio: float = 1.0
+    inlier_ratio: float = 0.7
+
+    @property
+    def inlier_ratios(self) -> Sequence[float]:
+        return [self.inlier_ratio] * len(self.statuses)
 
     def travel_ratio(self) -> float:
         return self.ratio
@@ -73,6 +78,15 @@ def test_a_robot_that_was_rarely_localized_or_lost_at_the_end_is_lost(statuses: 
     assert doubt is not None
     assert doubt.status == "lost"
     assert doubt.reason.startswith(line)
+
+
+def test_scans_that_fit_in_several_places_do_not_question_the_map() -> None:
+    statuses = ["uncertain"] * 90 + ["localized"] * 10
+    doubt = doubt_of(History(statuses, [0.01] * 100, inlier_ratio=1.0), room(), WALLS)
+    assert doubt is not None
+    assert doubt.status == "lost"
+    assert "more than one place" in doubt.reason
+    assert "belong" not in doubt.reason
 
 
 def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
