@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,8 @@ Bools = NDArray[np.bool_]
 
 OCCUPIED_FROM, FREE_UP_TO = 0.65, 0.196
 WALL_CELLS = 3  # kept around what is reachable
-MAX_CELLS = 100_000_000
+MAX_CELLS = 64_000_000  # of a map that is turned or merged: 400 m x 400 m at 5 cm; less than 1 GB with all copies
+BLOCK_CELLS = 1 << 18  # resampled at a time, in some 100 bytes each
 COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
 MAX_LOG_ODDS = 6.0
 CORNER_BITS = 4  # of a fraction of a cell, in which cv2 takes corners of polygons
@@ -123,44 +126,45 @@ def merged(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> O
         corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
         ends.append(se2.transform_points(pose, grid.geometry.centres(corners)))
     geometry, shape = _frame_around(np.concatenate(ends), base.geometry.resolution_m)
-    values = resampled(base, np.zeros(3), geometry, shape)
-    second = resampled(other, T_base_other, geometry, shape)
-    is_seen = ~np.isnan(values).all(axis=1) | ~np.isnan(second).all(axis=1)
-    for row in np.flatnonzero(is_seen):  # by rows: a large map many times over would not fit into memory
-        values[row] = _added(values[row], second[row])
+    values = np.full(shape, np.nan, np.float32)  # log-odds first, then probabilities
+    for grid, pose in ((base, np.zeros(3)), (other, T_base_other)):
+        for part, seen in _resampled_parts(grid, pose, geometry, shape):
+            values[part] = np.where(np.isnan(seen), values[part], np.nan_to_num(values[part]) + _log_odds(seen))
+    for row in values:  # by rows: a large map many times over would not fit into memory
+        row[:] = 1.0 / (1.0 + np.exp(-np.clip(row, -MAX_LOG_ODDS, MAX_LOG_ODDS)))
     return trimmed(OccupancyGrid(values, geometry))
-
-
-def _added(one: NDArray[np.float32], two: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Probabilities `(n,)` of both maps' log-odds together; NaN where neither knows a cell."""
-    known = ~np.isnan(one), ~np.isnan(two)
-    log_odds = np.where(known[0], _log_odds(one), 0.0) + np.where(known[1], _log_odds(two), 0.0)
-    values = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)))
-    values[~(known[0] | known[1])] = np.nan
-    return np.asarray(values, np.float32)
 
 
 def resampled(
     grid: OccupancyGrid, T_new_old: Floats, geometry: GridGeometry, shape: tuple[int, int]
 ) -> NDArray[np.float32]:
     """Probabilities `shape` of the map's cells under the centres of another grid's cells; NaN outside the map."""
-    T_old_new = se2.inverse(T_new_old)
     values = np.full(shape, np.nan, np.float32)
+    for part, seen in _resampled_parts(grid, T_new_old, geometry, shape):
+        values[part] = seen
+    return values
+
+
+def _resampled_parts(
+    grid: OccupancyGrid, T_new_old: Floats, geometry: GridGeometry, shape: tuple[int, int]
+) -> Iterator[tuple[tuple[slice, slice], NDArray[np.float32]]]:
+    """The parts of another grid that the map covers, each of some BLOCK_CELLS, with the map's probabilities there."""
+    T_old_new = se2.inverse(T_new_old)
     rows, cols = grid.probability.shape
     corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
     covered = geometry.cells(se2.transform_points(T_new_old, grid.geometry.centres(corners)))
     low = np.clip(covered.min(axis=0) - 1, 0, shape)
     high = np.clip(covered.max(axis=0) + 2, low, shape)
-    block = max((1 << 20) // max(int(high[1] - low[1]), 1), 1)
-    for first in range(int(low[0]), int(high[0]), block):
-        part = values[first : min(first + block, int(high[0])), low[1] : high[1]]
-        at = np.indices(part.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, low[1]])
+    (first_row, first_col), (end_row, end_col) = low.tolist(), high.tolist()
+    block = max(BLOCK_CELLS // max(end_col - first_col, 1), 1)
+    for first in range(first_row, end_row, block):
+        size = min(block, end_row - first), end_col - first_col
+        at = np.indices(size, dtype=np.int64).reshape(2, -1).T + np.array([first, first_col])
         cells = grid.geometry.cells(se2.transform_points(T_old_new, geometry.centres(at)))
         inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
         flat = np.full(len(at), np.nan, np.float32)
         flat[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
-        part[:] = flat.reshape(part.shape)
-    return values
+        yield (slice(first, first + size[0]), slice(first_col, end_col)), flat.reshape(size)
 
 
 def _frame_around(points: Floats, cell_m: float) -> tuple[GridGeometry, tuple[int, int]]:

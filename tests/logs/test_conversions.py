@@ -18,6 +18,7 @@ from gridslam.core.messages import (
     Imu,
     LaserScan,
     Odometry,
+    PointCloud,
     Range,
     TagInventory,
     Transform,
@@ -199,6 +200,30 @@ def test_a_name_that_a_csv_row_cannot_hold_is_refused_aloud(tmp_path: Path) -> N
     ):
         convert_log(log, tmp_path / "log")
     assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize("name", ["a\0b", "half \ud800"])
+@pytest.mark.parametrize("place", ["frame", "topic"])
+def test_a_name_that_a_format_cannot_hold_is_refused_aloud(tmp_path: Path, name: str, place: str) -> None:
+    event = Imu(S, name if place == "frame" else "imu", 0.5)
+    topic = f"/{name}" if place == "topic" else None
+    for target in ["log.mcap", *(["log"] if "\0" not in name else [])]:
+        with pytest.raises(LogError, match="cannot be written"), open_writer(tmp_path / target) as writer:
+            writer.write(event, topic)
+        assert not (tmp_path / target).exists()
+
+
+def test_a_frame_with_a_zero_in_a_csv_folder_is_not_cut_in_silence(tmp_path: Path) -> None:
+    with open_writer(tmp_path / "log") as writer:
+        writer.write(Imu(S, "a\0b", 0.5))
+    with open_log(tmp_path / "log") as log, pytest.raises(LogError, match="holds no zero"):
+        convert_log(log, tmp_path / "log.mcap")
+
+
+def test_a_point_cloud_is_refused_by_a_csv_folder(tmp_path: Path) -> None:
+    cloud = PointCloud(S, "lidar", np.ones((2, 3), np.float32), np.zeros(0, np.float32))
+    with pytest.raises(LogError, match="has no CSV table"), open_writer(tmp_path / "log") as writer:
+        writer.write(cloud)
 
 
 def test_the_name_of_a_camera_may_be_longer_than_that_of_a_file(tmp_path: Path) -> None:

@@ -254,6 +254,38 @@ def test_messages_that_a_killed_recorder_left_in_the_write_ahead_log_are_read(tm
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
+@pytest.mark.parametrize("kept_ratio", [0.0, 0.5, 0.9])
+def test_a_write_ahead_log_that_is_cut_or_damaged_is_a_loss(tmp_path: Path, kept_ratio: float) -> None:
+    live = Path(shutil.copy(next(rosbag2(tmp_path / "bag").glob("*.db3")), tmp_path / "live.db3"))
+    connection = sqlite3.connect(live)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(
+        "INSERT INTO messages(topic_id, timestamp, data) SELECT topic_id, timestamp, data FROM messages"
+    )
+    connection.commit()
+    target = Path(shutil.copy(live, tmp_path / "killed.db3"))
+    recorded = Path(f"{live}-wal").read_bytes()
+    connection.close()
+    cut = recorded[: int(len(recorded) * kept_ratio)] or bytes(5000)
+    Path(f"{target}-wal").write_bytes(cut)
+    with open_log(target) as log:
+        assert log.counters["lost.rest_of_write_ahead_log"] == 1
+        assert log.is_lossy
+
+
+@pytest.mark.parametrize("tail", [None, bytes(1000)])
+def test_what_follows_the_end_of_a_recording_is_a_loss(tmp_path: Path, tail: bytes | None) -> None:
+    with open_writer(tmp_path / "log.mcap") as writer:
+        for event in sample_events(5):
+            writer.write(event)
+    whole = (tmp_path / "log.mcap").read_bytes()
+    (tmp_path / "joined.mcap").write_bytes(whole + (whole if tail is None else tail))
+    events, counters = read(tmp_path / "joined.mcap")
+    assert events == read(tmp_path / "log.mcap")[0]
+    assert counters["lost.rest_after_the_end"] == 1
+    assert not any(key.startswith("lost") for key in read(tmp_path / "log.mcap")[1])
+
+
 def test_messages_that_metadata_counts_and_the_file_lacks_are_a_loss(tmp_path: Path) -> None:
     bag = rosbag2(tmp_path / "bag")
     connection = sqlite3.connect(next(bag.glob("*.db3")))

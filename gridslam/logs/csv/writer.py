@@ -17,10 +17,11 @@ from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
+from gridslam.core.texts import is_unicode
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
-from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, kind_of_event
+from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
 _PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)
@@ -78,6 +79,7 @@ class CsvFolderWriter:
             raise LogError(
                 f"stamp {event.stamp_ns} ns of a {type(event).__name__} cannot be written: 0 to 2^31 s can"
             )
+        _refuse_unwritable(event, topic)
         if isinstance(event, StereoPair):
             for side, pixels in (("left", event.left), ("right", event.right)):
                 camera = f"{(topic or 'stereo').strip('/')}/{side}"
@@ -217,6 +219,16 @@ def _is_part(entry: Path) -> bool:
     return entry.is_file() and (
         entry.name == LAYOUT_FILE or (table is not None and table[1] in (*CSV_KINDS, *OLDER_NAMES))
     )
+
+
+def _refuse_unwritable(event: Event, topic: str | None) -> None:
+    """Raises LogError for an event without a table, and for a name that log.yaml cannot hold."""
+    kind = kind_of_event(event).name
+    if kind in WITHOUT_TABLE:
+        raise LogError(f"a {type(event).__name__} has no CSV table; name the output OUT.mcap")
+    for name in (topic or "", event.frame_id, getattr(event, "child_frame_id", "")):
+        if not is_unicode(name):
+            raise LogError(f"the name {name!r} cannot be written: it holds half a character")
 
 
 def _frames(kind: str, event: Any) -> dict[str, str]:

@@ -39,7 +39,7 @@ from gridslam.logs.mcap.records import (
     unpack_beginning,
 )
 from gridslam.logs.mcap.search import next_record
-from gridslam.logs.mcap.summary import Summary, read_summary
+from gridslam.logs.mcap.summary import Summary, end_of_recording, read_summary
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
@@ -133,7 +133,10 @@ class McapFile:
                     and length == 4
                     and (not self._chunk_offsets or self._chunk_offsets[-1] < at)
                 ):
-                    if not self._complete:
+                    end = end_of_recording(stream, body + length, self._size)
+                    if end < self._size:
+                        self._lose("rest_after_the_end", end)
+                    elif not self._complete:
                         self.message_counts.note(
                             f"{self.path.name}: the index at its end is missing; no message is"
                         )

@@ -49,3 +49,17 @@ def read_summary(stream: IO[bytes], size: int, limit_bytes: int) -> Summary | No
     data = exactly(stream, footer_at - start)
     is_damaged = crc and zlib.crc32(footer[: RECORD.size + 16], zlib.crc32(data)) != crc
     return Summary(start, b"" if is_damaged else data)
+
+
+def end_of_recording(stream: IO[bytes], at: int, size: int) -> int:
+    """The place after the closing magic of the recording whose data section ends at `at`; `size` where its footer is missing.
+
+    It lies before the end of a file to which something was appended, such as another recording.
+    """
+    while at + RECORD.size <= size:
+        stream.seek(at)
+        opcode, length = RECORD.unpack(exactly(stream, RECORD.size))
+        at += RECORD.size + length
+        if opcode == FOOTER:
+            return min(at + len(MAGIC), size)
+    return size

@@ -8,7 +8,16 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from gridslam.core.errors import LogError
+from gridslam.core.texts import is_unicode
+
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+
+
+def check_text(value: str) -> None:
+    """Raises LogError for a text that would not read back from ROS: a zero ends a string, and UTF-8 has no half characters."""
+    if "\0" in value or not is_unicode(value):
+        raise LogError(f"the name {value!r} cannot be written: a string of ROS holds no zero and no half character")
 
 
 class CdrReader:
@@ -85,7 +94,8 @@ class CdrWriter:
         return self.numbers("d", values, 8)
 
     def text(self, value: str) -> CdrWriter:
-        """A string."""
+        """A string. Raises LogError as `check_text` does."""
+        check_text(value)
         raw = value.encode() + b"\0"
         self.uint32(len(raw))
         self._parts += raw

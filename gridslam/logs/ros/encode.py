@@ -8,18 +8,21 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
 from gridslam.core.stamps import END_NS
 from gridslam.logs.kinds import kind_of_event
+from gridslam.logs.ros.cdr import check_text
 from gridslam.logs.ros.encoded import Encoded
 
 
 def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:
     """The messages of an event on `topic`, or the usual topic of its kind.
 
-    One message; two for a stereo pair, and for a ranger on a servo. Raises LogError: ROS cannot hold the stamp.
+    One message; two for a stereo pair, and for a ranger on a servo. Raises LogError: ROS cannot hold the stamp or a name.
     """
     if not 0 <= event.stamp_ns < END_NS:
         raise LogError(
             f"stamp {event.stamp_ns} ns of a {type(event).__name__} cannot be written: ROS holds 0 to 2^31 s"
         )
+    if topic is not None:
+        check_text(topic)
     to_ros = kind_of_event(event).to_ros
     assert to_ros is not None  # every kind with events has one
     return to_ros(event, topic)

@@ -21,6 +21,8 @@ _TICK_INSTRUCTIONS = 100_000  # of SQLite's machine, after which signals are loo
 _MAX_TOPICS = 100_000
 _MAX_NAME = 10_000  # bytes of a topic, a type and an encoding
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
+_LOG_MAGIC = (b"\x37\x7f\x06\x82", b"\x37\x7f\x06\x83")
+_LOG_HEAD_BYTES, _FRAME_HEAD_BYTES = 32, 24
 _DAMAGE = (sqlite3.Error, UnicodeDecodeError, OverflowError)
 
 
@@ -45,6 +47,7 @@ class DatabaseFile:
         self._use_write_ahead_log(Path(f"{path}-wal"))
         try:
             with closing(self._connect()) as database:
+                self._check_write_ahead_log(database)
                 _refuse_computed_tables(database, path)
                 self._read_topics(database)
         except _DAMAGE as error:
@@ -113,6 +116,16 @@ class DatabaseFile:
         self.files.append(log)
         self._message_counts.note(f"{self.path.name}: read together with {log.name}, which its recorder left")
 
+    def _check_write_ahead_log(self, database: sqlite3.Connection) -> None:
+        """Count a loss where SQLite leaves out a part of the write-ahead log: cut, damaged, or never committed."""
+        if self._copy is None:
+            return
+        recorded = _frames_of(self.files[-1])
+        ((_, used, _),) = database.execute("PRAGMA wal_checkpoint")
+        if used < recorded:
+            where = f"{self.files[-1].name} page {max(used, 0) + 1} of {recorded}"
+            self._message_counts.lose("rest_of_write_ahead_log", where)
+
     def _connect(self) -> sqlite3.Connection:
         path, options = (self.path, "mode=ro&immutable=1") if self._copy is None else (self._copy, "mode=rw")
         database = sqlite3.connect(f"{real_path(path).as_uri()}?{options}", uri=True)
@@ -141,6 +154,22 @@ class DatabaseFile:
             f"WHERE length(encoded_message_definition) <= {MAX_SCHEMA_BYTES} LIMIT {_MAX_TOPICS}"
         )
         return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows}
+
+
+def _frames_of(log: Path) -> int:
+    """Pages that a write-ahead log has recorded since it was last begun anew, a cut one too; at least 1, for damaged ones.
+
+    Format: https://www.sqlite.org/fileformat2.html, section 4.1.
+    """
+    with log.open("rb") as stream:
+        head = stream.read(_LOG_HEAD_BYTES)
+        if head[:4] not in _LOG_MAGIC or len(head) < _LOG_HEAD_BYTES:
+            return 1
+        page_bytes, salts, count = int.from_bytes(head[8:12], "big"), head[16:24], 0
+        while stream.read(_FRAME_HEAD_BYTES)[8:16] == salts:
+            count += 1
+            stream.seek(page_bytes, 1)
+    return max(count, 1)
 
 
 def _tables(database: sqlite3.Connection) -> dict[str, str]:
