@@ -12,7 +12,7 @@ import yaml
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.plain_files import read_plain_file
-from gridslam.core.texts import is_unicode
+from gridslam.core.texts import is_storable
 
 MAX_BYTES = 1_000_000
 MAX_REPEATED = 100_000  # values repeated by aliases
@@ -23,7 +23,7 @@ class _Loader(yaml.SafeLoader):
     """A SafeLoader that refuses constructs with silent or unbounded effects.
 
     These are repeated keys (the last would count), tags (which select types), numbers beyond the range of a float, halves
-    of characters ("\\ud800"), and aliases that are recursive or expand to very much.
+    of characters ("\\ud800") and zeros, and aliases that are recursive or expand to very much.
     """
 
     def __init__(self, stream: str) -> None:
@@ -48,8 +48,8 @@ class _Loader(yaml.SafeLoader):
         self._depth -= 1
         if isinstance(node, yaml.MappingNode):
             _refuse_repeated_keys(node)
-        elif isinstance(node, yaml.ScalarNode) and not is_unicode(node.value):
-            raise _error("half a character, which no file or terminal can hold", event)
+        elif isinstance(node, yaml.ScalarNode) and not is_storable(node.value):
+            raise _error("a text with a zero or half a character, which no format can hold", event)
         return node
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:

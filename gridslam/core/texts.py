@@ -1,12 +1,11 @@
-"""Texts that files and terminals can hold."""
+"""Texts that every format can hold."""
 
 from __future__ import annotations
 
 
-def is_unicode(text: str) -> bool:
-    """Whether a text has a form in UTF-8: no half of a character (a lone surrogate) is in it."""
+def is_storable(text: str) -> bool:
+    """Whether every format holds a text: it has no zero, which ends a string of ROS, and no half character (lone surrogate)."""
     try:
-        text.encode()
+        return b"\0" not in text.encode()
     except UnicodeEncodeError:
         return False
-    return True

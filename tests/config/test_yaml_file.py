@@ -30,7 +30,8 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
         ("a: !!python/object/apply:os.system [id]\n", "tags are not allowed"),
         ("a: 1\n---\nb: 2\n", "not valid YAML"),
         ("a: \0\n", "not valid YAML"),
-        ('a: 1\nb: {"\\ud800": 2}\n', "line 2: not valid YAML: half a character"),
+        ('a: 1\nb: {"\\ud800": 2}\n', "line 2: not valid YAML: a text with a zero or half a character"),
+        ('a: "x\\0"\n', "line 1: not valid YAML: a text with a zero"),
         ("[" * 10_000, "nested deeper"),
     ],
 )

@@ -210,7 +210,9 @@ class CsvTable:
 
 
 def _split(line: bytes, delimiter: str) -> list[str] | None:
-    """Fields of a line, or None where it is not text."""
+    """Fields of a line, or None where it is not text (a file system that crashed leaves zeros)."""
+    if b"\0" in line:
+        return None
     try:
         text = line.decode()
     except UnicodeDecodeError:

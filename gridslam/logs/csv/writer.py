@@ -17,11 +17,11 @@ from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
-from gridslam.core.texts import is_unicode
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
+from gridslam.logs.ros.cdr import check_text
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
 _PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)
@@ -227,8 +227,7 @@ def _refuse_unwritable(event: Event, topic: str | None) -> None:
     if kind in WITHOUT_TABLE:
         raise LogError(f"a {type(event).__name__} has no CSV table; name the output OUT.mcap")
     for name in (topic or "", event.frame_id, getattr(event, "child_frame_id", "")):
-        if not is_unicode(name):
-            raise LogError(f"the name {name!r} cannot be written: it holds half a character")
+        check_text(name)
 
 
 def _frames(kind: str, event: Any) -> dict[str, str]:

@@ -9,15 +9,15 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
-from gridslam.core.texts import is_unicode
+from gridslam.core.texts import is_storable
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
 def check_text(value: str) -> None:
-    """Raises LogError for a text that would not read back from ROS: a zero ends a string, and UTF-8 has no half characters."""
-    if "\0" in value or not is_unicode(value):
-        raise LogError(f"the name {value!r} cannot be written: a string of ROS holds no zero and no half character")
+    """Raises LogError for a text that would not read back."""
+    if not is_storable(value):
+        raise LogError(f"the name {value!r} cannot be written: no format holds a zero or half a character")
 
 
 class CdrReader:
