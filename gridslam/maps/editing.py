@@ -17,7 +17,7 @@ Bools = NDArray[np.bool_]
 
 OCCUPIED_FROM, FREE_UP_TO = 0.65, 0.196
 WALL_CELLS = 3  # kept around what is reachable
-MAX_CELLS = 64_000_000  # of a map that is turned or merged: 400 m x 400 m at 5 cm; less than 1 GB with all copies
+MAX_CELLS = 64_000_000  # of a turned or merged map, 400 m x 400 m at 5 cm: less than 1 GB with all copies
 BLOCK_CELLS = 1 << 18  # resampled at a time, in some 100 bytes each
 COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
 MAX_LOG_ODDS = 6.0
@@ -129,7 +129,9 @@ def merged(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> O
     values = np.full(shape, np.nan, np.float32)  # log-odds first, then probabilities
     for grid, pose in ((base, np.zeros(3)), (other, T_base_other)):
         for part, seen in _resampled_parts(grid, pose, geometry, shape):
-            values[part] = np.where(np.isnan(seen), values[part], np.nan_to_num(values[part]) + _log_odds(seen))
+            values[part] = np.where(
+                np.isnan(seen), values[part], np.nan_to_num(values[part]) + _log_odds(seen)
+            )
     for row in values:  # by rows: a large map many times over would not fit into memory
         row[:] = 1.0 / (1.0 + np.exp(-np.clip(row, -MAX_LOG_ODDS, MAX_LOG_ODDS)))
     return trimmed(OccupancyGrid(values, geometry))

@@ -65,7 +65,7 @@ class Lidar(Stream):
     frame: str = "laser"
     extrinsics: SensorExtrinsics = SensorExtrinsics()
     beams: Annotated[int, Field(ge=2, le=10_000)] = 360
-    field_of_view_deg: Annotated[float, Field(ge=0.1, le=360.0)] = 360.0  # less is no angle between beams to a reader
+    field_of_view_deg: Annotated[float, Field(ge=0.1, le=360.0)] = 360.0
     range_min_m: Positive = 0.1
     range_max_m: Positive = 25.0
     sweep_s: NotNegative = 0.1  # from the first beam to the last
