@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from pathlib import Path
-
-import numpy as np
 
 from gridslam.core.errors import MethodError
 from gridslam.methods.base import RunResult
 from gridslam.runs.run_counts import Counts
 
-_FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 MAX_REASONS = 4  # of skipped messages in a message
-
-
-def refuse_wrong_result(method: str, result: RunResult) -> None:
-    """Raises MethodError: a pose is not finite, a stamp is negative, or a name cannot be that of a file of the run."""
-    if not np.isfinite(result.trajectory.poses).all():
-        raise MethodError(f"{method}: the result has poses that are not finite")
-    if (np.asarray(result.trajectory.stamps_ns) < 0).any():
-        raise MethodError(f"{method}: the result has negative stamps")
-    for kind in ("maps", "pictures", "tables"):
-        for name in getattr(result, kind):
-            if not _FILE_NAME.fullmatch(name) or (kind != "tables" and name == "map"):
-                raise MethodError(
-                    f"{method}: {kind} of the name {name!r} cannot be written: letters, digits, '-', '_' and '.' "
-                    "make a name, and map is the map of the run"
-                )
 
 
 def refuse_empty_result(method: str, log_path: Path, result: RunResult, counts: Counts) -> None:

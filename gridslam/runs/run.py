@@ -26,10 +26,10 @@ from gridslam.runs.feed import Progress, Show, Stop, feed
 from gridslam.runs.inputs import NOTHING_MORE, Input, refuse_missing_inputs, refuse_unknown_inputs
 from gridslam.runs.result_checks import (
     refuse_empty_result,
-    refuse_wrong_result,
     unused_stream_line,
     unused_streams,
 )
+from gridslam.runs.result_types import refuse_wrong_result
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import Counts, merge_counts
 

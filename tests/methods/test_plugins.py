@@ -127,7 +127,11 @@ class Mapper:
         stamp = -1 if STAGE == "stamp" else 1
         grid = OccupancyGrid(np.full((2, 2), 0.5, np.float32), GridGeometry(0.1, (0.0, 0.0)))
         maps = {{STAGE: grid}} if STAGE in ("../../evil", "/evil", "map", "") else {{}}
-        return RunResult(Trajectory(np.array([stamp]), np.array(pose)), grid, maps=maps)
+        if STAGE == "none":
+            return None
+        replaced = eval(f"dict({{STAGE}})") if "=" in STAGE else {{}}
+        parts = {{"trajectory": Trajectory(np.array([stamp]), np.array(pose)), "occupancy": grid, "maps": maps}}
+        return RunResult(**(parts | replaced))
 
 fail("import")
 KIND = InputKind("notes", reader="added_method:read")
@@ -156,6 +160,23 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
 @pytest.mark.parametrize(
     ("stage", "message"),
     [
+        ("trajectories={'../evil': None}", "trajectories that are no mapping of names to Trajectory"),
+        ("trajectories={'../evil': Trajectory.empty()}", "trajectories of the name '../evil'"),
+        ("files={'../evil': b''}", "files of the name '../evil'"),
+        ("pictures={'a': 5}", "pictures that are no mapping"),
+        ("tables=[1]", "tables that are no mapping"),
+        ("occupancy=5", "has a int, expected an OccupancyGrid"),
+        ("occupancy=OccupancyGrid(np.full((2, 2), 5.0), GridGeometry(0.1, (0.0, 0.0)))", "above 1"),
+        ("occupancy=OccupancyGrid(np.ones(4), GridGeometry(0.1, (0.0, 0.0)))", "no array of floats"),
+        ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry(np.nan, (0.0, 0.0)))", "no finite number"),
+        (
+            "occupancy=OccupancyGrid(np.broadcast_to(0.5, (10**6,) * 2), GridGeometry(1.0, (0.0, 0.0)))",
+            "the limit",
+        ),
+        ("trajectory=Trajectory(np.array([1]), np.full((1, 3), 1e300))", "poses beyond"),
+        ("trajectory=Trajectory(np.array([1.5]), np.zeros((1, 3)))", "no integers"),
+        ("trajectory=Trajectory(np.array([2**70]), np.zeros((1, 3)))", "no integers"),
+        ("none", "is a NoneType, expected a RunResult"),
         ("nan", "poses that are not finite"),
         ("stamp", "negative stamps"),
         ("../../evil", "maps of the name"),

@@ -1,0 +1,103 @@
+"""Checks of what a method hands over: methods of other packages may hand over anything."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from gridslam.core.errors import MethodError
+from gridslam.core.stamps import END_NS
+from gridslam.core.trajectory import Trajectory
+from gridslam.logs.tum import MAX_COORDINATE_M
+from gridslam.maps.image_levels import MAX_PIXELS
+from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
+from gridslam.methods.base import Picture, RunResult, Series, Table
+
+_FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
+_NAMED = {
+    "maps": OccupancyGrid,
+    "pictures": Picture,
+    "tables": Table,
+    "trajectories": Trajectory,
+    "files": bytes,
+}
+_TAKEN = {"maps": "map", "pictures": "map", "trajectories": "trajectory"}  # names of the run's own files
+_KEYED = {"layers": GridLayer, "series": Series}
+
+
+def refuse_wrong_result(method: str, result: object) -> None:
+    """Raises MethodError for the first part of a result that cannot be written.
+
+    It has another type than `RunResult` says, poses or a grid that are not finite, stamps that no format holds, too many
+    cells, or a name that cannot be that of a file in the run directory.
+    """
+    for problem in _problems(result):
+        raise MethodError(f"{method}: the result {problem}")
+
+
+def _problems(result: object) -> Iterator[str]:
+    """What is wrong with a result, in words that follow "the result"; later checks rely on earlier ones."""
+    if not isinstance(result, RunResult):
+        yield f"is a {type(result).__name__}, expected a RunResult"
+        return
+    for kind, part_type in (_NAMED | _KEYED).items():
+        parts = getattr(result, kind)
+        if not isinstance(parts, Mapping) or not all(isinstance(part, part_type) for part in parts.values()):
+            yield f"has {kind} that are no mapping of names to {part_type.__name__}"
+        for name in parts if kind in _NAMED else ():
+            if not isinstance(name, str) or not _FILE_NAME.fullmatch(name) or name == _TAKEN.get(kind):
+                yield (
+                    f"has {kind} of the name {name!r}, which cannot be written: letters, digits, '-', '_' and '.' make a "
+                    f"name, and {' and '.join(sorted(set(_TAKEN.values())))} are of the run"
+                )
+    for trajectory in (result.trajectory, *result.trajectories.values()):
+        yield from _problems_of_trajectory(trajectory)
+    for grid in (result.occupancy, *result.maps.values()):
+        if grid is not None:
+            yield from _problems_of_map(grid)
+    for picture in result.pictures.values():
+        rgb = picture.rgb
+        if not isinstance(rgb, np.ndarray) or rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
+            yield "has pictures that are not uint8 (height, width, 3)"
+
+
+def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
+    if not isinstance(trajectory, Trajectory):
+        yield f"has a {type(trajectory).__name__}, expected a Trajectory"
+        return
+    stamps, poses = np.asarray(trajectory.stamps_ns), np.asarray(trajectory.poses)
+    if poses.dtype.kind not in "fiu" or (stamps.size and stamps.dtype.kind not in "iu"):
+        yield "has poses that are no numbers, or stamps that are no integers"
+    elif not np.isfinite(poses).all():
+        yield "has poses that are not finite"
+    elif np.abs(poses).max(initial=0.0) > MAX_COORDINATE_M:
+        yield f"has poses beyond {MAX_COORDINATE_M:g} m"
+    elif (stamps < 0).any():
+        yield "has negative stamps"
+    elif (stamps >= END_NS).any():
+        yield "has stamps from 2^31 s on"
+
+
+def _problems_of_map(grid: object) -> Iterator[str]:
+    if not isinstance(grid, OccupancyGrid):
+        yield f"has a {type(grid).__name__}, expected an OccupancyGrid"
+        return
+    values = grid.probability
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind != "f":
+        yield "has a map that is no array of floats (rows, cols)"
+    elif values.size > MAX_PIXELS:
+        yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit is {MAX_PIXELS}"
+    elif not _is_usable(grid.geometry):
+        yield "has a map whose resolution or origin is no finite number"
+    elif values.size and not (np.fmin.reduce(values, axis=None) >= 0.0 or np.isnan(values).all()):
+        yield "has a map with probabilities below 0"
+    elif values.size and np.fmax.reduce(values, axis=None) > 1.0:
+        yield "has a map with probabilities above 1"
+
+
+def _is_usable(geometry: GridGeometry) -> bool:
+    numbers = (geometry.resolution_m, *geometry.origin_xy_m, geometry.yaw_rad)
+    return geometry.resolution_m > 0.0 and all(map(math.isfinite, numbers))
