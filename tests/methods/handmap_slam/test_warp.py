@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.methods.handmap_slam.warp.places import PlaceGraph
-from gridslam.methods.handmap_slam.warp.repair import from_exits
+from gridslam.methods.handmap_slam.warp.places import PlaceGraph, distances_along
+from gridslam.methods.handmap_slam.warp.repair import SLIDE_M, from_exits, slid, untold
 from gridslam.methods.handmap_slam.warp.results import doubt_about
 from gridslam.methods.handmap_slam.warp.search import distinct
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
@@ -76,6 +76,32 @@ def test_a_region_is_searched_backwards_from_where_the_robot_left_it_if_the_map_
     assert [view[0, 0] for view in graph.views] == order.tolist()
     assert (graph.edges[:, 0] < graph.edges[:, 1]).all()
     assert from_exits(chain(6), region, costs=np.array([1.0, 5.0, 5.0, 5.0, 9.0, 9.0])) is None
+
+
+def test_a_region_is_moved_along_and_across_as_a_whole_and_its_ends_less() -> None:
+    graph = chain(30)
+    states = np.zeros((30, 5))
+    states[:, :2] = graph.centres
+    region = (np.arange(30) > 5) & (np.arange(30) < 25)
+    moved = np.array([each - states for each in slid(states, region, distances_along(graph))])
+    assert np.abs(moved[:, ~region]).max() == 0.0
+    np.testing.assert_allclose(np.abs(moved[:, 15, :2]).sum(axis=1), SLIDE_M)
+    np.testing.assert_allclose(np.abs(moved[:, 6, :2]).sum(axis=1), 0.5)
+    np.testing.assert_allclose(moved[:, 15, :2].sum(axis=0), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("places", "change", "doubted"), [(30, 0.4, True), (30, 0.0, False), (12, 0.4, False)]
+)
+def test_places_in_a_long_plain_stretch_are_doubted_if_its_scale_changes(
+    places: int, change: float, doubted: bool
+) -> None:
+    fixed = np.zeros(places, np.bool_)
+    fixed[[0, -1]] = True
+    log_scales = np.column_stack([np.linspace(0.0, change, places), np.zeros(places)])
+    found = untold(fixed, log_scales, distances_along(chain(places)))
+    assert found[places // 2] == doubted
+    assert found.any() == doubted
 
 
 def test_fits_are_distinct_if_some_of_their_places_are_apart() -> None:

@@ -10,6 +10,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
 
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.sensors.range_caster import RangeCaster, range_caster
@@ -86,6 +88,14 @@ def place_graph(occupancy: OccupancyGrid, poses: Floats) -> PlaceGraph:
         (r[::4, None, None] * fractions[:, None] * directions[::4, None]).reshape(-1, 2) for r in inside
     ]
     return PlaceGraph(centres, parents, edges, views, open_views, owners)
+
+
+def distances_along(graph: PlaceGraph) -> Floats:
+    """Distances `(p, p)` (m) along the edges."""
+    a, b = graph.edges.T
+    lengths = np.maximum(np.hypot(*(graph.centres[a] - graph.centres[b]).T), 1e-3)
+    p = len(graph.centres)
+    return np.asarray(dijkstra(coo_matrix((lengths, (a, b)), shape=(p, p)).tocsr(), directed=False))
 
 
 def _grown_spacing(poses: Floats) -> float:

@@ -99,6 +99,12 @@ class Refinement:
         edges = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p((self._edge_residuals(states) / JUMP) ** 2).sum(axis=1)
         return np.asarray(0.5 * (np.bincount(self._from, edges, p) + np.bincount(self._to, edges, p)))
 
+    def min_information(self, states: Floats) -> Floats:
+        """The information on the position that the walls about each place give, `(p,)` in 1 / m^2, in its weakest direction."""
+        weight, equations = self._view_equations(states, SIGMAS_M[-1])[0]
+        per_m2 = weight * np.exp(states[:, 3:].sum(axis=1))[:, None, None]
+        return np.asarray(np.linalg.eigvalsh(per_m2 * equations.matrix[:, :2, :2])[:, 0])
+
     def _improve(self, states: Floats, damping: Floats) -> None:
         for sigma_m in SIGMAS_M:
             for _ in range(ITERATIONS):

@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
-from gridslam.methods.handmap_slam.warp.places import PlaceGraph
+from gridslam.methods.handmap_slam.warp.places import PlaceGraph, distances_along
 from gridslam.methods.handmap_slam.warp.refinement import Fitted, Refinement
 from gridslam.methods.handmap_slam.warp.search import Known, distinct, find_places
 
@@ -42,6 +42,11 @@ FAR_M = 1e9  # of a place that no path joins to an exit
 TRIED = 0.75  # factor of a place's priority after each round in which it was searched
 PARTICLES = 1500
 HYPOTHESES = 3
+# What lies one room too far along a corridor is displaced as a whole. Regions are also moved by this much along and across their
+# longer extent, less towards their ends.
+SLIDE_M, QUARTER_TURNS = 2.0, 0.5 * np.pi * np.arange(4)
+SLIDE_COST = 3.8  # where the places about one cost more on average
+SLIDE_RADIUS_M, SLIDE_SPACING_M, MAX_SLIDES = 20.0, 8.0, 16
 DIFFERS_M = 1.0  # a place lies elsewhere in two fits that are this far apart
 MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
 # A place is doubtful if the mean cost of the places about it is above a limit: that of a good fit, plus a factor times the
@@ -49,6 +54,9 @@ MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
 DOUBT_STD_M = 15.0
 GOOD_COST, PER_ALTERNATIVE, MAX_COST = 3.2, 1.2, 5.5
 AS_GOOD = 0.3
+# Below this information on the position (1 / m^2) no wall shows how far along a place lies. If a stretch is more than twice this
+# length, and a log scale changes over it by this much, nothing shows where it changes.
+MIN_INFORMATION, PLAIN_M, SCALE_CHANGE = 2.0, 6.0, 0.15
 
 
 class Repair:
@@ -70,6 +78,8 @@ class Repair:
         self._costs = problem.place_costs(self.best.states)
         self._take_better_parts()
         self._search()
+        self._take_better_parts()
+        self._slide()
         self._take_better_parts()
 
     def _search(self) -> None:
@@ -95,6 +105,23 @@ class Repair:
             if found.cost < before:
                 self._take(self._problem.fit(found.states))
             quiet = quiet + 1 if self.best.cost > before - WORTH else 0
+
+    def _slide(self) -> None:
+        """Move the regions about costly places as a whole: what is then better is taken, what is about as good is a doubt."""
+        todo = self._nearby_costs() > SLIDE_COST
+        if self.best.cost > MAX_COST * len(todo):
+            return  # nothing fits, and moving parts of it does not help
+        for _ in range(MAX_SLIDES):
+            if not todo.any():
+                break
+            centre = int(np.argmax(np.where(todo, self._near @ self._costs, 0.0)))
+            region = self._distances[centre] < SLIDE_RADIUS_M
+            todo &= self._distances[centre] > SLIDE_SPACING_M
+            fits = [self._problem.fit(s, region) for s in slid(self.best.states, region, self._distances)]
+            self._met += [fit.states for fit in fits]
+            found = min(fits, key=lambda fit: fit.cost)
+            if found.cost < self.best.cost - WORTH:
+                self._take(self._problem.fit(found.states))
 
     def _region(self, centre: int, costs: Floats, kind: str, extent: float) -> Mask:
         if kind == "distance":
@@ -156,13 +183,41 @@ class Repair:
                 smallest[elsewhere] = np.minimum(smallest[elsewhere], more)
         return smallest
 
+    def _nearby_costs(self) -> Floats:
+        """Mean costs `(p,)` of the places about each."""
+        return np.asarray(smoothing(self._distances, DOUBT_STD_M) @ self._costs)
+
     @property
     def doubtful(self) -> Mask:
         """The places `(p,)` that do not fit, or would fit about as well elsewhere."""
         more = self.alternatives()
-        nearby = smoothing(self._distances, DOUBT_STD_M) @ self._costs
+        nearby = self._nearby_costs()
         limit = np.minimum(GOOD_COST + PER_ALTERNATIVE * more, MAX_COST)
-        return np.asarray((nearby > limit) | (more < AS_GOOD))
+        states = self.best.states
+        fixed = self._problem.min_information(states) > MIN_INFORMATION
+        plain = untold(fixed, states[:, 3:], self._distances)
+        return np.asarray((nearby > limit) | (more < AS_GOOD) | plain)
+
+
+def slid(states: Floats, region: Mask, distances: Floats) -> list[Floats]:
+    """States `(p, 5)` with the places of a region `(p,)` displaced in the drawing, in each of four directions."""
+    inside = np.min(distances[:, ~region], axis=1, initial=FAR_M)
+    length = SLIDE_M * np.clip(inside / (2.0 * SLIDE_M), 0.0, 1.0) * np.exp(0.5 * states[:, 3:].sum(axis=1))
+    at = states[region, :2]
+    along = np.linalg.svd(at - at.mean(axis=0), full_matrices=False)[2][0]
+    bearings = np.arctan2(along[1], along[0]) + QUARTER_TURNS
+    still = np.zeros((len(states), 3))
+    return [states + np.column_stack([length * np.cos(b), length * np.sin(b), still]) for b in bearings]
+
+
+def untold(fixed: Mask, log_scales: Floats, distances: Floats) -> Mask:
+    """The places `(p,)` of long stretches over which scales `(p, 2)` change and no wall shows how far along they lie."""
+    found = np.zeros(len(fixed), np.bool_)
+    away = np.min(distances[:, fixed], axis=1, initial=FAR_M)
+    for middle in np.flatnonzero(away > PLAIN_M):
+        stretch = distances[middle] < PLAIN_M + MARGIN_M
+        found |= stretch & (np.ptp(log_scales[stretch], axis=0).max() > SCALE_CHANGE)
+    return found
 
 
 def from_exits(graph: PlaceGraph, region: Mask, costs: Floats) -> PlaceOrder | None:
@@ -188,11 +243,3 @@ def smoothing(distances: Floats, std_m: float) -> Floats:
     """Weights `(p, p)` of the mean over the places around each."""
     near = np.exp(-0.5 * (distances / std_m) ** 2)
     return np.asarray(near / near.sum(axis=1, keepdims=True))
-
-
-def distances_along(graph: PlaceGraph) -> Floats:
-    """Distances `(p, p)` (m) along the edges."""
-    a, b = graph.edges.T
-    lengths = np.maximum(np.hypot(*(graph.centres[a] - graph.centres[b]).T), 1e-3)
-    p = len(graph.centres)
-    return np.asarray(dijkstra(coo_matrix((lengths, (a, b)), shape=(p, p)).tocsr(), directed=False))
