@@ -1,6 +1,13 @@
-"""Texts that every format can hold."""
+"""Texts that every format can hold, and that show what they hold."""
 
 from __future__ import annotations
+
+import re
+
+# Control characters but tab and line feed, invisible characters, line separators, and marks that change the direction of writing.
+_INVISIBLE = re.compile(
+    "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200b-\\u200f\\u2028-\\u202e\\u2060-\\u206f\\ufeff]"
+)
 
 
 def is_storable(text: str) -> bool:
@@ -9,3 +16,8 @@ def is_storable(text: str) -> bool:
         return b"\0" not in text.encode()
     except UnicodeEncodeError:
         return False
+
+
+def visible(text: str) -> str:
+    """The text with escapes such as `\\u202e` in place of characters that would act on the reader's screen or hide."""
+    return _INVISIBLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import check_name, making, partial_folder, put_folder, real_path, write_atomic
+from gridslam.core.texts import visible
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
@@ -84,7 +85,7 @@ def write_evaluation(
                 plots=plots,
             )
         )
-        write_atomic(folder / PAGE_NAME, page.encode(errors="replace"))
+        write_atomic(folder / PAGE_NAME, visible(page).encode(errors="replace"))
         put_folder(folder, target)
 
 

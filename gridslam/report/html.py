@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
 from gridslam.core.nested import flatten
+from gridslam.core.texts import visible
 from gridslam.report.errors_over_time import errors_of
 from gridslam.report.marks import untrusted_stretches
 from gridslam.report.path_plot import path_plot
@@ -68,7 +69,7 @@ def write_html(path: Path, run: Run, document: Mapping[str, Any]) -> None:
         measures=dict(flatten(document["measures"])),
         files=sorted(item.name for item in path.parent.iterdir()),
     )
-    write_atomic(path, page.encode(errors="replace"))  # file names may have bytes that are not text
+    write_atomic(path, visible(page).encode(errors="replace"))  # file names may have bytes that are not text
 
 
 def pictures(run: Run, folder: Path) -> Iterator[EmbeddedPicture]:

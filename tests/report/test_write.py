@@ -129,6 +129,16 @@ def test_the_page_is_one_file_that_loads_nothing_and_escapes_names(finished_run:
         assert word in text
 
 
+def test_no_name_of_a_log_acts_on_the_page_or_on_a_terminal_that_shows_it(
+    finished_run: Run, tmp_path: Path
+) -> None:
+    hostile = replace(finished_run.result, notes=["frame \x1b[2J \u202e \x9b \u2066"])
+    write_run(replace(finished_run, result=hostile, problems=tuple(hostile.notes)), tmp_path / "out")
+    text = (tmp_path / "out" / "report.html").read_text()
+    assert r"frame \x1b[2J \u202e \x9b \u2066" in text
+    assert not set(text) & set("\x1b\u202e\x9b\u2066")
+
+
 def test_a_run_without_a_single_pose_is_written(finished_run: Run, tmp_path: Path) -> None:
     empty = replace(finished_run, result=RunResult(Trajectory.empty()), occupancy=None)
     write_run(empty, tmp_path / "out")
