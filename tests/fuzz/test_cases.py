@@ -40,7 +40,7 @@ RESULTS = {
     "faults/fz_diff_mcap_conv_1_s11.mcap": "read 22, lost 33",
     "faults/fz_diff_mcap_conv_1_s4.mcap": "read 34, lost 31",
     "faults/fz_diff_mcap_conv_22_s11.mcap": "read 43, lost 27",
-    "faults/fz_diff_mcap_conv_22_s12.mcap": "LogError: the name 'cam\\x04\\x00\\x00\\x00age' cannot be written to a CSV",
+    "faults/fz_diff_mcap_conv_22_s12.mcap": "LogError: the name '/cam\\x04\\x00\\x00\\x00age' cannot be written to a CSV",
     "faults/fz_diff_mcap_conv_22_s14.mcap": "read 47, lost 16",
     "faults/fz_diff_mcap_conv_22_s15.mcap": "read 8, lost 7",
     "faults/fz_diff_mcap_conv_22_s17.mcap": "read 7, lost 0",

@@ -17,11 +17,11 @@ from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
+from gridslam.core.texts import is_storable
 from gridslam.logs.csv.fields import name_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
-from gridslam.logs.ros.cdr import check_text
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
 _PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)
@@ -227,7 +227,10 @@ def _refuse_unwritable(event: Event, topic: str | None) -> None:
     if kind in WITHOUT_TABLE:
         raise LogError(f"a {type(event).__name__} has no CSV table; name the output OUT.mcap")
     for name in (topic or "", event.frame_id, getattr(event, "child_frame_id", "")):
-        check_text(name)
+        if not is_storable(name):
+            raise LogError(
+                f"the name {name!r} cannot be written to a CSV folder, whose log.yaml holds no zero and no half character"
+            )
 
 
 def _frames(kind: str, event: Any) -> dict[str, str]:

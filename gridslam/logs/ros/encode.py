@@ -22,7 +22,7 @@ def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:
             f"stamp {event.stamp_ns} ns of a {type(event).__name__} cannot be written: ROS holds 0 to 2^31 s"
         )
     if topic is not None:
-        check_text(topic)
+        check_text(topic.replace("\0", ""))  # MCAP keeps a topic with its length, not with a zero at its end
     to_ros = kind_of_event(event).to_ros
     assert to_ros is not None  # every kind with events has one
     return to_ros(event, topic)
