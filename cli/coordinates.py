@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 
 from gridslam.core.errors import ConfigError
-from gridslam.logs.tum import MAX_COORDINATE_M
+from gridslam.core.poses import MAX_COORDINATE_M
 
 
 def coordinates(option: str, text: str, counts: Collection[int], form: str) -> list[float]:

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+MAX_COORDINATE_M = 1e9  # larger coordinates lose centimetre accuracy in double arithmetic
+
 
 def wrap_angle(angle_rad: ArrayLike) -> Array:
     """Angles wrapped to (-pi, pi], same shape."""

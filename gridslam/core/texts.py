@@ -1,4 +1,4 @@
-"""Texts that every format can hold, and that show what they hold."""
+"""Texts: whether every format can hold them, whether they are numbers, and how to show all that they hold."""
 
 from __future__ import annotations
 
@@ -16,6 +16,15 @@ def is_storable(text: str) -> bool:
         return b"\0" not in text.encode()
     except UnicodeEncodeError:
         return False
+
+
+def is_number(word: str | bytes) -> bool:
+    """Whether a word is a number, infinities and NaN included."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def visible(text: str) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import damage_as_value_error
 from gridslam.core.plain_files import MAX_JSON_BYTES, open_plain_file, read_plain_file
+from gridslam.core.texts import is_number
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.pose_topics import read_topic
@@ -118,16 +119,8 @@ def _looks_like_trajectory(path: Path) -> bool:
     for line in head.removeprefix(codecs.BOM_UTF8).split(b"\n"):
         words = line.partition(b"#")[0].replace(b",", b" ").split()
         if words:
-            return _is_number(words[0]) or path.suffix.lower() in _TEXT_ENDINGS - {""}
+            return is_number(words[0]) or path.suffix.lower() in _TEXT_ENDINGS - {""}
     return path.suffix.lower() in _TEXT_ENDINGS
-
-
-def _is_number(word: bytes) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def read_probability(path: Path) -> OccupancyGrid | None:

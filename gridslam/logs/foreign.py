@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from gridslam.core.texts import is_number
+
 _TO_TABLES = "into a folder of CSV files, whose columns a log.yaml names (see the page on formats)"
 _BY_BEGINNING = (
     (
@@ -37,13 +39,5 @@ def advice_for(path: Path, beginning: bytes) -> str | None:
             f"`--export-odometry-txt`, {_TO_TABLES}"
         )
     words = re.split(rb"[,;\s]+", beginning.partition(b"\n")[0].strip())
-    is_table = len(words) > 2 and (path.suffix.lower() == ".csv" or all(map(_is_number, words)))
+    is_table = len(words) > 2 and (path.suffix.lower() == ".csv" or all(map(is_number, words)))
     return f"a table alone: put it {_TO_TABLES}" if is_table else None
-
-
-def _is_number(word: bytes) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

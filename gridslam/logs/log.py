@@ -11,6 +11,7 @@ import numpy as np
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.plain_files import sha256_of
+from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs import ordering
@@ -26,7 +27,7 @@ from gridslam.logs.sensor_placement import place_sensors
 from gridslam.logs.several_sensors import note_choice
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import Source, StreamInfo
-from gridslam.logs.tum import MAX_COORDINATE_M, read_trajectory
+from gridslam.logs.tum import read_trajectory
 
 
 class Log:

@@ -13,14 +13,13 @@ import numpy as np
 
 from gridslam.core.errors import InputError
 from gridslam.core.plain_files import open_plain_file
-from gridslam.core.poses import yaw_of_quaternion
+from gridslam.core.poses import MAX_COORDINATE_M, yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.trajectory import Trajectory
 
 MAX_BYTES = 1 << 28  # 256 MB, about three million poses
 MAX_LINE_BYTES = 100_000
 _HEAD_BYTES = 1 << 16
-MAX_COORDINATE_M = 1e9  # larger coordinates lose centimetre accuracy in double arithmetic
 _TUM_WORDS, _PLANAR_WORDS = 8, 4
 _TRAJECTORY_LINE = "t x y z qx qy qz qw, or t x y yaw"
 

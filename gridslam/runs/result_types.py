@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from gridslam.core.errors import MethodError
+from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.stamps import END_NS
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs.tum import MAX_COORDINATE_M
 from gridslam.maps.image_levels import MAX_PIXELS
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.base import Picture, RunResult, Series, Table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, distances_along
-from gridslam.methods.handmap_slam.warp.repair import SLIDE_M, from_exits, slid, untold
+from gridslam.methods.handmap_slam.warp.repair import SLIDE_M, from_exits, slid, unlocated_stretches
 from gridslam.methods.handmap_slam.warp.results import doubt_about
 from gridslam.methods.handmap_slam.warp.search import distinct
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
@@ -99,7 +99,7 @@ def test_places_in_a_long_plain_stretch_are_doubted_if_its_scale_changes(
     fixed = np.zeros(places, np.bool_)
     fixed[[0, -1]] = True
     log_scales = np.column_stack([np.linspace(0.0, change, places), np.zeros(places)])
-    found = untold(fixed, log_scales, distances_along(chain(places)))
+    found = unlocated_stretches(fixed, log_scales, distances_along(chain(places)))
     assert found[places // 2] == doubted
     assert found.any() == doubted
 

@@ -195,7 +195,7 @@ class Repair:
         limit = np.minimum(GOOD_COST + PER_ALTERNATIVE * more, MAX_COST)
         states = self.best.states
         fixed = self._problem.min_information(states) > MIN_INFORMATION
-        plain = untold(fixed, states[:, 3:], self._distances)
+        plain = unlocated_stretches(fixed, states[:, 3:], self._distances)
         return np.asarray((nearby > limit) | (more < AS_GOOD) | plain)
 
 
@@ -210,7 +210,7 @@ def slid(states: Floats, region: Mask, distances: Floats) -> list[Floats]:
     return [states + np.column_stack([length * np.cos(b), length * np.sin(b), still]) for b in bearings]
 
 
-def untold(fixed: Mask, log_scales: Floats, distances: Floats) -> Mask:
+def unlocated_stretches(fixed: Mask, log_scales: Floats, distances: Floats) -> Mask:
     """The places `(p,)` of long stretches over which scales `(p, 2)` change and no wall shows how far along they lie."""
     found = np.zeros(len(fixed), np.bool_)
     away = np.min(distances[:, fixed], axis=1, initial=FAR_M)
