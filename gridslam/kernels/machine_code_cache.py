@@ -5,81 +5,134 @@ from __future__ import annotations
 import atexit
 import functools
 import hashlib
+import logging
 import os
+import pickle
 import re
 import shutil
 import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+import numba
+import numba.core.caching
+import numba.core.compiler
+import numba.core.serialize
 from numba.core.runtime.nrt import rtsys
 
 IMPORT_OF_KERNELS = re.compile(r"^from gridslam\.kernels\.([\w.]+) import ", re.MULTILINE)
+DIGEST_BYTES = 32
 
-
-_Cache: Any = FunctionCache  # numba's classes have no types
-_Files: Any = CompileResultCacheImpl
-_Locator: Any = InTreeCacheLocator
-
-
-class ContentLocator(_Locator):  # type: ignore[misc]
-    """Files of one function, found by what its sources hold: a copy of the folder is valid at any other path and time."""
-
-    def __init__(self, function: Callable[..., Any], module: str) -> None:
-        super().__init__(function, module)
-        self._cache_path = str(cache_directory(Path(module)))
-
-    def get_source_stamp(self) -> str:
-        """The same for all files: the name of their folder tells the state of the sources."""
-        return "content"
-
-
-class ContentFiles(_Files):  # type: ignore[misc]
-    """The files of one function where `ContentLocator` finds them, or below NUMBA_CACHE_DIR."""
-
-    _locator_classes = (*_Files._locator_classes[:1], ContentLocator)
+_Cache: Any = numba.core.caching._Cache  # numba has no types
+_dumps: Any = numba.core.serialize.dumps
+_rebuild: Any = numba.core.compiler.CompileResult._rebuild
+_logger = logging.getLogger("gridslam")
 
 
 class MachineCodeCache(_Cache):  # type: ignore[misc]
-    """Numba's cache of one function; damage in its files means that the function is compiled again."""
+    """The machine code of one kernel: a file for each signature, which says whose it is and begins with a digest.
 
-    _impl_class = ContentFiles
+    So what is damaged, cut or another kernel's is compiled again, and never run. Numba's own files have no digest, and an
+    index beside them, which two processes may leave pointing at each other's code.
+    """
+
+    complaint: ClassVar[str | None] = None  # why this process could not keep something, told once
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        code = function.__code__
+        self._bytecode = hashlib.sha256(code.co_code).hexdigest()
+        self._base = f"{function.__qualname__}-{code.co_firstlineno}.{sys.implementation.cache_tag}"
+        self._folders = folders_of(Path(code.co_filename))
+
+    @property
+    def cache_path(self) -> str:
+        """The folder where new machine code is kept."""
+        return str(self._folders[0])
+
+    def enable(self) -> None:
+        """Part of numba's interface; the cache is always on."""
+
+    def disable(self) -> None:
+        """Part of numba's interface; the cache is always on."""
+
+    def flush(self) -> None:
+        """Part of numba's interface: outdated code lies in folders of its own, so nothing is removed."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code kept for a signature; None where there is none, or where its files are damaged.
+        """The machine code kept for a signature; None where there is none, or where its file is damaged.
 
         What only compiling needs is not set up here as numba does: it takes longer than all loading.
         """
-        try:
-            rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)
-        except Exception:  # a cut or empty pickle raises almost anything
-            return None
+        rtsys.initialize(target_context)
+        key = self._key(sig, target_context.codegen())
+        for folder in self._folders:
+            with suppress(Exception):  # no file, a damaged one, or one of another version of numba
+                return _rebuild(target_context, *_read(folder / self._name(key), key))
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code. A damaged index is replaced; a folder that cannot be written (any more) keeps nothing."""
+        """Keep machine code; where it cannot be written, say so once and keep nothing."""
+        key = self._key(sig, data.codegen)
         try:
-            super().save_overload(sig, data)
-        except OSError:
-            return
-        except Exception:  # the index is damaged: begin a new one
-            try:
-                self.flush()
-                super().save_overload(sig, data)
-            except OSError:
-                return
+            _write(self._folders[0] / self._name(key), key, data._reduce())
+        except OSError as error:
+            if MachineCodeCache.complaint is None:
+                MachineCodeCache.complaint = (
+                    f"compiled kernels cannot be kept in {self._folders[0].parent} ({error.strerror or error}): "
+                    "every run compiles them again"
+                )
+                _logger.warning("%s", MachineCodeCache.complaint)
+
+    def _key(self, signature: Any, codegen: Any) -> tuple[str, ...]:
+        """What machine code is for: a signature on a type of processor, of this bytecode, made by this numba."""
+        return (str(signature), str(codegen.magic_tuple()), self._bytecode, str(numba.__version__))
+
+    def _name(self, key: tuple[str, ...]) -> str:
+        return f"{self._base}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.code"
 
 
-def cache_of(function: Callable[..., Any]) -> MachineCodeCache | None:
-    """The cache of a kernel; None where no folder can be written, so that it is compiled in every process."""
+def _read(file: Path, key: tuple[str, ...]) -> Any:
+    """The machine code in a file. Raises OSError; ValueError: it is damaged, or another kernel's."""
+    content = file.read_bytes()
+    body = memoryview(content)[DIGEST_BYTES:]
+    if content[:DIGEST_BYTES] != _digest(body):
+        raise ValueError(f"{file}: damaged")
+    kept_key, machine_code = pickle.loads(body)
+    if kept_key != key:
+        raise ValueError(f"{file}: the machine code of {kept_key}")
+    return machine_code
+
+
+def _write(file: Path, key: tuple[str, ...], machine_code: Any) -> None:
+    """Write a file under a temporary name first: of two processes the last wins. Raises OSError."""
+    body = _dumps((key, machine_code))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=".partial", dir=file.parent)
     try:
-        return MachineCodeCache(function)
-    except (OSError, RuntimeError):
-        return None
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(_digest(body) + body)
+        Path(name).chmod(0o644)  # an installation may serve users other than the one who compiled
+        Path(name).replace(file)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _digest(body: bytes | memoryview) -> bytes:
+    return hashlib.sha256(body).digest()
+
+
+def folders_of(module: Path) -> tuple[Path, ...]:
+    """Where the machine code of a kernel module is kept, and where else it may lie ready.
+
+    An installation that was warmed up serves also those who cannot write into it.
+    """
+    own = cache_directory(module)
+    return (own,) if _given_folder() else tuple(dict.fromkeys((own, _beside(module) / own.name)))
 
 
 @functools.cache
@@ -87,18 +140,23 @@ def cache_directory(module: Path) -> Path:
     """Where the machine code of a kernel module is kept: one folder for each state of it and of the kernels it uses.
 
     Left to itself numba looks at one source file at a time, and would go on using code that has constants of another
-    file's older state compiled into it. The folder lies beside the sources; in the user's cache where those are
-    read-only; in the temporary folder of the machine where that cannot be written either.
+    file's older state compiled into it. The folder lies below NUMBA_CACHE_DIR where that is set, else beside the sources; in
+    the user's cache where those are read-only; in the temporary folder of the machine where that cannot be written
+    either. Where none of them can be written, it is beside the sources.
     """
     digest = hashlib.sha256()
     for source in sorted(sources_of(module)):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
     name = f"{module.stem}-{digest.hexdigest()[:16]}"
-    candidates = [module.parent / "__pycache__" / "kernels", _user_cache() / "gridslam" / "kernels"]
+    given, home = _given_folder(), _user_cache()
+    candidates = [given] if given else [_beside(module), *([home / "gridslam" / "kernels"] if home else [])]
     for folder in candidates:
-        if _is_writable(folder):
+        if _is_writable(folder / name):
             return folder / name
-    return _private_temporary_folder() / name
+    try:
+        return _private_temporary_folder() / name
+    except OSError:
+        return _beside(module) / name
 
 
 def sources_of(module: Path) -> set[Path]:
@@ -122,34 +180,46 @@ def imported_by(source: Path) -> Iterator[Path]:
             yield file
 
 
-def _user_cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME")
+def _beside(module: Path) -> Path:
+    return module.parent / "__pycache__" / "kernels"
+
+
+def _given_folder() -> Path | None:
+    """The folder that the user gives to all programs with numba."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(given) if given else None
+
+
+def _user_cache() -> Path | None:
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        return Path(base) if base else Path.home() / ".cache"
+        return base if base.is_absolute() else Path.home() / ".cache"
     except RuntimeError:  # no home directory
-        return Path(tempfile.gettempdir())
+        return None
 
 
 @functools.cache
 def _private_temporary_folder() -> Path:
     """A folder of this user in the machine's temporary folder; a new one where somebody else could write into it.
 
-    Machine code is kept as pickles, so files that another user may have put there are never read.
+    Raises OSError: there is none. Machine code is kept as pickles, so files that another user may have put there are never read.
     """
     folder = Path(tempfile.gettempdir()) / f"gridslam-kernels-{os.getuid()}"
-    try:
+    with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
         state = folder.lstat()
         if stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022:
             return folder
-    except OSError:
-        pass
     fresh = Path(tempfile.mkdtemp(prefix="gridslam-kernels-"))
     atexit.register(shutil.rmtree, fresh, ignore_errors=True)
     return fresh
 
 
 def _is_writable(folder: Path) -> bool:
-    """Whether the folder, or the nearest one above it that exists, takes new files."""
-    existing = next((f for f in (folder, *folder.parents) if f.exists()), None)
-    return existing is not None and existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+    """Whether the folder takes new files; it is made if need be. Only trying tells, of all kinds of file systems."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True

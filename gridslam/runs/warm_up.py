@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from importlib.util import find_spec
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gridslam.kernels.machine_code_cache import MachineCodeCache
 from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
@@ -22,6 +24,7 @@ from gridslam.runs.run_config import load_run_config
 from gridslam.simulation.scripted import Noise, scripted_drawing, scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
+_logger = logging.getLogger("gridslam")
 DRIVE = DifferentialDrive(
     radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
 )
@@ -48,11 +51,25 @@ def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) ->
             warm_up_part(part)
             report(part)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as processes:
-        running = {processes.submit(warm_up_part, part): part for part in parts}
+    complaints: set[str] = set()
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_be_quiet) as processes:
+        running = {processes.submit(_warm_up_part, part): part for part in parts}
         for done in as_completed(running):
-            done.result()
+            complaints.update(done.result())
             report(running[done])
+    for complaint in sorted(complaints)[:1]:
+        _logger.warning("%s", complaint)
+
+
+def _be_quiet() -> None:
+    """Nothing of what a process that warms up has to say is about anything of the user's."""
+    _logger.addHandler(logging.NullHandler())
+
+
+def _warm_up_part(part: str) -> list[str]:
+    """Why machine code could not be kept, if so."""
+    warm_up_part(part)
+    return [MachineCodeCache.complaint] if MachineCodeCache.complaint else []
 
 
 def part_names() -> list[str]:

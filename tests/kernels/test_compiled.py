@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from gridslam.kernels import machine_code_cache, raycast
-from gridslam.kernels.machine_code_cache import cache_directory, sources_of
+from gridslam.kernels import machine_code_cache, raycast, start
+from gridslam.kernels.machine_code_cache import (
+    DIGEST_BYTES,
+    MachineCodeCache,
+    cache_directory,
+    folders_of,
+    sources_of,
+)
 from tests.conftest import REPOSITORY
 
 
@@ -64,7 +74,7 @@ def test_machine_code_is_valid_wherever_its_package_is_moved(tmp_path: Path) -> 
         source.touch()
     folder = Path(run_start(None, tmp_path / "after"))
     assert folder == tmp_path / "after" / Path(kept).relative_to(tmp_path / "before")
-    assert len([file for file in folder.iterdir() if file.suffix == ".nbc"]) == 1
+    assert len([file for file in folder.iterdir() if file.suffix == ".code"]) == 1
     assert all(file.stat().st_mtime_ns < source.stat().st_mtime_ns for file in folder.iterdir())
 
 
@@ -74,7 +84,7 @@ sys.path.insert(0, {repository!r})
 from pathlib import Path
 from gridslam.kernels import machine_code_cache, start
 start.start()
-print(start._same._cache.cache_path if hasattr(start._same._cache, "cache_path") else "none")
+print(start._same._cache.cache_path)
 """
 
 
@@ -92,20 +102,99 @@ def run_start(cache: Path | None, repository: Path = REPOSITORY) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("keep", [0, 10, 0.5])
-def test_damaged_files_are_compiled_anew(tmp_path: Path, keep: float) -> None:
-    run_start(tmp_path)
-    files = [file for file in tmp_path.rglob("*") if file.suffix in (".nbi", ".nbc")]
-    assert len(files) == 2
-    for file in files:
-        data = file.read_bytes()
-        file.write_bytes(data[: int(keep * len(data)) if keep < 1 else int(keep)])
-    run_start(tmp_path)
-    assert all(len(file.read_bytes()) > 100 for file in files)
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file of the smallest kernel's machine code, the only one in a folder where its cache looks."""
+    start.start()
+    kernel: Any = start._same
+    (file,) = Path(kernel._cache.cache_path).glob("_same-*.code")
+    monkeypatch.setattr(kernel._cache, "_folders", (tmp_path,))
+    monkeypatch.setattr(MachineCodeCache, "complaint", None)
+    return Path(shutil.copy(file, tmp_path))
+
+
+def load() -> Any:
+    """What the cache holds of the smallest kernel."""
+    kernel: Any = start._same
+    return kernel._cache.load_overload(kernel.signatures[0], kernel.targetctx)
+
+
+def save() -> None:
+    """Let the cache keep something as machine code of the smallest kernel."""
+    kernel: Any = start._same
+    code = SimpleNamespace(codegen=kernel.targetctx.codegen(), _reduce=lambda: b"code")
+    kernel._cache.save_overload(kernel.signatures[0], code)
+
+
+def test_damaged_files_and_those_of_other_kernels_are_not_loaded(kept: Path) -> None:
+    """Machine code with a wrong bit may do anything: a file cut or changed anywhere is never run."""
+    whole = kept.read_bytes()
+    assert load() is not None
+    changed = [whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in range(0, len(whole), 997)]
+    body = pickle.dumps((("another",), pickle.loads(whole[DIGEST_BYTES:])[1]))
+    other = hashlib.sha256(body).digest() + body
+    for damaged in (
+        b"",
+        whole[:10],
+        whole[: len(whole) // 2],
+        whole[:-1],
+        whole + b"x",
+        b"\0" * 5000,
+        other,
+        *changed,
+    ):
+        kept.write_bytes(damaged)
+        assert load() is None
+
+
+def test_a_file_that_cannot_be_written_is_said_once(kept: Path, caplog: pytest.LogCaptureFixture) -> None:
+    kept.unlink()
+    kept.mkdir()
+    assert load() is None
+    save()
+    save()
+    (said,) = caplog.messages
+    assert "Is a directory" in said
+    assert list(kept.parent.iterdir()) == [kept]
+
+
+def test_a_folder_that_was_removed_is_made_again(kept: Path) -> None:
+    shutil.rmtree(kept.parent)
+    assert load() is None
+    save()
+    assert kept.exists()
 
 
 def test_a_folder_that_cannot_be_written_stops_nothing() -> None:
     assert "/proc" not in run_start(Path("/proc/gridslam"))
+
+
+def test_an_installation_that_was_warmed_up_serves_those_who_cannot_write_into_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_code_cache, "_is_writable", lambda folder: str(tmp_path) in str(folder))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    cache_directory.cache_clear()
+    own, ready = folders_of(Path(raycast.__file__))
+    cache_directory.cache_clear()
+    assert own == tmp_path / "gridslam" / "kernels" / ready.name
+    assert ready.parent == Path(raycast.__file__).parent / "__pycache__" / "kernels"
+
+
+@pytest.mark.parametrize("home", ["", "relative", "/proc/home"])
+def test_without_any_folder_the_one_beside_the_sources_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, home: str
+) -> None:
+    def no_folder() -> str:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(machine_code_cache, "_is_writable", lambda folder: False)
+    monkeypatch.setattr(tempfile, "gettempdir", no_folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", home)
+    machine_code_cache._private_temporary_folder.cache_clear()
+    (tmp_path / "loops.py").write_text("")
+    assert folder_of(tmp_path / "loops.py").parent == tmp_path / "__pycache__" / "kernels"
+    cache_directory.cache_clear()
 
 
 def test_read_only_sources_and_home_lead_to_a_private_temporary_folder(
