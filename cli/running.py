@@ -15,6 +15,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.nested import flatten
 from gridslam.core.threads import limit_threads
 from gridslam.core.trajectory import Trajectory
+from gridslam.methods.registry import BUILT_IN
 from gridslam.report.directory import check_free
 from gridslam.report.environment import made_with
 from gridslam.report.sensor_trust import sensor_summary
@@ -164,12 +165,15 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
                 f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
             )
         )
-    if (sensors := sensor_summary(document["measures"].get("motion", {}))) is not None:
+    measures = (
+        document["measures"] if run.config.method_name in BUILT_IN else {}
+    )  # a package's own mean anything
+    if (sensors := sensor_summary(measures.get("motion", {}))) is not None:
         rows.append(("sensors", sensors))
-    consistency = document["measures"].get("map_consistency")
+    consistency = measures.get("map_consistency")
     if consistency is not None and not consistency["is_doubtful"]:  # else the row "doubt" says so
         rows.append(("consistency", consistency["summary"]))
-    warp = document["measures"].get("drawing", {}).get("warp", {})
+    warp = measures.get("drawing", {}).get("warp", {})
     if warp.get("summary") and run.result.doubt is None:
         rows.append(("drawing", warp["summary"]))
     rows.append(("time", f"{timing['total_s']:.1f} s, {document['memory']['peak_mb']:.0f} MB"))

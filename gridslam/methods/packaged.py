@@ -5,24 +5,29 @@ from __future__ import annotations
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from numbers import Integral
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from gridslam.core.errors import GridslamError, MethodError
 from gridslam.core.messages import Event
+from gridslam.core.texts import visible
 from gridslam.methods.base import Estimate, Method, RunResult
 
 
 @contextmanager
-def naming(package: str) -> Iterator[None]:
+def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[None]:
     """Turn an error of a method's code into a MethodError that names its `package`; no text: the program's own method.
 
-    A GridslamError that was raised on purpose keeps its message and its kind.
+    A GridslamError that was raised on purpose keeps its message and its kind, and so do the kinds in `passed`.
     """
     try:
         yield
     except (GridslamError, MemoryError, ValidationError):
+        raise
+    except passed:
         raise
     except (Exception, SystemExit) as error:
         if not package or _was_interrupted(error):
@@ -30,7 +35,7 @@ def naming(package: str) -> Iterator[None]:
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         raise MethodError(
-            f"{package}: {type(error).__name__}: {error}{place}; report it to its authors"
+            f"{package}: {type(error).__name__}: {visible(str(error))}{place}; report it to its authors"
         ) from error
 
 
@@ -39,6 +44,16 @@ def _was_interrupted(error: BaseException | None) -> bool:
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
+
+
+def _is_usable(estimate: object) -> bool:
+    return (
+        isinstance(estimate, Estimate)
+        and isinstance(estimate.stamp_ns, Integral)
+        and np.shape(estimate.pose) == (3,)
+        and (estimate.particles is None or np.shape(estimate.particles)[1:] == (3,))
+        and all(np.isfinite(p).all() for p in (estimate.pose, estimate.particles) if p is not None)
+    )
 
 
 class PackagedMethod:
@@ -52,7 +67,10 @@ class PackagedMethod:
     def estimate(self) -> Estimate | None:
         """The method's own."""
         with naming(self._package):
-            return self._method.estimate
+            estimate = self._method.estimate
+            if estimate is not None and not _is_usable(estimate):
+                raise TypeError("the estimate has no stamp, or poses that are no finite numbers (n, 3)")
+            return estimate
 
     def process(self, event: Event) -> None:
         """Let the method process the event."""

@@ -57,7 +57,7 @@ def report_document(run: Run, write_s: float) -> dict[str, Any]:
         "trajectory": trajectory_facts(run.result.trajectory),
         "map": map_facts(run),
         "errors": None if (errors := errors_of(run)) is None else errors.summary(),
-        "measures": dict(run.result.measures),
+        "measures": plain(run.result.measures),
         "made_with": made_with().model_dump(),
     }
 

@@ -14,6 +14,8 @@ from gridslam.core.files import ANY, Identity, write_atomic
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.maps.preview import render_map
+from gridslam.methods.packaged import naming
+from gridslam.methods.registry import package_of
 from gridslam.report.directory import REPORT_NAME, new_run_directory
 from gridslam.report.document import json_bytes, report_document
 from gridslam.report.html import write_html
@@ -35,8 +37,16 @@ def write_run(
     """Write all files of a run; the directory appears when they are complete. Returns the document of report.json.
 
     `further`: files and folders that are moved into the directory (log and ground truth of an exploration).
-    `before`: what `check_free` found there before the run. Raises ConfigError: the directory exists or cannot be written.
+    `before`: what `check_free` found there before the run. Raises ConfigError: the directory exists or cannot be written;
+    MethodError, which names the package of the method: a part of its result cannot be written.
     """
+    with naming(package_of(run.config.method_name), passed=(OSError,)):
+        return _write_run(run, directory, force, further, before)
+
+
+def _write_run(
+    run: Run, directory: Path, force: bool, further: Iterable[Path], before: Identity | None
+) -> dict[str, object]:
     started = time.perf_counter()
     further = tuple(further)
     log_path = next((path for path in further if path.name == run.log_path.name), run.log_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from numbers import Real
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.image_levels import MAX_PIXELS
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.base import Picture, RunResult, Series, Table
+from gridslam.methods.packaged import naming
+from gridslam.runs.packaged_results import packaged_problems
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _NAMED = {
@@ -28,17 +31,19 @@ _TAKEN = {"maps": "map", "pictures": "map", "trajectories": "trajectory"}  # nam
 _KEYED = {"layers": GridLayer, "series": Series}
 
 
-def refuse_wrong_result(method: str, result: object) -> None:
+def refuse_wrong_result(method: str, result: object, is_packaged: bool) -> None:
     """Raises MethodError for the first part of a result that cannot be written.
 
     It has another type than `RunResult` says, poses or a grid that are not finite, stamps that no format holds, too many
-    cells, or a name that cannot be that of a file in the run directory.
+    cells, or a name that cannot be that of a file in the run directory. Of a method of another package all parts are
+    looked at, and stamps must ascend.
     """
-    for problem in _problems(result):
-        raise MethodError(f"{method}: the result {problem}")
+    with naming(method if is_packaged else ""):
+        for problem in _problems(result, is_packaged):
+            raise MethodError(f"{method}: the result {problem}")
 
 
-def _problems(result: object) -> Iterator[str]:
+def _problems(result: object, is_packaged: bool) -> Iterator[str]:
     """What is wrong with a result, in words that follow "the result"; later checks rely on earlier ones."""
     if not isinstance(result, RunResult):
         yield f"is a {type(result).__name__}, expected a RunResult"
@@ -62,6 +67,8 @@ def _problems(result: object) -> Iterator[str]:
         rgb = picture.rgb
         if not isinstance(rgb, np.ndarray) or rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
             yield "has pictures that are not uint8 (height, width, 3)"
+    if is_packaged:
+        yield from packaged_problems(result)
 
 
 def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
@@ -91,13 +98,16 @@ def _problems_of_map(grid: object) -> Iterator[str]:
     elif values.size > MAX_PIXELS:
         yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit is {MAX_PIXELS}"
     elif not _is_usable(grid.geometry):
-        yield "has a map whose resolution or origin is no finite number"
+        yield "has a map whose geometry is no GridGeometry of finite numbers"
     elif values.size and not (np.fmin.reduce(values, axis=None) >= 0.0 or np.isnan(values).all()):
         yield "has a map with probabilities below 0"
     elif values.size and np.fmax.reduce(values, axis=None) > 1.0:
         yield "has a map with probabilities above 1"
 
 
-def _is_usable(geometry: GridGeometry) -> bool:
+def _is_usable(geometry: object) -> bool:
+    if not isinstance(geometry, GridGeometry) or len(geometry.origin_xy_m) != 2:
+        return False
     numbers = (geometry.resolution_m, *geometry.origin_xy_m, geometry.yaw_rad)
-    return geometry.resolution_m > 0.0 and all(map(math.isfinite, numbers))
+    are_finite = all(isinstance(n, Real) and math.isfinite(n) and abs(n) <= MAX_COORDINATE_M for n in numbers)
+    return are_finite and geometry.resolution_m > 0.0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
-from gridslam.api import map_log
+from gridslam.api import FinishedRun, map_log
 from gridslam.core.errors import ConfigError, GridslamError, LogError, MethodError
 from gridslam.methods import registry
 from gridslam.methods.plugins import PluginRegistry, plugin_sources
@@ -89,8 +90,8 @@ from typing import Literal
 from pydantic import field_validator
 from gridslam.config.base import StrictModel
 from gridslam.core.trajectory import Trajectory
-from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.methods.base import RunResult
+from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
+from gridslam.methods.base import Doubt, Picture, PlacedObject, RunResult, Series, Table
 from gridslam.methods.registry import InputKind, MethodEntry
 
 STAGE = {stage!r}
@@ -139,12 +140,15 @@ ENTRY = MethodEntry(config="added_method:Config", mapper="added_method:Mapper", 
 """
 
 
-def run_added(small_log: Path, folder: Path, stage: str, error: str, patch: pytest.MonkeyPatch) -> object:
+def run_added(
+    small_log: Path, folder: Path, stage: str, error: str, patch: pytest.MonkeyPatch
+) -> FinishedRun:
     install(folder, "added = added_method:ENTRY", code=BROKEN.format(stage=stage, error=error))
     patch.setattr(registry, "METHODS", methods())
     notes = folder / "notes.txt"
     notes.touch()
-    return map_log(small_log, {"method": {"name": "added", "level": 1}}, inputs={"notes": notes})
+    config = {"method": {"name": "added", "level": 1}, "output": {"viewer": stage == "viewer"}}
+    return map_log(small_log, config, inputs={"notes": notes})
 
 
 @pytest.mark.parametrize("stage", ["import", "config", "reader", "build", "process", "result"])
@@ -168,7 +172,10 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("occupancy=5", "has a int, expected an OccupancyGrid"),
         ("occupancy=OccupancyGrid(np.full((2, 2), 5.0), GridGeometry(0.1, (0.0, 0.0)))", "above 1"),
         ("occupancy=OccupancyGrid(np.ones(4), GridGeometry(0.1, (0.0, 0.0)))", "no array of floats"),
-        ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry(np.nan, (0.0, 0.0)))", "no finite number"),
+        ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry(np.nan, (0.0, 0.0)))", "finite numbers"),
+        ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry('a', (0.0, 0.0)))", "finite numbers"),
+        ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry(0.1, (0.0, 1e300)))", "finite numbers"),
+        ("occupancy=OccupancyGrid(np.ones((2, 2)), None)", "finite numbers"),
         (
             "occupancy=OccupancyGrid(np.broadcast_to(0.5, (10**6,) * 2), GridGeometry(1.0, (0.0, 0.0)))",
             "the limit",
@@ -176,6 +183,40 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("trajectory=Trajectory(np.array([1]), np.full((1, 3), 1e300))", "poses beyond"),
         ("trajectory=Trajectory(np.array([1.5]), np.zeros((1, 3)))", "no integers"),
         ("trajectory=Trajectory(np.array([2**70]), np.zeros((1, 3)))", "no integers"),
+        ("trajectory=Trajectory(np.array([5, 3]), np.zeros((2, 3)))", "pose 1 is not after the one before"),
+        ("trajectory=Trajectory(np.array([5, 5]), np.zeros((2, 3)))", "pose 1 is not after the one before"),
+        ("trajectory=Trajectory([5], np.zeros((1, 3)))", "not made of arrays"),
+        ("tables={'t': Table(('a', 'b'), [(1, 2), (1,)])}", "row 1 has not one value for each of its 2"),
+        ("tables={'t': Table(('a',), [(object(),)])}", "row 0 has a value that is no number"),
+        ("tables={'t': Table((5,), [])}", "columns are not all texts"),
+        ("tables={'t': Table(('a',), None)}", "rows are no sequence"),
+        ("tables={'t': Table(('a',), [5])}", "row 0 has not one value"),
+        ("objects=5", "objects that are no sequence"),
+        ("objects=[5]", "objects that are no sequence"),
+        ("objects=[PlacedObject('a', np.zeros(2))]", "object 'a' without a pose"),
+        ("objects=[PlacedObject('a', np.full(3, np.nan))]", "object 'a' without a pose"),
+        ("objects=[PlacedObject(5, np.zeros(3))]", "name or state is no text"),
+        ("series={'s': Series(np.array([1, 2]), np.zeros(3))}", r"not arrays \(n,\)"),
+        ("series={'s': Series(np.array([1]), np.array(['a']))}", "values are no numbers"),
+        ("position_std=5", "series that is no Series"),
+        ("layers={'l': GridLayer(np.array([[None]]), GridGeometry(0.1, (0.0, 0.0)))}", "no array of numbers"),
+        ("layers={5: GridLayer(np.ones((1, 1)), GridGeometry(0.1, (0.0, 0.0)))}", "layer 5 without a name"),
+        ("pictures={'p': Picture(np.zeros((0, 4, 3), np.uint8), 'p')}", "without pixels"),
+        ("pictures={'p': Picture(np.zeros((4, 4, 3), np.uint8), 5)}", "title is no text"),
+        ("files={'map.pgm': b''}", r"one for a file of the run"),
+        ("files={'a.csv': b''}, tables={'a': Table(('a',), [])}", r"two parts for the file 'a\.csv'"),
+        ("counters={5: 3}", "counters that are no mapping of names"),
+        ("counters={'a': 'b'}", "counters that are no numbers"),
+        ("timings_s={'a': None}", "timings_s that are no numbers"),
+        ("measures=[1]", "measures that are no mapping"),
+        ("notes='all well'", "notes that are no sequence of texts"),
+        ("notes=[5]", "notes that are no sequence of texts"),
+        ("notes=['\\ud800']", "notes that are no sequence of texts"),
+        ("loops_ns=np.zeros(3)", "loops_ns that are no integers"),
+        ("untrusted_ns=None", "untrusted_ns that are no integers"),
+        ("doubt=5", "a doubt that is no Doubt"),
+        ("doubt=Doubt('bad', 'so')", "a doubt that is no Doubt"),
+        ("maps=type('M', (dict,), {'values': lambda self: 1 / 0})()", "ZeroDivisionError"),
         ("none", "is a NoneType, expected a RunResult"),
         ("nan", "poses that are not finite"),
         ("stamp", "negative stamps"),
@@ -190,6 +231,31 @@ def test_a_wrong_result_of_a_package_is_refused(
 ) -> None:
     with pytest.raises(MethodError, match=rf"added-method 1\.2: .*{message}"):
         run_added(small_log, packages, stage, "AssertionError", monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("stage", "message"),
+    [
+        ("tables={'t': Table(('a',), [('\\ud800',)])}", "UnicodeEncodeError"),
+        ("tables={'t': Table(('a',), [(10**5000,)])}", "ValueError"),
+        ("measures=(lambda m: m.update(m=m) or m)({})", "RecursionError"),
+    ],
+)
+def test_what_cannot_be_written_names_the_package(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, stage: str, message: str
+) -> None:
+    done = run_added(small_log, packages, stage, "AssertionError", monkeypatch)
+    with pytest.raises(MethodError, match=rf"added-method 1\.2: .*{message}"):
+        done.save(packages / "out")
+    assert not (packages / "out").exists()
+
+
+def test_an_estimate_that_is_none_names_the_package(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "BROKEN", BROKEN.replace("estimate = None", "estimate = 5"))
+    with pytest.raises(MethodError, match=r"added-method 1\.2: TypeError: the estimate has no stamp"):
+        run_added(small_log, packages, "viewer", "AssertionError", monkeypatch)
 
 
 def test_an_error_that_is_raised_on_purpose_stays_as_it_is(

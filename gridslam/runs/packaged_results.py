@@ -1,0 +1,148 @@
+"""Checks of what only a method of another package may hand over; the types say it to the program's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from numbers import Integral, Real
+
+import numpy as np
+
+from gridslam.core.texts import is_storable
+from gridslam.core.trajectory import Trajectory
+from gridslam.maps.image_levels import MAX_PIXELS
+from gridslam.maps.occupancy import GridGeometry
+from gridslam.methods.base import Doubt, PlacedObject, RunResult, Series, Table
+
+_RUN_FILES = (
+    "map.png", "map.pgm", "map.yaml", "layers.npz", "trajectory.tum",
+    "run.yaml", "report.json", "report.html", "result.mcap",
+)  # fmt: skip
+_DOUBTS = ("lost", "inconsistent", "apart")
+
+
+def packaged_problems(result: RunResult) -> Iterator[str]:
+    """What is wrong with the parts of a result, in words that follow "the result"; the checks of all results come first."""
+    for trajectory in (result.trajectory, *result.trajectories.values()):
+        yield from _disorder(trajectory)
+    yield from _repeated_files(result)
+    for name, table in result.tables.items():
+        yield from _problems_of_table(name, table)
+    yield from _problems_of_objects(result.objects)
+    for series in (
+        *result.series.values(),
+        *([result.position_std] if result.position_std is not None else []),
+    ):
+        yield from _problems_of_series(series)
+    for name, layer in result.layers.items():
+        values = layer.values
+        if not isinstance(name, str) or not isinstance(layer.geometry, GridGeometry):
+            yield f"has a layer {name!r} without a name or a geometry"
+        elif not isinstance(values, np.ndarray) or values.ndim < 2 or values.dtype.kind not in "biuf":
+            yield f"has a layer {name!r} that is no array of numbers (rows, cols)"
+    for picture in result.pictures.values():
+        if not 0 < picture.rgb.size <= 3 * MAX_PIXELS or not _are_texts((picture.title, picture.note)):
+            yield f"has a picture without pixels, with more than {MAX_PIXELS}, or whose title is no text"
+    yield from _problems_of_facts(result)
+
+
+def _disorder(trajectory: Trajectory) -> Iterator[str]:
+    stamps = trajectory.stamps_ns
+    if not isinstance(stamps, np.ndarray) or not isinstance(trajectory.poses, np.ndarray):
+        yield "has a trajectory that is not made of arrays"
+    elif (later := np.flatnonzero(stamps[1:] <= stamps[:-1])).size:
+        yield (
+            f"has stamps that do not ascend: pose {later[0] + 1} is not after the one before "
+            "(`Trajectory.sorted()` sorts poses and leaves repeated stamps out)"
+        )
+
+
+def _repeated_files(result: RunResult) -> Iterator[str]:
+    """Two parts that would be written to one file, or to one of the run's own."""
+    endings = {
+        "maps": (".pgm", ".yaml"),
+        "pictures": (".png",),
+        "tables": (".csv",),
+        "trajectories": (".tum",),
+    }
+    written = [name + end for kind, ends in endings.items() for name in getattr(result, kind) for end in ends]
+    taken = set(_RUN_FILES)
+    for file in chain(written, result.files):
+        if file in taken:
+            yield f"has two parts for the file {file!r}, or one for a file of the run"
+        taken.add(file)
+
+
+def _problems_of_table(name: str, table: Table) -> Iterator[str]:
+    if not isinstance(table.columns, Sequence) or not _are_texts(table.columns):
+        yield f"has a table {name!r} whose columns are not all texts"
+        return
+    if not isinstance(table.rows, (Sequence, np.ndarray)):
+        yield f"has a table {name!r} whose rows are no sequence"
+        return
+    for number, row in enumerate(table.rows):
+        if not isinstance(row, (Sequence, np.ndarray)) or len(row) != len(table.columns):
+            yield f"has a table {name!r} whose row {number} has not one value for each of its {len(table.columns)} columns"
+        elif not all(cell is None or isinstance(cell, (str, Real, np.generic)) for cell in row):
+            yield f"has a table {name!r} whose row {number} has a value that is no number and no text"
+
+
+def _problems_of_objects(objects: object) -> Iterator[str]:
+    if not isinstance(objects, Sequence) or not all(isinstance(found, PlacedObject) for found in objects):
+        yield "has objects that are no sequence of PlacedObject"
+        return
+    for found in objects:
+        if not _are_texts((found.name, found.state)) or not _is_finite(found.pose, (3,)):
+            yield f"has an object {found.name!r} without a pose (3,) of finite numbers, or whose name or state is no text"
+
+
+def _problems_of_series(series: object) -> Iterator[str]:
+    if not isinstance(series, Series) or not _are_texts((series.unit,)):
+        yield "has a series that is no Series, or whose unit is no text"
+    elif not _are_stamps(series.stamps_ns, 1) or np.shape(series.values) != np.shape(series.stamps_ns):
+        yield "has a series whose stamps and values are not arrays (n,), the stamps of integers from 0 on"
+    elif not isinstance(series.values, np.ndarray) or series.values.dtype.kind not in "biuf":
+        yield "has a series whose values are no numbers"
+
+
+def _problems_of_facts(result: RunResult) -> Iterator[str]:
+    for kind, number in (("counters", Integral), ("timings_s", Real)):
+        facts = getattr(result, kind)
+        if not isinstance(facts, Mapping) or not _are_texts(facts):
+            yield f"has {kind} that are no mapping of names"
+        elif not all(isinstance(value, number) for value in facts.values()):
+            yield f"has {kind} that are no numbers"
+    if not isinstance(result.measures, Mapping):
+        yield "has measures that are no mapping"
+    if (
+        isinstance(result.notes, str)
+        or not isinstance(result.notes, Sequence)
+        or not _are_texts(result.notes)
+    ):
+        yield "has notes that are no sequence of texts"
+    for kind in ("loops_ns", "untrusted_ns"):
+        if not _are_stamps(getattr(result, kind), 2) or getattr(result, kind).shape[1] != 2:
+            yield f"has {kind} that are no integers (k, 2) from 0 on"
+    doubt = result.doubt
+    if doubt is not None and (
+        not isinstance(doubt, Doubt) or doubt.status not in _DOUBTS or not _are_texts((doubt.reason,))
+    ):
+        yield f"has a doubt that is no Doubt with a reason and one of {', '.join(_DOUBTS)}"
+
+
+def _are_texts(values: Iterable[object]) -> bool:
+    return all(isinstance(value, str) and is_storable(value) for value in values)
+
+
+def _are_stamps(values: object, dimensions: int) -> bool:
+    return (
+        isinstance(values, np.ndarray)
+        and values.ndim == dimensions
+        and values.dtype.kind in "iu"
+        and bool((values >= 0).all())
+    )
+
+
+def _is_finite(values: object, shape: tuple[int, ...]) -> bool:
+    array = np.asarray(values)
+    return array.shape == shape and array.dtype.kind in "iuf" and bool(np.isfinite(array).all())
