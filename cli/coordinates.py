@@ -7,6 +7,7 @@ from collections.abc import Collection
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.poses import MAX_COORDINATE_M
+from gridslam.core.texts import parse_numbers
 
 
 def coordinates(option: str, text: str, counts: Collection[int], form: str) -> list[float]:
@@ -16,7 +17,7 @@ def coordinates(option: str, text: str, counts: Collection[int], form: str) -> l
     `MAX_COORDINATE_M`.
     """
     try:
-        values = [float(part) for part in text.split(",")]
+        values = parse_numbers(text.split(","))
     except ValueError:
         values = []
     if len(values) not in counts or not all(map(math.isfinite, values)):

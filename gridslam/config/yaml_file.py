@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,13 +18,15 @@ from gridslam.core.texts import is_storable
 MAX_BYTES = 1_000_000
 MAX_REPEATED = 100_000  # values repeated by aliases
 MAX_DEPTH = 50
+_OLD_NUMBER = re.compile(r"[_:]|^[-+]?0[0-9b]+$")
 
 
 class _Loader(yaml.SafeLoader):
     """A SafeLoader that refuses constructs with silent or unbounded effects.
 
-    These are repeated keys (the last would count), tags (which select types), numbers beyond the range of a float, halves
-    of characters ("\\ud800") and zeros, and aliases that are recursive or expand to very much.
+    These are repeated keys (the last would count), tags (which select types), numbers beyond the range of a float, numbers
+    that YAML 1.1 and 1.2 read differently, halves of characters ("\\ud800") and zeros, and aliases that are recursive or
+    expand to very much.
     """
 
     def __init__(self, stream: str) -> None:
@@ -53,13 +56,28 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        _refuse_old_notation(node)
         value = super().construct_yaml_int(node)
         if abs(value) > sys.float_info.max:
             raise _error("a number too large for any use", node)
         return int(value)
 
+    def construct_yaml_float(self, node: yaml.ScalarNode) -> float:
+        _refuse_old_notation(node)
+        return float(super().construct_yaml_float(node))
+
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
+_Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_yaml_float)
+
+
+def _refuse_old_notation(node: yaml.ScalarNode) -> None:
+    """Raise an error for a number of YAML 1.1 that YAML 1.2 takes for a text or another number: 1_000, 1:30 or 010."""
+    if _OLD_NUMBER.search(node.value):
+        raise _error(
+            f"the number {node.value[:40]}: write it without '_', ':' or zeros in front; a text in quotes",
+            node,
+        )
 
 
 def _error(problem: str, place: Any) -> yaml.MarkedYAMLError:

@@ -26,6 +26,8 @@ def parse_stamp(text: str, unit: str = "s") -> int | None:
             return None
         stamp = int(whole) * NS_PER_S + int((fraction[:9]).ljust(9, "0"))
     else:
+        if "_" in text or not text.isascii():  # which Decimal reads, and other programs do not
+            return None
         try:
             value = Decimal(text.strip())
         except InvalidOperation:

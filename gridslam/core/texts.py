@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 # Control characters but tab and line feed, invisible characters, line separators, and marks that change the direction of writing.
 _INVISIBLE = re.compile(
@@ -18,10 +19,30 @@ def is_storable(text: str) -> bool:
         return False
 
 
+def parse_number(word: str | bytes) -> float:
+    """The number that a word of a text file is, infinities and NaN included. Raises ValueError: it is none.
+
+    Python's own `float` takes more than other programs do: `1_000`, and digits of all scripts.
+    """
+    if isinstance(word, bytes):
+        word = word.decode("ascii")
+    if "_" in word or not word.isascii():
+        raise ValueError(f"{word!r} is no number")
+    return float(word)
+
+
+def parse_numbers(words: Sequence[str] | Sequence[bytes]) -> list[float]:
+    """The numbers that many words are, as `parse_number` reads each. Raises ValueError: one is none."""
+    joined = b"".join(words) if words and isinstance(words[0], bytes) else "".join(words)  # type: ignore[arg-type]
+    if (b"_" if isinstance(joined, bytes) else "_") in joined or not joined.isascii():  # type: ignore[operator]
+        raise ValueError("a word is no number")
+    return list(map(float, words))
+
+
 def is_number(word: str | bytes) -> bool:
     """Whether a word is a number, infinities and NaN included."""
     try:
-        float(word)
+        parse_number(word)
     except ValueError:
         return False
     return True

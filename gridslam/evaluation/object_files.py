@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gridslam.core.errors import InputError
 from gridslam.core.plain_files import open_plain_file
+from gridslam.core.texts import parse_number
 from gridslam.evaluation.object_errors import MapObject
 
 _BOOLEANS = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
@@ -43,7 +44,7 @@ def _object(place: str, row: dict[str, str | None]) -> MapObject:
 
 def _number(place: str, key: str, text: str | None) -> float:
     try:
-        value = float(text or "nan")
+        value = parse_number(text or "nan")
     except ValueError:
         value = math.nan
     if not math.isfinite(value):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
 from gridslam.core.stamps import NS_PER_S, parse_stamp
+from gridslam.core.texts import parse_number
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.logs.tum import lines_of, numbers_in, stamp_in
 
@@ -59,7 +60,7 @@ def read_poses(path: Path) -> PoseSeries:
         return _csv(path, lines)
     if len(words) == KITTI_WORDS:
         return _kitti(path, lines)
-    if len(words) >= EUROC_WORDS and words[0].isdigit() and len(words[0]) >= MIN_NS_DIGITS:
+    if len(words) >= EUROC_WORDS and words[0].isdecimal() and len(words[0]) >= MIN_NS_DIGITS:
         return _euroc(path, lines)
     if len(words) not in (TUM_WORDS, PLANAR_WORDS):
         raise InputError(f"{place}: {len(words)} numbers; expected {EXPECTED}")
@@ -184,6 +185,6 @@ def _checked_quaternions(
 
 def _is_number(word: str) -> bool:
     try:
-        return not math.isnan(float(word)) or word.lower() == "nan"
+        return not math.isnan(parse_number(word)) or word.lower() == "nan"
     except ValueError:
         return False

@@ -15,6 +15,7 @@ from gridslam.core.errors import InputError
 from gridslam.core.plain_files import open_plain_file
 from gridslam.core.poses import MAX_COORDINATE_M, yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
+from gridslam.core.texts import parse_number
 from gridslam.core.trajectory import Trajectory
 
 MAX_BYTES = 1 << 28  # 256 MB, about three million poses
@@ -97,7 +98,7 @@ def numbers_in(place: str, words: list[str]) -> list[float]:
     values = []
     for word in words:
         try:
-            value = float(word)
+            value = parse_number(word)
         except ValueError:
             value = math.nan
         if not abs(value) <= MAX_COORDINATE_M:

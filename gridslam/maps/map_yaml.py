@@ -10,6 +10,7 @@ from typing import Any, Literal
 from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, MapError
+from gridslam.core.texts import parse_number
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -91,11 +92,11 @@ def _number(path: Path, key: str, value: Any) -> float:
     """A finite number; text such as 1e-3, which YAML 1.1 does not read as a number, is accepted."""
     if not isinstance(value, bool) and isinstance(value, (int, float, str)):
         try:
-            number = float(value)
+            finite = parse_number(value) if isinstance(value, str) else float(value)
         except (ValueError, OverflowError):
-            number = math.nan
-        if math.isfinite(number):
-            return number
+            finite = math.nan
+        if math.isfinite(finite):
+            return finite
     raise MapError(f"{path}: {key}: expected a finite number, got {short(value)}")
 
 

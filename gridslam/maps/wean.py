@@ -15,6 +15,7 @@ import numpy as np
 
 from gridslam.core.errors import MapError
 from gridslam.core.plain_files import open_plain_file
+from gridslam.core.texts import parse_numbers
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 CELL_M = 0.1
@@ -29,7 +30,7 @@ def looks_like_wean_map(head: bytes) -> bool:
     if len(head) >= 2 and not head[-1:].isspace():
         words = words[:-1] if b"\n" not in head else words
     try:
-        values = [float(word) for word in words]
+        values = parse_numbers(words)
     except ValueError:
         return False
     return len(values) >= MIN_CELLS and all(v == -1.0 or 0.0 <= v <= 1.0 for v in values)
@@ -91,7 +92,7 @@ def _text(path: Path) -> str:
 
 def _row(path: Path, number: int, line: str, width: int | None) -> list[float]:
     try:
-        values = [float(word) for word in line.split()]
+        values = parse_numbers(line.split())
     except ValueError as error:
         raise MapError(f"{path}:{number}: {error}; expected numbers from -1 to 1") from None
     if len(values) > MAX_CELLS or (width is not None and len(values) != width):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
@@ -45,18 +46,32 @@ def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) ->
     Kernels that only other settings use are compiled at their first use. The parts are shared among `jobs` processes;
     `report` is called with the name of each that is done.
     """
-    parts = part_names()
-    if jobs == 1:
-        for part in parts:
-            warm_up_part(part)
-            report(part)
-        return
+    waiting = part_names()
+
+    def is_ready(part: str) -> None:
+        waiting.remove(part)
+        report(part)
+
+    if jobs > 1:
+        try:
+            _share(list(waiting), jobs, is_ready)
+        except BrokenProcessPool:
+            _logger.warning(
+                "a process that compiled was killed (memory may be short); the rest is compiled in one"
+            )
+    for part in list(waiting):
+        warm_up_part(part)
+        is_ready(part)
+
+
+def _share(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
+    """Warm up parts in several processes. Raises BrokenProcessPool: one of them was killed."""
     complaints: set[str] = set()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_be_quiet) as processes:
         running = {processes.submit(_warm_up_part, part): part for part in parts}
         for done in as_completed(running):
             complaints.update(done.result())
-            report(running[done])
+            is_ready(running[done])
     for complaint in sorted(complaints)[:1]:
         _logger.warning("%s", complaint)
 

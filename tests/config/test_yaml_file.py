@@ -32,6 +32,10 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
         ("a: \0\n", "not valid YAML"),
         ('a: 1\nb: {"\\ud800": 2}\n', "line 2: not valid YAML: a text with a zero or half a character"),
         ('a: "x\\0"\n', "line 1: not valid YAML: a text with a zero"),
+        ("a: 1_000\n", "line 1: not valid YAML: the number 1_000: write it without"),
+        ("a: [0, 1_0.5]\n", "the number 1_0.5: write it without"),
+        ("a: 1:30\n", "the number 1:30: write it without"),
+        ("a: 010\n", "the number 010: write it without"),
         ("[" * 10_000, "nested deeper"),
     ],
 )

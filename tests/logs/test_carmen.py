@@ -147,6 +147,9 @@ def test_the_beam_count_may_change_from_line_to_line(tmp_path: Path) -> None:
         ("FLASER 3 1.0 2.0 3.0 0 0 0 0 0 0 nan host 0", "bad_stamp"),
         ("FLASER 3 1.0 2.0 3.0 0 0 0 0 inf 0 2 host 0", "not_finite"),
         ("FLASER 0 0 0 0 0 0 0 2 host 0", "no_beams"),
+        ("FLASER 3 1.0 2_0 3.0 0 0 0 0 0 0 2 host 0", "unreadable_line"),
+        ("FLASER 0_3 1.0 2.0 3.0 0 0 0 0 0 0 2 host 0", "unreadable_line"),
+        ("FLASER 3 1.0 2.0 3.0 0 0 0 0 0 0 2_0 host 0", "bad_stamp"),
         ("FLASER -3 1 2 3 0 0 0 0 0 0 2 host 0", "wrong_number_of_fields"),
     ],
 )

@@ -11,9 +11,7 @@ words = st.one_of(
     st.floats(allow_nan=False).map(repr),
     st.integers(-(10**18), 10**18).map(str),
     st.decimals(-(10**6), 10**6, allow_nan=False, places=6).map(lambda d: f"{d:f}"),
-    st.sampled_from(
-        ["-0.0", ".5", "5.", "00.10", "1e5", "inf", "-nan", "+3", "1_000", "123456789012345678.5"]
-    ),
+    st.sampled_from(["-0.0", ".5", "5.", "00.10", "1e5", "inf", "-nan", "+3", "123456789012345678.5"]),
 )
 
 
@@ -24,7 +22,7 @@ def test_every_number_is_the_one_that_float_gives(texts: list[str]) -> None:
     np.testing.assert_array_equal(np.signbit(found), np.signbit([float(text) for text in texts]))
 
 
-@pytest.mark.parametrize("text", [b"", b"1  2", b"1 x", b"1.2.3", b"-", b"1-2", b" 1", b"1 "])
+@pytest.mark.parametrize("text", [b"", b"1  2", b"1 x", b"1_0", b"1.2.3", b"-", b"1-2", b" 1", b"1 "])
 def test_a_word_that_is_not_a_number_is_refused(text: bytes) -> None:
     with pytest.raises(ValueError):
         parse_decimals(text)

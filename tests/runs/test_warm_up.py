@@ -1,14 +1,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numba.core.dispatcher import Dispatcher
 
 from gridslam.maps.map_server import load_map
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.options import PlanOptions
+from gridslam.runs import warm_up as warm_up_module
 from gridslam.runs.explore import explore
 from gridslam.runs.inputs import read_inputs
 from gridslam.runs.run import run_map
@@ -55,3 +59,19 @@ def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) ->
     plan_path(load_map(HAND / "map.yaml"), np.array([2.0, 2.0, 0.0]), goal, PlanOptions())
     explore_for_two_seconds(tmp_path)
     assert signatures() == warm
+
+
+def test_parts_of_a_process_that_was_killed_are_compiled_in_this_one(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def share(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
+        is_ready(parts[0])
+        raise BrokenProcessPool
+
+    here: list[str] = []
+    ready: list[str] = []
+    monkeypatch.setattr(warm_up_module, "_share", share)
+    monkeypatch.setattr(warm_up_module, "warm_up_part", here.append)
+    warm_up(2, ready.append)
+    assert ready == part_names() and here == ready[1:]
+    assert "was killed" in caplog.text

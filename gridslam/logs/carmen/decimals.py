@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.texts import parse_number
+
 Floats = NDArray[np.float64]
 
 _SPACE, _MINUS, _DOT, _ZERO = b" -.0"
@@ -16,7 +18,7 @@ def parse_decimals(text: bytes) -> Floats:
     """The numbers `(n,)` of a text in which single spaces separate them, with none at either end.
 
     A number of at most 15 digits without an exponent is its digits as an integer over a power of ten, which one division
-    rounds correctly; any other goes through `float`. Raises ValueError: a word is not a number.
+    rounds correctly; any other goes through `parse_number`. Raises ValueError: a word is not a number.
     """
     if not text:
         raise ValueError("no number")
@@ -41,7 +43,7 @@ def parse_decimals(text: bytes) -> Floats:
     values = _mantissas(digits[is_digit], first, last) / _POWERS[np.where(is_plain, decimals, 0)]
     np.negative(values, out=values, where=is_negative)
     for word in np.flatnonzero(~is_plain):
-        values[word] = float(text[starts[word] : ends[word]])
+        values[word] = parse_number(text[starts[word] : ends[word]])
     return values
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import Odometry, canonical_yaw, readonly
 from gridslam.core.stamps import parse_stamp
+from gridslam.core.texts import parse_numbers
 from gridslam.logs.carmen.decimals import parse_decimals
 from gridslam.logs.skips import SkipReason
 
@@ -133,32 +134,32 @@ def laser_line(word: bytes, line: bytes) -> LaserLine | SkipReason:
 
 
 def _old_laser(words: list[bytes]) -> LaserLine | SkipReason:
-    count = int(words[1])
+    count = _count(words[1])
     if count < 0 or len(words) != count + 11:
         return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
         return SkipReason.BAD_STAMP
-    tail = list(map(float, words[count + 2 : count + 8]))
+    tail = parse_numbers(words[count + 2 : count + 8])
     if not math.isfinite(sum(tail)):
         return SkipReason.NOT_FINITE
-    ranges = readonly(list(map(float, words[2 : count + 2])), np.float32)
+    ranges = readonly(parse_numbers(words[2 : count + 2]), np.float32)
     return LaserLine(stamp, ranges, (tail[0], tail[1], tail[2]), (tail[3], tail[4], tail[5]))
 
 
 def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
-    count = int(words[8])
+    count = _count(words[8])
     if count < 0 or len(words) < count + 10:
         return SkipReason.WRONG_NUMBER_OF_FIELDS
-    remissions = int(words[count + 9])
+    remissions = _count(words[count + 9])
     if remissions < 0 or len(words) != count + remissions + (24 if has_poses else 13):
         return SkipReason.WRONG_NUMBER_OF_FIELDS
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
         return SkipReason.BAD_STAMP
-    start, _, resolution, range_max = (float(w) for w in words[2:6])
-    ranges = readonly(list(map(float, words[9 : count + 9])), np.float32)
-    tail = list(map(float, words[-14:-3])) if has_poses else [0.0] * 11
+    start, _, resolution, range_max = parse_numbers(words[2:6])
+    ranges = readonly(parse_numbers(words[9 : count + 9]), np.float32)
+    tail = parse_numbers(words[-14:-3]) if has_poses else [0.0] * 11
     if not math.isfinite(sum(tail)):
         return SkipReason.NOT_FINITE
     return LaserLine(
@@ -169,6 +170,13 @@ def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
         velocity=(tail[6], tail[7]),
         geometry=(start, resolution, range_max),
     )
+
+
+def _count(word: bytes) -> int:
+    """A number of beams. Raises ValueError: the word is none."""
+    if len(word) > _MAX_COUNT_DIGITS or not (word.isdigit() or word.removeprefix(b"-").isdigit()):
+        raise ValueError(f"{word!r} is no count")
+    return int(word)
 
 
 def odom_stamps(lines: Sequence[bytes]) -> list[int | SkipReason]:
@@ -194,7 +202,7 @@ def odom_line(line: bytes) -> Odometry | SkipReason:
     if stamp is None:
         return SkipReason.BAD_STAMP
     try:
-        x, y, yaw, vx, wz = (float(w) for w in words[1:6])
+        x, y, yaw, vx, wz = parse_numbers(words[1:6])
     except ValueError:
         return SkipReason.UNREADABLE_LINE
     return Odometry(stamp, "odom", x_m=x, y_m=y, yaw_rad=_yaw(yaw), vx_mps=vx, wz_radps=wz)

@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32
+from gridslam.core.texts import parse_number
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import (
     LASERS,
@@ -289,7 +290,7 @@ def _offset(laser: LaserLine) -> tuple[float, float, float]:
 
 def _number(word: bytes) -> float:
     try:
-        value = float(word)
+        value = parse_number(word)
     except ValueError:
         return 0.0
     return value if math.isfinite(value) else 0.0

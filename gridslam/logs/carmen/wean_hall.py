@@ -16,6 +16,7 @@ import numpy as np
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32, canonical_yaw, readonly
 from gridslam.core.poses import between
 from gridslam.core.stamps import parse_stamp
+from gridslam.core.texts import parse_numbers
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.config import LogConfig
@@ -138,6 +139,6 @@ def _line(words: list[bytes]) -> tuple[int, list[float]] | SkipReason:
 
 def _numbers(words: Sequence[bytes]) -> list[float] | SkipReason:
     try:
-        return [float(w) for w in words]
+        return parse_numbers(words)
     except ValueError:
         return SkipReason.UNREADABLE_LINE

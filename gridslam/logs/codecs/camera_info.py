@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import CameraInfo, readonly
+from gridslam.core.texts import parse_numbers
 from gridslam.logs.cameras import camera_of
 from gridslam.logs.csv.fields import name_field, number_field
 from gridslam.logs.csv.pictures import PictureWriter
@@ -76,15 +77,15 @@ def from_csv(rows: list[Row]) -> CameraInfo:
     """The calibration of one row."""
     (row,) = rows
     distortion = [row.number(f"d{i}", math.nan) for i in range(DISTORTION_COLUMNS)]
-    distortion += map(float, row.text("d_rest").split())
+    distortion += parse_numbers(row.text("d_rest").split())
     while distortion and math.isnan(distortion[-1]):
         distortion.pop()
     rotation = [row.number(f"r{i}", float(i % 4 == 0)) for i in range(9)]
     return CameraInfo(
         row.stamp_ns,
         row.frame,
-        width_px=int(row.number("width")),
-        height_px=int(row.number("height")),
+        width_px=whole(row.number("width")),
+        height_px=whole(row.number("height")),
         K=readonly(np.array([row.number(f"k{i}") for i in range(9)]).reshape(3, 3), np.float64),
         P=readonly(np.array([row.number(f"p{i}") for i in range(12)]).reshape(3, 4), np.float64),
         D=readonly(np.array(distortion), np.float64),
@@ -92,6 +93,13 @@ def from_csv(rows: list[Row]) -> CameraInfo:
         R=readonly(np.array(rotation).reshape(3, 3), np.float64),
         distortion_model=row.text("model", "plumb_bob"),
     )
+
+
+def whole(value: float) -> int:
+    """The number as an integer. Raises ValueError: it is none."""
+    if not value.is_integer():
+        raise ValueError(f"{value} is no whole number")
+    return int(value)
 
 
 def to_csv(info: CameraInfo, pictures: PictureWriter) -> list[list[str]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.files import real_path
 from gridslam.core.messages import canonical_yaw
+from gridslam.core.texts import parse_number, parse_numbers
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
@@ -96,7 +97,7 @@ class Row:
         field = self._fields[place]
         if not field.strip():
             return math.nan if default is None else default
-        return self._columns.convert[name](float(field))
+        return self._columns.convert[name](parse_number(field))
 
     def yaw(self) -> float:
         """The column `yaw`, canonical and in (-pi, pi]."""
@@ -111,9 +112,9 @@ class Row:
         while fields and not fields[-1].strip():
             fields.pop()
         try:
-            values = np.array(list(map(float, fields)))
+            values = np.array(parse_numbers(fields))
         except ValueError:
-            values = np.array([float(f) if f.strip() else math.nan for f in fields])
+            values = np.array([parse_number(f) if f.strip() else math.nan for f in fields])
         return self._columns.to_metres(self._columns.mark_invalid(values))
 
     def is_marked_invalid(self, name: str) -> bool:
@@ -121,7 +122,7 @@ class Row:
         columns = self._columns
         if not columns.invalid and columns.invalid_from is None:
             return False
-        raw = float(self.text(name) or "nan") if name in columns.places else math.nan
+        raw = parse_number(self.text(name) or "nan") if name in columns.places else math.nan
         return math.isnan(float(columns.mark_invalid(np.array([raw]))[0]))
 
     def child_frame(self) -> str:

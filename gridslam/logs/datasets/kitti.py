@@ -101,7 +101,7 @@ def _projections(path: Path) -> dict[int, Floats]:
     for place, row in enumerate(rows_of(path)):
         name = row[0].rstrip(":")
         if row[0].endswith(":"):
-            if not (name.startswith("P") and name[1:].isdigit()):
+            if name not in ("P0", "P1", "P2", "P3"):
                 continue  # Tr, of the velodyne
             number, values = int(name[1:]), row[1:]
         else:

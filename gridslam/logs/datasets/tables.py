@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Image, Odometry, canonical_yaw, readonly
 from gridslam.core.stamps import parse_stamp
-from gridslam.core.texts import is_number
+from gridslam.core.texts import is_number, parse_number
 from gridslam.logs.csv.pictures import read_pixels
 from gridslam.logs.csv.row import path_inside
 from gridslam.logs.datasets.source import DatasetStream
@@ -41,20 +41,22 @@ def rows_of(path: Path, delimiter: str | None = None) -> list[list[str]]:
 
 def numbers_of(path: Path, rows: Sequence[Sequence[str]], count: int) -> Floats:
     """The rows as numbers `(n, count)`. Raises LogError: a row has other fields."""
-    for number, row in enumerate(rows, start=1):
+    for place, row in enumerate(rows, start=1):
         if len(row) < count or not all(is_number(field) for field in row[:count]):
             found = " ".join(row)[:60]
-            raise LogError(f"{path}: entry {number}: expected {count} numbers, found {found!r}")
-    return np.array([[float(field) for field in row[:count]] for row in rows], np.float64).reshape(-1, count)
+            raise LogError(f"{path}: entry {place}: expected {count} numbers, found {found!r}")
+    return np.array([[parse_number(field) for field in row[:count]] for row in rows], np.float64).reshape(
+        -1, count
+    )
 
 
 def stamps_of(path: Path, texts: Sequence[str], unit: str) -> list[int]:
     """Stamps in nanoseconds. Raises LogError: one is no stamp."""
     stamps = []
-    for number, text in enumerate(texts, start=1):
+    for place, text in enumerate(texts, start=1):
         stamp = parse_stamp(text, unit)
         if stamp is None:
-            raise LogError(f"{path}: entry {number}: {text[:40]!r} is no stamp")
+            raise LogError(f"{path}: entry {place}: {text[:40]!r} is no stamp")
         stamps.append(stamp)
     return stamps
 
