@@ -54,7 +54,7 @@ def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) ->
 
     if jobs > 1:
         try:
-            _share(list(waiting), jobs, is_ready)
+            _distribute(list(waiting), jobs, is_ready)
         except BrokenProcessPool:
             _logger.warning(
                 "a process that compiled was killed (memory may be short); the rest is compiled in one"
@@ -64,7 +64,7 @@ def warm_up(jobs: int = 1, report: Callable[[str], None] = lambda part: None) ->
         is_ready(part)
 
 
-def _share(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
+def _distribute(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
     """Warm up parts in several processes. Raises BrokenProcessPool: one of them was killed."""
     complaints: set[str] = set()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_be_quiet) as processes:

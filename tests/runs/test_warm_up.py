@@ -64,13 +64,13 @@ def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) ->
 def test_parts_of_a_process_that_was_killed_are_compiled_in_this_one(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def share(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
+    def distribute(parts: list[str], jobs: int, is_ready: Callable[[str], None]) -> None:
         is_ready(parts[0])
         raise BrokenProcessPool
 
     here: list[str] = []
     ready: list[str] = []
-    monkeypatch.setattr(warm_up_module, "_share", share)
+    monkeypatch.setattr(warm_up_module, "_distribute", distribute)
     monkeypatch.setattr(warm_up_module, "warm_up_part", here.append)
     warm_up(2, ready.append)
     assert ready == part_names() and here == ready[1:]
