@@ -15,6 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
 from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
+from gridslam.methods.handmap_slam.warp.contradictions import Contradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 
@@ -36,10 +37,21 @@ STEP_LIMITS = np.array([0.5, 0.5, 0.15, 0.1, 0.1])  # metres, rad, log scales
 
 @dataclass(frozen=True)
 class Fitted:
-    """States `(p, 5)` of the places and their cost: minus log-likelihood of views and edges."""
+    """States `(p, 5)` of the places, their costs `(p,)` (minus log-likelihood of views and edges), and that of contradictions."""
 
     states: Floats
-    cost: float
+    place_costs: Floats
+    contradictions: float
+
+    @property
+    def cost_per_place(self) -> float:
+        """How well the map's walls lie on drawn ones."""
+        return float(self.place_costs.mean())
+
+    @property
+    def cost(self) -> float:
+        """By which fits are compared."""
+        return float(self.place_costs.sum()) + self.contradictions
 
 
 def _points(pieces: list[Floats]) -> PlacePoints:
@@ -57,6 +69,7 @@ class Refinement:
         self._graph = graph
         self._damping = np.full(5 * len(graph.centres), PRIOR_DAMPING)
         self._evidence = evidence
+        self._contradictions = Contradictions(graph, evidence)
         self._points = (
             ("wall", WALL_WEIGHT, _points(graph.views)),
             ("open", OPEN_WEIGHT, _points(graph.open_views)),
@@ -83,7 +96,11 @@ class Refinement:
                 part, damping
             )
             states[free] = part[free[region]]
-        return Fitted(states, float(self.place_costs(states).sum()))
+        return self.fitted(states)
+
+    def fitted(self, states: Floats) -> Fitted:
+        """States `(p, 5)` as they are, with their costs."""
+        return Fitted(states, self.place_costs(states), self._contradictions.cost(states))
 
     def place_costs(self, states: Floats) -> Floats:
         """Costs `(p,)`: truncated squares of a place's views, and half the heavy-tailed costs of its edges."""

@@ -73,9 +73,8 @@ class Repair:
         self._graph, self._evidence, self._problem, self._rng = graph, evidence, problem, rng
         self._distances = distances_along(graph)
         self._near = smoothing(self._distances, SMOOTHING_M)
-        self._met = [fit.states for fit in fits]
+        self._met = list(fits)
         self.best = min(fits, key=lambda fit: fit.cost)
-        self._costs = problem.place_costs(self.best.states)
         self._take_better_parts()
         self._search()
         self._take_better_parts()
@@ -84,22 +83,22 @@ class Repair:
 
     def _search(self) -> None:
         """Search the regions about the costliest places again, those less that were searched before."""
-        priority = np.ones(len(self._costs))
+        priority = np.ones(len(self.best.states))
         quiet = 0
         for count in range(MAX_ROUNDS):
-            cost = self.best.cost / len(priority)
+            cost = self.best.cost_per_place
             if (count >= ROUNDS or quiet >= QUIET) and cost < MAX_COST_PER_PLACE:
                 break
             if quiet >= HOPELESS_QUIET and cost > HOPELESS_COST:
                 break
-            costs = self._near @ self._costs
+            costs = self._near @ self.best.place_costs
             kind, extent, begin = REGIONS[count % len(REGIONS)]
             region = self._region(int(np.argmax(costs * priority)), costs, kind, extent)
             priority[region] *= TRIED
             fits = self._search_again(
                 region, from_exits(self._graph, region, costs) if begin == "exits" else None
             )
-            self._met += [fit.states for fit in fits]
+            self._met += fits
             found = min(fits, key=lambda fit: fit.cost)
             before = self.best.cost
             if found.cost < before:
@@ -109,16 +108,16 @@ class Repair:
     def _slide(self) -> None:
         """Move the regions about costly places as a whole: what is then better is taken, what is about as good is a doubt."""
         todo = self._nearby_costs() > SLIDE_COST
-        if self.best.cost > MAX_COST * len(todo):
+        if self.best.cost_per_place > MAX_COST:
             return  # nothing fits, and moving parts of it does not help
         for _ in range(MAX_SLIDES):
             if not todo.any():
                 break
-            centre = int(np.argmax(np.where(todo, self._near @ self._costs, 0.0)))
+            centre = int(np.argmax(np.where(todo, self._near @ self.best.place_costs, 0.0)))
             region = self._distances[centre] < SLIDE_RADIUS_M
             todo &= self._distances[centre] > SLIDE_SPACING_M
             fits = [self._problem.fit(s, region) for s in slid(self.best.states, region, self._distances)]
-            self._met += [fit.states for fit in fits]
+            self._met += fits
             found = min(fits, key=lambda fit: fit.cost)
             if found.cost < self.best.cost - WORTH:
                 self._take(self._problem.fit(found.states))
@@ -135,18 +134,19 @@ class Repair:
     def _take(self, fit: Fitted) -> None:
         """Keep the better of a fit and the best one as the best, and the other one as an alternative."""
         better, other = (fit, self.best) if fit.cost < self.best.cost else (self.best, fit)
-        self._met.append(other.states)
-        self.best, self._costs = better, self._problem.place_costs(better.states)
+        self._met.append(other)
+        self.best = better
 
     def _take_better_parts(self) -> None:
         """Parts of other fits that are better than the best one's, which was found after them, are taken over."""
-        for states in list(self._met):
-            elsewhere, around = self._elsewhere(states)
-            if (
-                elsewhere.any()
-                and self._problem.place_costs(states)[around].sum() < self._costs[around].sum()
-            ):
-                self._take(self._problem.fit(np.where(around[:, None], states, self.best.states), around))
+        for met in list(self._met):
+            elsewhere, around = self._elsewhere(met.states)
+            more = (met.place_costs - self.best.place_costs)[around].sum()
+            if not elsewhere.any() or more > self.best.contradictions:
+                continue  # all contradictions that it might solve are worth less
+            merged = self._problem.fitted(np.where(around[:, None], met.states, self.best.states))
+            if more + merged.contradictions < self.best.contradictions:
+                self._take(self._problem.fit(merged.states, around))
 
     def _search_again(self, region: Mask, backwards: PlaceOrder | None) -> list[Fitted]:
         """Other fits, in which the places of a region are placed anew."""
@@ -175,17 +175,18 @@ class Repair:
 
         Infinite where none was met.
         """
-        smallest = np.full(len(self._costs), np.inf)
-        for states in self._met:
-            elsewhere, around = self._elsewhere(states)
+        smallest = np.full(len(self.best.states), np.inf)
+        for met in self._met:
+            elsewhere, around = self._elsewhere(met.states)
             if elsewhere.any():
-                more = (self._problem.place_costs(states) - self._costs)[around].sum() / elsewhere.sum()
-                smallest[elsewhere] = np.minimum(smallest[elsewhere], more)
+                more = (met.place_costs - self.best.place_costs)[around].sum()
+                more += met.contradictions - self.best.contradictions
+                smallest[elsewhere] = np.minimum(smallest[elsewhere], more / elsewhere.sum())
         return smallest
 
     def _nearby_costs(self) -> Floats:
         """Mean costs `(p,)` of the places about each."""
-        return np.asarray(smoothing(self._distances, DOUBT_STD_M) @ self._costs)
+        return np.asarray(smoothing(self._distances, DOUBT_STD_M) @ self.best.place_costs)
 
     @property
     def doubtful(self) -> Mask:

@@ -124,12 +124,12 @@ def warp_of(
         lines, weights = find_places(graph, evidence, start, rng, scope=scope)
         fits += [problem.fit(line) for line in distinct(lines, weights, everywhere, HYPOTHESES)]
         best = min(fits, key=lambda fit: fit.cost)
-        if best.cost < GOOD_COST * len(best.states):
+        if best.cost_per_place < GOOD_COST:
             break
     repair = Repair(graph, evidence, problem, fits, rng)
     best = repair.best
     deformation = float(problem.deformation_costs(best.states).mean())
-    return DrawingWarp(graph, best.states, best.cost / len(best.states), deformation, repair.doubtful)
+    return DrawingWarp(graph, best.states, best.cost_per_place, deformation, repair.doubtful)
 
 
 def _max_log_scale(drawn: DrawnMap, graph: PlaceGraph) -> float:
