@@ -68,3 +68,36 @@ def _sum_over_stretched_points(
             else:
                 total += beyond
         sums[i] = total
+
+
+def crossed_segments(
+    walls: NDArray[np.bool_], resolution_m: float, starts: NDArray[np.float64], ends: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Whether the segments between `starts` and `ends` `(n, 2)` (drawing units) pass a wall, `(n,)`.
+
+    `walls` `(rows, cols)` has cells of `resolution_m`; the segments are sampled at three quarters of a cell.
+    """
+    crossed = np.zeros(len(starts), np.bool_)
+    _crossed_segments(walls, resolution_m, starts, ends, crossed)
+    return crossed
+
+
+@compiled
+def _crossed_segments(
+    walls: NDArray[np.bool_],
+    resolution_m: float,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    crossed: NDArray[np.bool_],
+) -> None:
+    """Fill in the results of `crossed_segments`."""
+    rows, cols = walls.shape
+    for i in range(len(starts)):
+        x, y = starts[i, 0] / resolution_m, starts[i, 1] / resolution_m
+        dx, dy = ends[i, 0] / resolution_m - x, ends[i, 1] / resolution_m - y
+        count = int(np.sqrt(dx * dx + dy * dy) / 0.75) + 1
+        for k in range(count + 1):
+            col, row = int(np.floor(x + dx * k / count)), int(np.floor(y + dy * k / count))
+            if 0 <= col < cols and 0 <= row < rows and walls[row, col]:
+                crossed[i] = True
+                break

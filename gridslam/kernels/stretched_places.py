@@ -32,7 +32,7 @@ def normal_equations(
 ) -> NormalEquations:
     """Normal equations of the distances of all points (m), robust with the scale `sigma_m` (Geman-McClure).
 
-    `fields` `(3, rows, cols)` are the distance in drawing units and its slopes along x and y per cell; they are interpolated and
+    `fields` `(rows, cols, 3)` are the distance in drawing units and its slopes along x and y per cell; they are interpolated and
     go on outside. `states` `(p, 5)` are x, y (drawing units), yaw, and the logarithms of the scales along the drawing's axes.
     """
     p = len(states)
@@ -54,7 +54,7 @@ def _normal_equations(
     cost: Floats,
 ) -> None:
     """Fill in the results of `normal_equations`."""
-    rows, cols = fields.shape[1], fields.shape[2]
+    rows, cols = fields.shape[0], fields.shape[1]
     sample = np.empty(3)
     row = np.empty(5)
     for k in range(len(states)):
@@ -69,8 +69,8 @@ def _normal_equations(
             c, r = int(at_x), int(at_y)
             fx, fy = at_x - c, at_y - r
             for j in range(3):
-                low = fields[j, r, c] * (1.0 - fx) + fields[j, r, c + 1] * fx
-                high = fields[j, r + 1, c] * (1.0 - fx) + fields[j, r + 1, c + 1] * fx
+                low = fields[r, c, j] * (1.0 - fx) + fields[r, c + 1, j] * fx
+                high = fields[r + 1, c, j] * (1.0 - fx) + fields[r + 1, c + 1, j] * fx
                 sample[j] = low * (1.0 - fy) + high * fy
             residual = sample[0] / scale
             slope_x, slope_y = sample[1] / (cell * scale), sample[2] / (cell * scale)
@@ -82,5 +82,8 @@ def _normal_equations(
             cost[k] += 1.0 - ratio
             for a in range(5):
                 gradient[k, a] += weight * row[a] * residual
-                for b in range(5):
+                for b in range(a + 1):
                     matrix[k, a, b] += weight * row[a] * row[b]
+        for a in range(5):
+            for b in range(a):
+                matrix[k, b, a] = matrix[k, a, b]

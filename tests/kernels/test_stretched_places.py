@@ -13,7 +13,7 @@ def test_the_normal_equations_are_those_of_the_reference() -> None:
     rows, cols, cell = 60, 80, 0.1
     a, b = 0.03, -0.02  # slopes per cell
     plane = (4.0 + a * np.arange(cols)[None, :] + b * np.arange(rows)[:, None]).astype(np.float32)
-    fields = np.stack([plane, np.full_like(plane, a), np.full_like(plane, b)])
+    fields = np.stack([plane, np.full_like(plane, a), np.full_like(plane, b)], axis=-1)
     counts = [7, 0, 4]
     offsets = rng.uniform(-1.0, 1.0, (sum(counts), 2))
     points = PlacePoints(offsets, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))

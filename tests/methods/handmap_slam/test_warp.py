@@ -108,8 +108,7 @@ def test_fits_are_distinct_if_some_of_their_places_are_apart() -> None:
     lines = np.zeros((300, 30, 5))
     lines[100:200, :10, 0] = 3.0
     lines[200:, :3, 0] = 3.0
-    weights = np.arange(300.0, 0.0, -1.0)
-    chosen = distinct(lines, weights, np.ones(30, np.bool_), 5)
+    chosen = distinct(lines, np.ones(30, np.bool_), 5)
     np.testing.assert_array_equal([line[0, 0] for line in chosen], [0.0, 3.0])
 
 

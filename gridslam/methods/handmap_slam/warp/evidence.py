@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.drawn_field import sum_over_stretched_points
+from gridslam.kernels.drawn_field import crossed_segments, sum_over_stretched_points
 from gridslam.maps.distances import distances_to
 from gridslam.maps.drawing import DrawnMap
 
@@ -27,7 +27,7 @@ class DrawnEvidence:
         inside = drawn.free if drawn.reading is None else drawn.free | drawn.reading.enclosed
         self.to_wall = np.asarray(distances_to(drawn.walls) * np.float32(self.cell))
         self.to_free = np.asarray(distances_to(inside) * np.float32(self.cell))
-        self.inside = inside
+        self.walls = drawn.walls
 
     def log_likelihood(self, view: Floats, open_view: Floats, states: Floats, sigma_m: float) -> Floats:
         """Log-likelihoods `(n,)` of a place's views for states `(n, 5)`: x, y, yaw, log scales."""
@@ -40,6 +40,10 @@ class DrawnEvidence:
         return self._sums(self.to_wall, walls, view, states, per_m) + self._sums(
             self.to_free, depth, open_view, states, per_m
         )
+
+    def crossed(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+        """Whether a drawn wall lies between positions `starts` and `ends` `(n, 2)`, `(n,)`."""
+        return crossed_segments(self.walls, self.cell, np.ascontiguousarray(starts), np.ascontiguousarray(ends))
 
     def _sums(self, field: Field, table: Floats, points: Floats, states: Floats, per_m: float) -> Floats:
         return np.asarray(
@@ -58,10 +62,7 @@ def to_drawing(states: Floats, offsets: Floats) -> Floats:
     """Points at offsets `(n, 2)` (m, map frame) from places in states `(n, 5)`, in the drawing; the shapes broadcast."""
     cos, sin = np.cos(states[..., 2]), np.sin(states[..., 2])
     x, y = offsets[..., 0], offsets[..., 1]
-    return np.stack(
-        [
-            states[..., 0] + np.exp(states[..., 3]) * (cos * x - sin * y),
-            states[..., 1] + np.exp(states[..., 4]) * (sin * x + cos * y),
-        ],
-        axis=-1,
-    )
+    drawn = np.empty((*np.broadcast_shapes(cos.shape, x.shape), 2))
+    drawn[..., 0] = states[..., 0] + np.exp(states[..., 3]) * (cos * x - sin * y)
+    drawn[..., 1] = states[..., 1] + np.exp(states[..., 4]) * (sin * x + cos * y)
+    return drawn

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import spsolve
 
 from gridslam.core import poses as se2
+from gridslam.kernels.stretched_edges import PlaceEdges, add_edge_equations, edge_residuals
 from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
+from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import Contradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
@@ -29,6 +29,8 @@ WALL_WEIGHT, OPEN_WEIGHT = 0.25, 0.15  # of a point: neighbouring points and pla
 OFFSET_STD_PER_M, OFFSET_STD_M = 0.12, 0.05  # of a place from where its neighbour expects it
 ROTATION_STD, SCALE_STD = 0.07, 0.08  # per root metre between neighbours
 ASPECT_STD, ASPECT_WEIGHT = 0.5, 0.1  # of the difference of a place's log scales
+ASPECT_INFORMATION = ASPECT_WEIGHT / ASPECT_STD**2 * np.outer([0, 0, 0, 1, -1], [0, 0, 0, 1, -1])
+MIN_LENGTH_M = 0.3  # of an edge, in what is proportional to it
 EDGE_WEIGHT = 0.5  # each edge is there in both directions
 JUMP = 3.0  # residuals beyond this many standard deviations weigh ever less
 PRIOR_DAMPING, FIXED_DAMPING = 1e-6, 1e9
@@ -75,13 +77,18 @@ class Refinement:
             ("open", OPEN_WEIGHT, _points(graph.open_views)),
         )
         self._fields = fields or {
-            name: np.stack([field, *_slopes(field)])
+            name: np.stack([field, *_slopes(field)], axis=-1)
             for name, field in (("wall", evidence.to_wall), ("open", evidence.to_free))
         }
-        both = np.concatenate([graph.edges, graph.edges[:, ::-1]])
-        self._from, self._to = both[:, 0], both[:, 1]
-        self._offsets = graph.centres[self._to] - graph.centres[self._from]
-        self._lengths = np.maximum(np.hypot(*self._offsets.T), 0.3)
+        self._edges = _edges_of(graph)
+        places = np.arange(len(graph.centres))
+        ends = self._edges.ends
+        self._matrix = BlockMatrix(
+            len(places),
+            np.concatenate(
+                [np.column_stack([places, places]), *(ends[:, [i, j]] for i in range(2) for j in range(2))]
+            ),
+        )
 
     def fit(self, states: Floats, free: Mask | None = None) -> Fitted:
         """Improve states `(p, 5)`: all of them, or those of the places that are `free` `(p,)`."""
@@ -112,9 +119,9 @@ class Refinement:
 
     def deformation_costs(self, states: Floats) -> Floats:
         """The part `(p,)` of the costs that is for edges: what the drawing changes from a place to its neighbours."""
-        p = len(states)
-        edges = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p((self._edge_residuals(states) / JUMP) ** 2).sum(axis=1)
-        return np.asarray(0.5 * (np.bincount(self._from, edges, p) + np.bincount(self._to, edges, p)))
+        squares = (edge_residuals(self._edges, states) / JUMP) ** 2
+        costs = EDGE_WEIGHT * 0.5 * JUMP**2 * np.log1p(squares).sum(axis=1)
+        return np.asarray(np.bincount(self._edges.ends.ravel(), np.repeat(0.5 * costs, 2), len(states)))
 
     def min_information(self, states: Floats) -> Floats:
         """The information on the position that the walls about each place give, `(p,)` in 1 / m^2, in its weakest direction."""
@@ -129,33 +136,15 @@ class Refinement:
 
     def _step(self, states: Floats, sigma_m: float, damping: Floats) -> Floats:
         """States after one Gauss-Newton step, limited to `STEP_LIMITS`."""
-        n = 5 * len(states)
-        blocks: list[tuple[Ints, Ints, Floats]] = []
-        gradient = np.zeros(n)
-        first = 5 * np.arange(len(states))
-        at = np.arange(5)
-        rows, cols = first[:, None, None] + at[:, None] + 0 * at, first[:, None, None] + at + 0 * at[:, None]
+        gradient = np.zeros((len(states), 5))
+        own = damping.reshape(-1, 5, 1) * np.eye(5) + ASPECT_INFORMATION
         for weight, equations in self._view_equations(states, sigma_m):
-            blocks.append((rows, cols, weight * equations.matrix))
-            gradient += weight * equations.gradient.ravel()
-        self._add_edges(states, blocks, gradient)
-        aspect = states[:, 3] - states[:, 4]
-        first = first + 3
-        w = ASPECT_WEIGHT / ASPECT_STD**2
-        for a, b, v in ((0, 0, w), (1, 1, w), (0, 1, -w), (1, 0, -w)):
-            blocks.append((first + a, first + b, np.full(len(first), v)))
-        gradient[first] += w * aspect
-        gradient[first + 1] -= w * aspect
-        rows, cols, values = (np.concatenate([b[k].ravel() for b in blocks]) for k in range(3))
-        diagonal = np.arange(n)
-        matrix = coo_matrix(
-            (
-                np.concatenate([values, damping]),
-                (np.concatenate([rows, diagonal]), np.concatenate([cols, diagonal])),
-            ),
-            shape=(n, n),
-        ).tocsc()
-        step = -spsolve(matrix, gradient).reshape(-1, 5)
+            own += weight * equations.matrix
+            gradient += weight * equations.gradient
+        blocks = add_edge_equations(self._edges, states, JUMP, EDGE_WEIGHT, gradient)
+        gradient += states @ ASPECT_INFORMATION
+        values = np.concatenate([own, *(blocks[:, i, j] for i in range(2) for j in range(2))])
+        step = -self._matrix.solve(values, gradient.ravel()).reshape(-1, 5)
         scale = np.exp(0.5 * states[:, 3:].sum(axis=1))
         limits = STEP_LIMITS * np.column_stack([scale, scale, *np.ones((3, len(scale)))])
         states = states + np.clip(step, -limits, limits)
@@ -169,49 +158,20 @@ class Refinement:
             for name, weight, points in self._points
         ]
 
-    def _edge_residuals(self, states: Floats) -> Floats:
-        """Residuals `(e, 5)` of all edges in both directions, in standard deviations."""
-        a, b = states[self._from], states[self._to]
-        scale = np.exp(0.25 * (a[:, 3:] + b[:, 3:]).sum(axis=1))
-        offset_std = OFFSET_STD_M + OFFSET_STD_PER_M * self._lengths
-        gap = (b[:, :2] - to_drawing(a, self._offsets)) / (scale * offset_std)[:, None]
-        root = np.sqrt(self._lengths)
-        rotation = se2.wrap_angle(b[:, 2] - a[:, 2]) / (ROTATION_STD * root)
-        return np.column_stack([gap, rotation, (b[:, 3:] - a[:, 3:]) / (SCALE_STD * root)[:, None]])
 
-    def _add_edges(self, states: Floats, blocks: list[tuple[Ints, Ints, Floats]], gradient: Floats) -> None:
-        """Add the normal equations of all edges, blocks `(5, 5)` of the pairs of places that they join."""
-        a, b = states[self._from], states[self._to]
-        residual = self._edge_residuals(states)
-        groups = np.column_stack([np.hypot(*residual[:, :2].T)] * 2 + [residual[:, 2], *residual[:, 3:].T])
-        weight = 1.0 / (1.0 + (groups / JUMP) ** 2)
-        scale = np.exp(0.25 * (a[:, 3:] + b[:, 3:]).sum(axis=1))
-        std = scale * (OFFSET_STD_M + OFFSET_STD_PER_M * self._lengths)
-        cos, sin = np.cos(a[:, 2]), np.sin(a[:, 2])
-        x, y = self._offsets.T
-        s = np.exp(a[:, 3:])
-        e = len(a)
-        from_a, from_b = np.zeros((e, 5, 5)), np.zeros((e, 5, 5))
-        for k in range(2):
-            from_b[:, k, k] = 1.0 / std
-            from_a[:, k, k] = -1.0 / std
-        from_a[:, 0, 2] = -s[:, 0] * (-sin * x - cos * y) / std
-        from_a[:, 1, 2] = -s[:, 1] * (cos * x - sin * y) / std
-        from_a[:, 0, 3] = -s[:, 0] * (cos * x - sin * y) / std
-        from_a[:, 1, 4] = -s[:, 1] * (sin * x + cos * y) / std
-        root = np.sqrt(self._lengths)
-        for k, sigma in ((2, ROTATION_STD), (3, SCALE_STD), (4, SCALE_STD)):
-            from_b[:, k, k] = 1.0 / (sigma * root)
-            from_a[:, k, k] = -1.0 / (sigma * root)
-        weight = EDGE_WEIGHT * weight
-        at = np.arange(5)
-        for left, of_left in ((from_a, self._from), (from_b, self._to)):
-            weighted = left * weight[:, :, None]
-            np.add.at(gradient.reshape(-1, 5), of_left, np.einsum("eki,ek->ei", weighted, residual))
-            for right, of_right in ((from_a, self._from), (from_b, self._to)):
-                rows = 5 * of_left[:, None, None] + at[:, None] + 0 * at
-                cols = 5 * of_right[:, None, None] + at + 0 * at[:, None]
-                blocks.append((rows, cols, np.einsum("eki,ekj->eij", weighted, right)))
+def _edges_of(graph: PlaceGraph) -> PlaceEdges:
+    """The edges of a graph in both directions, with what a drawing may change along each."""
+    ends = np.concatenate([graph.edges, graph.edges[:, ::-1]])
+    offsets = graph.centres[ends[:, 1]] - graph.centres[ends[:, 0]]
+    lengths = np.maximum(np.hypot(*offsets.T), MIN_LENGTH_M)
+    root = np.sqrt(lengths)
+    return PlaceEdges(
+        np.ascontiguousarray(ends),
+        offsets,
+        offset_std_m=OFFSET_STD_M + OFFSET_STD_PER_M * lengths,
+        rotation_std=ROTATION_STD * root,
+        scale_std=SCALE_STD * root,
+    )
 
 
 def _around(graph: PlaceGraph, free: Mask) -> Ints:

@@ -153,14 +153,14 @@ class Repair:
         states, graph = self.best.states, self._graph
         first = np.repeat(states[:1], PARTICLES, axis=0)
         if backwards is None:
-            lines, weights = find_places(graph, self._evidence, first, self._rng, Known(~region, states))
+            lines = find_places(graph, self._evidence, first, self._rng, Known(~region, states))
         else:
             order, parents = backwards
             known = Known(~region[order], states[order])
             ordered = graph.in_order(order, parents)
-            lines, weights = find_places(ordered, self._evidence, first, self._rng, known)
+            lines = find_places(ordered, self._evidence, first, self._rng, known)
             lines = lines[:, np.argsort(order)]
-        return [self._problem.fit(line, region) for line in distinct(lines, weights, region, HYPOTHESES)]
+        return [self._problem.fit(line, region) for line in distinct(lines, region, HYPOTHESES)]
 
     def _elsewhere(self, states: Floats) -> tuple[Mask, Mask]:
         """Which places lie elsewhere than in the best fit, and these with all around them."""

@@ -28,7 +28,9 @@ SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # of log scales per root metre
 SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
 SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
+CROSSED = 1.5  # log-likelihood of a drawn wall between a place and the one from which it was entered
 RESAMPLE_BELOW = 0.5
+RETURNED = 300  # hypotheses, of all particles
 DISTINCT_M, DISTINCT_PLACES = 1.5, 8  # two hypotheses differ if this many places are this far apart
 
 
@@ -58,59 +60,88 @@ def find_places(
     known: Known | None = None,
     *,
     scope: Scope = CAREFUL,
-) -> tuple[Floats, Floats]:
-    """States `(n, p, 5)` of all places for the surviving hypotheses, and their weights `(n,)`.
+) -> Floats:
+    """States `(m, p, 5)` of all places for some of the surviving hypotheses, the most probable first.
 
     `first` `(n, 5)` are states of the first place, where it is not known. Places that are known are not searched.
     """
     n, p = len(first), len(graph.centres)
-    is_known = np.zeros(p, np.bool_) if known is None else known.mask
-    states = [first] * p if known is None else [known.states[k] for k in range(p)]
-    searched = np.flatnonzero(~is_known)
-    rank = np.cumsum(~is_known) - 1  # of a searched place among them
-    ancestors = np.empty((len(searched), n), np.int64)
+    known = known or Known(np.zeros(p, np.bool_), np.zeros((p, 5)))
+    lineage = Lineage(graph, known, n)
     log_weights = np.zeros(n)
     scales = first[:, 3:].mean(axis=0)
-    neighbours = graph.neighbours
-
-    def at(place: int) -> Floats:
-        """States `(n, 5)` of a placed place, or `(5,)` if it is known."""
-        return states[place] if is_known[place] else states[place][ancestors[rank[place]]]
-
-    for count, place in enumerate(searched.tolist(), 1):
+    for place in np.flatnonzero(~known.mask).tolist():
         parent = int(graph.parents[place])
         if place == 0:
-            states[0] = first
+            here = first
         else:
             parent = max(parent, 0)  # a place that no earlier one sees is predicted from the first
-            before = np.broadcast_to(at(parent), (n, 5))
-            states[place] = _predict(before, graph.centres[place] - graph.centres[parent], scope.wide, rng)
-        ancestors[count - 1] = np.arange(n)
-        here = states[place]
+            offset = graph.centres[place] - graph.centres[parent]
+            before = np.broadcast_to(lineage.at(parent), (n, 5))
+            here = _predict(before, offset, scope.wide, rng)
+            log_weights -= CROSSED * evidence.crossed(before[:, :2], here[:, :2])
+        lineage.add(place, here)
         log_weights += scope.view_weight * evidence.log_likelihood(
             graph.views[place][::THINNED], graph.open_views[place][::THINNED], here, SIGMA_M
         )
         log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * SCALE_BOUND_WEIGHT
-        for other in neighbours[place]:
-            if other != parent and (is_known[other] or other < place):
-                log_weights += _loop(here, at(other), graph.centres[place] - graph.centres[other])
+        for other in graph.neighbours[place]:
+            if other != parent and (known.mask[other] or other < place):
+                log_weights += _loop(here, lineage.at(other), graph.centres[place] - graph.centres[other])
         weights = np.exp(log_weights - log_weights.max())
         weights /= weights.sum()
         if 1.0 / (weights**2).sum() < RESAMPLE_BELOW * n:
-            chosen = systematic_resampling(weights, n, rng)
-            ancestors[:count] = ancestors[:count, chosen]
+            lineage.resample(systematic_resampling(weights, n, rng))
             log_weights = np.zeros(n)
-    weights = np.exp(log_weights - log_weights.max())
-    lines = np.stack([np.broadcast_to(at(k), (n, 5)) for k in range(p)], axis=1)
-    return lines, weights / weights.sum()
+    order = np.argsort(-log_weights, kind="stable")
+    return lineage.lines(order[:: max(n // RETURNED, 1)])
 
 
-def distinct(lines: Floats, weights: Floats, places: NDArray[np.bool_], count: int) -> list[Floats]:
-    """The heaviest hypothesis and others `(p, 5)` that differ from all chosen before, at these places `(p,)`."""
-    order = np.argsort(-weights, kind="stable")
+class Lineage:
+    """The states of all places for each particle, as they were drawn, and which particles of then became those of now."""
+
+    def __init__(self, graph: PlaceGraph, known: Known, particles: int) -> None:
+        self._known = known
+        self._last_use = np.array([max(near, default=-1) for near in graph.neighbours])
+        self._drawn: dict[int, Floats] = {}
+        self._ancestors: dict[int, NDArray[np.int64]] = {}  # of the particles of now, for places that are still needed
+        self._chosen: dict[int, NDArray[np.int64]] = {}
+        self._itself = np.arange(particles)
+        self._newest = 0
+
+    def add(self, place: int, states: Floats) -> None:
+        """States `(n, 5)` of one more place, later than all before."""
+        self._drawn[place], self._ancestors[place], self._newest = states, self._itself, place
+
+    def at(self, place: int) -> Floats:
+        """States `(n, 5)` of a place that was added, or `(5,)` if it is known."""
+        if self._known.mask[place]:
+            return np.asarray(self._known.states[place])
+        return np.asarray(self._drawn[place][self._ancestors[place]])
+
+    def resample(self, chosen: NDArray[np.int64]) -> None:
+        """Go on with the particles `chosen` `(n,)`."""
+        self._chosen[self._newest] = chosen
+        self._ancestors = {
+            place: ancestors[chosen]
+            for place, ancestors in self._ancestors.items()
+            if place == 0 or self._last_use[place] > self._newest
+        }
+
+    def lines(self, particles: NDArray[np.int64]) -> Floats:
+        """States `(m, p, 5)` of all places for particles `(m,)`."""
+        lines = np.repeat(self._known.states[None], len(particles), axis=0)
+        for place, states in reversed(self._drawn.items()):
+            if place in self._chosen:
+                particles = self._chosen[place][particles]
+            lines[:, place] = states[particles]
+        return lines
+
+
+def distinct(lines: Floats, places: NDArray[np.bool_], count: int) -> list[Floats]:
+    """The first hypothesis and others `(p, 5)` that differ from all chosen before, at these places `(p,)`."""
     chosen: list[Floats] = []
-    for index in order[:: max(len(order) // 300, 1)]:
-        line = lines[index]
+    for line in lines:
         scale = np.exp(line[places, 3:].mean())
         if all(
             (np.hypot(*(line - c)[places, :2].T) > DISTINCT_M * scale).sum() >= DISTINCT_PLACES

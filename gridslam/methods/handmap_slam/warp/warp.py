@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.resampling import systematic_resampling
+from gridslam.kernels.threads import on_threads
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
@@ -97,6 +98,7 @@ class DrawingWarp:
         return np.array([(each + 5 * each[:1])[:5] if len(each) < 5 else each[:5] for each in lists])
 
 
+@on_threads(1)  # the kernels' tasks are so small that handing them out costs more CPU than it saves time
 def warp_of(
     drawn: DrawnMap,
     occupancy: OccupancyGrid,
@@ -121,8 +123,8 @@ def warp_of(
     everywhere = np.ones(len(graph.centres), np.bool_)
     for scope in SEARCHES:
         start = _annealed(states, log_prior, graph, evidence, rng)
-        lines, weights = find_places(graph, evidence, start, rng, scope=scope)
-        fits += [problem.fit(line) for line in distinct(lines, weights, everywhere, HYPOTHESES)]
+        lines = find_places(graph, evidence, start, rng, scope=scope)
+        fits += [problem.fit(line) for line in distinct(lines, everywhere, HYPOTHESES)]
         best = min(fits, key=lambda fit: fit.cost)
         if best.cost_per_place < GOOD_COST:
             break
