@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.drawn_field import crossed_segments
-from gridslam.maps.drawing import DrawnMap, drawn_map
+from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, Contradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 from gridslam.methods.handmap_slam.warp.search import Known, Lineage
-from gridslam.maps.drawing import Drawing
 
 
 def chain(places: int) -> PlaceGraph:
@@ -86,8 +85,8 @@ def test_a_fit_that_leads_through_a_wall_and_leaves_half_of_the_drawing_over_cos
     graph = chain(4)
     against = Contradictions(graph, DrawnEvidence(drawn))
     states = np.zeros((4, 5))
-    states[:, :2] = graph.centres + (2.0, 3.0)
-    across = states + (2.5, 0.0, 0.0, 0.0, 0.0)
+    states[:, :2] = graph.centres + np.array([2.0, 3.0])
+    across = states + np.array([2.5, 0.0, 0.0, 0.0, 0.0])
     assert not against.crossed(states).any()
     assert int(against.crossed(across).sum()) == 1
     unseen = against.unseen_fraction(states)

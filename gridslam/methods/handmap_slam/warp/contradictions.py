@@ -1,6 +1,7 @@
-"""What speaks against a fit beside the places' own views: drawn walls between places that see each other, and drawn walls that no place sees.
+"""What speaks against a fit beside the views: drawn walls between places that see each other, and those where nothing was mapped.
 
-The views ask only whether what was mapped is drawn. A fit that leaves a wing out, or leads the robot through walls, costs nothing there.
+The views ask only whether what was mapped is drawn. A fit that leaves a wing over, or leads the robot through walls, costs
+nothing there.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CROSSED_COST = 0.75  # of an edge through a drawn wall: doors are displaced, and some are not drawn
-# Of all drawn walls, for each place of the map. A drive that shows half of a place leaves the same half over in most fits, so only
-# the difference counts; mapped walls that are not drawn cost about four times as much.
+# Of all drawn walls, for each place of the map. A drive that shows half of a place leaves the same half over in most fits, so
+# only the difference counts; mapped walls that are not drawn cost about four times as much.
 UNSEEN_COST = 1.2
 SEEN_WITHIN_M = 0.5  # a drawn wall this close to a mapped one was seen
 

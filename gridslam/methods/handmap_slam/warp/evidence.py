@@ -43,7 +43,9 @@ class DrawnEvidence:
 
     def crossed(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         """Whether a drawn wall lies between positions `starts` and `ends` `(n, 2)`, `(n,)`."""
-        return crossed_segments(self.walls, self.cell, np.ascontiguousarray(starts), np.ascontiguousarray(ends))
+        return crossed_segments(
+            self.walls, self.cell, np.ascontiguousarray(starts), np.ascontiguousarray(ends)
+        )
 
     def _sums(self, field: Field, table: Floats, points: Floats, states: Floats, per_m: float) -> Floats:
         return np.asarray(

@@ -16,7 +16,7 @@ from gridslam.kernels.stretched_edges import PlaceEdges, add_edge_equations, edg
 from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import Contradictions
-from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
+from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 
 Floats = NDArray[np.float64]

@@ -104,7 +104,9 @@ class Lineage:
         self._known = known
         self._last_use = np.array([max(near, default=-1) for near in graph.neighbours])
         self._drawn: dict[int, Floats] = {}
-        self._ancestors: dict[int, NDArray[np.int64]] = {}  # of the particles of now, for places that are still needed
+        self._ancestors: dict[
+            int, NDArray[np.int64]
+        ] = {}  # of the particles of now, for places that are still needed
         self._chosen: dict[int, NDArray[np.int64]] = {}
         self._itself = np.arange(particles)
         self._newest = 0
