@@ -11,7 +11,7 @@ from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, Contradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
-from gridslam.methods.handmap_slam.warp.search import Known, Lineage
+from gridslam.methods.handmap_slam.warp.search import Known, PlaceLineage
 
 
 def chain(places: int) -> PlaceGraph:
@@ -50,7 +50,7 @@ def test_a_matrix_of_blocks_is_solved_like_a_dense_one() -> None:
 
 def test_the_particles_of_now_keep_the_places_of_those_that_they_came_from() -> None:
     graph = chain(3)
-    lineage = Lineage(graph, Known(np.zeros(3, np.bool_), np.zeros((3, 5))), particles=3)
+    lineage = PlaceLineage(graph, Known(np.zeros(3, np.bool_), np.zeros((3, 5))), particles=3)
     names = np.arange(3.0)[:, None] * np.ones(5)
     lineage.add(0, names)
     lineage.resample(np.array([2, 2, 0]))

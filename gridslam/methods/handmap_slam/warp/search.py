@@ -67,7 +67,7 @@ def find_places(
     """
     n, p = len(first), len(graph.centres)
     known = known or Known(np.zeros(p, np.bool_), np.zeros((p, 5)))
-    lineage = Lineage(graph, known, n)
+    lineage = PlaceLineage(graph, known, n)
     log_weights = np.zeros(n)
     scales = first[:, 3:].mean(axis=0)
     for place in np.flatnonzero(~known.mask).tolist():
@@ -97,16 +97,15 @@ def find_places(
     return lineage.lines(order[:: max(n // RETURNED, 1)])
 
 
-class Lineage:
+class PlaceLineage:
     """The states of all places for each particle, as they were drawn, and which particles of then became those of now."""
 
     def __init__(self, graph: PlaceGraph, known: Known, particles: int) -> None:
         self._known = known
         self._last_use = np.array([max(near, default=-1) for near in graph.neighbours])
         self._drawn: dict[int, Floats] = {}
-        self._ancestors: dict[
-            int, NDArray[np.int64]
-        ] = {}  # of the particles of now, for places that are still needed
+        # Of the particles of now, for places that are still needed.
+        self._ancestors: dict[int, NDArray[np.int64]] = {}
         self._chosen: dict[int, NDArray[np.int64]] = {}
         self._itself = np.arange(particles)
         self._newest = 0
