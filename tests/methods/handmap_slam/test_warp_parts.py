@@ -8,7 +8,7 @@ import pytest
 from gridslam.kernels.drawn_field import crossed_segments
 from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
-from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, Contradictions
+from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, DrawingContradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 from gridslam.methods.handmap_slam.warp.search import Known, PlaceLineage
@@ -83,7 +83,7 @@ def corridor_with_a_wall_across() -> DrawnMap:
 def test_a_fit_that_leads_through_a_wall_and_leaves_half_of_the_drawing_over_costs_more() -> None:
     drawn = corridor_with_a_wall_across()
     graph = chain(4)
-    against = Contradictions(graph, DrawnEvidence(drawn))
+    against = DrawingContradictions(graph, DrawnEvidence(drawn))
     states = np.zeros((4, 5))
     states[:, :2] = graph.centres + np.array([2.0, 3.0])
     across = states + np.array([2.5, 0.0, 0.0, 0.0, 0.0])

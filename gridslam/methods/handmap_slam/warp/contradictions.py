@@ -23,7 +23,7 @@ UNSEEN_COST = 1.2
 SEEN_WITHIN_M = 0.5  # a drawn wall this close to a mapped one was seen
 
 
-class Contradictions:
+class DrawingContradictions:
     """The contradictions between one map and one drawing."""
 
     def __init__(self, graph: PlaceGraph, evidence: DrawnEvidence) -> None:

@@ -15,7 +15,7 @@ from gridslam.core import poses as se2
 from gridslam.kernels.stretched_edges import PlaceEdges, add_edge_equations, edge_residuals
 from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
-from gridslam.methods.handmap_slam.warp.contradictions import Contradictions
+from gridslam.methods.handmap_slam.warp.contradictions import DrawingContradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 
@@ -71,7 +71,7 @@ class Refinement:
         self._graph = graph
         self._damping = np.full(5 * len(graph.centres), PRIOR_DAMPING)
         self._evidence = evidence
-        self._contradictions = Contradictions(graph, evidence)
+        self._contradictions = DrawingContradictions(graph, evidence)
         self._points = (
             ("wall", WALL_WEIGHT, _points(graph.views)),
             ("open", OPEN_WEIGHT, _points(graph.open_views)),
