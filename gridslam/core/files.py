@@ -31,10 +31,10 @@ def real_path(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def write_atomic(path: Path, data: bytes | memoryview) -> None:
-    """Write `data` under a temporary name beside `path`, then rename: readers never see an incomplete file."""
+def write_atomic(path: Path, data: bytes | Iterable[bytes]) -> None:
+    """Write `data`, or its pieces, under a temporary name beside `path`, then rename: readers never see an incomplete file."""
     with partial_file(path) as stream:
-        stream.write(data)
+        stream.writelines([data] if isinstance(data, bytes) else data)
         put_file(stream, path)
 
 

@@ -7,11 +7,13 @@ import math
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
 COMPRESSION_LEVEL = 4
+PIECE_BYTES = 1 << 20
 MAX_PLAIN_BYTES = 1 << 30  # larger arrays need the zip format with 64 bits
 MAX_RATIO = 200  # of the unpacked size to that of the file, beyond MIN_UNPACKED_BYTES
 MIN_UNPACKED_BYTES = 64 << 20
@@ -39,8 +41,19 @@ def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]]) -> bytes:
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:
         for name, values in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
-                np.lib.format.write_array(file, np.asarray(values, order="C"), allow_pickle=False)
+                _write_array(file, np.ascontiguousarray(values).reshape(values.shape))
+            del values  # the next array is made while this one is referred to
     return buffer.getvalue()
+
+
+def _write_array(file: IO[bytes], values: NDArray[np.generic]) -> None:
+    """Write a C-contiguous array as a .npy file, a piece at a time: numpy's own writer copies 16 MB at once."""
+    if values.dtype.hasobject:
+        raise ValueError("objects are not written to numpy files")
+    np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(values))
+    content = values.reshape(-1).view(np.uint8)
+    for first in range(0, len(content), PIECE_BYTES):
+        file.write(content[first : first + PIECE_BYTES].data)
 
 
 def read_npz(content: bytes) -> dict[str, NDArray[np.generic]]:

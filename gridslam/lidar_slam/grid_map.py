@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
+from gridslam.core.memory import system_zeros
 from gridslam.kernels import log_odds
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
@@ -25,16 +26,20 @@ class LastUpdates:
     """Which scan has changed each cell of a grid last, in one byte a cell: scans are numbered from 1 to 255 again and again."""
 
     def __init__(self, rows: int, cols: int) -> None:
-        self.numbers = np.zeros((rows, cols), np.uint8)
-        self._number = 0
+        self._shape = rows, cols
+        self._start_again()
 
     def next_scan(self) -> int:
         """The number of one more scan; no cell has it yet."""
         if self._number == np.iinfo(np.uint8).max:
-            self.numbers.fill(0)
-            self._number = 0
+            self._start_again()
         self._number += 1
         return self._number
+
+    def _start_again(self) -> None:
+        rows, cols = self._shape
+        self.numbers = system_zeros(rows * cols, np.uint8).reshape(rows, cols)
+        self._number = 0
 
 
 def draw_map(

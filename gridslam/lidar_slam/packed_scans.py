@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.memory import system_zeros
+from gridslam.kernels.row_subsets import rows_in_order
 from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,7 @@ class _Place(NamedTuple):
     block: int
     start: int
     sizes: tuple[int, int, int]  # numbers of returns, points and surface points
+    rows: NDArray[np.uint16] | None  # of the surface that are the points; None: the points are kept beside it
     stamp_ns: int
     viewpoint: Floats
 
@@ -36,13 +38,18 @@ class PackedScans(Sequence[PreparedScan]):
 
     def append(self, scan: PreparedScan) -> None:
         """Keep a scan."""
-        parts = (scan.returns, scan.points, scan.normals, scan.surface, scan.surface_normals)
+        rows = _rows_of_points(scan)
+        parts = [scan.returns, scan.surface, scan.surface_normals]
+        if rows is None:
+            parts += [scan.points, scan.normals]
         size = sum(part.size for part in parts)
         if not self._blocks or self._used + size > len(self._blocks[-1]):
-            self._blocks.append(_new_block(max(BLOCK_VALUES, size)))
+            self._blocks.append(system_zeros(max(BLOCK_VALUES, size), np.float32))
             self._used = 0
         sizes = len(scan.returns), len(scan.points), len(scan.surface)
-        self._places.append(_Place(len(self._blocks) - 1, self._used, sizes, scan.stamp_ns, scan.viewpoint))
+        self._places.append(
+            _Place(len(self._blocks) - 1, self._used, sizes, rows, scan.stamp_ns, scan.viewpoint)
+        )
         for part in parts:
             self._blocks[-1][self._used : self._used + part.size] = part.ravel()
             self._used += part.size
@@ -66,14 +73,31 @@ class PackedScans(Sequence[PreparedScan]):
 
     def _unpacked(self, place: _Place) -> PreparedScan:
         block, at = self._blocks[place.block], place.start
-        returns, points, surface = place.sizes
-        arrays = []
-        for count in (returns, points, points, surface, surface):
-            arrays.append(block[at : at + 2 * count].reshape(-1, 2).astype(np.float64))
+
+        def taken(count: int) -> Floats:
+            nonlocal at
             at += 2 * count
-        return PreparedScan(place.stamp_ns, place.viewpoint, *arrays)
+            return block[at - 2 * count : at].reshape(-1, 2).astype(np.float64)
+
+        count_returns, count_points, count_surface = place.sizes
+        returns, surface, surface_normals = taken(count_returns), taken(count_surface), taken(count_surface)
+        if place.rows is None:
+            points, normals = taken(count_points), taken(count_points)
+        else:
+            points, normals = surface[place.rows], surface_normals[place.rows]
+        return PreparedScan(
+            place.stamp_ns, place.viewpoint, returns, points, normals, surface, surface_normals
+        )
 
 
-def _new_block(values: int) -> NDArray[np.float32]:
-    """Memory straight from the system, which gets it back as soon as the scans are not needed; an allocator may keep it."""
-    return np.frombuffer(mmap.mmap(-1, values * np.dtype(np.float32).itemsize), np.float32)
+def _rows_of_points(scan: PreparedScan) -> NDArray[np.uint16] | None:
+    """The rows of a scan's surface that are its points, with their normals; None where they are not all rows of it.
+
+    They are in every scan that was prepared from one reading of a lidar: its gaps are filled between them.
+    """
+    if len(scan.surface) > np.iinfo(np.uint16).max:
+        return None
+    rows = rows_in_order(scan.points, scan.surface)
+    if len(rows) < len(scan.points) or not np.array_equal(scan.surface_normals[rows], scan.normals):
+        return None
+    return np.asarray(rows, np.uint16)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -34,7 +35,7 @@ SCALE_THRESHOLDS = (1.0, 0.0)
 UNKNOWN = -1
 SPIKE_RATIO = 10  # grey 205 means unknown if it is this much more frequent than 204 and 206 together
 PROBABILITY_OF_CELL = np.append(np.arange(101, dtype=np.float32) / np.float32(100), np.float32(np.nan))
-ROWS_PER_BLOCK = 256  # of a table lookup, whose indices take 8 bytes a pixel
+ROWS_PER_BLOCK = 64  # of a table lookup, whose indices take 8 bytes a pixel
 
 ImageFormat = Literal["pgm", "png", "bmp"]
 
@@ -215,7 +216,13 @@ def save_map(
     base = Path(base_path)
     image_path = base.with_name(f"{base.name}.{kind}")
     yaml_path = base.with_name(f"{base.name}.yaml")
-    write_atomic(image_path, _image_bytes(cells_of_grid(grid), mode, limits, kind))
+    if not grid.probability.size:
+        raise ConfigError("an empty map (no rows or no columns) cannot be saved")
+    pixel_of_value = _pixel_of_value(mode, limits)
+    if mode != "scale" and kind == "pgm":
+        write_atomic(image_path, _pgm_pieces(grid, pixel_of_value))
+    else:
+        write_atomic(image_path, _image_bytes(cells_of_grid(grid)[::-1], pixel_of_value, mode, kind))
     written = Thresholds(*TRINARY_THRESHOLDS) if mode == "trinary" else limits
     write_atomic(yaml_path, _yaml_text(image_path.name, mode, grid.geometry, written).encode())
     return yaml_path
@@ -228,24 +235,33 @@ def cells_of_grid(grid: OccupancyGrid) -> NDArray[np.int8]:
     """
     cells = np.empty(grid.probability.shape, np.int8)
     for first in range(0, len(cells), ROWS_PER_BLOCK):
-        part = grid.probability[first : first + ROWS_PER_BLOCK]
-        known = ~np.isnan(part)
-        percent = np.where(known, part, 0.0) * 100.0
-        if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
-            raise ValueError("an occupancy probability lies outside [0, 1]")
-        cells[first : first + ROWS_PER_BLOCK] = np.where(known, np.rint(percent), float(UNKNOWN))
+        block = slice(first, first + ROWS_PER_BLOCK)
+        cells[block] = _cells_of(grid.probability[block])
     return cells
 
 
+def _cells_of(probability: NDArray[np.floating]) -> NDArray[np.int8]:
+    known = ~np.isnan(probability)
+    percent = np.where(known, probability, 0.0) * 100.0
+    if percent.size and not (percent.min() >= 0.0 and percent.max() <= 100.0):
+        raise ValueError("an occupancy probability lies outside [0, 1]")
+    return np.where(known, np.rint(percent), float(UNKNOWN)).astype(np.int8)
+
+
+def _pgm_pieces(grid: OccupancyGrid, pixel_of_value: NDArray[np.uint8]) -> Iterator[bytes]:
+    """A PGM file in blocks of rows, the top one first: of a large map no copy is made."""
+    rows, cols = grid.probability.shape
+    yield b"P5\n%d %d\n255\n" % (cols, rows)
+    top_first = grid.probability[::-1]
+    for first in range(0, rows, ROWS_PER_BLOCK):
+        cells = _cells_of(top_first[first : first + ROWS_PER_BLOCK])
+        yield pixel_of_value[cells].tobytes()
+
+
 def _image_bytes(
-    cells: NDArray[np.int8], mode: Mode, limits: Thresholds, kind: ImageFormat
-) -> bytes | memoryview:
-    if not cells.size:
-        raise ConfigError("an empty map (no rows or no columns) cannot be saved")
-    top_first = cells[::-1]
-    pixel_of_value = _pixel_of_value(mode, limits)  # -1, unknown, is the last entry
-    if mode != "scale" and kind == "pgm":
-        return _pgm_bytes(top_first, pixel_of_value)
+    top_first: NDArray[np.int8], pixel_of_value: NDArray[np.uint8], mode: Mode, kind: ImageFormat
+) -> bytes:
+    """The picture of cell values, top row first."""
     image = Image.fromarray(_looked_up(pixel_of_value, top_first))
     if mode == "scale" and kind == "png":
         image.putalpha(Image.fromarray(np.where(top_first == UNKNOWN, np.uint8(0), np.uint8(255))))
@@ -259,21 +275,8 @@ def _image_bytes(
     return buffer.getvalue()
 
 
-def _pgm_bytes(top_first: NDArray[np.int8], pixel_of_value: NDArray[np.uint8]) -> memoryview:
-    """A PGM file, filled in blocks of rows: of a large map no copy is made."""
-    rows, cols = top_first.shape
-    header = b"P5\n%d %d\n255\n" % (cols, rows)
-    content = np.empty(len(header) + rows * cols, np.uint8)
-    content[: len(header)] = np.frombuffer(header, np.uint8)
-    pixels = content[len(header) :].reshape(rows, cols)
-    for first in range(0, rows, ROWS_PER_BLOCK):
-        block = slice(first, first + ROWS_PER_BLOCK)
-        pixels[block] = _looked_up(pixel_of_value, top_first[block])
-    return content.data
-
-
 def _pixel_of_value(mode: Mode, limits: Thresholds) -> NDArray[np.uint8]:
-    """The pixel `(102,)` of the cell values 0 to 100, and of an unknown cell at the end."""
+    """The pixel `(102,)` of the cell values 0 to 100, and of an unknown cell, -1, at the end."""
     value = np.arange(101.0)
     if mode == "trinary":
         pixels = np.where(value >= np.rint(limits.occupied * 100.0), PIXEL_OCCUPIED, PIXEL_UNKNOWN)

@@ -46,7 +46,7 @@ CELLS = (
     LegendEntry("area", ink.UNKNOWN, "unknown"),
 )
 BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
-BLOCKS_AT_ONCE = 128  # rows of a shrunk map that are made at once: large maps take much memory
+BLOCKS_AT_ONCE = 16  # rows of a shrunk map that are made at once: large maps take much memory
 BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
 WALL_PROBABILITY = 0.5  # from which a cell has no tint
 MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
@@ -216,10 +216,9 @@ def _finite_xy(rows: Floats | None) -> Floats:
 
 def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    colours: Canvas = np.concatenate([_colours_of(cells) for cells in _blocks(grid, window)])[::-1]
-    if colours.shape[1::-1] == window.size_px:
-        return np.ascontiguousarray(colours)
-    return np.array(_enlarged(colours, window))
+    blocks = [_colours_of(cells)[::-1] for cells in _blocks(grid, window)]
+    colours: Canvas = np.concatenate(blocks[::-1])
+    return colours if colours.shape[1::-1] == window.size_px else np.array(_enlarged(colours, window))
 
 
 def _colours_of(cells: NDArray[np.float32]) -> Canvas:

@@ -11,7 +11,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.memory import return_freed_memory
+from gridslam.core.memory import return_freed_memory, take_large_arrays_from_the_system
 from gridslam.core.plain_files import sha256_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.open import open_log
@@ -121,6 +121,7 @@ def _run(
     # This imports numba, which the checks before a run do not need.
     from gridslam.kernels.compiling import timing_compilation
 
+    take_large_arrays_from_the_system()
     started = time.perf_counter()
     build = method_builder(command, config)
     entry = registry.METHODS[config.method_name]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,17 @@ def test_they_are_a_sequence_like_any_other(scans: list[PreparedScan]) -> None:
     assert found[-1].stamp_ns == 3
     with pytest.raises(IndexError):
         found[4]
+
+
+def test_points_that_are_part_of_the_surface_come_out_as_part_of_it(scans: list[PreparedScan]) -> None:
+    given = replace(scans[0], points=scans[0].surface[::2], normals=scans[0].surface_normals[::2])
+    got = packed([given])[0]
+    np.testing.assert_array_equal(got.points, got.surface[::2])
+    np.testing.assert_array_equal(got.normals, got.surface_normals[::2])
+
+
+def test_points_whose_normals_are_others_than_on_the_surface_are_kept_beside_it(
+    scans: list[PreparedScan],
+) -> None:
+    given = replace(scans[0], points=scans[0].surface[::2], normals=-scans[0].surface_normals[::2])
+    np.testing.assert_allclose(packed([given])[0].normals, given.normals, rtol=0.0, atol=1e-5)

@@ -136,6 +136,8 @@ def _ticks(window: MapWindow, axis: str, step_m: float) -> list[tuple[float, str
 
 def joined(pieces: Sequence[Image.Image], side_by_side: bool) -> Image.Image:
     """Pieces below each other, or side by side, aligned at their right and lower edges."""
+    if len(pieces) == 1:
+        return pieces[0]
     if side_by_side:
         size = sum(p.width for p in pieces), max(p.height for p in pieces)
     else:

@@ -25,6 +25,7 @@ MIN_DIVIDED_RATIO = 3.5  # of the sides of a map from which on it is divided
 SHEET_RATIO = 1.3  # of the sides of the pieces together, about
 MAX_PIECES = 12
 MIN_PIECE_PX = 120
+ROWS_AT_ONCE = 64  # of a large map
 AXIS_RATIO = 0.06  # height of a piece's axis, as a ratio of the piece's length
 
 
@@ -117,8 +118,8 @@ def _zoom_of(side: int) -> float:
 
 def _box_of(grid: OccupancyGrid, path_xy: Floats, whole: bool) -> Box:
     """The known cells and the part of the path that lies near them."""
-    known = ~np.isnan(grid.probability) | whole
-    box = np.array([*_extent(known.sum(axis=1)), *_extent(known.sum(axis=0))])
+    in_rows, in_cols = _known_cells(grid, whole)
+    box = np.array([*_extent(in_rows), *_extent(in_cols)])
     if len(path_xy):
         cells = grid_coordinates(grid.geometry, path_xy)
         # Parts of the path far from the map are left out: they would shrink the map to a dot.
@@ -128,6 +129,19 @@ def _box_of(grid: OccupancyGrid, path_xy: Floats, whole: bool) -> Box:
             lo, hi = np.floor(inside.min(axis=0)).astype(int), np.ceil(inside.max(axis=0)).astype(int)
             box = np.array([min(box[0], lo[1]), max(box[1], hi[1]), min(box[2], lo[0]), max(box[3], hi[0])])
     return box.astype(np.int64)
+
+
+def _known_cells(grid: OccupancyGrid, whole: bool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The number of known cells, or of all cells if `whole`, in each row and in each column."""
+    rows, cols = grid.probability.shape
+    in_rows, in_cols = np.full(rows, cols), np.full(cols, rows)
+    if not whole:
+        in_cols[:] = 0
+        for first in range(0, rows, ROWS_AT_ONCE):
+            known = ~np.isnan(grid.probability[first : first + ROWS_AT_ONCE])
+            in_rows[first : first + ROWS_AT_ONCE] = known.sum(axis=1)
+            in_cols += known.sum(axis=0)
+    return in_rows, in_cols
 
 
 def _extent(counts: NDArray[np.int64]) -> tuple[int, int]:

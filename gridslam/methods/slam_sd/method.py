@@ -148,6 +148,7 @@ class SlamSd:
         result = with_consistency(result, consistency, tracker.motion_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
+        return_freed_memory()
         if drive.session is not None:
             result = with_session_file(result, drive.session)
         return result if objects is None else objects.added_to(result)
