@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 M_MMAP_THRESHOLD = -3  # of mallopt
-LARGE_BYTES = 2 << 20  # smaller arrays come and go often, and pages take their time
+LARGE_BYTES = 256 << 10  # smaller arrays come and go often, and pages take their time
 
 Kind = TypeVar("Kind", bound=np.generic)
 

@@ -25,6 +25,7 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
 Floats = NDArray[np.float64]
 
+NO_SLIP_M2 = np.zeros(2)
 MAX_WAIT_S = 10.0  # a scan that has waited longer for odometry is tracked without any
 
 
@@ -178,7 +179,7 @@ class ScanTracker:
     def _slip_m2(self, placed: PlacedScan, match: ScanMatch) -> Floats:
         """Variances `(2,)` along x and y by which the step to a scan may have slipped: none where there is odometry."""
         if placed.has_odometry or not self.stamps_ns:
-            return np.zeros(2)
+            return NO_SLIP_M2
         elapsed_s = (placed.scan.stamp_ns - self.stamps_ns[-1]) * 1e-9
         return slip_variances(se2.between(self.pose, match.pose), elapsed_s, match)
 

@@ -95,25 +95,40 @@ def render_map(
     text_px = text_size(width)
     layers = _Layers(path, _finite_xy(points), _finite_xy(particles), footprints)
     step_m = tick_step_m(windows[0].px_per_m, text_px)
-    pieces, has_origin = [], False
-    for window in windows:
-        canvas = _cells(grid, window)
-        for tint in tints:
-            _apply_tint(canvas, tint, grid, window)
-        if with_grid:
-            draw_grid(canvas, window, step_m)
-        line_px = max(2.5, width / 450)
-        layers.draw(canvas, window, line_px, text_px)
-        has_origin |= draw_origin(canvas, window, 2.2 * text_px, max(round(0.6 * line_px), 2))
-        layers.draw_ends(canvas, window, line_px)
-        pieces.append(with_axes(canvas, window, step_m, text_px))
-    sheet = joined(pieces, side_by_side=is_upright)
-    origin = (LegendEntry("axes", ink.AXIS_X, "origin"),) if has_origin else ()
+    style = _Style(step_m, max(2.5, width / 450), text_px, with_grid)
+    pieces = [_piece(grid, window, layers, tints, style) for window in windows]
+    sheet = joined([piece for piece, _ in pieces], side_by_side=is_upright)
+    origin = (LegendEntry("axes", ink.AXIS_X, "origin"),) if any(has for _, has in pieces) else ()
     cell = f"cell {grid.geometry.resolution_m * 100:.4g} cm"
     if with_grid:
         cell += f", grid {step_m:g} m"
     legend = (*CELLS, *(LegendEntry("area", t.colour, t.name) for t in tints), *layers.legend(), *origin)
     return framed(sheet, (windows[0].px_per_m, cell), legend, title, text_px)
+
+
+@dataclass(frozen=True, slots=True)
+class _Style:
+    """Sizes that are the same in all pieces of a picture."""
+
+    step_m: float
+    line_px: float
+    text_px: int
+    with_grid: bool
+
+
+def _piece(
+    grid: OccupancyGrid, window: MapWindow, layers: _Layers, tints: Sequence[Tint], style: _Style
+) -> tuple[Image.Image, bool]:
+    """A window with its axes, and whether the origin of the map frame lies in it."""
+    canvas = _cells(grid, window)
+    for tint in tints:
+        _apply_tint(canvas, tint, grid, window)
+    if style.with_grid:
+        draw_grid(canvas, window, style.step_m)
+    layers.draw(canvas, window, style.line_px, style.text_px)
+    has_origin = draw_origin(canvas, window, 2.2 * style.text_px, max(round(0.6 * style.line_px), 2))
+    layers.draw_ends(canvas, window, style.line_px)
+    return with_axes(canvas, window, style.step_m, style.text_px), has_origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +231,13 @@ def _finite_xy(rows: Floats | None) -> Floats:
 
 def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     """The cells as colours; a shrunk map shows the most occupied cell of each block, so that walls remain visible."""
-    blocks = [_colours_of(cells)[::-1] for cells in _blocks(grid, window)]
-    colours: Canvas = np.concatenate(blocks[::-1])
+    shrink = _shrink(window)
+    rows, cols = (window.row1 - window.row0) // shrink, (window.col1 - window.col0) // shrink
+    colours: Canvas = np.empty((rows, cols, 3), np.uint8)
+    top = rows
+    for cells in _blocks(grid, window):
+        colours[top - len(cells) : top] = _colours_of(cells)[::-1]
+        top -= len(cells)
     return colours if colours.shape[1::-1] == window.size_px else np.array(_enlarged(colours, window))
 
 
@@ -248,11 +268,16 @@ def _in_window(grid: OccupancyGrid, window: MapWindow) -> NDArray[np.float32]:
 
 def _blocks(grid: OccupancyGrid, window: MapWindow) -> Iterator[NDArray[np.float32]]:
     """The same in blocks of rows, the lowest first."""
-    k = round(1.0 / window.zoom) if window.zoom < 1.0 else 1
+    k = _shrink(window)
     at_once = k * BLOCKS_AT_ONCE
     for first in range(window.row0, window.row1, at_once):
         rows = first, min(first + at_once, window.row1)
         yield _highest_of_blocks(grid, rows, (window.col0, window.col1), k)
+
+
+def _shrink(window: MapWindow) -> int:
+    """Rows, and columns, of cells that are one pixel of a shrunk map; 1 if it is not shrunk."""
+    return round(1.0 / window.zoom) if window.zoom < 1.0 else 1
 
 
 def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:
