@@ -113,11 +113,19 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class Imu:
-    """Turn rate about the vertical."""
+    """Turn rates about the sensor's axes (`wz_radps`: the yaw rate of a level one), and what it knows of the vertical.
+
+    `quat_wxyz` is its orientation in a level frame, `accel_mps2` its specific force, upward 9.8 m/s^2 at rest; None where not
+    measured.
+    """
 
     stamp_ns: int
     frame_id: str
     wz_radps: float
+    wx_radps: float = 0.0
+    wy_radps: float = 0.0
+    quat_wxyz: tuple[float, float, float, float] | None = None
+    accel_mps2: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,12 +20,24 @@ MAX_CHORD_SLOPE = 0.12  # sine of the angle between a chord and the surfaces at 
 MIN_CHORD_NORMALS_COS = 0.9  # cosine of the angle between the normals at the ends of a chord
 
 
+class Projection(NamedTuple):
+    """What a horizontal plane sees of the sensor's plane: (x, y) of the sensor is (x_per_x * x + x_per_y * y, y_per_y * y)."""
+
+    x_per_x: float
+    x_per_y: float
+    y_per_y: float
+
+
+LEVEL = Projection(1.0, 0.0, 1.0)
+
+
 class Sweep(NamedTuple):
     """Beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame, time_increment_s after the beam before."""
 
     angle_min_rad: float
     angle_increment_rad: float
     time_increment_s: float
+    projection: Projection = LEVEL
 
 
 class RangeLimits(NamedTuple):
@@ -52,6 +64,7 @@ def scan_to_points(
     points = np.empty((n, 2))
     beams = np.empty(n, np.int64)
     m = 0
+    projection = sweep.projection
     cos_m, sin_m = np.cos(extrinsics[2]), np.sin(extrinsics[2])
     for i in range(n):
         r = float(ranges_m[i])
@@ -59,6 +72,7 @@ def scan_to_points(
             continue
         angle = sweep.angle_min_rad + i * sweep.angle_increment_rad
         lx, ly = r * np.cos(angle), r * np.sin(angle)
+        lx, ly = projection.x_per_x * lx + projection.x_per_y * ly, projection.y_per_y * ly
         x = extrinsics[0] + cos_m * lx - sin_m * ly
         y = extrinsics[1] + sin_m * lx + cos_m * ly
         if sweep.time_increment_s != 0.0:

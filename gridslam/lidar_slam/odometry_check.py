@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.level_check import LevelledScans
 from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
 from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
-from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, stamped_at_end, stated_sweep_s
 
 Floats = NDArray[np.float64]
@@ -53,6 +54,7 @@ class OdometryCheck:
         self.late_scans_s = 0.0  # of scans that are stamped when their sweep is complete
         self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
         self.checked_scans = 0
+        self.levels = LevelledScans({})
 
     def process(self, event: Event) -> Iterator[Event]:
         """Take in an event; yields nothing until the check is done, and then all events."""
@@ -94,6 +96,8 @@ class OdometryCheck:
         faults = self.correction.faults
         wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
         found = [] if self.mount is None else [mount_note(self.mount)]
+        if self.levels.note is not None:
+            found.append(self.levels.note)
         if self.reverses_scans:
             found.append(
                 "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
@@ -112,6 +116,8 @@ class OdometryCheck:
         held = self._held or []
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         self._find_own_bodies(held)
+        if not self._tracked:
+            self.levels = LevelledScans.among(held).decided(held, self._build_tracker)
         if len(odometry) > 1 and self._scans > 1:
             by_odometry = _trajectory(odometry)
             path = self._decide_sense(held, self._path(held), by_odometry)
@@ -133,7 +139,7 @@ class OdometryCheck:
     def _find_late_scans(self, held: list[Event], odometry: list[Odometry]) -> None:
         """Look whether the scans, and not the odometry, have the wrong stamps."""
         scans = [e for e in held if isinstance(e, LaserScan)]
-        if len(odometry) < 2 or len({scan.frame_id for scan in scans}) != 1:
+        if len(odometry) < 2 or len(set(map(lidar_of, scans))) != 1:
             return
         if self.sweep is not None and self.correction.lag_s:  # the path was that of scans with other times
             self._tracker, self._tracked = self._build_tracker(), 0
@@ -205,6 +211,7 @@ class OdometryCheck:
 
     def _repaired(self, event: Event) -> Event:
         """A scan without returns from the robot and in its right sense; other events as they are."""
+        event = self.levels.applied_to(event)
         if not isinstance(event, LaserScan):
             return event
         for body in self.own_bodies:

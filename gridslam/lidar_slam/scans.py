@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan
 from gridslam.kernels.prepared_points import PointDensity, prepare_points
-from gridslam.kernels.scan_points import RangeLimits, Sweep
+from gridslam.kernels.scan_points import RangeLimits
 from gridslam.kernels.surfels import OrientedPoints
 from gridslam.kernels.tiles import ScanSet
 from gridslam.lidar_slam.config import ScanConfig
@@ -80,11 +80,14 @@ def prepare_scan(
     `twist` (vx, vy, wz) `(3,)` is the robot's velocity, by which its motion during the sweep is removed. Readings outside the
     limits of the sensor and of the config, NaN and infinities give no point.
     """
-    sign = -1.0 if extrinsics.flipped else 1.0
     sensor_max = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
     limits = RangeLimits(max(config.min_range_m, scan.range_min_m), min(config.max_range_m, sensor_max))
-    sweep = Sweep(sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s)
     prepared = prepare_points(
-        scan.ranges_m, sweep, limits=limits, extrinsics=extrinsics.pose, twist=twist, density=DENSITY
+        scan.ranges_m,
+        extrinsics.sweep_of(scan),
+        limits=limits,
+        extrinsics=extrinsics.pose,
+        twist=twist,
+        density=DENSITY,
     )
     return PreparedScan(scan.stamp_ns, np.ascontiguousarray(extrinsics.pose[:2]), *prepared)

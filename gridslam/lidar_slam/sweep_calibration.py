@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, as_float32
-from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def find_sweep_time(
     """
     scans = [e for e in events if isinstance(e, LaserScan)]
     if (
-        len({(s.frame_id, s.time_increment_s == 0.0) for s in scans}) != 1
+        len({(lidar_of(s), s.time_increment_s == 0.0) for s in scans}) != 1
         or len(tracker.stamps_ns) < MIN_TURNING_SCANS
     ):
         return None

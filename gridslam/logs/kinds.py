@@ -45,6 +45,7 @@ from gridslam.logs.skips import SkipReason
 
 TRUTH_TOPIC = "/ground_truth"
 _POSE = ("x", "y", "yaw")
+_QUATERNION = ("qw", "qx", "qy", "qz")
 _COVARIANCE = ("var_x", "var_y", "var_yaw")
 _MATRICES = (*(f"k{i}" for i in range(9)), *(f"p{i}" for i in range(12)))
 _ROTATION = tuple(f"r{i}" for i in range(9))
@@ -61,7 +62,7 @@ _KINDS = (
         csv=CsvTableKind(
             transform.from_csv,
             transform.to_csv,
-            required=("parent", "child", "x", "y", "z", "qw", "qx", "qy", "qz"),
+            required=("parent", "child", "x", "y", "z", *_QUATERNION),
             default_frame="tf",
             rows_name_frames=True,
         ),
@@ -107,7 +108,11 @@ _KINDS = (
         ros={"sensor_msgs/msg/Imu": imu.from_ros},
         to_ros=imu.to_ros,
         csv=CsvTableKind(
-            imu.from_csv, imu.to_csv, required=("wz",), optional=("frame",), default_frame="imu"
+            imu.from_csv,
+            imu.to_csv,
+            required=("wz",),
+            optional=("wx", "wy", *_QUATERNION, "ax", "ay", "az", "frame"),
+            default_frame="imu",
         ),
         unusable_reason=imu.unusable_reason,
         is_single=True,

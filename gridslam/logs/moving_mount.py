@@ -1,4 +1,4 @@
-"""Sensors on joints that move, such as a lidar on a pan unit: T_base_sensor at the stamp of each scan."""
+"""Sensors on joints that move, as a lidar on a pan unit, or on a robot that tilts: T_base_sensor at the stamp of each scan."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.logs import rotations
+from gridslam.logs.levelling import LevelBand, Tilt, level_scan, middle_ns
 from gridslam.logs.rotations import Quaternion, Rigid
 from gridslam.logs.streams import RecordedStream, Source
 
@@ -39,16 +40,26 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class MovingMount:
-    """The chain from the base to a sensor: poses that stay, and joints."""
+    """The chain from the base to a sensor: poses that stay, and joints; and the tilt of the base where scans are levelled.
+
+    `is_upright`: the sensor's frame is level already, and the tilt moves it only.
+    """
 
     base_frame: str
     links: Sequence[Rigid | Joint]
+    tilt: Tilt | None = None
+    is_upright: bool = False
 
     def placed(self, scan: LaserScan) -> tuple[Transform, LaserScan]:
-        """T_base_sensor at the scan's stamp, and the scan in a frame of its own."""
+        """T_base_sensor at the scan's stamp, the base made level, and the scan in a frame of its own."""
         pose = rotations.IDENTITY
         for link in self.links:
             pose = rotations.compose(pose, link.at(scan.stamp_ns) if isinstance(link, Joint) else link)
+        if self.tilt is not None:
+            band = LevelBand.of_lidar(pose[0][2])
+            moved, turned = rotations.compose((rotations.IDENTITY[0], self.tilt.at(middle_ns(scan))), pose)
+            pose = (moved, pose[1] if self.is_upright else turned)
+            scan = scan if self.is_upright else level_scan(scan, pose, band)
         frame = f"{scan.frame_id}@{scan.stamp_ns}"
         transform = Transform(scan.stamp_ns, self.base_frame, frame, pose[0], pose[1], is_static=True)
         return transform, replace(scan, frame_id=frame)

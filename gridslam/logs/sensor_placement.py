@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
 from gridslam.logs import extrinsics
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS
+from gridslam.logs.levelling import Tilt, find_tilt
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.moving_mount import MovingMount, moving_mounts
+from gridslam.logs.rotations import Rigid
 from gridslam.logs.selection import StreamSelection
 from gridslam.logs.several_sensors import refuse_unknown_places
 from gridslam.logs.streams import RecordedStream, Source
@@ -63,7 +65,13 @@ def place_sensors(
     refuse_unknown_places(streams, selection, [f for f in in_place if f not in moving], tree)
     planar = _planar_lidars(streams, lidar_frames, config)
     extrinsics.refuse_upright([place for place in fixed if place.child_frame_id in planar])
-    virtual = _virtual_lidars(streams, selection, fixed, config)
+    tilt = find_tilt(source, selection, config, tree, message_counts) if lidar_frames else None
+    virtual = _virtual_lidars(streams, selection, fixed, config, tilt)
+    if tilt is not None:
+        on_base = [
+            place for place in fixed if place.child_frame_id in lidar_frames and place.frame_id == base
+        ]
+        moving = _levelled(moving, on_base, virtual, tilt)
     for lidar_frame, lidar in virtual.items():
         message_counts.note(
             f"point clouds of {lidar_frame} serve as scans: returns from "
@@ -72,6 +80,24 @@ def place_sensors(
     stamps = {place.child_frame_id: place.stamp_ns for place in fixed}
     added = [lidar.extrinsics(base, stamps[frame]) for frame, lidar in virtual.items()]
     return SensorPlacement([*fixed, *added], moving, virtual)
+
+
+def _levelled(
+    moving: Mapping[str, MovingMount],
+    fixed: Sequence[Transform],
+    virtual: Mapping[str, VirtualLidar],
+    tilt: Tilt,
+) -> dict[str, MovingMount]:
+    """The mounts of lidars on joints, of `fixed` ones, and of those made of clouds, all on a robot that tilts."""
+    mounts = {place.child_frame_id: MovingMount(place.frame_id, [_pose_of(place)]) for place in fixed}
+    for frame, lidar in virtual.items():
+        place = _pose_of(lidar.extrinsics(mounts[frame].base_frame, 0))
+        mounts[lidar.frame_id] = MovingMount(mounts.pop(frame).base_frame, [place], is_upright=True)
+    return {frame: replace(mount, tilt=tilt) for frame, mount in {**mounts, **moving}.items()}
+
+
+def _pose_of(place: Transform) -> Rigid:
+    return place.translation_m, place.quat_wxyz
 
 
 def _constant_poses(streams: Sequence[RecordedStream], base: str) -> list[Transform]:
@@ -129,6 +155,7 @@ def _virtual_lidars(
     selection: StreamSelection,
     fixed: Sequence[Transform],
     config: LogConfig,
+    tilt: Tilt | None,
 ) -> dict[str, VirtualLidar]:
     """The virtual lidars of clouds that serve as scans, by the frame of the clouds."""
     frames = {
@@ -138,7 +165,7 @@ def _virtual_lidars(
         for frame in streams[i].frames
     }
     return {
-        place.child_frame_id: virtual_lidar(place.child_frame_id, place, config.cloud)
+        place.child_frame_id: virtual_lidar(place.child_frame_id, place, config.cloud, tilt)
         for place in fixed
         if place.child_frame_id in frames and place.frame_id == selection.base_frame
     }

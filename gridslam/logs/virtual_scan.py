@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, PointCloud, Transform, as_float32, readonly
 from gridslam.logs.config import CloudConfig
+from gridslam.logs.levelling import Tilt
 from gridslam.logs.rotations import IDENTITY
 
 Floats = NDArray[np.float64]
@@ -42,6 +44,7 @@ class VirtualLidar:
     translation_m: Floats
     min_height_m: float
     max_height_m: float
+    tilt: Tilt | None = None  # of the robot, where its clouds are levelled
 
     def extrinsics(self, base_frame: str, stamp_ns: int) -> Transform:
         """T_base_scan as a static transform."""
@@ -50,10 +53,12 @@ class VirtualLidar:
 
     def scan(self, cloud: PointCloud) -> LaserScan:
         """The scan of a cloud; beams without a return in the band are NaN, since nothing is known there."""
-        given = cloud.points_m.astype(np.float64)
-        height = given @ self.rotation[2] + self.translation_m[2]
+        given, rotation, height_m = cloud.points_m.astype(np.float64), self.rotation, self.translation_m[2]
+        if self.tilt is not None:
+            given, rotation = self._levelled(given @ self.rotation.T, cloud), np.eye(3)
+        height = given @ rotation[2] + height_m
         used = np.flatnonzero((height >= self.min_height_m) & (height <= self.max_height_m))
-        points = given[used] @ self.rotation[:2].T
+        points = given[used] @ rotation[:2].T
         ranges = np.hypot(points[:, 0], points[:, 1])
         is_near = (ranges >= MIN_RANGE_M) & (ranges <= MAX_RANGE_M)
         used, points, ranges = used[is_near], points[is_near], ranges[is_near]
@@ -84,9 +89,23 @@ class VirtualLidar:
             time_increment_s=as_float32(time_increment_s),
         )
 
+    def _levelled(self, points: Floats, cloud: PointCloud) -> Floats:
+        """Points `(n, 3)` about the sensor along level axes, given along the base's; the tilt changes evenly with time."""
+        assert self.tilt is not None
+        times = cloud.times_s.astype(np.float64)
+        ends = (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)
+        first, last = (rotation_matrix(self.tilt.at(cloud.stamp_ns + round(time_s * 1e9))) for time_s in ends)
+        levelled = points @ first.T
+        if ends[1] > ends[0]:
+            part = (times - ends[0]) / (ends[1] - ends[0])
+            levelled += part[:, None] * (points @ (last - first).T)
+        return np.asarray(levelled)
 
-def virtual_lidar(frame: str, mounted: Transform, config: CloudConfig) -> VirtualLidar:
-    """The virtual lidar of a sensor frame, whose extrinsics are `mounted`."""
+
+def virtual_lidar(
+    frame: str, mounted: Transform, config: CloudConfig, tilt: Tilt | None = None
+) -> VirtualLidar:
+    """The virtual lidar of a sensor frame, whose extrinsics are `mounted`, on a robot that tilts or does not."""
     height = mounted.translation_m[2]
     if height >= RAISED_M:
         low, high = GROUND_M, max(HEAD_M, height + HALF_BAND_M)
@@ -94,10 +113,11 @@ def virtual_lidar(frame: str, mounted: Transform, config: CloudConfig) -> Virtua
         low, high = height - HALF_BAND_M, height + HALF_BAND_M
     return VirtualLidar(
         f"{frame}_planar",
-        _matrix(mounted.quat_wxyz),
+        rotation_matrix(mounted.quat_wxyz),
         np.array(mounted.translation_m),
         low if config.min_height_m is None else config.min_height_m,
         high if config.max_height_m is None else config.max_height_m,
+        tilt,
     )
 
 
@@ -145,15 +165,3 @@ def _sweep(beam_of: NDArray[np.int64], times: Floats) -> tuple[int, int, float, 
         if increment > 0.0 and np.abs(start + increment * place - times).max() < LINEAR_FRACTION * duration:
             return first, step, float(start), float(increment)
     return unknown
-
-
-def _matrix(quat_wxyz: tuple[float, float, float, float]) -> Floats:
-    """The rotation matrix `(3, 3)` of a unit quaternion."""
-    w, x, y, z = quat_wxyz
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -8,17 +8,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, Transform
+from gridslam.kernels.scan_points import LEVEL, Projection, Sweep
 
 Floats = NDArray[np.float64]
+
+LEVEL_TOLERANCE = 2e-5  # of the projection: a lidar tilted by 0.3 degrees is level
 
 
 @dataclass(frozen=True, slots=True)
 class LidarExtrinsics:
-    """The lidar's pose on the robot: `pose` is T_base_laser `(3,)`; `flipped` is True for a lidar mounted upside down."""
+    """The lidar's pose on the robot: `pose` is T_base_laser `(3,)`; `flipped` is True for a lidar mounted upside down.
+
+    `projection` takes points of the sensor's plane, with y reversed where it is flipped, to the horizontal plane.
+    """
 
     pose: Floats
     flipped: bool = False
+    projection: Projection = LEVEL
+
+    def sweep_of(self, scan: LaserScan) -> Sweep:
+        """The angles, times and projection of a scan's beams."""
+        sign = -1.0 if self.flipped else 1.0
+        first, step = sign * scan.angle_min_rad, sign * scan.angle_increment_rad
+        return Sweep(first, step, scan.time_increment_s, self.projection)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +72,24 @@ class Beams:
 
 
 def extrinsics_of(transform: Transform) -> LidarExtrinsics:
-    """The planar extrinsics of a lidar: x, y and yaw of its static transform, and whether its z axis points down."""
+    """The planar extrinsics of a lidar: x, y and yaw of its static transform, whether its z axis points down, and its tilt."""
     w, x, y, z = transform.quat_wxyz
     flipped = 1.0 - 2.0 * (x * x + y * y) < 0.0
     # The heading of the sensor's own x axis; Euler yaw would be off by pi for some upside-down quaternions.
     yaw = float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    return LidarExtrinsics(np.array([transform.translation_m[0], transform.translation_m[1], yaw]), flipped)
+    pose = np.array([transform.translation_m[0], transform.translation_m[1], yaw])
+    return LidarExtrinsics(pose, flipped, _projection(rotation_matrix((w, x, y, z)), yaw, flipped))
+
+
+def _projection(rotation: Floats, yaw: float, flipped: bool) -> Projection:
+    """What the horizontal plane sees of the plane of a lidar with this rotation `(3, 3)`, turned back by its yaw."""
+    x_axis, y_axis = rotation[:2, 0], rotation[:2, 1] * (-1.0 if flipped else 1.0)
+    c, s = np.cos(yaw), np.sin(yaw)
+    found = Projection(
+        float(np.hypot(*x_axis)), float(c * y_axis[0] + s * y_axis[1]), float(c * y_axis[1] - s * y_axis[0])
+    )
+    is_level = max(abs(a - b) for a, b in zip(found, LEVEL, strict=True)) < LEVEL_TOLERANCE
+    return LEVEL if is_level else found
 
 
 def beams_of(scan: LaserScan, extrinsics: LidarExtrinsics, min_range_m: float, max_range_m: float) -> Beams:
@@ -83,6 +109,8 @@ def beams_of(scan: LaserScan, extrinsics: LidarExtrinsics, min_range_m: float, m
         returned = usable & (ranges < longest)
     bearings = angles[usable]
     lengths: Floats = np.minimum(ranges[usable], longest)
+    if extrinsics.projection != LEVEL:
+        bearings, lengths = _projected(bearings, lengths, extrinsics.projection)
     has_return = returned[usable]
     directions = np.stack([np.cos(bearings[has_return]), np.sin(bearings[has_return])], axis=1)
     endpoints = directions * lengths[has_return, None]
@@ -95,3 +123,10 @@ def beams_of(scan: LaserScan, extrinsics: LidarExtrinsics, min_range_m: float, m
         max_range_m=longest,
         unreadable=int(len(ranges) - usable.sum()),
     )
+
+
+def _projected(bearings: Floats, lengths: Floats, projection: Projection) -> tuple[Floats, Floats]:
+    """Bearings and lengths `(n,)` of beams in the horizontal plane, given those in the sensor's."""
+    x, y = lengths * np.cos(bearings), lengths * np.sin(bearings)
+    x, y = projection.x_per_x * x + projection.x_per_y * y, projection.y_per_y * y
+    return np.arctan2(y, x), np.hypot(x, y)

@@ -16,8 +16,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from rosbags.typesys import get_types_from_msg
+from scipy.spatial.transform import Rotation
 
-from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry
 from gridslam.simulation.record import tum_line
 from gridslam.simulation.route import drive_route
@@ -90,26 +90,54 @@ def drive(seed: int) -> Drive:
     return Drive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines)
 
 
+@dataclass(frozen=True, slots=True)
+class Sway:
+    """A robot that rolls and pitches by `amplitude_deg` about the point of the floor below it, or about its lidar."""
+
+    amplitude_deg: float = 0.0
+    is_about_lidar: bool = False
+
+    def angles(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Roll and pitch (rad) at times (s)."""
+        amplitude = math.radians(self.amplitude_deg)
+        return amplitude * np.sin(2.5 * time_s), amplitude * np.sin(1.7 * time_s + 1.0)
+
+    def rotations(self, time_s: Floats) -> Rotation:
+        """The robot's rotations without its yaw."""
+        roll, pitch = self.angles(time_s)
+        return Rotation.from_euler("xyz", np.column_stack([roll, pitch, np.zeros(len(roll))]))
+
+
+LEVEL = Sway()
+
+
 def returns(
-    drive: Drive, stamp_ns: int, mount: Floats, rays: Floats, rng: np.random.Generator
+    drive: Drive, stamp_ns: int, mount: Floats, rays: Floats, rng: np.random.Generator, sway: Sway = LEVEL
 ) -> tuple[Floats, Floats]:
-    """Points `(n, 3)` in the sensor's frame, and the walls' horizontal distances `(n,)`.
+    """Points `(n, 3)` in the sensor's frame, and their distances `(n,)`, of walls up to the ceiling, it, and the floor.
 
     `rays` `(n, 3)`: bearing, elevation (rad), time after the stamp (s). `mount` (3,) is T_base_sensor, `HEIGHT_M` above
     the floor.
     """
-    robot = drive.poses_at((stamp_ns - drive.start_ns) * 1e-9 + rays[:, 2])
-    sensor = se2.compose(robot, np.broadcast_to(mount, robot.shape))
-    yaw = sensor[:, 2] + rays[:, 0]
-    hits = drive.scene.cast(np.column_stack([sensor[:, :2], np.cos(yaw), np.sin(yaw)]), 60.0, 0.0)
-    slope = np.tan(rays[:, 1])
+    times = (stamp_ns - drive.start_ns) * 1e-9 + rays[:, 2]
+    robot, tilt = drive.poses_at(times), sway.rotations(times)
+    heading = Rotation.from_euler("z", robot[:, 2:])
+    about = Rotation.identity(len(rays)) if sway.is_about_lidar else tilt
+    above = heading.apply(about.apply(np.array([mount[0], mount[1], HEIGHT_M])))
+    origin = above + np.pad(robot[:, :2], ((0, 0), (0, 1)))
+    flat = np.cos(rays[:, 1])
+    rays_xyz = np.column_stack([flat * np.cos(rays[:, 0]), flat * np.sin(rays[:, 0]), np.sin(rays[:, 1])])
+    towards = heading.apply(tilt.apply(Rotation.from_euler("z", mount[2]).apply(rays_xyz)))
+    level = np.hypot(towards[:, 0], towards[:, 1])
+    hits = drive.scene.cast(np.column_stack([origin[:, :2], towards[:, :2] / level[:, None]]), 60.0, 0.0)
     with np.errstate(divide="ignore"):
-        plane = np.where(slope < 0.0, -HEIGHT_M / slope, (CEILING_M - HEIGHT_M) / slope)
-    flat = np.minimum(hits.ranges_m, np.where(slope == 0.0, np.inf, plane))
-    flat = flat + rng.normal(0.0, 0.01 + 0.0005 * flat)
-    flat[~hits.is_hit | (rng.random(len(flat)) < 0.002)] = np.nan
-    points = np.column_stack([flat * np.cos(rays[:, 0]), flat * np.sin(rays[:, 0]), flat * slope])
-    return points, flat
+        floor_or_ceiling = (
+            np.where(towards[:, 2] < 0.0, -origin[:, 2], CEILING_M - origin[:, 2]) / towards[:, 2]
+        )
+    distance = np.minimum(hits.ranges_m / level, np.where(towards[:, 2] == 0.0, np.inf, floor_or_ceiling))
+    distance = distance + rng.normal(0.0, 0.01 + 0.0005 * distance)
+    distance[~hits.is_hit | (rng.random(len(distance)) < 0.002)] = np.nan
+    return rays_xyz * distance[:, None], distance
 
 
 def spinning_rays() -> Floats:
@@ -223,8 +251,9 @@ def recorded(
     frames: tuple[Any, ...],
     odometry: Callable[[Odometry], Odometry | None] = lambda o: o,
     with_imu: bool = False,
+    imu: Callable[[Imu], Any] | None = None,
 ) -> Path:
-    """The log: what `scans` makes of each sweep, the odometry changed, and the yaw rates."""
+    """The log: what `scans` makes of each sweep, the odometry changed, and the yaw rates, or what `imu` makes of them."""
 
     def messages() -> Messages:
         yield "/tf_static", tf(*frames)
@@ -233,8 +262,8 @@ def recorded(
                 yield from scans(event)
             elif isinstance(event, Odometry) and (changed := odometry(event)) is not None:
                 yield "/odom", odometry_message(changed)
-            elif isinstance(event, Imu) and with_imu:
-                yield "/imu", imu_message(event)
+            elif isinstance(event, Imu) and (with_imu or imu is not None):
+                yield "/imu", (imu or imu_message)(event)
 
     return write_mcap(path, messages())
 
@@ -322,21 +351,71 @@ def echoes(drive: Drive, path: Path) -> Path:
     return plain(drive, path, scans=lambda scan: iter([("/echoes", echoes_message(scan, rng))]))
 
 
-def swaying(drive: Drive, path: Path, amplitude_deg: float = 4.0) -> Path:
-    """The ordinary lidar on a robot that rolls and pitches: beams meet the walls farther away, or the floor."""
+def swaying(
+    drive: Drive,
+    path: Path,
+    amplitude_deg: float = 4.0,
+    is_cloud: bool = False,
+    imu: str = "orientation",
+    is_about_lidar: bool = False,
+) -> Path:
+    """A robot that rolls and pitches, with an IMU that says so (`imu` as in `tilted_imu`) or with none (empty)."""
+    rng, sway = np.random.default_rng(9), Sway(amplitude_deg, is_about_lidar)
+    mount = np.array([FORWARD_M, 0.0, 0.0])
+    turn = np.arange(360) / 360
+    beams = np.column_stack([2 * np.pi * turn - np.pi, np.zeros(360), 0.0997 * turn])
 
     def scans(scan: LaserScan) -> Messages:
-        time_s = (scan.stamp_ns - drive.start_ns) * 1e-9
-        roll = amplitude_deg * math.sin(2.5 * time_s)
-        pitch = amplitude_deg * math.sin(1.7 * time_s + 1.0)
-        bearing = scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges_m))
-        slope = np.tan(np.radians(roll * np.sin(bearing) - pitch * np.cos(bearing)))
-        with np.errstate(divide="ignore"):
-            plane = np.where(slope < 0.0, -HEIGHT_M / slope, (CEILING_M - HEIGHT_M) / np.abs(slope))
-        ranges = np.minimum(scan.ranges_m, plane) * np.hypot(1.0, slope)
-        yield "/scan", scan_message(replace(scan, ranges_m=ranges.astype(np.float32)))
+        rays = spinning_rays() if is_cloud else beams
+        points, distances = returns(drive, scan.stamp_ns, mount, rays, rng, sway)
+        if is_cloud:
+            yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2])
+            return
+        one = replace(
+            scan, ranges_m=np.where(distances < scan.range_max_m, distances, np.inf).astype(np.float32),
+            angle_min_rad=-math.pi, angle_increment_rad=2 * math.pi / 360, time_increment_s=0.0997 / 360,
+        )  # fmt: skip
+        yield "/scan", scan_message(one)
 
-    return plain(drive, path, scans=scans)
+    frames = (mounted("lidar" if is_cloud else "laser"), transform(0, "base_link", "imu", (0.0, 0.0, 0.1)))
+    made_imu = tilted_imu(drive, sway, imu, rng) if imu else None
+    return recorded(drive, path, scans, frames, imu=made_imu)
+
+
+def tilted_imu(drive: Drive, sway: Sway, kind: str, rng: np.random.Generator) -> Callable[[Imu], Any]:
+    """Messages of an IMU on a robot that sways: `orientation` with everything, `gravity` without its orientation.
+
+    `ned` has axes that point forward, right and down; `misaligned` has y forward, and `late` stamps of 0.5 s ago.
+    """
+    step_s = 0.01
+
+    def message(event: Imu) -> Any:
+        late_s = 0.5 if kind == "late" else 0.0
+        times = (event.stamp_ns - drive.start_ns) * 1e-9 - late_s + np.array([-step_s, 0.0, step_s])
+        poses = drive.poses_at(times)
+        attitude = Rotation.from_euler("z", poses[:, 2:]) * sway.rotations(times)
+        velocities = np.diff(poses[:, :2], axis=0) / step_s
+        acceleration = np.array([*(np.diff(velocities, axis=0)[0] / step_s), 9.81])
+        noise = Rotation.from_rotvec(rng.normal(0.0, math.radians(0.2), 3))
+        now, rates = attitude[1] * noise, (attitude[0].inv() * attitude[2]).as_rotvec() / (2.0 * step_s)
+        force = attitude[1].inv().apply(acceleration)
+        if kind == "misaligned":
+            aside = Rotation.from_euler("z", math.pi / 2)
+            now, rates, force = now * aside, aside.inv().apply(rates), aside.inv().apply(force)
+        if kind == "ned":
+            down = Rotation.from_euler("x", math.pi)
+            now, rates, force = down * now * down, rates * (1, -1, -1), force * (1, -1, -1)
+        made = make("sensor_msgs/msg/Imu", header=header(event.stamp_ns, "imu"))
+        turned, rate, forced = made.orientation, made.angular_velocity, made.linear_acceleration
+        turned.x, turned.y, turned.z, turned.w = now.as_quat().tolist()
+        if kind == "gravity":
+            turned.x, turned.y, turned.z, turned.w = 0.0, 0.0, 0.0, 1.0
+            made.orientation_covariance[0] = -1.0
+        rate.x, rate.y, rate.z = (rates + rng.normal(0.001, 0.003, 3)).tolist()
+        forced.x, forced.y, forced.z = (force + rng.normal(0.0, 0.05, 3)).tolist()
+        return made
+
+    return message
 
 
 def narrow(drive: Drive, path: Path) -> Path:
@@ -394,6 +473,8 @@ KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "odometry_scaled_1.25": (odometry(scaled(1.25)), "ordinary"),
     "odometry_late": (odometry(late(0.15)), "ordinary"),
     "odometry_mirrored": (odometry(lambda o: replace(o, yaw_rad=-o.yaw_rad)), "ordinary"),
+    "swaying_8": (lambda d, p: swaying(d, p, 8.0), "ordinary"),
+    "swaying_cloud_4": (lambda d, p: swaying(d, p, is_cloud=True), "ordinary"),
 }
 MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "cloud_untimed": (lambda d, p: clouds(d, p, is_timed=False), "ordinary"),
@@ -402,6 +483,24 @@ MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
         lambda d, p: clouds(d, p, half_field_deg=60.0, odometry=lambda o: None, with_imu=True),
         "ordinary_narrow",
     ),
-    "swaying": (swaying, "ordinary"),
+    "swaying_unknown": (lambda d, p: swaying(d, p, imu=""), "ordinary"),
+    "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
+    "swaying_about_lidar": (lambda d, p: swaying(d, p, is_about_lidar=True), "ordinary"),
+    "swaying_about_lidar_8": (lambda d, p: swaying(d, p, 8.0, is_about_lidar=True), "ordinary"),
+    "swaying_lidar_8_unknown": (lambda d, p: swaying(d, p, 8.0, imu="", is_about_lidar=True), "ordinary"),
+    "swaying_cloud_about_lidar": (lambda d, p: swaying(d, p, is_cloud=True, is_about_lidar=True), "ordinary"),
+    "swaying_misaligned": (lambda d, p: swaying(d, p, imu="misaligned"), "ordinary"),
+    "swaying_late": (lambda d, p: swaying(d, p, imu="late"), "ordinary"),
+    "swaying_ned": (lambda d, p: swaying(d, p, imu="ned"), "ordinary"),
+    "swaying_cloud_gravity": (lambda d, p: swaying(d, p, is_cloud=True, imu="gravity"), "ordinary"),
+    **{
+        f"swaying{'_cloud' * is_cloud}_{angle}{'' if imu else '_unknown'}": (
+            lambda d, p, angle=angle, is_cloud=is_cloud, imu=imu: swaying(d, p, angle, is_cloud, imu),
+            "ordinary",
+        )
+        for angle in (2, 4, 8)
+        for is_cloud in (False, True)
+        for imu in ("orientation", "")
+    },
     "two_lidars_no_odometry": (lambda d, p: two_lidars(d, p, odometry=lambda o: None), "ordinary"),
 }

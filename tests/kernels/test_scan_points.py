@@ -26,6 +26,16 @@ def test_points_are_the_usable_readings_transformed_by_the_extrinsics(seed: int,
     np.testing.assert_allclose(points, expected, atol=1e-9)
 
 
+def test_the_plane_of_a_tilted_lidar_is_seen_from_above() -> None:
+    ranges, limits = np.array([2.0, 3.0, 4.0], np.float32), RangeLimits(0.05, 30.0)
+    projection = scan_points.Projection(0.9, 0.05, 0.8)
+    sweep = Sweep(-1.0, 0.7, 0.0, projection)
+    points, _ = scan_points.scan_to_points(ranges, sweep, limits, np.array([0.3, 0.1, 0.4]), np.zeros(3))
+    angles = -1.0 + 0.7 * np.arange(3)
+    seen = np.array([[0.9, 0.05], [0.0, 0.8]]) @ (ranges * np.stack([np.cos(angles), np.sin(angles)]))
+    np.testing.assert_allclose(points, se2.transform_points(np.array([0.3, 0.1, 0.4]), seen.T), atol=1e-6)
+
+
 def test_the_motion_during_the_sweep_is_removed() -> None:
     twist, increment = np.array([0.8, 0.0, 1.2]), 0.001
     landmarks = np.array([[2.0, -1.0], [2.5, 0.3], [1.5, 1.2]])

@@ -85,7 +85,16 @@ odometry = st.builds(
     st.just("base_link"),
 )
 others = {
-    "imu": st.builds(Imu, stamps, st.just("imu_link"), number),
+    "imu": st.builds(
+        Imu,
+        stamps,
+        st.just("imu_link"),
+        number,
+        number,
+        number,
+        st.one_of(st.none(), st.tuples(*4 * [number]).filter(any)),
+        st.one_of(st.none(), st.tuples(*3 * [number]).filter(any)),
+    ),
     "wheels": st.builds(WheelTicks, stamps, st.just("base_link"), number, number),
     "range": st.builds(Range, stamps, name, angle, reading, st.just(0.0), positive),
     "tags": st.integers(0, 4).flatmap(

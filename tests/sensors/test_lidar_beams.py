@@ -3,8 +3,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
+from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, Transform, readonly
+from gridslam.kernels.scan_points import LEVEL
+from gridslam.logs.rotations import from_euler
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 
@@ -57,3 +61,20 @@ def test_subsampled_beams_keep_their_points():
     assert few.returned.sum() == len(few.points)
     np.testing.assert_allclose(np.hypot(*few.points.T), few.ranges[few.returned], rtol=1e-6)
     assert beams.subsampled(200) is beams
+
+
+@pytest.mark.parametrize("euler", [(0.1, -0.2, 0.4), (math.pi + 0.1, 0.05, -2.0)])
+def test_beams_of_a_tilted_lidar_end_where_its_points_are_seen_from_above(
+    euler: tuple[float, float, float],
+) -> None:
+    quat = from_euler(*euler)
+    extrinsics = extrinsics_of(Transform(0, "base_link", "laser", (0.2, 0.1, 0.5), quat, is_static=True))
+    beams = beams_of(_scan([1.0, 2.0, 3.0]), extrinsics, 0.0, 50.0)
+    bearings = math.pi / 2 * np.arange(3)
+    rays = np.array([1.0, 2.0, 3.0]) * np.stack([np.cos(bearings), np.sin(bearings), np.zeros(3)])
+    expected = (rotation_matrix(quat) @ rays)[:2].T + np.array([0.2, 0.1])
+    np.testing.assert_allclose(beams.points, expected, atol=1e-6)
+    assert (
+        extrinsics_of(Transform(0, "a", "b", (0.0, 0.0, 0.0), from_euler(0.003, 0.0, 1.0))).projection
+        == LEVEL
+    )

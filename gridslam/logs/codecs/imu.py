@@ -1,9 +1,9 @@
-"""Yaw rates: checks, sensor_msgs/Imu, rows of CSV."""
+"""Turn rates, orientations and accelerations: checks, sensor_msgs/Imu, rows of CSV."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 from gridslam.core.messages import Imu
 from gridslam.logs.csv.fields import number_field
@@ -15,6 +15,19 @@ from gridslam.logs.skips import SkipReason
 
 _NOT_MEASURED = (-1.0, *(0.0,) * 8)  # sensor_msgs/Imu: a covariance that starts with -1 says "not measured"
 _UNKNOWN_COVARIANCE = (0.0,) * 9
+_QUATERNION, _ACCELERATION = ("qw", "qx", "qy", "qz"), ("ax", "ay", "az")
+_ABSENT = math.nan
+Values = TypeVar("Values", tuple[float, float, float], tuple[float, float, float, float])
+
+
+def measured(values: Values, covariance: float = 0.0) -> Values | None:
+    """The values, or None where the first entry of their covariance, zeros or infinities say that they were not measured."""
+    return values if covariance != -1.0 and any(values) and all(map(math.isfinite, values)) else None
+
+
+def rate_or_zero(value: float) -> float:
+    """The turn rate (rad/s), 0 where it is no number."""
+    return value if math.isfinite(value) else 0.0
 
 
 def unusable_reason(imu: Imu) -> SkipReason | None:
@@ -23,24 +36,55 @@ def unusable_reason(imu: Imu) -> SkipReason | None:
 
 
 def from_ros(message: Any, topic: str) -> Imu:
-    """The yaw rate of a decoded sensor_msgs/Imu."""
-    return Imu(*valid_head(message), wz_radps=float(message.angular_velocity.z))
+    """The turn rates, orientation and acceleration of a decoded sensor_msgs/Imu."""
+    rate, quat = message.angular_velocity, message.orientation
+    force = message.linear_acceleration
+    return Imu(
+        *valid_head(message),
+        wz_radps=float(rate.z),
+        wx_radps=rate_or_zero(float(rate.x)),
+        wy_radps=rate_or_zero(float(rate.y)),
+        quat_wxyz=measured(
+            (float(quat.w), float(quat.x), float(quat.y), float(quat.z)),
+            float(message.orientation_covariance[0]),
+        ),
+        accel_mps2=measured(
+            (float(force.x), float(force.y), float(force.z)), float(message.linear_acceleration_covariance[0])
+        ),
+    )
 
 
 def to_ros(imu: Imu, topic: str | None) -> list[Encoded]:
-    """sensor_msgs/Imu with nothing but the yaw rate measured."""
-    body = with_header(imu).float64(0.0, 0.0, 0.0, 1.0, *_NOT_MEASURED)
-    body.float64(0.0, 0.0, imu.wz_radps, *_UNKNOWN_COVARIANCE)
-    body.float64(0.0, 0.0, 0.0, *_NOT_MEASURED)
+    """sensor_msgs/Imu; what was not measured has a covariance that says so."""
+    w, x, y, z = imu.quat_wxyz or (1.0, 0.0, 0.0, 0.0)
+    body = with_header(imu).float64(x, y, z, w, *_covariance(imu.quat_wxyz))
+    body.float64(imu.wx_radps, imu.wy_radps, imu.wz_radps, *_UNKNOWN_COVARIANCE)
+    body.float64(*(imu.accel_mps2 or (0.0, 0.0, 0.0)), *_covariance(imu.accel_mps2))
     return single_message(topic or "/imu", "sensor_msgs/msg/Imu", imu, body)
 
 
 def from_csv(rows: list[Row]) -> Imu:
-    """The yaw rate of one row."""
+    """The reading of one row."""
     (row,) = rows
-    return Imu(row.stamp_ns, row.frame, row.number("wz"))
+    w, x, y, z = (row.number(name, _ABSENT) for name in _QUATERNION)
+    ax, ay, az = (row.number(name, _ABSENT) for name in _ACCELERATION)
+    return Imu(
+        row.stamp_ns,
+        row.frame,
+        row.number("wz"),
+        wx_radps=rate_or_zero(row.number("wx", 0.0)),
+        wy_radps=rate_or_zero(row.number("wy", 0.0)),
+        quat_wxyz=measured((w, x, y, z)),
+        accel_mps2=measured((ax, ay, az)),
+    )
 
 
 def to_csv(imu: Imu, pictures: PictureWriter) -> list[list[str]]:
     """One row."""
-    return [[number_field(imu.wz_radps)]]
+    rates = (imu.wz_radps, imu.wx_radps, imu.wy_radps)
+    quat, force = imu.quat_wxyz or (_ABSENT,) * 4, imu.accel_mps2 or (_ABSENT,) * 3
+    return [[number_field(value) for value in (*rates, *quat, *force)]]
+
+
+def _covariance(values: tuple[float, ...] | None) -> tuple[float, ...]:
+    return _NOT_MEASURED if values is None else _UNKNOWN_COVARIANCE

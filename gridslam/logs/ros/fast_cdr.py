@@ -15,6 +15,7 @@ import numpy as np
 
 from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
 from gridslam.core.stamps import NS_PER_S, join_stamp
+from gridslam.logs.codecs.imu import measured, rate_or_zero
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
 from gridslam.logs.ros.fields import frame_name
@@ -29,6 +30,7 @@ _LENGTH = struct.Struct("<I")
 _RANGE = struct.Struct("<4f")  # field_of_view, min_range, max_range, range
 _POSE = struct.Struct("<7d")
 _TWIST = struct.Struct("<6d")
+_IMU = struct.Struct("<5d64x3d72x4d")  # of each covariance but that of the turn rates the first entry
 _COVARIANCE = 36 * 8
 _LITTLE = b"\x00\x01"
 _MAX_TRANSFORMS = 10_000
@@ -112,12 +114,20 @@ def odometry(data: bytes) -> Odometry:
 
 
 def imu(data: bytes) -> Imu:
-    """sensor_msgs/Imu: orientation, covariance 9, angular velocity."""
+    """sensor_msgs/Imu: orientation, angular velocity and linear acceleration, each with its covariance."""
     seconds, nanoseconds, length = _HEADER.unpack_from(data, 4)
     at = 16 + length
     at += -(at - 4) % 8
-    (wz,) = struct.unpack_from("<d", data, at + (4 + 9 + 2) * 8)
-    return Imu(seconds * NS_PER_S + nanoseconds, frame_text(data[16 : 15 + length] if length else b""), wz)
+    qx, qy, qz, qw, oriented, wx, wy, wz, ax, ay, az, forced = _IMU.unpack_from(data, at)
+    return Imu(
+        seconds * NS_PER_S + nanoseconds,
+        frame_text(data[16 : 15 + length] if length else b""),
+        wz_radps=wz,
+        wx_radps=rate_or_zero(wx),
+        wy_radps=rate_or_zero(wy),
+        quat_wxyz=measured((qw, qx, qy, qz), oriented),
+        accel_mps2=measured((ax, ay, az), forced),
+    )
 
 
 def reading(data: bytes, bearing_of: Callable[[str], float]) -> Range:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan
-from gridslam.kernels.scan_points import RangeLimits, Sweep, scan_to_points
+from gridslam.kernels.scan_points import RangeLimits, scan_to_points
 from gridslam.kernels.visibility import pass_beams
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.plan_grid import PlanGrid
@@ -65,10 +65,8 @@ def beam_endpoints(
         returned = ranges < limit
         usable = np.where(ranges >= limit, limit, ranges).astype(np.float32)
         usable[_lost_beams(~(ranges < scan.range_max_m) & ~np.isnan(ranges))] = np.nan
-    sign = -1.0 if extrinsics.flipped else 1.0
-    sweep = Sweep(sign * scan.angle_min_rad, sign * scan.angle_increment_rad, scan.time_increment_s)
     limits = RangeLimits(scan.range_min_m, 2.0 * limit)
-    endpoints, beams = scan_to_points(usable, sweep, limits, extrinsics.pose, twist)
+    endpoints, beams = scan_to_points(usable, extrinsics.sweep_of(scan), limits, extrinsics.pose, twist)
     origin = np.ascontiguousarray(extrinsics.pose[:2])
     return BeamEndpoints(scan.stamp_ns, origin, np.asarray(endpoints), np.asarray(returned[beams]))
 

@@ -1,0 +1,96 @@
+"""Whether levelling helps: a robot that tilts drives on evenly, and scans levelled by a wrong tilt make its path sway."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import chain
+
+import numpy as np
+
+from gridslam.core import poses as se2
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
+
+STEP_S = 0.4  # over which motions are compared: a part of a robot's sway, which takes seconds
+MIN_STEPS = 40
+
+
+class Levelling(Enum):
+    """What a scan is levelled by: the tilt of the robot about its base, that of the lidar about itself, or nothing."""
+
+    BASE = "robot"
+    LIDAR = "lidar"
+    NONE = "none"
+
+
+NOTES = {
+    Levelling.LIDAR: "scans are levelled about the lidar, not about the robot's base: the path is more even",
+    Levelling.NONE: "the IMU's tilt is not that of the lidar: scans are not levelled, with which the path is more even",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LevelledScans:
+    """The mounts of fixed lidars whose scans have been levelled one by one, and what they are to be levelled by."""
+
+    mounts: dict[str, Transform]
+    by: Levelling = Levelling.BASE
+
+    @classmethod
+    def among(cls, events: Sequence[Event]) -> LevelledScans:
+        """Those of the events, which begin with the mounts of all fixed lidars."""
+        placed = {lidar_of(e) for e in events if isinstance(e, LaserScan) and lidar_of(e) != e.frame_id}
+        return cls(
+            {e.child_frame_id: e for e in events if isinstance(e, Transform) and e.child_frame_id in placed}
+        )
+
+    @property
+    def note(self) -> str | None:
+        """One line for people; None where the scans are levelled as the IMU says."""
+        return NOTES.get(self.by)
+
+    def applied_to(self, event: Event) -> Event:
+        """A scan, or the transform that places one, as it is levelled by `by`; other events as they are."""
+        if self.by is Levelling.BASE or not self.mounts:
+            return event
+        if self.by is Levelling.NONE and isinstance(event, LaserScan) and lidar_of(event) in self.mounts:
+            return replace(event, frame_id=lidar_of(event))
+        if self.by is Levelling.LIDAR and isinstance(event, Transform):
+            mount = self.mounts.get(event.child_frame_id.partition("@")[0])
+            return event if mount is None else replace(event, translation_m=mount.translation_m)
+        return event
+
+    def decided(self, events: Sequence[Event], build_tracker: Callable[[], ScanTracker]) -> LevelledScans:
+        """What gives the most even path over the scans among the events; by the base where they are too few."""
+        if not self.mounts:
+            return self
+        uneven: dict[Levelling, float] = {}
+        for by in Levelling:
+            tried = replace(self, by=by)
+            found = unevenness_m(_path([tried.applied_to(event) for event in events], build_tracker()))
+            if found is None:
+                return self
+            uneven[by] = found
+        return replace(self, by=min(uneven, key=lambda by: uneven[by]))
+
+
+def unevenness_m(path: Trajectory) -> float | None:
+    """Mean change (m) of the robot's motion from one STEP_S to the next; None where there are too few."""
+    path = path.sorted()
+    first_ns, last_ns = (int(path.stamps_ns[0]), int(path.stamps_ns[-1])) if len(path) else (0, 0)
+    poses, _ = path.at(np.arange(first_ns, last_ns, round(STEP_S * 1e9)))
+    if len(poses) < MIN_STEPS + 2:
+        return None
+    motions = se2.between(poses[:-1], poses[1:])
+    return float(np.hypot(*np.diff(motions[:, :2], axis=0).T).mean())
+
+
+def _path(events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
+    """The path over scans by matching alone."""
+    given = [event for event in events if not isinstance(event, Odometry)]
+    for placed in chain(chain.from_iterable(map(tracker.process, given)), tracker.flush()):
+        tracker.track_scan(placed)
+    return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))
