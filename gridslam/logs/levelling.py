@@ -29,7 +29,7 @@ from gridslam.logs.streams import Source
 
 Floats = NDArray[np.float64]
 
-PROBED_READINGS = 200  # an IMU without orientation and acceleration in so many has none
+PROBED_READINGS = 200  # an IMU that measured no orientation and no acceleration in these has none
 MIN_SPACING_NS = 5_000_000  # between readings that are kept: robots tilt slowly
 MIN_KNOWN_HEIGHT_M = 0.1  # a lidar that is lower has no height, or its base is not on the floor
 GROUND_M, HALF_BAND_M, HEADROOM_M = (

@@ -28,20 +28,20 @@ def tracker() -> ScanTracker:
     return ScanTracker(FrontEnd(odometry, 500.0), ScanConfig(), odometry, KeyScanSpacing(0.3, 0.3))
 
 
-def drive(moves_with_tilt: bool, told_sign: float) -> list[Event]:
-    """Scans of a robot that drives along a room and pitches; `told_sign` times its tilt is what the scans are levelled by."""
+def drive(moves_with_tilt: bool, reported_sign: float) -> list[Event]:
+    """Scans of a robot that drives along a room and pitches; `reported_sign` times its tilt is what the scans are levelled by."""
     mount = Transform(0, "base_link", "laser", (0.0, 0.0, HEIGHT_M), (1.0, 0.0, 0.0, 0.0), is_static=True)
     events: list[Event] = [mount]
     rays = np.column_stack([np.cos(BEARINGS), np.sin(BEARINGS), np.zeros(len(BEARINGS))])
     for k in range(220):
         tilt = Rotation.from_euler("y", math.radians(5.0) * math.sin(0.3 * k))
-        told = Rotation.from_euler("y", told_sign * math.radians(5.0) * math.sin(0.3 * k))
+        reported = Rotation.from_euler("y", reported_sign * math.radians(5.0) * math.sin(0.3 * k))
         position = np.array([-2.0 + 0.015 * k, 0.5]) + moves_with_tilt * tilt.apply([0.0, 0.0, HEIGHT_M])[:2]
         towards = tilt.apply(rays)[:, :2]
         with np.errstate(divide="ignore"):
             ranges = (np.sign(towards) * HALF_SIZES_M - position) / towards
-        frame, (x, y, z, w) = f"laser@{k}", told.as_quat().tolist()
-        lever = tuple(told.apply([0.0, 0.0, HEIGHT_M]).tolist())
+        frame, (x, y, z, w) = f"laser@{k}", reported.as_quat().tolist()
+        lever = tuple(reported.apply([0.0, 0.0, HEIGHT_M]).tolist())
         events.append(Transform(k * S // 10, "base_link", frame, lever, (w, x, y, z), is_static=True))
         step = 2.0 * math.pi / len(BEARINGS)
         events.append(
@@ -51,13 +51,13 @@ def drive(moves_with_tilt: bool, told_sign: float) -> list[Event]:
 
 
 @pytest.mark.parametrize(
-    ("moves_with_tilt", "told_sign", "expected"),
+    ("moves_with_tilt", "reported_sign", "expected"),
     [(True, 1.0, Levelling.BASE), (False, 1.0, Levelling.LIDAR), (True, -1.0, Levelling.NONE)],
 )
 def test_scans_are_levelled_by_what_makes_the_path_even(
-    moves_with_tilt: bool, told_sign: float, expected: Levelling
+    moves_with_tilt: bool, reported_sign: float, expected: Levelling
 ) -> None:
-    events = drive(moves_with_tilt, told_sign)
+    events = drive(moves_with_tilt, reported_sign)
     found = LevelledScans.among(events).decided(events, tracker)
     if expected is Levelling.NONE:  # the lidar levelled in place by a wrong tilt is about as even
         assert found.by is not Levelling.BASE
