@@ -19,6 +19,9 @@ from gridslam.sensors.likelihood_field import DistanceField, Table
 Floats = NDArray[np.float64]
 
 
+_CLIMB_POINTS = 100  # by which a pose climbs to its maximum; all points score it there
+
+
 @dataclass(frozen=True, slots=True)
 class PoseSearchSettings:
     """Resolution of the search."""
@@ -68,13 +71,15 @@ class PoseSearch:
         """The local maxima of the score near the given poses `(n, 3)`, one for each bin."""
         settings = self._settings
         step_m, step_rad = 0.5 * self._cell_m, np.pi / settings.headings
-        scores = self._field.table_sums(table, points, poses)
+        few = points[_evenly(len(points), min(len(points), _CLIMB_POINTS))]
+        scores = self._field.table_sums(table, few, poses)
         for _ in range(5):
             poses, scores = climb(
-                lambda tried: self._field.table_sums(table, points, tried), poses, scores, step_m, step_rad
+                lambda tried: self._field.table_sums(table, few, tried), poses, scores, step_m, step_rad
             )
             poses, scores = best_per_bin(poses, scores, step_m, step_rad, settings.refined)
             step_m, step_rad = 0.6 * step_m, 0.6 * step_rad
+        scores = self._field.table_sums(table, points, poses)
         return PoseHypotheses(
             *best_per_bin(poses, scores, settings.bin_m, settings.bin_rad, settings.hypotheses)
         )
@@ -163,8 +168,9 @@ def best_per_bin(
     poses, scores = poses[order], scores[order]
     size = max(int(np.ceil(2.0 * np.pi / bin_rad)), 1)
     yaw = np.floor(np.mod(poses[:, 2], 2.0 * np.pi) / (2.0 * np.pi / size)).astype(np.int64)
-    bins = np.column_stack([np.floor(poses[:, :2] / bin_m).astype(np.int64), yaw])
-    _, first = np.unique(bins, axis=0, return_index=True)
+    bins = np.floor(poses[:, :2] / bin_m).astype(np.int64)
+    col, row = (bins - bins.min(axis=0, initial=0)).T
+    _, first = np.unique((row * (col.max(initial=0) + 1) + col) * size + yaw, return_index=True)
     kept = np.sort(first)[:max_count]
     return poses[kept], scores[kept]
 

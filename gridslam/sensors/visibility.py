@@ -28,6 +28,12 @@ class BeamSegments:
     def __len__(self) -> int:
         return len(self.endpoints)
 
+    def thinned(self, max_beams: int) -> BeamSegments:
+        """At most this many of the beams, evenly."""
+        n = len(self)
+        chosen = np.arange(min(n, max_beams)) * n // max(min(n, max_beams), 1)
+        return BeamSegments(self.origins[chosen], self.endpoints[chosen])
+
 
 @dataclass(frozen=True, slots=True)
 class VisibilityField:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,23 @@ class Assessment:
     confidence: float
     status: str
     displaced_ratio: float
+
+    def without_trust(self) -> Assessment:
+        """The assessment as long as another place explains the last scans about as well: not localized."""
+        return replace(self, status="uncertain") if self.status == "localized" else self
+
+
+@dataclass(frozen=True, slots=True)
+class FilterUpdate:
+    """Result of one update: the estimate that the config asks for, and the assessment of the main cluster.
+
+    `std_m` is the standard deviation of the position over all particles (figure 10 of the paper).
+    """
+
+    belief: Belief
+    assessment: Assessment
+    particles: int
+    std_m: float
 
 
 class ConfidenceMonitor:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +22,12 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
-    Assessment,
     ConfidenceMonitor,
+    FilterUpdate,
     InlierLimits,
 )
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.continuity import BROKEN_OVERLAP
 from gridslam.methods.ispace_mcl.environment import (
     CameraObservation,
     DensityWeight,
@@ -56,20 +56,8 @@ KLD_ERROR = 0.02
 KLD_QUANTILE = 2.33
 KLD_BIN_M, KLD_BIN_RAD = 0.25, 0.175
 ONE_PLACE_MASS = 0.9999  # weight of the main cluster from which the particles are resampled together
+_SMALLEST_STEP = 1e-9  # m, rad: an update distance of 0 makes every scan new
 JUMP_STD = np.array([0.5, 0.5, 0.3])  # of the motion that a jump of the odometry may hide: m, m, rad
-
-
-@dataclass(frozen=True, slots=True)
-class FilterUpdate:
-    """Result of one update: the estimate that the config asks for, and the assessment of the main cluster.
-
-    `std_m` is the standard deviation of the position over all particles (figure 10 of the paper).
-    """
-
-    belief: Belief
-    assessment: Assessment
-    particles: int
-    std_m: float
 
 
 class Localizer:
@@ -108,6 +96,7 @@ class Localizer:
         self.particles = initial_particles(config, free, occupancy, rng)
         self._keeps_hypotheses = config.search.enabled and advanced.camera_weight == "detection"
         self._is_initialised = config.start is not None
+        self._news = 1.0  # of the next scan, from 0 to 1: the power of its likelihood
         self._schedule = SearchSchedule(has_start=self._is_initialised)
         self._detections: DetectionWeight | None = None
         self._density: DensityWeight | None = None
@@ -136,6 +125,9 @@ class Localizer:
             self._predict(step, odometry_jumped)
         self._window.add(odometry, beams.extrinsics[:2], beams.points, observations)
         self._schedule.travel(travel_m)
+        if self._window.last_overlap < BROKEN_OVERLAP:
+            self._schedule.doubt()
+        self._add_news(step)
         if not self._is_initialised:
             with self.stopwatch.stage("search"):
                 self._is_initialised = self._search_map(None)
@@ -147,7 +139,7 @@ class Localizer:
             belief = self._cluster()
             assessment = self._monitor.assess(belief, beams)
         self._window.track(belief.mean)
-        self._schedule.assessed(assessment.status, travel_m)
+        self._schedule.assessed(assessment.status, assessment.inlier_ratio, travel_m)
         if self._relocalizer is not None and self._schedule.is_due(assessment.status):
             with self.stopwatch.stage("search"):
                 if self._search_map(belief):
@@ -156,6 +148,8 @@ class Localizer:
         count, all_particles = len(self.particles), moments(self.particles)
         with self.stopwatch.stage("resample"):
             self._resample(belief.mass)
+        if self._relocalizer is not None and not self._schedule.is_trusted:
+            assessment = assessment.without_trust()
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)
 
@@ -187,14 +181,24 @@ class Localizer:
             poses = poses + self._rng.standard_normal(poses.shape) * JUMP_STD
             poses[:, 2] = se2.wrap_angle(poses[:, 2])
             self._window.clear()
-            self._schedule.reset()
+            self._schedule.doubt()
         self.particles = Particles(poses, self.particles.weights)
+
+    def _add_news(self, step: Floats) -> None:
+        """Add the part of a scan that is new after a step `(3,)`: the map errs alike in scans from about the same pose."""
+        advanced = self._config.advanced
+        moved = float(np.hypot(step[0], step[1])) / max(advanced.update_distance_m, _SMALLEST_STEP)
+        turned = abs(float(step[2])) / max(advanced.update_angle_rad, _SMALLEST_STEP)
+        self._news = min(self._news + max(moved, turned), 1.0)
 
     def _weigh(self, beams: Beams, moving: Floats) -> None:
         """Apply the onboard weight; `moving` `(k, 2)` are the floor cells with detections of the cameras."""
         used = beams.subsampled(self._config.scan.beams)
         if len(used.points):
-            self.particles = self.particles.reweighted(self._log_weight(used, self.particles.poses, moving))
+            log_weights = self._log_weight(used, self.particles.poses, moving)
+            self.particles = self.particles.reweighted(self._news * log_weights)
+            if self._keeps_hypotheses:  # the paper's filter takes every scan as new
+                self._news = 0.0
         else:
             self.counters["scan.without_returns"] += 1
 
@@ -234,9 +238,11 @@ class Localizer:
         if comparison.particles is None:
             return False
         self.particles = comparison.particles
+        self.counters["injections"] += 1
         if comparison.is_switch:
             self._monitor.restart()
             self._window.lose_track()
-            self._schedule.prior_log_odds = 0.0
-            self.counters["injections"] += 1
+            if comparison.scans is not None:
+                self._window.keep_latest(comparison.scans)
+            self._schedule.switched()
         return True

@@ -19,6 +19,7 @@ from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Doubt, Estimate, Picture, RunResult
+from gridslam.methods.ispace_mcl.confidence import FilterUpdate
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.doubt import doubt_of
 from gridslam.methods.ispace_mcl.fixed_cameras import (
@@ -27,7 +28,7 @@ from gridslam.methods.ispace_mcl.fixed_cameras import (
     FixedCameras,
     detection_parameters,
 )
-from gridslam.methods.ispace_mcl.localizer import FilterUpdate, Localizer
+from gridslam.methods.ispace_mcl.localizer import Localizer
 from gridslam.methods.ispace_mcl.onboard_depth import MAX_DEPTH_M, OnboardDepth
 from gridslam.methods.ispace_mcl.pictures import coverage_picture
 from gridslam.methods.ispace_mcl.record import LocalizationHistory

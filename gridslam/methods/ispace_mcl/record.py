@@ -11,7 +11,7 @@ from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.filters.particles import Belief
 from gridslam.methods.base import Series, Table
-from gridslam.methods.ispace_mcl.localizer import FilterUpdate
+from gridslam.methods.ispace_mcl.confidence import FilterUpdate
 from gridslam.methods.ispace_mcl.travel_ratio import travel_ratio
 
 COLUMNS = (

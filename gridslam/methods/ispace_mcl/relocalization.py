@@ -17,6 +17,7 @@ from gridslam.core import poses as se2
 from gridslam.filters.particles import Belief, Particles
 from gridslam.methods.ispace_mcl.environment import CameraObservation
 from gridslam.methods.ispace_mcl.hypothesis_particles import mixture, sample_hypotheses, with_overlooked
+from gridslam.methods.ispace_mcl.hypothesis_scores import kidnapping_log_odds, with_filter, with_kidnapping
 from gridslam.methods.ispace_mcl.mirror_check import MirrorCheck
 from gridslam.methods.ispace_mcl.window import MAX_SEARCH_SCANS, PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
@@ -51,12 +52,21 @@ MATCH_STD_M = 0.2  # of the window's points about walls: matched scans add their
 RANDOM_WEIGHT = 0.1  # weight of beams that the map does not explain
 BEAM_WEIGHT = 0.1  # power of a beam's likelihood: neighbouring beams have common errors
 MAX_BEAMS = 300  # of the window, equally many of each scan
+CLIMB_BEAMS = 100  # of these, by which a pose climbs to its maximum; all of them score it there
 MIN_BEAMS = 10  # with fewer, nothing is searched for
 PAST_BEAMS = 30  # of each scan over which a hypothesis is traced back
-MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a place may have changed
-KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere
+MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a place may have changed ...
+CHANGED_SCORE = (
+    -2.5
+)  # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
-CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it
+CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it ...
+DOUBT_LOG_ODDS = (
+    3.0  # lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
+)
+CONFIRM_BY_SCANS_LOG_ODDS = (
+    1.0  # ... and by the scans of the window alone: the filter counts alike scans for too much
+)
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
 BESIDE_M = 1.5  # the path drifts as much over the window: its older scans cannot tell two poses apart that are as near
@@ -64,7 +74,9 @@ BESIDE_M = 1.5  # the path drifts as much over the window: its older scans canno
 _SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
 _CLIMB_ROUNDS, _CLIMB_SHRINK = 4, 0.7
 _CLIMB_STEP = (0.1, 0.02)  # m, rad
-_TRACING_STEPS = ((0.1, 0.02), (0.05, 0.01))  # m, rad: steps by which a past pose is drawn to the map
+_TRACING_STEPS = ((0.1, 0.02), (0.05, 0.01))  # m, rad: steps by which a past pose is drawn to the map ...
+# ... off the odometry, whose errors are as large: along a corridor it could slide to any place.
+_TRACING_STD = (0.1, 0.1, 0.03)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +90,14 @@ class TrackedPose:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Result of a comparison: new particles, None if the tracked ones are kept; whether no hypothesis comes near them; and
-    whether another one took over from the tracked pose.
+    """Result of a comparison: new particles, None if the tracked ones are kept; whether no hypothesis comes near them; whether
+    another one took over from the tracked pose; and how many of the latest scans that one explains, None if all.
     """
 
     particles: Particles | None
     is_confirmed: bool = False
     is_switch: bool = False
+    scans: int | None = None
 
 
 class Relocalizer:
@@ -108,12 +121,13 @@ class Relocalizer:
 
     def refine(self, poses: Floats, beams: BeamSegments) -> PoseHypotheses:
         """The local maxima of the likelihood near the poses `(n, 3)`, one for each bin."""
-        score = self._score(beams)
+        score = self._score(beams.thinned(CLIMB_BEAMS))
         scores = score(poses)
         step_m, step_rad = _CLIMB_STEP
         for _ in range(_CLIMB_ROUNDS):
             poses, scores = climb(score, poses, scores, step_m, step_rad)
             step_m, step_rad = _CLIMB_SHRINK * step_m, _CLIMB_SHRINK * step_rad
+        scores = self._score(beams)(poses)
         return PoseHypotheses(*best_per_bin(poses, scores, BIN_M, BIN_RAD, len(poses)))
 
     def _score(self, beams: BeamSegments) -> LogLikelihood:
@@ -132,7 +146,7 @@ class Relocalizer:
             if scan.tracked is not None and _is_near(scan.tracked, poses[0], BESIDE_M):
                 poses = np.concatenate([scan.tracked[None], poses[1:]])
             if len(scan.beams):
-                score = self._score(scan.beams)
+                score = _held_at(self._score(scan.beams), poses)
                 scores[row] = score(poses)
                 for step_m, step_rad in _TRACING_STEPS:
                     poses, scores[row] = climb(score, poses, scores[row], step_m, step_rad)
@@ -140,7 +154,8 @@ class Relocalizer:
                 by_cameras[row] = self._by_cameras(scan.observations, poses)
             poses = se2.compose(poses, se2.inverse(scan.step))
         best = scores.max(axis=1, keepdims=True)
-        return np.asarray(np.maximum(scores, best - MAX_SCAN_LOG_ODDS) + by_cameras)
+        bounded = np.maximum(scores, np.minimum(best - MAX_SCAN_LOG_ODDS, CHANGED_SCORE))
+        return np.asarray(bounded + by_cameras)
 
     def compare(
         self, window: ScanWindow, tracked: TrackedPose | None, count: int, rng: np.random.Generator
@@ -166,15 +181,17 @@ class Relocalizer:
         beside = np.r_[False, _is_near(others, own.poses[0], BESIDE_M)]
         scores[MAX_SEARCH_SCANS:, beside] = scores[MAX_SEARCH_SCANS:, :1]
         own_score = float(scores[:, 0].sum()) + tracked.prior_log_odds
-        by_scans = with_kidnapping(scores[:, 1:], scores[:, 0], KIDNAPPING_LOG_ODDS)
+        prices = kidnapping_log_odds(np.array([scan.overlap for scan in past]))
+        by_scans, explained = with_kidnapping(scores[:, 1:], scores[:, 0], prices[:-1])
         mass = _mass_near(others, tracked.particles)
         found = PoseHypotheses(others, with_filter(by_scans, own_score, mass / tracked.belief.mass))
         lead = own_score - found.scores.max(initial=-np.inf)
         if lead < -SWITCH_LOG_ODDS:
             particles = mixture(tracked.particles, own_score, found, count, rng)
-            return Comparison(particles, is_switch=True)
-        is_confirmed = lead > CONFIRM_LOG_ODDS
-        if tracked.belief.mass > DECIDED_MASS:
+            scans = int(explained[np.argmax(found.scores)])
+            return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)
+        is_confirmed = lead > CONFIRM_LOG_ODDS and _is_clear(scores, own_score - by_scans)
+        if is_confirmed and tracked.belief.mass > DECIDED_MASS:
             return Comparison(None, is_confirmed)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
         return Comparison(
@@ -182,27 +199,24 @@ class Relocalizer:
         )
 
 
-def with_kidnapping(others: Floats, own: Floats, log_odds: float) -> Floats:
-    """Scores `(n,)` of hypotheses over k scans `(k, n)`, latest first, that allow for the robot having been carried there.
+def _is_clear(scores: Floats, leads: Floats) -> bool:
+    """Whether the scans decide for the tracked pose, by its leads `(n,)` over the hypotheses, and over the last metres.
 
-    A hypothesis explains all scans itself. Or it explains only the latest ones, at the price of `log_odds`, and leaves the older
-    ones to the tracked pose with the scores `own` `(k,)`.
+    `scores` `(k, 1 + n)` are those of the scans, latest first, for the tracked pose and the hypotheses.
     """
-    latest = np.cumsum(others, axis=0)
-    older = own.sum() - np.cumsum(own)
-    carried = (latest + older[:, None])[:-1].max(axis=0, initial=-np.inf) - log_odds
-    return np.asarray(np.maximum(latest[-1], carried))
+    latest = scores[:MAX_SEARCH_SCANS].sum(axis=0)
+    lead_now = latest[0] - latest[1:].max(initial=-np.inf)
+    return bool(leads.min(initial=np.inf) > CONFIRM_BY_SCANS_LOG_ODDS and lead_now > -DOUBT_LOG_ODDS)
 
 
-def with_filter(scores: Floats, own_score: float, mass_ratios: Floats) -> Floats:
-    """Scores `(n,)` of hypotheses; for those that the filter has followed, the mean of the score and of what the filter says.
+def _held_at(score: LogLikelihood, poses: Floats) -> LogLikelihood:
+    """The score less what a move away from the poses `(n, 3)`, to which the odometry leads, costs."""
 
-    The scans of the window are evidence that the filter had too, with more beams, but with less freedom for a pose to move.
-    `mass_ratios` `(n,)` are the weights of the particles at each hypothesis over that of the tracked pose; 0 without particles.
-    """
-    is_followed = mass_ratios > 0.0
-    pooled = 0.5 * (scores + own_score + np.log(np.where(is_followed, mass_ratios, 1.0)))
-    return np.where(is_followed, pooled, scores)
+    def held(tried: Floats) -> Floats:
+        off = tried - np.repeat(poses, len(tried) // len(poses), axis=0)
+        return np.asarray(score(tried) - 0.5 * np.sum((off / _TRACING_STD) ** 2, axis=1))
+
+    return held
 
 
 def _mass_near(poses: Floats, particles: Particles) -> Floats:

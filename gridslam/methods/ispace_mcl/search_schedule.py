@@ -1,26 +1,38 @@
-"""When the map is searched, and how much a tracked pose is trusted by then."""
+"""When the map is searched, and how much a tracked pose is trusted by then.
+
+A pose is trusted while the last comparison confirmed it. Only then does travel count in its favour at the next comparison: a
+wrong pose in a place that looks alike agrees with the map too.
+"""
 
 from __future__ import annotations
 
 RETRY_M = 1.0  # travel between searches while the robot is lost or uncertain
 CHECK_M = 4.0  # travel after which the window is full, and a pose can be confirmed: until then it is compared ever later
 RECHECK_M = 25.0  # travel between comparisons while the robot is localized
+WORSE_RATIO = 0.1  # a drop of the inlier ratio below its mean from which a confirmed pose is compared after CHECK_M already
+MEAN_TRAVEL_M = 5.0  # over which the inlier ratio is averaged
 
 START_LOG_ODDS = 3.0  # in favour of a start pose
-LOG_ODDS_PER_M = 1.0  # that the tracked pose gains by a metre of travel while localized
+LOG_ODDS_PER_M = 1.0  # that a trusted pose gains by a metre of travel while it agrees with the map
 LOST_LOG_ODDS_PER_M = 3.0  # that it loses by a metre of travel while lost
-MAX_LOG_ODDS = 6.0  # that it can have before a comparison
+MAX_LOG_ODDS = 10.0  # that it can have before a comparison
 
 
 class SearchSchedule:
-    """Travel since the last search of the map, whether that confirmed the tracked pose, and the prior log-odds of the pose."""
+    """Travel since the last search of the map, whether that confirmed the tracked pose, and the prior log-odds of the pose.
+
+    `is_trusted`: the pose is the start pose that the user gave, or was confirmed by the last comparison.
+    """
 
     def __init__(self, has_start: bool) -> None:
         self._since_search_m = (
             RETRY_M  # a start pose that does not agree with the map at all is compared at once
         )
         self._travel_m = 0.0  # since the start, or since all trust was withdrawn
-        self._is_confirmed = False
+        self._is_confirmed = False  # by a window that was full
+        self._mean_inlier_ratio = 0.0
+        self._agrees_less = False  # with the map than over the last metres
+        self.is_trusted = has_start
         self.prior_log_odds = START_LOG_ODDS if has_start else 0.0
 
     def travel(self, distance_m: float) -> None:
@@ -28,19 +40,26 @@ class SearchSchedule:
         self._since_search_m += distance_m
         self._travel_m += distance_m
 
-    def assessed(self, status: str, travel_m: float) -> None:
-        """Update the prior log-odds: a pose that agrees with the map while the robot moves gains, a lost one loses."""
-        rate = LOG_ODDS_PER_M if status == "localized" else 0.0
+    def assessed(self, status: str, inlier_ratio: float, travel_m: float) -> None:
+        """Update the prior log-odds: a trusted pose that agrees with the map while the robot moves gains, a lost one loses.
+
+        `status` is that of the particles alone.
+        """
+        rate = LOG_ODDS_PER_M if status == "localized" and self.is_trusted else 0.0
         if status == "lost":
             rate = -LOST_LOG_ODDS_PER_M
         self.prior_log_odds = min(max(self.prior_log_odds + rate * travel_m, 0.0), MAX_LOG_ODDS)
+        self._agrees_less = inlier_ratio < self._mean_inlier_ratio - WORSE_RATIO
+        self._mean_inlier_ratio += min(travel_m / MEAN_TRAVEL_M, 1.0) * (
+            inlier_ratio - self._mean_inlier_ratio
+        )
 
     def is_due(self, status: str) -> bool:
-        """Whether the map is to be searched now."""
+        """Whether the map is to be searched now, given the status of the particles alone."""
         if status != "localized":
             return self._since_search_m >= RETRY_M
         if self._is_confirmed:
-            return self._since_search_m >= RECHECK_M
+            return self._since_search_m >= (CHECK_M if self._agrees_less else RECHECK_M)
         return self._since_search_m >= min(max(0.5 * self._travel_m, RETRY_M), CHECK_M)
 
     def searched(self) -> None:
@@ -48,11 +67,17 @@ class SearchSchedule:
         self._since_search_m = 0.0
 
     def confirm(self, is_confirmed: bool) -> None:
-        """Store whether the last comparison confirmed the tracked pose, by a window that was full."""
+        """Store whether the last comparison confirmed the tracked pose."""
+        self.is_trusted = is_confirmed
         self._is_confirmed = is_confirmed and self._travel_m >= CHECK_M
 
-    def reset(self) -> None:
-        """Withdraw all trust, as after a jump of the odometry."""
-        self._is_confirmed = False
+    def doubt(self) -> None:
+        """Withdraw all trust, as after a jump of the odometry, or when a scan does not continue the one before it."""
+        self.switched()
+        self._since_search_m = 0.0
+
+    def switched(self) -> None:
+        """Withdraw all trust, as other particles have taken over."""
+        self.is_trusted = self._is_confirmed = False
         self._travel_m = 0.0
         self.prior_log_odds = 0.0

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
+from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.methods.ispace_mcl.environment import CameraObservation
 from gridslam.sensors.visibility import BeamSegments
 
@@ -47,6 +48,7 @@ class _WindowScan:
     """Points `(m, 2)` and sensor position `(2,)` in the robot's frame, and T_previous_this by odometry or by matching.
 
     `observations` are those of the fixed cameras since the scan before; `tracked` `(3,)` is the filter's pose at the scan.
+    `overlap` is the smallest one of consecutive scans since the scan before: 1 if they continue each other.
     """
 
     odometry: Floats
@@ -55,6 +57,7 @@ class _WindowScan:
     step: Floats
     is_matched: bool
     observations: list[CameraObservation]
+    overlap: float = 1.0
     tracked: Floats | None = None
 
     def beams(self, max_beams: int) -> BeamSegments:
@@ -66,13 +69,15 @@ class _WindowScan:
 @dataclass(frozen=True, slots=True)
 class PastScan:
     """A scan's beams in the robot's frame at its stamp, T_previous_this `(3,)` from the scan before it, the observations of
-    the fixed cameras since then, and the filter's pose `(3,)` at the scan, None if it has been elsewhere since.
+    the fixed cameras since then, and the filter's pose `(3,)` at the scan, None if it has been elsewhere since; and how far the
+    scans since the scan before continue each other, from 0 to 1.
     """
 
     step: Floats
     beams: BeamSegments
     observations: Sequence[CameraObservation]
     tracked: Floats | None = None
+    overlap: float = 1.0
 
 
 class ScanWindow:
@@ -81,6 +86,7 @@ class ScanWindow:
     def __init__(self, min_step_m: float = MIN_STEP_M) -> None:
         self._min_step_m = min_step_m
         self._scans: deque[_WindowScan] = deque(maxlen=MAX_SCANS)
+        self.last_overlap = 1.0  # of the last scan with the one before it
 
     def __len__(self) -> int:
         return len(self._scans)
@@ -105,14 +111,17 @@ class ScanWindow:
         if not self._scans:
             first = _WindowScan(odometry, viewpoint, kept, np.zeros(3), True, list(observations))
             self._scans.append(first)
+            self.last_overlap = 1.0
             return
         last, earlier = self._scans[-1], []
+        self.last_overlap = overlap = overlap_of(last.points, kept, se2.between(last.odometry, odometry))
         if len(self._scans) > 1 and self._is_close(se2.between(self._scans[-2].odometry, last.odometry)):
             step = se2.between(last.odometry, odometry)
             earlier = [observation.seen_after(step) for observation in self._scans.pop().observations]
+            overlap = min(overlap, last.overlap)
         step = se2.between(self._scans[-1].odometry, odometry)
         seen = [*earlier, *observations]
-        self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False, seen))
+        self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False, seen, overlap))
 
     def track(self, pose: Floats) -> None:
         """Store the filter's pose `(3,)` at the last scan."""
@@ -122,6 +131,11 @@ class ScanWindow:
         """Forget the filter's poses, as when it is elsewhere now."""
         for scan in self._scans:
             scan.tracked = None
+
+    def keep_latest(self, count: int) -> None:
+        """Remove the scans from before the robot was carried elsewhere."""
+        while len(self._scans) > count:
+            self._scans.popleft()
 
     def recent(self, max_beams: int) -> BeamSegments:
         """The beams of the last scans in the robot's present frame, at most `max_beams`, equally many of each scan."""
@@ -147,7 +161,7 @@ class ScanWindow:
         """All scans from the latest to the oldest, each with at most `max_beams` beams."""
         self._match()
         scans = reversed(self._scans)
-        return [PastScan(s.step, s.beams(max_beams), s.observations, s.tracked) for s in scans]
+        return [PastScan(s.step, s.beams(max_beams), s.observations, s.tracked, s.overlap) for s in scans]
 
     def _match(self) -> None:
         """Correct the steps that are still those of the odometry."""

@@ -8,8 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
+from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.methods.ispace_mcl.environment import CameraObservation
-from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, with_filter, with_kidnapping
+from gridslam.methods.ispace_mcl.hypothesis_scores import (
+    BROKEN_LOG_ODDS,
+    KIDNAPPING_LOG_ODDS,
+    kidnapping_log_odds,
+    with_filter,
+    with_kidnapping,
+)
+from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer
+from gridslam.methods.ispace_mcl.search_schedule import SearchSchedule
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow, matched_step
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.likelihood_field import distance_field
@@ -34,11 +43,40 @@ def _points(pose):
 def test_a_hypothesis_explains_all_scans_or_the_latest_ones_at_a_price(seed, scans, hypotheses):
     rng = np.random.default_rng(seed)
     others, own = rng.normal(-1.0, 1.0, (scans, hypotheses)), rng.normal(-1.0, 1.0, scans)
-    got = with_kidnapping(others, own, 1.5)
+    prices = rng.uniform(0.0, 2.0, scans - 1)
+    got, explained = with_kidnapping(others, own, prices)
     for k in range(hypotheses):
         choices = [others[:, k].sum()]
-        choices += [others[:b, k].sum() + own[b:].sum() - 1.5 for b in range(1, scans)]
+        choices += [others[:b, k].sum() + own[b:].sum() - prices[b - 1] for b in range(1, scans)]
         assert got[k] == pytest.approx(max(choices))
+        assert explained[k] == (int(np.argmax(choices)) or scans)
+
+
+def test_having_been_carried_costs_less_where_a_scan_does_not_continue_the_one_before_it():
+    here, there = _points((-1.0, 3.8, 0.0)), _points((5.0, 8.5, 1.0))
+    step = np.array([0.2, 0.0, 0.0])
+    continued = overlap_of(here, _points((-0.8, 3.8, 0.0)), step)
+    broken = overlap_of(here, there, step)
+    assert overlap_of(here, there[:5], step) == 1.0  # too few points to know
+    prices = kidnapping_log_odds(np.array([continued, broken]))
+    assert prices.tolist() == [KIDNAPPING_LOG_ODDS, BROKEN_LOG_ODDS]
+
+
+def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():
+    schedule = SearchSchedule(has_start=False)
+    schedule.assessed("localized", 0.9, 5.0)
+    assert (schedule.is_trusted, schedule.prior_log_odds) == (False, 0.0)
+    schedule.travel(5.0)
+    schedule.confirm(True)
+    schedule.searched()
+    schedule.assessed("localized", 0.9, 5.0)
+    assert (schedule.is_trusted, schedule.prior_log_odds) == (True, 5.0)
+    schedule.travel(5.0)
+    assert not schedule.is_due("localized")
+    schedule.assessed("localized", 0.7, 0.2)  # the scans agree less with the map than before
+    assert schedule.is_due("localized")
+    schedule.doubt()
+    assert (schedule.is_trusted, schedule.prior_log_odds) == (False, 0.0)
 
 
 def test_what_the_filter_knows_of_a_hypothesis_counts_as_much_as_the_scans_of_the_window():

@@ -1,0 +1,37 @@
+"""Whether a scan continues the one before it, or the robot was carried elsewhere in between, which the odometry does not show."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gridslam.core import poses as se2
+
+Floats = NDArray[np.float64]
+
+NEAR_M = 0.3  # a point nearer than this to the other scan continues it
+MAX_POINTS = 180  # of each scan
+MIN_POINTS = 10  # with fewer, nothing is known
+# Overlaps of consecutive scans of recorded drives are above 0.5 in all but a few, also in crowds that hide half of the view. Where
+# the robot was carried elsewhere most are below 0.4.
+BROKEN_OVERLAP = 0.5  # below it the robot may have been carried
+WHOLE_OVERLAP = 0.6  # from it on it was hardly
+
+
+def overlap_of(before: Floats, after: Floats, step: Floats) -> float:
+    """Ratio of the points of two scans `(m, 2)` that lie at the other scan after a step T_before_after `(3,)`; 1 if unknown.
+
+    The smaller of the two ratios: one scan may see but a part of the other.
+    """
+    if min(len(before), len(after)) < MIN_POINTS:
+        return 1.0
+    known, moved = _thinned(before), se2.transform_points(step, _thinned(after))
+    there = cKDTree(known).query(moved, distance_upper_bound=NEAR_M)[0]
+    back = cKDTree(moved).query(known, distance_upper_bound=NEAR_M)[0]
+    return float(min(np.isfinite(there).mean(), np.isfinite(back).mean()))
+
+
+def _thinned(points: Floats) -> Floats:
+    count = min(len(points), MAX_POINTS)
+    return points[np.arange(count) * len(points) // count]
