@@ -24,6 +24,11 @@ Floats = NDArray[np.float64]
 
 MIN_ROTATION_RAD, MIN_DISTANCE_M = 4.0, 6.0  # by odometry: enough motion to judge it by
 MAX_SCANS = 600  # where the robot moves less, or no lag is certain; bounds memory and delay
+STANDING_M, STANDING_RAD, MAX_STANDING_SCANS = (
+    0.3,
+    0.3,
+    3000,
+)  # a robot that has not driven off yet shows nothing
 
 
 class OdometryCheck:
@@ -41,6 +46,7 @@ class OdometryCheck:
         self._held: list[Event] | None = []
         self._tracked = 0  # of the held events
         self._scans = 0
+        self._max_scans = MAX_SCANS
         self._next_check = (
             0  # number of scans from which on odometry is checked, once the robot has moved enough
         )
@@ -67,8 +73,16 @@ class OdometryCheck:
         elif isinstance(event, LaserScan):
             self._scans += 1
             has_moved = self._moved[0] > MIN_DISTANCE_M and self._moved[1] > MIN_ROTATION_RAD
-            if self._scans >= MAX_SCANS or (has_moved and self._scans >= self._next_check):
+            if self._scans >= self._max_scans and self._is_standing:
+                self._max_scans = self._scans + MAX_SCANS
+            if self._scans >= self._max_scans or (has_moved and self._scans >= self._next_check):
                 yield from self._check()
+
+    @property
+    def _is_standing(self) -> bool:
+        """Whether by odometry the robot has not driven off yet, and more scans of this may be held."""
+        has_moved = self._moved[0] >= STANDING_M or self._moved[1] >= STANDING_RAD
+        return self._last is not None and not has_moved and self._scans < MAX_STANDING_SCANS
 
     def flush(self) -> Iterator[Event]:
         """The events that are still held back."""
@@ -123,7 +137,7 @@ class OdometryCheck:
             path = self._decide_sense(held, self._path(held), by_odometry)
             self.correction = calibrate(path, by_odometry)
             self._find_mount(held, path, by_odometry)
-        if self.correction.is_undecided and not is_last and self._scans < MAX_SCANS:
+        if self.correction.is_undecided and not is_last and self._scans < self._max_scans:
             self._next_check = 2 * self._scans
             return
         if self._scans > 1:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gridslam.core.messages import Event, LaserScan, readonly
+from gridslam.core.messages import Event, LaserScan, Transform, readonly
 from gridslam.lidar_slam.own_body import find_own_bodies
 from tests.lidar_slam.test_odometry_check import checked
 from tests.methods.slam_sd import hall
@@ -74,3 +74,25 @@ def test_a_log_is_given_on_without_the_handle_in_view_which_is_named() -> None:
         if isinstance(event, LaserScan):
             assert np.isnan(event.ranges_m[20:30]).all()
             assert np.isnan(event.ranges_m).sum() <= 10 + 4
+
+
+def test_a_robot_that_stands_for_long_before_it_drives_off_is_known_by_its_drive() -> None:
+    """The same handle beside the same walls, of which the walls are no body although they stay for 700 scans."""
+    first, *drive = [with_handle(e) for e in hall.events(1)]
+    scan = drive[0]
+    standing = [replace(e, stamp_ns=k * 10**8) for k in range(-700, 0) for e in (first, scan)]
+    shift_ns = 10**11
+    events = [replace(e, stamp_ns=e.stamp_ns + shift_ns) for e in (*standing, first, *drive)]
+    check, given = checked(events)
+    assert len(given) == len(events) and check.checked_scans > 700
+    (body,) = check.own_bodies
+    assert (body.limits_m > 0.0).sum() <= 10 + 4
+    assert np.isnan([e for e in given if isinstance(e, LaserScan)][-1].ranges_m[20:30]).all()
+
+
+def test_walls_beside_a_robot_that_stands_for_half_of_the_log_are_no_body() -> None:
+    events = [e for e in hall.events(1) if not isinstance(e, Transform)]
+    scan = next(e for e in events if isinstance(e, LaserScan))
+    near = replace(scan, ranges_m=readonly(np.minimum(scan.ranges_m, 0.6), np.float32))
+    still = [replace(near, stamp_ns=scan.stamp_ns - k) for k in range(len(events), 0, -1)]
+    assert not find_own_bodies([*still, *(e for e in events if isinstance(e, LaserScan))])
