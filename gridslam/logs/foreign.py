@@ -24,8 +24,6 @@ _BY_BEGINNING = (
         "packets of a network (pcapng): replay them with the lidar's driver, and record its point clouds",
     ),
 )
-_RAWLOG = re.compile(rb"C(Observation\w+|ActionCollection|SensoryFrame)\0?")
-_RAWLOG_HEAD_BYTES = 64  # the name of the first object's class stands at the start
 
 
 def advice_for(path: Path, beginning: bytes) -> str | None:
@@ -33,11 +31,6 @@ def advice_for(path: Path, beginning: bytes) -> str | None:
     for magic, advice in _BY_BEGINNING:
         if beginning.startswith(magic):
             return advice
-    if _RAWLOG.search(beginning[:_RAWLOG_HEAD_BYTES]):
-        return (
-            "an MRPT rawlog, which is not read: export it with `rawlog-edit --export-2d-scans-txt` and "
-            f"`--export-odometry-txt`, {_TO_TABLES}"
-        )
     words = re.split(rb"[,;\s]+", beginning.partition(b"\n")[0].strip())
     is_table = len(words) > 2 and (path.suffix.lower() == ".csv" or all(map(is_number, words)))
     return f"a table alone: put it {_TO_TABLES}" if is_table else None

@@ -12,7 +12,7 @@ from gridslam.logs.streams import Source
 
 READABLE = (
     "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, a Wean Hall text log, "
-    "a folder of KITTI odometry, EuRoC or TUM RGB-D"
+    "a folder of KITTI odometry, EuRoC or TUM RGB-D, an MRPT rawlog"
 )
 
 
@@ -90,6 +90,11 @@ def _text_source(path: Path, config: LogConfig) -> Source:
     from gridslam.logs.text import beginning
 
     text = beginning(path)
+    if text[:1] >= b"\x80":
+        from gridslam.logs.datasets.rawlog import is_rawlog, open_rawlog
+
+        if is_rawlog(text):
+            return open_rawlog(path)
     if looks_like_carmen(text):
         return CarmenSource(path, config)
     if looks_like_wean_hall(text):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 
 import pytest
@@ -15,8 +14,6 @@ from gridslam.logs.open import open_log
     ("name", "content", "says"),
     [
         ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5, which is not read: write its data sets, for example with h5py"),
-        ("a.rawlog", gzip.compress(b"\x98CObservation2DRangeScan\x00\x07" + bytes(99), mtime=0), "rawlog-edit --export-2d"),
-        ("b.rawlog", b"\x91CActionCollection\x00" + bytes(99), "an MRPT rawlog"),
         ("a.zip", b"PK\x03\x04" + bytes(99), "unpack it"),
         ("a.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT-file"),
         ("a.pcap", b"\xd4\xc3\xb2\xa1" + bytes(99), "replay them with the lidar's driver"),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gridslam.config.yaml_file import parse_mapping
-from gridslam.core.messages import Range, as_float32
+from gridslam.core.messages import LaserScan, Odometry, Range, as_float32
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.csv.layout import CsvLayout
 from gridslam.logs.kinds import CSV_KINDS
@@ -21,7 +23,7 @@ EXAMPLES = [
 
 
 def test_every_example_is_valid() -> None:
-    assert len(EXAMPLES) == 3
+    assert len(EXAMPLES) == 4
     for example in EXAMPLES:
         if "log" in example:
             LogConfig.model_validate(example["log"])
@@ -47,8 +49,24 @@ def test_every_reason_for_skipping_a_message_is_on_the_page() -> None:
 
 @pytest.mark.real_data
 def test_the_infrared_example_reads_the_infrared_log(data_dir: Path) -> None:
-    config = LogConfig.model_validate(EXAMPLES[2]["log"])
+    config = LogConfig.model_validate(EXAMPLES[3]["log"])
     with open_log(data_dir / "infrared", config, ["range", "pose"]) as log:
         ranges = [e for e in log.events() if isinstance(e, Range)]
     assert len(ranges) == 2400
     assert {(r.range_min_m, r.range_max_m) for r in ranges} == {(as_float32(0.2), 8.0)}
+
+
+def test_the_example_of_a_table_with_everything_in_one_row_reads_it(tmp_path: Path) -> None:
+    head = "t_ms;x_mm;y_mm;heading_deg;" + ";".join(f"d{k}" for k in range(241))
+    rows = [f"{1000 + 100 * k};{50 * k};0;{k};0;" + ";".join(["2500"] * 240) for k in range(5)]
+    (tmp_path / "run.csv").write_text("\n".join([head, *rows]))
+    config = LogConfig.model_validate(EXAMPLES[2]["log"])
+    with open_log(tmp_path, config, ["scan", "odom"]) as log:
+        events = list(log.events())
+    scan = [e for e in events if isinstance(e, LaserScan)][1]
+    odometry = [e for e in events if isinstance(e, Odometry)][1]
+    assert scan.stamp_ns == odometry.stamp_ns == 1_100_000_000
+    assert len(scan.ranges_m) == 241 and np.isnan(scan.ranges_m[0]) and scan.ranges_m[1] == 2.5
+    last_rad = scan.angle_min_rad + 240 * scan.angle_increment_rad
+    assert (scan.range_max_m, last_rad) == pytest.approx((8.0, math.radians(120)), abs=1e-5)
+    assert (odometry.x_m, odometry.yaw_rad) == pytest.approx((0.05, math.radians(1)))

@@ -1,0 +1,158 @@
+"""MRPT rawlogs: scans, odometry and actions in any arrangement, plain or packed, whole or damaged."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gridslam.core.errors import LogError
+from gridslam.core.messages import LaserScan, Odometry, Transform
+from gridslam.logs import open_log
+from gridslam.logs.rotations import yaw_of
+
+S = 10**9
+START_NS = 1_600_000_000 * S
+
+
+def object_of(name: str, version: int, body: bytes) -> bytes:
+    return bytes([len(name) | 0x80]) + name.encode() + bytes([version]) + body + b"\x88"
+
+
+def ticks(stamp_ns: int) -> bytes:
+    return struct.pack("<Q", stamp_ns // 100 + 116_444_736_000_000_000)
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+def pose_3d(x: float, yaw: float) -> bytes:
+    return object_of(
+        "CPose3D", 2, struct.pack("<7d", x, 0.0, 0.3, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+    )
+
+
+def pose_2d(x: float, y: float, yaw: float, space: str = "") -> bytes:
+    return object_of(f"{space}CPose2D", 1, struct.pack("<3d", x, y, yaw))
+
+
+def scan_of(
+    stamp_ns: int, version: int = 7, label: str = "HOKUYO", to_left: bool = True, space: str = ""
+) -> bytes:
+    ranges = np.array([1.0, 2.0, 0.0, 30.0, 3.0], "<f4")
+    body = struct.pack("<fBf", math.pi, to_left, 30.0) + pose_3d(0.2, 0.5)
+    if version < 6:
+        body += object_of("CMatrix", 0, struct.pack("<2I", 6, 6) + bytes(4 * 36))
+    body += struct.pack("<I", 5) + ranges.tobytes() + bytes([1, 1, 0, 0, 1])
+    body += struct.pack("<f", 0.01) + ticks(stamp_ns) + struct.pack("<f", 0.004) * (version >= 4)
+    if version >= 5:
+        body += text(label) + struct.pack("<d", 0.0)
+    if version >= 7:
+        body += b"\1" + np.arange(5, dtype="<i4").tobytes()
+    if version >= 8:
+        body += struct.pack("<f", 0.04)
+    return object_of(f"{space}CObservation2DRangeScan", version, body)
+
+
+def odometry_of(stamp_ns: int, x: float, yaw: float, space: str = "") -> bytes:
+    body = pose_2d(x, 0.0, yaw) + text("ODO") + ticks(stamp_ns) + b"\0\0"
+    return object_of(f"{space}CObservationOdometry", 2, body)
+
+
+def action_of(x: float, yaw: float, version: int, stamp_ns: int = 0) -> bytes:
+    body = struct.pack("<I", 0) + pose_2d(x, 0.0, yaw) + struct.pack("<I6fI", 0, *(0.1,) * 6, 300)
+    body += struct.pack("<f", 0.1) * (4 if version == 4 else 6) + b"\0"
+    body += bytes(8) * (version < 7) + b"\0" + bytes(8) * (version < 7)
+    body += (ticks(stamp_ns) if stamp_ns else bytes(8)) * (version >= 6)
+    action = object_of("CActionRobotMovement2D", version, body)
+    return object_of("CActionCollection", 0, struct.pack("<I", 1) + action)
+
+
+def frame_of(*observations: bytes) -> bytes:
+    return object_of("CSensoryFrame", 2, struct.pack("<I", len(observations)) + b"".join(observations))
+
+
+def events_of(path: Path) -> tuple[list[LaserScan], list[Odometry], list[Transform], list[str]]:
+    with open_log(path, kinds=("scan", "odom")) as log:
+        events = list(log.events())
+        return (
+            [e for e in events if isinstance(e, LaserScan)],
+            [e for e in events if isinstance(e, Odometry)],
+            [e for e in events if isinstance(e, Transform)],
+            log.problems,
+        )
+
+
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8])
+@pytest.mark.parametrize("is_packed", [False, True])
+@pytest.mark.parametrize("space", ["", "mrpt::obs::"])
+def test_scans_and_odometry_one_after_the_other(
+    tmp_path: Path, version: int, is_packed: bool, space: str
+) -> None:
+    data = b"".join(
+        odometry_of(START_NS + k * S, 0.1 * k, 0.2, space) + scan_of(START_NS + k * S, version, space=space)
+        for k in range(5)
+    )
+    path = tmp_path / "a.rawlog"
+    path.write_bytes(gzip.compress(data, mtime=0) if is_packed else data)
+    scans, odometry, (mount,), _ = events_of(path)
+    assert [s.stamp_ns for s in scans] == [START_NS + k * S for k in range(5)]
+    np.testing.assert_array_equal(scans[0].ranges_m, np.float32([1.0, 2.0, np.nan, np.inf, 3.0]))
+    assert scans[0].angle_min_rad == pytest.approx(-math.pi / 2)
+    assert scans[0].angle_increment_rad == pytest.approx(math.pi / 4)
+    assert scans[0].time_increment_s == pytest.approx(0.01 if version == 8 else 0.0)
+    assert [o.x_m for o in odometry] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+    assert mount.child_frame_id == ("laser" if version == 4 else "HOKUYO")
+    assert mount.translation_m == (0.2, 0.0, 0.3) and yaw_of(mount.quat_wxyz) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("version", [4, 5, 6, 7])
+def test_increments_of_actions_are_added_up_to_the_scans_after_them(tmp_path: Path, version: int) -> None:
+    data = b"".join(
+        action_of(0.5, math.pi / 2, version) + frame_of(scan_of(START_NS + k * S, to_left=False))
+        for k in range(4)
+    )
+    (tmp_path / "a.rawlog").write_bytes(data)
+    scans, odometry, _, _ = events_of(tmp_path / "a.rawlog")
+    assert [o.stamp_ns for o in odometry] == [s.stamp_ns for s in scans]
+    np.testing.assert_allclose(
+        [(o.x_m, o.y_m) for o in odometry], [(0.5, 0), (0.5, 0.5), (0, 0.5), (0, 0)], atol=1e-9
+    )
+    assert scans[0].angle_increment_rad == pytest.approx(-math.pi / 4)
+    assert scans[0].angle_min_rad == pytest.approx(math.pi / 2)
+
+
+def test_what_is_not_read_and_what_is_damaged_is_named(tmp_path: Path) -> None:
+    whole = scan_of(START_NS)
+    picture = object_of("CObservationImage", 3, bytes(1000))
+    data = (
+        picture + whole + scan_of(START_NS + S)[:-1] + b"\x00" + frame_of(scan_of(START_NS + 2 * S), picture)
+    )
+    (tmp_path / "a.rawlog").write_bytes(data)
+    scans, _, _, problems = events_of(tmp_path / "a.rawlog")
+    assert [s.stamp_ns for s in scans] == [START_NS, START_NS + 2 * S]
+    assert any("not read: 2 CObservationImage" in line for line in problems)
+    with open_log(tmp_path / "a.rawlog") as log:
+        assert log.is_lossy
+
+
+@pytest.mark.parametrize("cut", [30, 120, 180])
+def test_a_rawlog_without_a_whole_scan_is_refused(tmp_path: Path, cut: int) -> None:
+    (tmp_path / "a.rawlog").write_bytes(scan_of(START_NS)[:cut])
+    with pytest.raises(LogError, match="without scans"):
+        open_log(tmp_path / "a.rawlog")
+
+
+def test_a_damaged_packed_rawlog_and_a_bomb_are_refused(tmp_path: Path) -> None:
+    packed = gzip.compress(scan_of(START_NS) + np.random.default_rng(0).bytes(200_000), mtime=0)
+    (tmp_path / "a.rawlog").write_bytes(packed[:-30_000])
+    with pytest.raises(LogError, match="damaged"):
+        open_log(tmp_path / "a.rawlog")
+    (tmp_path / "b.rawlog").write_bytes(gzip.compress(scan_of(START_NS) + bytes(8 << 20), mtime=0))
+    with pytest.raises(LogError, match="more than 4 MiB"):
+        open_log(tmp_path / "b.rawlog")
