@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -33,6 +34,7 @@ Pose = Annotated[
         "--pose", metavar="X,Y,YAW", help="Pose of OTHER in MAP (m, m, rad). Default: by registration."
     ),
 ]
+MAX_COMPARED_CELLS = 25_000_000  # of a map; compared cell by cell, a second or two for each million
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 Mode = Annotated[
     Literal["trinary", "scale", "raw"],
@@ -120,10 +122,10 @@ def merge(
     force: Force = False,
 ) -> None:
     """Lay two overlapping maps on each other; the result has the frame and the resolution of the first."""
-    from gridslam.maps.editing import merged
+    from gridslam.maps.editing import MAX_CELLS, merged
     from gridslam.maps.load import load_any_map
 
-    base, second = load_any_map(map_path), load_any_map(other)
+    base, second = (load_any_map(path, MAX_CELLS) for path in (map_path, other))
     T_base_other, rows = _alignment(base, second, pose)
     _save(merged(base, second, T_base_other), output, mode, force, rows)
 
@@ -144,15 +146,18 @@ def compare(
     """Compare two maps of one place, aligned by their walls: distances between walls, overlap, a picture."""
     import numpy as np
 
+    from gridslam.core.files import write_atomic
     from gridslam.evaluation.map_comparison import compare_maps
     from gridslam.maps.load import load_any_map
 
-    base, second = load_any_map(map_path), load_any_map(other)
+    base, second = (load_any_map(path, MAX_COMPARED_CELLS) for path in (map_path, other))
     T_base_other, _ = _alignment(base, second, pose)
     found = compare_maps(base, second, T_base_other)
     if picture is not None:
         _check_free(picture, force)
-        found.picture.save(picture, format="PNG")
+        encoded = io.BytesIO()
+        found.picture.save(encoded, format="PNG")
+        write_atomic(picture, encoded.getvalue())
     figures = {
         "map.accuracy.mean": float(np.mean(found.accuracy_m)) if len(found.accuracy_m) else None,
         "map.completeness.mean": float(np.mean(found.completeness_m)) if len(found.completeness_m) else None,

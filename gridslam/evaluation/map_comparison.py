@@ -46,7 +46,7 @@ def align_maps(other: OccupancyGrid, base: OccupancyGrid) -> MapRegistration:
 
 
 def compare_maps(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> MapComparison:
-    """The second map compared with the first one as `evaluate` compares a map with the truth."""
+    """The second map compared with the first one as `evaluate` compares a map with the truth. Raises MapError: too many walls."""
     distances = wall_distances(other, base, T_base_other)
     iou = intersection_over_union(other, base, T_base_other)
     return MapComparison(distances.accuracy, distances.completeness, iou, _picture(base, other, T_base_other))

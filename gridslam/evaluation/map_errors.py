@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.occupancy import OccupancyGrid, marked_cells
 
 OCCUPIED_FROM = 0.5
 _MIN_PROBABILITY = 1e-6
@@ -43,8 +43,7 @@ def wall_distances(
     true = _centres(truth, _walls(truth))
     visible = _centres(truth, _borders_on_free(truth))
     if completeness_radius_m is not None and len(visible):
-        known = se2.transform_points(T_truth_built, _centres(built, ~np.isnan(built.probability)))
-        visible = visible[_nearest(visible, known) <= completeness_radius_m] if len(known) else visible[:0]
+        visible = visible[_near_known(built, T_truth_built, visible, completeness_radius_m)]
     return WallDistances(_nearest(mapped, true), _nearest(visible, mapped))
 
 
@@ -105,7 +104,30 @@ def _borders_on_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
 
 
 def _centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return grid.geometry.centres(np.argwhere(mask))
+    return grid.geometry.centres(marked_cells(mask))
+
+
+def _near_known(
+    built: OccupancyGrid, T_truth_built: NDArray[np.float64], points: NDArray[np.float64], radius_m: float
+) -> NDArray[np.bool_]:
+    """Which points `(n, 2)` of the truth's frame lie at most `radius_m` from the centre of a known cell.
+
+    The nearest is the cell in which the point lies, where that is known, and else one beside an unknown cell.
+    """
+    known = ~np.isnan(built.probability)
+    border = known.copy()
+    border[1:-1, 1:-1] &= ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
+    cells = built.geometry.cells(se2.transform_points(se2.inverse(T_truth_built), points))
+    inside = np.asarray(((cells >= 0) & (cells < known.shape)).all(axis=1))
+    own = inside.copy()
+    own[inside] = known[cells[inside, 0], cells[inside, 1]]
+    distances = np.full(len(points), np.inf)
+    centres = se2.transform_points(T_truth_built, built.geometry.centres(cells[own]))
+    distances[own] = np.hypot(*(points[own] - centres).T)
+    around = se2.transform_points(T_truth_built, built.geometry.centres(marked_cells(border, "border")))
+    if len(around) and not own.all():
+        distances[~own] = _nearest(points[~own], around)
+    return np.asarray(distances <= radius_m)
 
 
 def _on_cells_of(

@@ -9,22 +9,36 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, MapError
 from gridslam.maps.editing import FREE_UP_TO, OCCUPIED_FROM
 from gridslam.maps.occupancy import OccupancyGrid
 
 Floats = NDArray[np.float64]
 
 SUBCELLS = 4  # of a contour: it lies this part of a cell inside the border of its cells
+MAX_CONTOUR_CELLS = 25_000_000  # each of which is SUBCELLS^2 pixels while contours are found
+MAX_CONTOUR_EDGES = 2_000_000
 MAX_DEVIATION_CELLS = 0.4  # of a contour with fewer corners
 PIXEL_SCALE, TIE_POINT, TRANSFORMATION, GEO_KEYS = 33550, 33922, 34264, 34735
 DOUBLE, SHORT = 12, 3
 
 
 def wall_contours(grid: OccupancyGrid) -> list[Floats]:
-    """Closed contours `(n, 2)` (m, map frame) of the occupied areas and of the holes in them."""
-    walls = (grid.probability > OCCUPIED_FROM).astype(np.uint8)
-    fine = np.kron(np.pad(walls, 1), np.ones((SUBCELLS, SUBCELLS), np.uint8)).astype(np.uint8)
+    """Closed contours `(n, 2)` (m, map frame) of the occupied areas and of the holes in them.
+
+    Raises MapError: the map is too large, or its contours are too long.
+    """
+    walls = np.pad(grid.probability > OCCUPIED_FROM, 1).view(np.uint8)
+    if walls.size > MAX_CONTOUR_CELLS:
+        raise MapError(
+            f"contours are drawn of at most {MAX_CONTOUR_CELLS} cells; cut a part out of it with `gridslam maps crop`"
+        )
+    changes = int(np.count_nonzero(np.diff(walls, axis=0))) + int(np.count_nonzero(np.diff(walls, axis=1)))
+    if changes > MAX_CONTOUR_EDGES:
+        raise MapError(
+            f"the contours of the walls have {changes} edges of cells, as noise has; the limit is {MAX_CONTOUR_EDGES}"
+        )
+    fine = cv2.resize(walls, None, fx=SUBCELLS, fy=SUBCELLS, interpolation=cv2.INTER_NEAREST)
     found, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     contours = []
     for contour in found:
@@ -73,8 +87,10 @@ def geotiff_bytes(grid: OccupancyGrid, epsg: int, easting_northing: tuple[float,
     """
     if not 1024 <= epsg <= 32767:
         raise ConfigError(f"--epsg {epsg}: expected the code of a projected system, from 1024 to 32767")
-    p = grid.probability
-    pixels = np.where(p >= OCCUPIED_FROM, 0, np.where(p <= FREE_UP_TO, 254, 205)).astype(np.uint8)[::-1]
+    p = grid.probability[::-1]
+    pixels = np.full(p.shape, 205, np.uint8)
+    pixels[p <= FREE_UP_TO] = 254
+    pixels[p >= OCCUPIED_FROM] = 0
     rows, _ = p.shape
     cell = grid.geometry.resolution_m
     top_left, right, below = grid.geometry.centres(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
-from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid, marked_cells
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -59,33 +59,45 @@ def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
     rows, cols = free.shape
     if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
         raise ConfigError(f"the point {start_xy[0]:g}, {start_xy[1]:g} does not lie in free space of the map")
-    _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    inside = (labels == labels[row, col]).astype(np.uint8)
-    around = cv2.dilate(inside, np.ones((2 * WALL_CELLS + 1,) * 2, np.uint8)).astype(np.bool_)
-    is_wall = around & (grid.probability > FREE_UP_TO)
-    return _kept(grid, inside.astype(np.bool_) | is_wall, "nothing is reachable")
+    inside = free.astype(np.uint8)
+    cv2.floodFill(inside, None, (int(col), int(row)), 2, flags=4)
+    inside = (inside == 2).view(np.uint8)
+    around = cv2.dilate(inside, np.ones((2 * WALL_CELLS + 1,) * 2, np.uint8)).view(np.bool_)
+    around &= ~free  # the walls, and cells between free and occupied
+    return _kept(grid, around | inside.view(np.bool_), "nothing is reachable")
 
 
 def _kept(grid: OccupancyGrid, mask: Bools, problem: str) -> OccupancyGrid:
     """The cells of a mask in the smallest grid that holds the known ones."""
-    values = np.where(mask, grid.probability, np.float32(np.nan)).astype(np.float32)
-    return trimmed(OccupancyGrid(values, grid.geometry), problem)
+    rows, cols = _extent(mask & ~np.isnan(grid.probability), problem)
+    part = _part(grid, rows, cols)
+    part.probability[~mask[rows, cols]] = np.nan
+    return part
 
 
 def trimmed(grid: OccupancyGrid, problem: str = "the map has no known cell") -> OccupancyGrid:
     """The map without unknown rows and columns at its borders. Raises ConfigError: no cell is known."""
-    known = ~np.isnan(grid.probability)
+    return _part(grid, *_extent(~np.isnan(grid.probability), problem))
+
+
+def _extent(known: Bools, problem: str) -> tuple[slice, slice]:
+    """The rows and columns with a known cell. Raises ConfigError: there is none."""
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
         raise ConfigError(problem)
-    x, y = grid.geometry.centres(np.array([[rows[0] - 0.5, cols[0] - 0.5]]))[0].tolist()
-    values = grid.probability[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].copy()
-    return OccupancyGrid(values, GridGeometry(grid.geometry.resolution_m, (x, y), grid.geometry.yaw_rad))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
+def _part(grid: OccupancyGrid, rows: slice, cols: slice) -> OccupancyGrid:
+    """A copy of some rows and columns."""
+    x, y = grid.geometry.centres(np.array([[rows.start - 0.5, cols.start - 0.5]]))[0].tolist()
+    geometry = GridGeometry(grid.geometry.resolution_m, (x, y), grid.geometry.yaw_rad)
+    return OccupancyGrid(grid.probability[rows, cols].astype(np.float32), geometry)
 
 
 def wall_direction(grid: OccupancyGrid) -> float:
     """The heading (rad, in [-pi/4, pi/4)) that most walls run along or across in the map frame. Raises ConfigError: no wall."""
-    points = grid.geometry.centres(np.argwhere(grid.probability > OCCUPIED_FROM))
+    points = grid.geometry.centres(marked_cells(grid.probability > OCCUPIED_FROM))
     if not len(points):
         raise ConfigError("the map has no wall whose direction could be found")
     coarse = np.radians(np.arange(-45.0, 45.0, COARSE_DEG))

@@ -41,7 +41,7 @@ class ImageLevels:
     translucent: int = 0
 
 
-def read_levels(path: Path) -> ImageLevels:
+def read_levels(path: Path, max_pixels: int = MAX_PIXELS) -> ImageLevels:
     """The levels of an image.
 
     Raises MapError: the image is missing, damaged, of another format, empty or too large.
@@ -54,7 +54,7 @@ def read_levels(path: Path) -> ImageLevels:
             # Pillow warns at 89 million pixels; the check below has a limit of its own.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path, formats=("PPM", "PNG", "BMP")) as image:
-                _check_size(path, image.size)
+                _check_size(path, image.size, max_pixels)
                 return _levels(path, image)
     except Image.DecompressionBombError:  # beyond Pillow's own limit the size is not known
         raise MapError(
@@ -80,13 +80,13 @@ def check_header(path: Path) -> None:
         )
 
 
-def _check_size(path: Path, size: tuple[int, int]) -> None:
+def _check_size(path: Path, size: tuple[int, int], max_pixels: int) -> None:
     width, height = size
     if width < 1 or height < 1:
         raise MapError(f"{path}: the image is empty ({width} x {height} pixels)")
-    if width * height > MAX_PIXELS:
+    if width * height > max_pixels:
         raise MapError(
-            f"{path}: {width} x {height} pixels, at most {MAX_PIXELS} are read: "
+            f"{path}: {width} x {height} pixels, at most {max_pixels} are read: "
             "crop the map or use coarser cells"
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gridslam.core.errors import MapError
+from gridslam.maps.image_levels import MAX_PIXELS
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.wean import decompressed_head, load_wean_map, looks_like_wean_map
@@ -13,10 +14,10 @@ _IMAGE_MAGIC = (b"P2", b"P5", b"\x89PNG", b"BM")
 _YAML_SUFFIXES = frozenset({".yaml", ".yml"})
 
 
-def load_any_map(path: str | Path) -> OccupancyGrid:
+def load_any_map(path: str | Path, max_cells: int = MAX_PIXELS) -> OccupancyGrid:
     """The map of a map_server YAML or of Wean Hall's wean.dat(.gz).
 
-    Raises MapError: the file is missing, damaged or of another format.
+    Raises MapError: the file is missing, damaged or of another format, or the map has more than `max_cells` cells.
     """
     path = Path(path)
     if path.is_dir():
@@ -27,4 +28,4 @@ def load_any_map(path: str | Path) -> OccupancyGrid:
             return load_wean_map(path)
         if head.startswith(_IMAGE_MAGIC):
             raise MapError(f"{path}: an image alone has no scale; give the YAML file that names it")
-    return load_map(path)
+    return load_map(path, max_cells=max_cells)

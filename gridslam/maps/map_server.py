@@ -23,7 +23,7 @@ from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
 from gridslam.core.files import real_path, write_atomic
-from gridslam.maps.image_levels import ImageLevels, read_levels
+from gridslam.maps.image_levels import MAX_PIXELS, ImageLevels, read_levels
 from gridslam.maps.map_yaml import MapYaml, Mode, read_map_yaml
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
@@ -58,7 +58,9 @@ class Thresholds:
             )
 
 
-def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> OccupancyGrid:
+def load_map(
+    yaml_path: str | Path, *, inside_folder: bool = False, max_cells: int = MAX_PIXELS
+) -> OccupancyGrid:
     """The map of a map_server YAML; probability = nav2's cell value / 100, NaN for unknown cells.
 
     The image's path is relative to the YAML. As in nav2, absolute paths and `..` are followed, unless `inside_folder` is set
@@ -72,7 +74,7 @@ def load_map(yaml_path: str | Path, *, inside_folder: bool = False) -> Occupancy
     image_path = path.parent / meta.image
     if inside_folder and not real_path(image_path).is_relative_to(real_path(path.parent)):
         raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
-    image = read_levels(image_path)
+    image = read_levels(image_path, max_cells)
     _warn_about_unusual_values(path, meta, image)
     cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
     cells = _with_unknown_grey(path, meta, image, cells)

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+from gridslam.core import poses as se2
 from gridslam.core.poses import compose, inverse
-from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wall_distances
+from gridslam.evaluation.map_errors import _near_known, intersection_over_union, log_loss, wall_distances
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 HERE = np.zeros(3)
@@ -88,3 +90,17 @@ def test_a_map_without_walls_has_no_distances() -> None:
     empty = grid(["....", "...."])
     assert len(wall_distances(empty, empty, HERE).accuracy) == 0
     assert math.isnan(intersection_over_union(empty, empty, HERE))
+
+
+@pytest.mark.parametrize("radius_m", [0.02, 0.1, 0.6])
+def test_points_near_known_cells_are_those_near_any_of_them(radius_m: float) -> None:
+    rng = np.random.default_rng(3)
+    values = np.where(rng.random((40, 50)) < 0.3, np.nan, 0.5).astype(np.float32)
+    values[10:30, 5:40] = 0.5
+    built = OccupancyGrid(values, GridGeometry(0.1, (1.0, -2.0), 0.4))
+    pose = np.array([0.3, 0.2, 1.0])
+    points = rng.uniform(-6.0, 6.0, (3000, 2))
+    known = se2.transform_points(pose, built.geometry.centres(np.argwhere(~np.isnan(values))))
+    expected = cKDTree(known).query(points)[0] <= radius_m
+    np.testing.assert_array_equal(_near_known(built, pose, points, radius_m), expected)
+    assert 0 < expected.sum() < len(points)

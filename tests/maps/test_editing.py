@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, MapError
+from gridslam.evaluation.map_errors import wall_points
+from gridslam.maps import drawings_out, occupancy
+from gridslam.maps.drawings_out import svg_text
 from gridslam.maps.editing import crop_to_polygon, crop_to_reachable, merged, moved, wall_direction
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
@@ -89,3 +92,19 @@ def test_a_polygon_that_reaches_far_beyond_the_map_keeps_its_edges() -> None:
 def test_a_map_that_would_be_endless_is_refused(pose: tuple[float, float, float]) -> None:
     with pytest.raises(ConfigError, match="the limit is"):
         merged(room(), room(), np.array(pose))
+
+
+def test_noise_is_refused_before_its_walls_are_looked_at_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = OccupancyGrid(
+        np.random.default_rng(0).random((200, 200)).astype(np.float32), GridGeometry(0.05, (0.0, 0.0))
+    )
+    monkeypatch.setattr(occupancy, "MAX_MARKED_CELLS", 10_000)
+    for look in (wall_direction, wall_points):
+        with pytest.raises(MapError, match=r"200 x 200 cells has \d+ wall cells; the limit is 10000"):
+            look(noise)
+    monkeypatch.setattr(drawings_out, "MAX_CONTOUR_EDGES", 1_000)
+    with pytest.raises(MapError, match="edges of cells, as noise has"):
+        svg_text(noise)
+    monkeypatch.setattr(drawings_out, "MAX_CONTOUR_CELLS", 10_000)
+    with pytest.raises(MapError, match="at most 10000 cells"):
+        svg_text(noise)
