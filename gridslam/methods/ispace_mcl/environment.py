@@ -105,10 +105,10 @@ def all_moving(observations: Sequence[CameraObservation]) -> Floats:
 
 def past_positions(transforms: Sequence[Floats], poses: Floats) -> Iterator[Floats]:
     """Positions `(n, 2)` in the past of robots with poses `(n, 3)` now, for each of the transforms T_now_then `(3,)`."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    (x, y), cos, sin = poses[:, :2].T.copy(), np.cos(poses[:, 2]), np.sin(poses[:, 2])
     for T_now_then in transforms:
         dx, dy = float(T_now_then[0]), float(T_now_then[1])
-        yield np.column_stack([poses[:, 0] + cos * dx - sin * dy, poses[:, 1] + sin * dx + cos * dy])
+        yield np.stack([x + cos * dx - sin * dy, y + sin * dx + cos * dy]).T
 
 
 class DetectionWeight:
@@ -225,9 +225,8 @@ def is_in_cells(cells: FloorCells, positions: Floats) -> NDArray[np.bool_]:
     """Mask `(n,)` of the positions `(n, 2)` that lie in one of the cells."""
     if not len(cells):
         return np.zeros(len(positions), np.bool_)
-    grid, origin = _raster(cells, 0)
-    index, inside = _indices(positions, origin, cells.size_m, grid.shape)
-    return np.asarray(inside & (grid[index[:, 1], index[:, 0]] == 0))
+    grid, origin = _raster(cells, 1)
+    return np.asarray((grid == 0)[_nearest_cell(positions, origin, cells.size_m, grid.shape)])
 
 
 def distance_to_cells(cells: FloorCells, positions: Floats, max_distance_m: float) -> Floats:
@@ -235,9 +234,8 @@ def distance_to_cells(cells: FloorCells, positions: Floats, max_distance_m: floa
     if not len(cells):
         return np.full(len(positions), max_distance_m)
     grid, origin = _raster(cells, int(np.ceil(max_distance_m / cells.size_m)))
-    distances = distances_to(grid == 0) * cells.size_m
-    index, inside = _indices(positions, origin, cells.size_m, grid.shape)
-    return np.where(inside, np.minimum(distances[index[:, 1], index[:, 0]], max_distance_m), max_distance_m)
+    distances = np.minimum(distances_to(grid == 0) * cells.size_m, max_distance_m)
+    return np.asarray(distances[_nearest_cell(positions, origin, cells.size_m, grid.shape)])
 
 
 def _raster(cells: FloorCells, margin: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -250,10 +248,15 @@ def _raster(cells: FloorCells, margin: int) -> tuple[NDArray[np.uint8], NDArray[
     return grid, origin
 
 
-def _indices(
+def _nearest_cell(
     positions: Floats, origin: NDArray[np.int64], cell_m: float, shape: tuple[int, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Column and row `(n, 2)` of positions in a raster, 0 for those outside of it, and a mask `(n,)` of those inside."""
-    index = np.floor(positions / cell_m).astype(np.int64) - origin
-    inside = (index >= 0).all(axis=1) & (index[:, 0] < shape[1]) & (index[:, 1] < shape[0])
-    return np.where(inside[:, None], index, 0), inside
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column `(n,)` of positions in a raster; of those outside of it, the cell of its border that is nearest.
+
+    Column by column: numpy is several times slower along an axis of two.
+    """
+    row, col = (
+        np.clip(np.floor(positions[:, axis] / cell_m) - origin[axis], 0, size - 1).astype(np.int64)
+        for axis, size in ((1, shape[0]), (0, shape[1]))
+    )
+    return row, col
