@@ -36,7 +36,7 @@ def systematic_resampling(weights: Floats, count: int, rng: np.random.Generator)
 
 def resample(particles: Particles, size: AdaptiveSize, rng: np.random.Generator) -> Particles:
     """Particles with equal weights by systematic resampling; their number is that of KLD sampling."""
-    return Particles.even(particles.poses[_drawn(particles.poses, particles.weights, size, rng)])
+    return Particles.even(particles.poses.take(_drawn(particles.poses, particles.weights, size, rng), axis=0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
 
+_EMPTY = -1
+# Bins of position and heading in one number of 63 bits: bins repeat after 2^26 in position, which is farther than any map.
+_BINS_MASK, _YAW_MASK = (1 << 26) - 1, (1 << 11) - 1
+
 
 @compiled
 def systematic(weights: NDArray[np.float64], count: int, start: float) -> NDArray[np.int64]:
@@ -37,23 +41,21 @@ def occupied_bins(poses: NDArray[np.float64], chosen: NDArray[np.int64], bin_m: 
     size = 1  # of a hash table with open addressing
     while size < 2 * chosen.shape[0] + 2:
         size *= 2
-    slots = np.full((size, 3), -(1 << 60), np.int64)
-    count = 0
-    last_x = last_y = last_yaw = np.int64(-(1 << 60))
+    slots = np.full(size, _EMPTY, np.int64)
+    count, last = 0, _EMPTY
     for k in range(chosen.shape[0]):
         i = chosen[k]
-        x = np.int64(np.floor(poses[i, 0] / bin_m))
-        y = np.int64(np.floor(poses[i, 1] / bin_m))
-        yaw = np.int64(np.floor(poses[i, 2] / bin_rad))
-        if x == last_x and y == last_y and yaw == last_yaw:
+        x = np.int64(np.floor(poses[i, 0] / bin_m)) & _BINS_MASK
+        y = np.int64(np.floor(poses[i, 1] / bin_m)) & _BINS_MASK
+        yaw = np.int64(np.floor(poses[i, 2] / bin_rad)) & _YAW_MASK
+        key = (x * (_BINS_MASK + 1) + y) * (_YAW_MASK + 1) + yaw
+        if key == last:
             continue
-        last_x, last_y, last_yaw = x, y, yaw
+        last = key
         slot = (x * 73856093 ^ y * 19349663 ^ yaw * 83492791) & (size - 1)
-        while True:
-            if slots[slot, 0] == x and slots[slot, 1] == y and slots[slot, 2] == yaw:
-                break
-            if slots[slot, 0] == -(1 << 60):
-                slots[slot, 0], slots[slot, 1], slots[slot, 2] = x, y, yaw
+        while slots[slot] != key:
+            if slots[slot] == _EMPTY:
+                slots[slot] = key
                 count += 1
                 break
             slot = (slot + 1) & (size - 1)

@@ -45,6 +45,9 @@ class SearchSchedule:
 
         `status` is that of the particles alone.
         """
+        if status != "localized" and self._is_confirmed:  # compared again by scans of its own, soon and often
+            self._is_confirmed = False
+            self._travel_m = self._since_search_m = 0.0
         rate = LOG_ODDS_PER_M if status == "localized" and self.is_trusted else 0.0
         if status == "lost":
             rate = -LOST_LOG_ODDS_PER_M
@@ -67,8 +70,10 @@ class SearchSchedule:
         self._since_search_m = 0.0
 
     def confirm(self, is_confirmed: bool) -> None:
-        """Store whether the last comparison confirmed the tracked pose."""
+        """Store whether the last comparison confirmed the tracked pose; if not, half of its prior log-odds are withdrawn."""
         self.is_trusted = is_confirmed
+        if not is_confirmed:
+            self.prior_log_odds *= 0.5
         self._is_confirmed = is_confirmed and self._travel_m >= CHECK_M
 
     def doubt(self) -> None:

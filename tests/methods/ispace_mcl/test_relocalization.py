@@ -75,6 +75,12 @@ def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():
     assert not schedule.is_due("localized")
     schedule.assessed("localized", 0.7, 0.2)  # the scans agree less with the map than before
     assert schedule.is_due("localized")
+    schedule.searched()
+    schedule.assessed("uncertain", 0.7, 0.2)  # soon compared again, although it agrees with the map again
+    schedule.travel(1.0)
+    assert schedule.is_due("localized")
+    schedule.confirm(False)
+    assert (schedule.is_trusted, schedule.prior_log_odds) == (False, pytest.approx(2.6))
     schedule.doubt()
     assert (schedule.is_trusted, schedule.prior_log_odds) == (False, 0.0)
 
