@@ -42,7 +42,7 @@ def occupied_bins(poses: NDArray[np.float64], chosen: NDArray[np.int64], bin_m: 
     while size < 2 * chosen.shape[0] + 2:
         size *= 2
     slots = np.full(size, _EMPTY, np.int64)
-    count, last = 0, _EMPTY
+    count, last = 0, np.int64(_EMPTY)
     for k in range(chosen.shape[0]):
         i = chosen[k]
         x = np.int64(np.floor(poses[i, 0] / bin_m)) & _BINS_MASK
