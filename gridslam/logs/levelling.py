@@ -30,6 +30,10 @@ from gridslam.logs.streams import Source
 Floats = NDArray[np.float64]
 
 PROBED_READINGS = 200  # an IMU that measured no orientation and no acceleration in these has none
+MIN_COVERED, FULLY_COVERED = (
+    0.1,
+    0.95,
+)  # fraction of the scans that have a reading: below, no levelling and a note
 MIN_SPACING_NS = 5_000_000  # between readings that are kept: robots tilt slowly
 MIN_KNOWN_HEIGHT_M = 0.1  # a lidar that is lower has no height, or its base is not on the floor
 GROUND_M, HALF_BAND_M, HEADROOM_M = (
@@ -83,9 +87,26 @@ def find_tilt(
             continue
         if found.is_level:
             return None
-        message_counts.note(_used(stream.label, found, frame if mount is None else None))
+        covered = _covered(source, selection, found)
+        if covered < MIN_COVERED:
+            message_counts.note(
+                f"{stream.label}: its readings cover {covered:.0%} of the scans, which are not levelled"
+            )
+            continue
+        line = _used(stream.label, found, frame if mount is None else None)
+        partly = f"; its readings cover {covered:.0%} of the scans, and the others are not levelled"
+        message_counts.note(line + partly * (covered < FULLY_COVERED))
         return Tilt(found.stamps_ns, found.up)
     return None
+
+
+def _covered(source: Source, selection: StreamSelection, found: Verticals) -> float:
+    """The fraction of the scans that have a reading within MAX_GAP_S."""
+    scans = [source.streams[i].stamps_ns for i, kind in selection.kind_of.items() if kind == "scan"]
+    stamps_ns = np.concatenate([np.asarray(one, np.int64) for one in scans])
+    after = np.clip(np.searchsorted(found.stamps_ns, stamps_ns), 1, len(found.stamps_ns) - 1)
+    apart = np.minimum(*(np.abs(found.stamps_ns[k] - stamps_ns) for k in (after - 1, after)))
+    return float((apart <= MAX_GAP_S * 1e9).mean()) if len(stamps_ns) else 0.0
 
 
 @dataclass(frozen=True, slots=True)

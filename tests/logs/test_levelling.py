@@ -206,6 +206,21 @@ def test_scans_stay_as_they_are_where_no_tilt_is_known(
         assert one.ranges_m.tobytes() == other.ranges_m.tobytes()
 
 
+@pytest.mark.parametrize(("last_s", "shift_s", "line"), [(5.0, 0.0, "cover 5"), (99.0, 500.0, "cover 0%")])
+def test_an_imu_that_covers_a_part_of_the_scans_says_so(
+    tmp_path: Path, last_s: float, shift_s: float, line: str
+) -> None:
+    def imu(stamp_ns: int, attitude: Rotation) -> Imu:
+        made = full_imu(stamp_ns, attitude)
+        is_early = stamp_ns < (1.0 + last_s) * S
+        return replace(made, stamp_ns=stamp_ns + round(shift_s * S)) if is_early else Imu(0, "a", 0.0)
+
+    with open_log(log_with(tmp_path / "a.mcap", imu), kinds=KINDS) as log:
+        assert any(line in problem and "not levelled" in problem for problem in log.problems)
+        scans = [e for e in log.events() if isinstance(e, LaserScan)]
+    assert {e.frame_id for e in scans} == {"laser"} or shift_s == 0.0
+
+
 def test_an_imu_without_extrinsics_is_taken_as_the_base_aloud(tmp_path: Path) -> None:
     path = log_with(tmp_path / "a.mcap", lambda s, a: full_imu(s, a, "imu_link"))
     with open_log(path, kinds=KINDS) as log:
