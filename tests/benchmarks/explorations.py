@@ -242,7 +242,7 @@ def trials() -> dict[str, list[Trial]]:
     }
     folder = data_dir()
     if folder is not None:
-        sets["sketches"] = list(_sketch_trials(folder / "sketches"))
+        sets["sketches"] = [sketch_trial(name, folder / "sketches") for name in SKETCHES]
     return sets
 
 
@@ -270,16 +270,17 @@ SKETCHES = {
 }
 
 
-def _sketch_trials(folder: Path) -> Iterator[Trial]:
-    for drawing, (plan, resolution_m, start, start_drawn) in SKETCHES.items():
-        building, _ = load_world("hand-corridor-25")
-        document = {
-            "plan": {"file": str((folder / f"{plan}.png").resolve()), "resolution_m": resolution_m, "walls_are": "bright"},
-            "robot": {"start": list(start), "wheels": building.robot.wheels.model_dump()},
-            "sensors": building.sensors.model_dump(exclude_none=True),
-        }  # fmt: skip
-        world = validate_world(document, plan)
-        yield Trial(drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder)
+def sketch_trial(drawing: str, folder: Path) -> Trial:
+    """The place of a person's drawing in the folder of the sketches."""
+    plan, resolution_m, start, start_drawn = SKETCHES[drawing]
+    building, _ = load_world("hand-corridor-25")
+    document = {
+        "plan": {"file": str((folder / f"{plan}.png").resolve()), "resolution_m": resolution_m, "walls_are": "bright"},
+        "robot": {"start": list(start), "wheels": building.robot.wheels.model_dump()},
+        "sensors": building.sensors.model_dump(exclude_none=True),
+    }  # fmt: skip
+    world = validate_world(document, plan)
+    return Trial(drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder)
 
 
 def table(results: Iterable[ExplorationResult]) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, distances_along
 from gridslam.methods.handmap_slam.warp.repair import SLIDE_M, from_exits, slid, unlocated_stretches
-from gridslam.methods.handmap_slam.warp.results import doubt_about
+from gridslam.methods.handmap_slam.warp.results import doubt_about, notes_about
 from gridslam.methods.handmap_slam.warp.search import distinct
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp
 from tests.benchmarks.bench_drawn_buildings import trial
@@ -27,9 +27,12 @@ def test_the_drawing_of_another_building_does_not_fit() -> None:
     assert found.doubtful == 1.0
 
 
-@pytest.mark.parametrize(("doubtful_places", "status"), [(0, None), (1, None), (3, "lost"), (20, "lost")])
-def test_a_run_is_lost_if_much_of_its_path_may_lie_elsewhere_in_the_drawing(
-    doubtful_places: int, status: str | None
+@pytest.mark.parametrize(
+    ("doubtful_places", "status", "is_noted"),
+    [(0, None, False), (1, None, False), (6, None, True), (20, "lost", False)],
+)
+def test_a_run_is_lost_if_all_of_its_path_may_lie_elsewhere_in_the_drawing_and_says_so_of_a_part(
+    doubtful_places: int, status: str | None, is_noted: bool
 ) -> None:
     places = 20
     none = [np.zeros((0, 2))] * places
@@ -47,8 +50,9 @@ def test_a_run_is_lost_if_much_of_its_path_may_lie_elsewhere_in_the_drawing(
     )
     doubt = doubt_about(warp)
     assert (doubt and doubt.status) == status
-    if doubt is not None:
-        assert f"{doubtful_places / places:.0%} of the path" in doubt.reason
+    said = [doubt.reason] if doubt is not None else list(notes_about(warp))
+    assert bool(said) == (is_noted or status is not None)
+    assert all(f"{doubtful_places / places:.0%} of the path" in line for line in said)
 
 
 def chain(places: int) -> PlaceGraph:

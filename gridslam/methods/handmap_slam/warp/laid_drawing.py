@@ -19,6 +19,7 @@ from gridslam.methods.handmap_slam.warp.comparison import DrawingComparison, com
 from gridslam.methods.handmap_slam.warp.results import (
     doubt_about,
     measures_of_warp,
+    notes_about,
     poses_in_drawing,
     tables_of,
     warp_picture,
@@ -64,6 +65,7 @@ class LaidDrawing:
                 "warp": warp_picture(self.drawn, self.warp, self.comparison, self.path),
             },
             doubt=result.doubt or doubt_about(self.warp),
+            notes=(*result.notes, *notes_about(self.warp)),
         )
 
 

@@ -25,7 +25,9 @@ OUTSIDE, DRAWN, WALL = (214, 218, 224), (255, 255, 255), (60, 66, 76)
 AGREES, DIFFERS = (222, 240, 222), (250, 226, 200)
 LACKING, EXTRA, PATH, START = (205, 45, 45), (150, 60, 190), (30, 110, 200), (30, 150, 70)
 DOUBTFUL = (240, 130, 20)
-MAX_DOUBTFUL_FRACTION = 0.1  # of the poses, in a run that is complete
+# Of the poses. Above the first a note says so, above the last the run is lost: of the doubtful poses of made drawings one in six
+# is wrong, and most of the others lie about them.
+MAX_DOUBTFUL_FRACTION, LOST_FRACTION = 0.1, 0.75
 MIN_PICTURE_PX, MAX_PICTURE_PX = 700, 1600
 
 
@@ -103,7 +105,7 @@ _STATES = {"agree": "agrees", "differ": "differs", "not_visited": "not visited"}
 
 
 def doubt_about(warp: DrawingWarp) -> Doubt | None:
-    """Doubt where the drawing cannot be laid over the map, or over a substantial part of it."""
+    """Doubt where the drawing cannot be laid over the map, or over hardly any part of it with certainty."""
     if not warp.fits:
         return Doubt(
             "lost",
@@ -112,12 +114,19 @@ def doubt_about(warp: DrawingWarp) -> Doubt | None:
             "does it show this place, is it not mirrored, and is method.start right?",
         )
     doubtful = float(warp.doubtful_poses.mean())
-    if doubtful <= MAX_DOUBTFUL_FRACTION:
-        return None
-    return Doubt(
-        "lost",
+    return Doubt("lost", _doubtful_line(doubtful)) if doubtful > LOST_FRACTION else None
+
+
+def notes_about(warp: DrawingWarp) -> tuple[str, ...]:
+    """A line for the user if the robot's place in the drawing is uncertain over a part of the path."""
+    doubtful = float(warp.doubtful_poses.mean())
+    return (_doubtful_line(doubtful),) if MAX_DOUBTFUL_FRACTION < doubtful <= LOST_FRACTION else ()
+
+
+def _doubtful_line(doubtful: float) -> str:
+    return (
         f"over {doubtful:.0%} of the path the robot may be elsewhere in the drawing: parts of it do not fit the map, or fit in "
-        "another way as well (orange in warp.png, `doubtful` in drawing_path.csv); the map is not affected",
+        "another way as well (orange in warp.png, `doubtful` in drawing_path.csv); the map is not affected"
     )
 
 
