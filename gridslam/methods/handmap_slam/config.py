@@ -116,7 +116,7 @@ class HandmapAdvancedConfig(StrictModel):
         ge=0.0,
         lt=1.0,
         description="Fraction of the particles placed at the earlier pose in the drawing when the robot returns to a place; "
-        "0: none, as in the paper; raise it if the robot loses its place after loops.",
+        "0: none, as in the paper; raise it if the robot loses its place after loops. Only with one scale, or with lines.",
     )
     memory_limit_mb: float = Field(
         1024.0,

@@ -21,6 +21,7 @@ from gridslam.methods.handmap_slam.line_observation import (
     families_observed,
 )
 from gridslam.methods.handmap_slam.localizer import DrawingBelief, DrawingLocalizer
+from gridslam.methods.handmap_slam.place_localizer import PlaceLocalizer
 from gridslam.methods.handmap_slam.visited_poses import VisitedPose, VisitedPoses
 
 Floats = NDArray[np.float64]
@@ -75,7 +76,7 @@ class DrawingTracker:
     ) -> None:
         self._config = config
         self._observer = observer
-        self._localizer = DrawingLocalizer(config, drawn, rng)
+        self._localizer = localizer_of(config, drawn, rng)
         self._line_rng = line_rng
         self._updated_at: Floats | None = None  # the front end's pose at the last update
         self._pose_at_update: DrawingPose | None = None
@@ -149,7 +150,8 @@ class DrawingTracker:
 
         A deformed drawing is deformed in the same way on the second visit.
         """
-        if not self._config.advanced.revisit_fraction:
+        localizer = self._localizer
+        if isinstance(localizer, PlaceLocalizer) or not self._config.advanced.revisit_fraction:
             return
         before_m = self._travelled_m - REVISIT_AFTER_M
         earlier = [
@@ -161,7 +163,7 @@ class DrawingTracker:
             best = max(earlier, key=lambda visited: visited.pose.inlier_ratio)
             pose = best.pose.after(se2.between(best.track_pose, track_pose))
             scales = np.log([pose.scale_x, pose.scale_y])
-            self._localizer.place_particles(np.array([pose.x, pose.y, pose.yaw_rad, *scales]))
+            localizer.place_particles(np.array([pose.x, pose.y, pose.yaw_rad, *scales]))
             self.counters["drawing.revisits"] += 1
 
     def _corrected(self, pose: DrawingPose, observed: list[ObservedLine]) -> DrawingPose:
@@ -174,6 +176,15 @@ class DrawingTracker:
         self._localizer.shift(offset)
         self.counters["drawing.corrections"] += 1
         return replace(pose, x=pose.x + float(offset[0]), y=pose.y + float(offset[1]))
+
+
+def localizer_of(
+    config: HandmapSlamConfig, drawn: DrawnMap, rng: np.random.Generator
+) -> DrawingLocalizer | PlaceLocalizer:
+    """The localizer over places; that of the paper for its front end, and for one scale along both axes."""
+    if config.front_end == "surfaces" and config.localization.separate_scales:
+        return PlaceLocalizer(config, drawn, rng)
+    return DrawingLocalizer(config, drawn, rng)
 
 
 def _pose_of(belief: DrawingBelief, stamp_ns: int) -> DrawingPose:

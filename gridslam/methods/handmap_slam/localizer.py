@@ -126,19 +126,7 @@ class DrawingLocalizer:
 
     def belief(self, points: Floats) -> DrawingBelief:
         """The heaviest cluster of particles, and the inlier ratio of the points there."""
-        weights = self._weights
-        scale = np.exp(float(weights @ self.states[:, 3:].mean(axis=1)))
-        cluster = main_cluster(Particles(self.states[:, :3], weights), CLUSTER_M * scale, CLUSTER_RAD)
-        offsets = self.states[:, :3] - cluster.mean
-        near = np.hypot(offsets[:, 0], offsets[:, 1]) < CLUSTER_M * scale
-        near &= np.abs(se2.wrap_angle(offsets[:, 2])) < CLUSTER_RAD
-        in_cluster = np.where(near, weights, 0.0)
-        in_cluster = in_cluster / in_cluster.sum() if in_cluster.sum() > 0.0 else weights
-        scales = in_cluster @ self.states[:, 3:]
-        variance = in_cluster @ (self.states[:, 3:] - scales) ** 2
-        state = np.concatenate([cluster.mean, scales])
-        std = np.sqrt(np.concatenate([np.diag(cluster.covariance), variance]))
-        return DrawingBelief(state, std, self._likelihood.inlier_ratio(points, state))
+        return belief_of(self.states, self._weights, self._likelihood, points)
 
     def _aspect_prior(self) -> Floats:
         """Log-density `(n,)` of the difference of the two scales, for one update: drawings are stretched within bounds."""
@@ -163,6 +151,22 @@ class DrawingLocalizer:
             noise[:, 4] = noise[:, 3]
         self.states = self.states + noise
         self.states[:, 2] = se2.wrap_angle(self.states[:, 2])
+
+
+def belief_of(states: Floats, weights: Floats, likelihood: DrawnLikelihood, points: Floats) -> DrawingBelief:
+    """The heaviest cluster of particles `(n, 5)` with weights `(n,)`, and the inlier ratio of the points `(m, 2)` there."""
+    scale = np.exp(float(weights @ states[:, 3:].mean(axis=1)))
+    cluster = main_cluster(Particles(states[:, :3], weights), CLUSTER_M * scale, CLUSTER_RAD)
+    offsets = states[:, :3] - cluster.mean
+    near = np.hypot(offsets[:, 0], offsets[:, 1]) < CLUSTER_M * scale
+    near &= np.abs(se2.wrap_angle(offsets[:, 2])) < CLUSTER_RAD
+    in_cluster = np.where(near, weights, 0.0)
+    in_cluster = in_cluster / in_cluster.sum() if in_cluster.sum() > 0.0 else weights
+    scales = in_cluster @ states[:, 3:]
+    variance = in_cluster @ (states[:, 3:] - scales) ** 2
+    state = np.concatenate([cluster.mean, scales])
+    std = np.sqrt(np.concatenate([np.diag(cluster.covariance), variance]))
+    return DrawingBelief(state, std, likelihood.inlier_ratio(points, state))
 
 
 def first_states(

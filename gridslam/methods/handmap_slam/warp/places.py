@@ -28,6 +28,10 @@ MAX_UNKNOWN_M = (
     0.15  # neighbours see each other if the ray between them ends no earlier than this before the other
 )
 OCCUPIED = 0.5
+OPEN_MARGIN_M, OPEN_FRACTIONS = (
+    0.2,
+    np.array([0.35, 0.65, 0.9]),
+)  # of points before a surface, and where between
 
 
 @dataclass(frozen=True)
@@ -82,12 +86,16 @@ def place_graph(occupancy: OccupancyGrid, poses: Floats) -> PlaceGraph:
     at: Floats = np.column_stack([centres, np.zeros(len(centres))]).astype(np.float64)
     ranges = caster.ranges(at, bearings, np.zeros(3), VIEW_M).astype(np.float64)
     views = [r[r < VIEW_M - 0.01, None] * directions[r < VIEW_M - 0.01] for r in ranges]
-    fractions = np.array([0.35, 0.65, 0.9])
-    inside = np.maximum(ranges - 0.2, 0.0)
-    open_views = [
-        (r[::4, None, None] * fractions[:, None] * directions[::4, None]).reshape(-1, 2) for r in inside
-    ]
+    open_views = [open_points(r, directions) for r in ranges]
     return PlaceGraph(centres, parents, edges, views, open_views, owners)
+
+
+def open_points(ranges_m: Floats, directions: Floats) -> Floats:
+    """Points `(k, 2)` in the free space before surfaces at ranges `(m,)` in directions `(m, 2)`, along every fourth of them."""
+    inside = np.maximum(ranges_m[::4] - OPEN_MARGIN_M, 0.0)
+    return np.asarray(
+        (inside[:, None, None] * OPEN_FRACTIONS[:, None] * directions[::4, None]).reshape(-1, 2)
+    )
 
 
 def distances_along(graph: PlaceGraph) -> Floats:

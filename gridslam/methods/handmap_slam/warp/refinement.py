@@ -77,7 +77,7 @@ class Refinement:
             ("open", OPEN_WEIGHT, _points(graph.open_views)),
         )
         self._fields = fields or {
-            name: np.stack([field, *_slopes(field)], axis=-1)
+            name: sloped_field(field)
             for name, field in (("wall", evidence.to_wall), ("open", evidence.to_free))
         }
         self._edges = _edges_of(graph)
@@ -198,8 +198,8 @@ def _part_of(graph: PlaceGraph, region: Ints, free: Mask) -> PlaceGraph:
     )
 
 
-def _slopes(field: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Slopes of a field along x and y, per cell."""
+def sloped_field(field: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A field `(rows, cols)` with its slopes along x and y per cell, `(rows, cols, 3)`."""
     smooth = cv2.GaussianBlur(field, (0, 0), 1.0)
     y, x = np.gradient(smooth)
-    return np.asarray(x, np.float32), np.asarray(y, np.float32)
+    return np.stack([field, np.asarray(x, np.float32), np.asarray(y, np.float32)], axis=-1)

@@ -78,7 +78,7 @@ def find_places(
             parent = max(parent, 0)  # a place that no earlier one sees is predicted from the first
             offset = graph.centres[place] - graph.centres[parent]
             before = np.broadcast_to(lineage.at(parent), (n, 5))
-            here = _predict(before, offset, scope.wide, rng)
+            here = predict_place(before, offset, scope.wide, rng)
             log_weights -= CROSSED * evidence.crossed(before[:, :2], here[:, :2])
         lineage.add(place, here)
         log_weights += scope.view_weight * evidence.log_likelihood(
@@ -87,7 +87,9 @@ def find_places(
         log_weights -= 0.5 * (((here[:, 3:] - scales) / SCALE_BOUND) ** 2).sum(axis=1) * SCALE_BOUND_WEIGHT
         for other in graph.neighbours[place]:
             if other != parent and (known.mask[other] or other < place):
-                log_weights += _loop(here, lineage.at(other), graph.centres[place] - graph.centres[other])
+                log_weights += loop_likelihood(
+                    here, lineage.at(other), graph.centres[place] - graph.centres[other]
+                )
         weights = np.exp(log_weights - log_weights.max())
         weights /= weights.sum()
         if 1.0 / (weights**2).sum() < RESAMPLE_BELOW * n:
@@ -154,7 +156,7 @@ def distinct(lines: Floats, places: NDArray[np.bool_], count: int) -> list[Float
     return chosen
 
 
-def _predict(before: Floats, offset: Floats, wide_fraction: float, rng: np.random.Generator) -> Floats:
+def predict_place(before: Floats, offset: Floats, wide_fraction: float, rng: np.random.Generator) -> Floats:
     """States `(n, 5)` at an offset `(2,)` (m) from places in states `(n, 5)`."""
     n = len(before)
     distance = float(np.hypot(*offset))
@@ -174,7 +176,7 @@ def _predict(before: Floats, offset: Floats, wide_fraction: float, rng: np.rando
     return after
 
 
-def _loop(here: Floats, other: Floats, offset: Floats) -> Floats:
+def loop_likelihood(here: Floats, other: Floats, offset: Floats) -> Floats:
     """Log-likelihoods `(n,)` of an edge between two places that are both placed: heavy-tailed, because drawings do not close."""
     scale = np.exp(0.25 * (here[:, 3:] + other[..., 3:]).sum(axis=1))
     gap = np.hypot(*(to_drawing(other, offset) - here[:, :2]).T) / scale
