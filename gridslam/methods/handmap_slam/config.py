@@ -36,7 +36,7 @@ class LocalizationConfig(StrictModel):
     """Monte Carlo localization in the drawing (paper section 4)."""
 
     particles: int = Field(
-        2000,
+        5000,
         ge=50,
         le=100_000,
         description="Number of particles after the start; more are slower and lose the robot less often.",

@@ -48,8 +48,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 NEW_PLACE_M = 0.8  # from the nearest place that is visible: the robot is at a new one
+# Particles are resampled with this power of their weights, and keep the rest as weights: so a hypothesis that is less probable
+# for a while, because a part of the drawing is wrong, goes on.
+RESAMPLED_POWER = 0.5
 REFINED_POINTS = 90  # of a scan, in the refinement of the pose
 REFINEMENTS = 4
+BELIEF_PARTICLES = 1000  # of which the heaviest cluster is sought at each scan
 MIN_STD = np.array(
     [0.1, 0.1, 0.03, 0.03, 0.03]
 )  # of the particles' belief in the refinement: metres, rad, log scales
@@ -77,12 +81,7 @@ class PlaceLocalizer:
     @property
     def states(self) -> Floats:
         """The robot's states `(n, 5)`: x, y (drawing units), yaw, log scales."""
-        if not self._drawn:
-            return self._start.states
-        states = self._at(self._here).copy()
-        states[:, :2] = to_drawing(states, self._pose[:2] - self._centres[self._here])
-        states[:, 2] = se2.wrap_angle(states[:, 2] + self._pose[2])
-        return states
+        return self._robot_states(np.arange(self._particles)) if self._drawn else self._start.states
 
     def start(self, points: Floats) -> DrawingBelief:
         """Estimate pose and scale from the points `(m, 2)` of the first scan."""
@@ -102,8 +101,10 @@ class PlaceLocalizer:
             self._here = int(visible[0])
         else:
             self._add_place(points, visible.tolist())
-        weights = self._weights()
-        return self._refined(belief_of(self.states, weights, self._likelihood, points), points)
+        some = np.arange(0, self._particles, max(self._particles // BELIEF_PARTICLES, 1))
+        weights = self._weights()[some]
+        belief = belief_of(self._robot_states(some), weights / weights.sum(), self._likelihood, points)
+        return self._refined(belief, points)
 
     def shift(self, offset: Floats) -> None:
         """Move all particles by `(dx, dy)` in drawing units at the present place."""
@@ -145,14 +146,22 @@ class PlaceLocalizer:
         self._append(centre, here)
         weights = self._weights()
         if 1.0 / np.sum(weights**2) < RESAMPLE_BELOW * self._particles:
-            chosen = systematic_resampling(weights, self._particles, self._rng)
+            tempered = weights**RESAMPLED_POWER
+            chosen = systematic_resampling(tempered / tempered.sum(), self._particles, self._rng)
             self._ancestors = [ancestors[chosen] for ancestors in self._ancestors]
-            self._log_weights = np.zeros(self._particles)
+            self._log_weights = (1.0 - RESAMPLED_POWER) * self._log_weights[chosen]
 
     def _append(self, centre: Floats, states: Floats) -> None:
         self._centres = np.vstack([self._centres, centre])
         self._drawn.append(states)
         self._ancestors.append(np.arange(self._particles))
+
+    def _robot_states(self, particles: Ints) -> Floats:
+        """The robot's states `(k, 5)` of particles `(k,)`."""
+        states = self._drawn[self._here][self._ancestors[self._here][particles]]
+        states[:, :2] = to_drawing(states, self._pose[:2] - self._centres[self._here])
+        states[:, 2] = se2.wrap_angle(states[:, 2] + self._pose[2])
+        return states
 
     def _at(self, place: int) -> Floats:
         return self._drawn[place][self._ancestors[place]]
