@@ -199,6 +199,23 @@ class MotionPredictor:
         }
 
     @property
+    def notes(self) -> list[str]:
+        """One line about a gyro that contradicts the scans; empty where there is none, or it is good."""
+        if not self._is_gyro_poor:
+            return []
+        gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
+        return [
+            f"the IMU's yaw rate contradicts the scans, by {math.degrees(gyro.rms_rad):.1f} deg a scan (constant velocity: "
+            f"{math.degrees(constant.rms_rad):.1f} deg): wrong in sign, unit or time; not used"
+        ]
+
+    @property
+    def _is_gyro_poor(self) -> bool:
+        """Whether the gyro's rotations are worse than those at constant velocity."""
+        gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
+        return gyro.steps >= MIN_COMPARED_STEPS and gyro.rms_rad > constant.rms_rad + GYRO_TOLERANCE_RAD
+
+    @property
     def doubt(self) -> str | None:
         """Why the path cannot be trusted without another passage that confirms it; None: no reason."""
         source = max(self._used, key=lambda source: self._used[source])
@@ -223,9 +240,7 @@ class MotionPredictor:
         if rotation is None:
             return MotionSource.CONSTANT_VELOCITY, steady
         self._steps[MotionSource.GYRO] = np.array([steady[0], steady[1], rotation])
-        gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
-        is_poor = gyro.steps >= MIN_COMPARED_STEPS and gyro.rms_rad > constant.rms_rad + GYRO_TOLERANCE_RAD
-        source = MotionSource.CONSTANT_VELOCITY if is_poor else MotionSource.GYRO
+        source = MotionSource.CONSTANT_VELOCITY if self._is_gyro_poor else MotionSource.GYRO
         return source, self._steps[source]
 
     def _uncertain_s(self, stamp_ns: int, elapsed_s: float) -> float:

@@ -91,6 +91,11 @@ class ScanTracker:
         return self._predictor.measures()
 
     @property
+    def motion_notes(self) -> list[str]:
+        """Lines for people about sensors of motion that contradict the scans."""
+        return self._predictor.notes
+
+    @property
     def lidar_measures(self) -> dict[str, object]:
         """Scans of each lidar, the fraction of them that was matched, and their median inlier ratio."""
         lidars, found = np.array(self._lidars), {}

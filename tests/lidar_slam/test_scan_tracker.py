@@ -94,6 +94,7 @@ def test_a_gyro_predicts_the_heading_and_its_bias_is_found() -> None:
     tracker = tracked(by_stamp(gyro(hall.path(1)[:, 2], bias_radps=0.05), scans()))
     assert errors_of(tracker)[0] < 0.1
     measures = tracker.motion_measures
+    assert tracker.motion_notes == []
     assert measures["gyro_and_constant_velocity"]["predicted_scans"] > 0.9 * len(hall.path(1))
     assert (
         measures["gyro_and_constant_velocity"]["rms_error_rad"]
@@ -109,6 +110,7 @@ def test_a_gyro_of_the_wrong_sign_is_found_out_and_not_used() -> None:
         measures["constant_velocity"]["predicted_scans"]
         > measures["gyro_and_constant_velocity"]["predicted_scans"]
     )
+    assert ["yaw rate contradicts the scans" in line for line in tracker.motion_notes] == [True]
 
 
 def test_a_robot_that_turns_far_during_a_gap_in_the_scans_is_found_again_without_odometry() -> None:

@@ -129,7 +129,7 @@ class HandmapSlam:
             series={**series_of(updates), "inlier_ratio": self._inlier_ratio()},
             pictures={"drawing": picture},
             counters=self._counters(),
-            notes=self._odometry_check.notes(),
+            notes=[*self._odometry_check.notes(), *self._scan_tracker.motion_notes],
             timings_s=dict(self._stopwatch.seconds),
             measures={**measures_of(self.drawn, updates, observed), **self._key_scan_measures(metric)},
             loops_ns=self._scan_tracker.stamps_of(metric.loops),

@@ -139,7 +139,7 @@ class SlamSd:
             occupancy=static,
             series=self._series(),
             counters=self._counters(),
-            notes=self._odometry_check.notes(),
+            notes=[*self._odometry_check.notes(), *tracker.motion_notes],
             timings_s=dict(self._stopwatch.seconds),
             measures={**self._measures(), **drive.measures},
             loops_ns=tracker.stamps_of(drive.loops),
