@@ -35,6 +35,9 @@ from gridslam.runs.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent", "apart"]
 Command = Literal["map", "localize", "explore"]
+MAX_LOCALIZED_CELLS = (
+    64_000_000  # of a given map, 400 m x 400 m at 5 cm: a localizer keeps some 60 bytes for each
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,7 @@ def run_localize(
         "localize",
         config,
         log_path=log_path,
-        occupancy=load_any_map(map_path),
+        occupancy=load_any_map(map_path, MAX_LOCALIZED_CELLS),
         show=show,
         stop=stop,
         further=inputs,

@@ -16,6 +16,8 @@ from gridslam.config.base import StrictModel
 from gridslam.simulation.shapes import Fraction, NotNegative, Number, Positive, Rate
 
 MAX_SWEEP_STEPS = 10_000
+# Every format keeps a name without control characters and without blanks at its ends.
+NAME_PATTERN = r"^[^\s\x00-\x1f\x7f]([^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f])?$"
 Bearing = Annotated[float, Field(ge=-360.0, le=360.0)]  # degrees
 
 
@@ -133,7 +135,7 @@ class Infrared(StrictModel):
         "edge_wrong": "edge_errors",
     }
 
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, pattern=NAME_PATTERN)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
     range_min_m: Positive = 0.1
     range_max_m: Positive = 0.8
@@ -171,7 +173,7 @@ class Antenna(Stream):
 
     former_keys: ClassVar[Mapping[str, str]] = {"mounting": "extrinsics", "stray": "false_reads"}
 
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, pattern=NAME_PATTERN)
     extrinsics: SensorExtrinsics = SensorExtrinsics()
     rate_hz: Rate = 2.0
     gain_db: Number = 9.0

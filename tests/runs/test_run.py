@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gridslam.core.errors import ConfigError, InputError, LogError, MethodError
+from gridslam.core.errors import ConfigError, InputError, LogError, MapError, MethodError
 from gridslam.methods import registry
 from gridslam.methods.registry import MethodEntry
 from gridslam.runs.feed import Progress
@@ -213,3 +213,16 @@ def test_localizing_records_the_map_among_the_inputs(
     assert run.occupancy is not None
     assert run.result.occupancy is None
     assert {"room.yaml", "scan.csv", "odom.csv"} <= set(run.inputs)
+
+
+def test_a_map_that_is_too_large_to_localize_on_is_refused_before_it_is_read(
+    run_small: RunSmall, small_log: Path, config_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gridslam.maps.map_server import save_map
+
+    made = run_small().result.occupancy
+    assert made is not None
+    map_path = save_map(made, tmp_path / "room")
+    monkeypatch.setattr("gridslam.runs.run.MAX_LOCALIZED_CELLS", 100)
+    with pytest.raises(MapError, match="at most 100 are read: crop the map"):
+        run_localize(load_run_config(str(config_file)), small_log, map_path, lambda p: None, lambda: False)

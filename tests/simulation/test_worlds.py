@@ -75,6 +75,10 @@ TOO_MUCH: list[tuple[dict[str, Any], str]] = [
     ({"robot": {"start": [1, 1, 0], "wheels": {"base_m": 5e-324}}}, "base_m"),
     ({"robot": {"start": [1, 1, 0], "laps": 1000, "route": [[1, 1]] * 1001}}, "more than 1000000 waypoints"),
     ({"start_ns": 2**61 - 1}, "start_ns"),
+    *[
+        ({"sensors": {"infrared": [{"name": name}]}}, r"infrared\.0\.name")
+        for name in ("a\nb", "a\n", " a", "a ", "\x1b[2J", "\t")
+    ],
 ]
 
 
