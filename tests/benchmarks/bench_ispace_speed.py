@@ -1,7 +1,8 @@
-"""Cost of a filter round of ispace-mcl and of a camera frame, in milliseconds of CPU on one core.
+"""Cost of a filter round of ispace-mcl, of a search of the map, and of a camera frame, in CPU time on one core.
 
 10,000 particles all over the sample corridor, 60 beams, one frame of three cameras with people and the robot in view; frames of
-640 x 480 pixels with a person of 120 x 300 and a robot of 80 x 60 pixels.
+640 x 480 pixels with a person of 120 x 300 and a robot of 80 x 60 pixels. The map that is searched has 100 x 100 m at 5 cm, of
+equal buildings: 300 beams are compared with all of it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from gridslam.filters.particles import Particles
 from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.kernels.threads import on_threads
 from gridslam.maps.map_server import load_map
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
+from gridslam.methods.ispace_mcl.confidence import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
 from gridslam.methods.ispace_mcl.config import LidarWeightName
 from gridslam.methods.ispace_mcl.environment import (
     CameraObservation,
@@ -24,18 +27,24 @@ from gridslam.methods.ispace_mcl.environment import (
     DetectionWeight,
     moving_cells,
 )
+from gridslam.methods.ispace_mcl.relocalization import MAX_BEAMS, SEARCH, Relocalizer
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections, Pinhole
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
+from gridslam.sensors.pose_search import PoseSearch
+from gridslam.sensors.range_caster import range_caster
+from gridslam.sensors.visibility import BeamSegments, VisibilityField
 from tests.benchmarks.harness import Row
 from tests.conftest import REPOSITORY
+from tests.methods.ispace_mcl.building import building
 
 ALONE = True
 
 PARTICLES, BEAMS = 10_000, 60
+SEARCHED_M, SEARCHED_CELL_M = 100.0, 0.05
 ROWS, COLS = 480, 640
 WEIGHTS: tuple[LidarWeightName, ...] = ("likelihood-field", "beam", "range-difference")
 
@@ -45,6 +54,7 @@ def rows() -> Iterator[Row]:
     cv2.setNumThreads(1)
     with on_threads(1):
         yield from round_rows()
+        yield Row("ispace.search", 1e-3 * search_ms(), "s")
     yield Row("ispace.camera.frames", 1e3 / frame_ms(), "/s")
 
 
@@ -74,6 +84,25 @@ def round_rows() -> Iterator[Row]:
     size = AdaptiveSize(min=PARTICLES, max=PARTICLES, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.175)
     uneven = Particles(poses, rng.dirichlet(np.ones(PARTICLES)))
     yield Row("ispace.resample", cpu_ms(lambda: resample(uneven, size, rng)), "ms")
+
+
+def search_ms() -> float:
+    """A search of a map of 100 x 100 m for 300 beams."""
+    tile = np.kron(building().probability, np.ones((2, 2), np.float32))
+    cells = int(SEARCHED_M / SEARCHED_CELL_M)
+    tiled = np.tile(tile, [-(-cells // n) for n in tile.shape])[:cells, :cells]
+    grid = OccupancyGrid(np.ascontiguousarray(tiled), GridGeometry(SEARCHED_CELL_M, (0.0, 0.0)))
+    occupied, free = occupied_cells(grid, 0.65), free_cells(grid, 0.3)
+    field, caster = distance_field(occupied, grid.geometry, 2.0), range_caster(occupied, grid.geometry)
+    visibility = VisibilityField(field, caster, BLOCKED_TOLERANCE_M, GRAZING_SLACK_M)
+    relocalizer = Relocalizer(
+        PoseSearch(field, free, SEARCH), visibility, lambda seen, poses: np.zeros(len(poses))
+    )
+    pose = draw_free_poses(free, grid, 1, np.random.default_rng(2))
+    bearings = np.linspace(-np.pi, np.pi, MAX_BEAMS, endpoint=False)
+    ranges = caster.ranges(pose, bearings, np.zeros(3), 10.0)[0]
+    points = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+    return cpu_ms(lambda: relocalizer.search(BeamSegments(np.zeros_like(points), points)), 5)
 
 
 def scan(rng: np.random.Generator) -> Beams:
