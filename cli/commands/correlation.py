@@ -26,6 +26,9 @@ OccupiedFrom = Annotated[
 Replace = Annotated[bool, typer.Option("--force", help="Replace an existing picture.")]
 
 
+MAX_CELLS = 25_000_000  # of a map, which takes some 40 bytes for each
+
+
 def run(
     map_path: MapArgument,
     output: PictureOutput = None,
@@ -43,7 +46,7 @@ def run(
 
     if output is not None and output.exists() and not force:
         raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
-    fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
+    fit = fit_correlation(load_any_map(map_path, MAX_CELLS), seed, samples, occupied_from)
     if output is not None:
         from gridslam.report.run_length_plot import correlation_picture
 
