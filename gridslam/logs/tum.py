@@ -15,7 +15,7 @@ from gridslam.core.errors import InputError
 from gridslam.core.plain_files import open_plain_file
 from gridslam.core.poses import MAX_COORDINATE_M, yaw_of_quaternion
 from gridslam.core.stamps import parse_stamp
-from gridslam.core.texts import parse_number
+from gridslam.core.texts import parse_number, parse_numbers
 from gridslam.core.trajectory import Trajectory
 
 MAX_BYTES = 1 << 28  # 256 MB, about three million poses
@@ -95,15 +95,20 @@ def stamp_in(place: str, word: str) -> int:
 
 def numbers_in(place: str, words: list[str]) -> list[float]:
     """Numbers from fields. Raises InputError, which begins with `place`: one is NaN, infinite, too large or no number."""
-    values = []
-    for word in words:
-        try:
-            value = parse_number(word)
-        except ValueError:
-            value = math.nan
-        if not abs(value) <= MAX_COORDINATE_M:
-            raise InputError(
-                f"{place}: {word[:40]!r} is no number up to {MAX_COORDINATE_M:g}; correct the line or leave it out"
-            )
-        values.append(value)
-    return values
+    try:
+        values = parse_numbers(words)
+        if all(-MAX_COORDINATE_M <= value <= MAX_COORDINATE_M for value in values):
+            return values
+    except ValueError:
+        pass
+    wrong = next(word for word in words if not _is_coordinate(word))
+    raise InputError(
+        f"{place}: {wrong[:40]!r} is no number up to {MAX_COORDINATE_M:g}; correct the line or leave it out"
+    )
+
+
+def _is_coordinate(word: str) -> bool:
+    try:
+        return abs(parse_number(word)) <= MAX_COORDINATE_M
+    except ValueError:
+        return False

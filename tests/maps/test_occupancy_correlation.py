@@ -102,8 +102,8 @@ def test_the_measured_curve_is_the_fraction_of_longer_runs() -> None:
 
 
 def test_the_standard_error_is_the_standard_deviation_over_seeds() -> None:
-    grid = crossed_chains(16.0, 16.0)
-    fits = [fit_correlation(grid, seed, samples=2000, diagonals=False) for seed in range(60)]
+    grid = crossed_chains(16.0, 16.0, size=1500)
+    fits = [fit_correlation(grid, seed, samples=1000, diagonals=False) for seed in range(40)]
     std = np.std([fit.r0 for fit in fits])
     assert fits[0].standard_error == pytest.approx(std, rel=0.4)
 
