@@ -98,9 +98,7 @@ def explored(sketch: str, folder: Path, seed: int, out: Path) -> SketchRun:
     config = load_run_config(trial.config, [f"method.start=[{start}]"], seed)
     inputs = read_inputs({"drawing": trial.drawing}, "handmap-slam")
     with tempfile.TemporaryDirectory() as name:
-        done = explore(
-            config, world, folder / "world.yaml", inputs, Path(name), lambda _: None, lambda: False
-        )
+        done = explore(config, world, trial.drawing, inputs, Path(name), lambda _: None, lambda: False)
         assert done.run.truth is not None
         grid = load_map(Path(name) / "truth" / "map.yaml")
         kind = "explored" if done.ended == "finished" else done.ended
