@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
 from gridslam.cli.main import main
 from gridslam.methods import registry
+from gridslam.sweep.job_result import JobResult
+from gridslam.sweep.work import Job, Stop, do
 from tests.dead_reckoning import register
 from tests.small_log import write_small_log
 
@@ -58,6 +60,16 @@ def program(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
         return subprocess.CompletedProcess(words, code, shown.out, shown.err)
 
     return run
+
+
+@pytest.fixture
+def sweeps_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let sweeps do their jobs in this process, which saves the imports of others."""
+
+    def do_here(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, JobResult]]:
+        return ((index, do(job, stop)) for index, job in enumerate(jobs))
+
+    monkeypatch.setattr("gridslam.sweep.local.run_locally", do_here)
 
 
 @pytest.fixture(scope="session")

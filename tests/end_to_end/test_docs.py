@@ -8,7 +8,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -17,8 +16,6 @@ from gridslam.cli.main import main
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.methods.registry import METHODS
 from gridslam.runs.run_config import validate_run_config
-from gridslam.sweep.job_result import JobResult
-from gridslam.sweep.work import Job, Stop, do
 from tests.conftest import REPOSITORY
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
@@ -59,6 +56,7 @@ def commands_of(page: Path) -> list[str]:
     return [command for command in found if command.strip()]
 
 
+@pytest.mark.usefixtures("sweeps_here")
 @pytest.mark.parametrize("page", [p for p in PAGES if commands_of(p)], ids=lambda page: page.name)
 def test_every_command_works(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
@@ -68,16 +66,10 @@ def test_every_command_works(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
     assert shutil.which("gridslam"), "the program is not installed in this environment"
-    monkeypatch.setattr("gridslam.sweep.local.run_locally", run_here)
     for command in commands_of(page):
         code = exit_code_of(command)
         shown = capfd.readouterr()
         assert code == 0, f"{command}\n{shown.out}{shown.err}"
-
-
-def run_here(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tuple[int, JobResult]]:
-    """Runs the jobs of a sweep in this process, which saves the imports of others."""
-    return ((index, do(job, stop)) for index, job in enumerate(jobs))
 
 
 SHELL_WORDS = {"|", ">", ">>", "<", "&&", "||", ";", "&"}

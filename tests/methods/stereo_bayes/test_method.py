@@ -125,9 +125,10 @@ def test_visual_odometry_follows_a_street(data_dir: Path, program: Program, tmp_
 
     log = write_street(data_dir, tmp_path / "street")
     overrides = [part for setting in STREET for part in ("--set", setting)]
-    done = program("map", log, "-c", "stereo-bayes", *overrides, "-o", tmp_path / "run")
+    done = program("map", log, "-c", "stereo-bayes", *overrides, "--end", "2.5", "-o", tmp_path / "run")
     assert done.returncode == 0, done.stderr
-    last = np.loadtxt(tmp_path / "run" / "trajectory.tum")[-1, 1:3]
-    truth = true_path(data_dir).poses
-    length = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
-    assert np.hypot(*(last - truth[-1, :2])) < 0.02 * length
+    found = np.loadtxt(tmp_path / "run" / "trajectory.tum")[:, 1:3]
+    truth = true_path(data_dir).poses[: len(found), :2]
+    length = np.hypot(*np.diff(truth, axis=0).T).sum()
+    assert length > 15.0
+    assert np.hypot(*(found[-1] - truth[-1])) < 0.02 * length
