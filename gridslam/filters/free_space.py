@@ -17,7 +17,7 @@ def free_cells(occupancy: OccupancyGrid, threshold: float) -> NDArray[np.bool_]:
 
     Raises MapError: the map has no such cell.
     """
-    free = np.nan_to_num(occupancy.probability, nan=1.0) <= threshold
+    free = np.asarray(occupancy.probability <= threshold)  # not true of NaN
     if not free.any():
         raise MapError(
             "the map has no free cell where the robot could be; check the map's thresholds and mode"
@@ -29,9 +29,21 @@ def draw_free_poses(
     free: NDArray[np.bool_], occupancy: OccupancyGrid, count: int, rng: np.random.Generator
 ) -> Floats:
     """Poses `(count, 3)` in the map frame, uniform over the free cells and all headings."""
-    cells = np.argwhere(free)[rng.integers(0, int(free.sum()), count)]
+    cells = _nth_cells(free, rng.integers(0, int(free.sum()), count))
     geometry = occupancy.geometry
     within = (rng.random((count, 2)) - 0.5) * geometry.resolution_m
     rotation = np.array([0.0, 0.0, geometry.yaw_rad])
     xy = geometry.centres(cells) + se2.transform_points(rotation, within)
     return np.column_stack([xy, rng.uniform(-np.pi, np.pi, count)])
+
+
+def _nth_cells(marked: NDArray[np.bool_], numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells `(n, 2)` that `argwhere` would have at these places `(n,)`; a list of all would take more memory than the map."""
+    ends = np.cumsum(marked.sum(axis=1))
+    rows = np.searchsorted(ends, numbers, side="right")
+    cols = np.empty(len(numbers), np.int64)
+    for row in np.unique(rows):
+        chosen = rows == row
+        first = ends[row - 1] if row else 0
+        cols[chosen] = np.flatnonzero(marked[row])[numbers[chosen] - first]
+    return np.column_stack([rows, cols])

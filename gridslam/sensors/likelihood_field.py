@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.likelihood_field import sum_over_points
-from gridslam.maps.distance_field import distance_to_occupied
+from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.sensors.grid_frame import poses_in_cells
 
 Floats = NDArray[np.float64]
 Table = NDArray[np.float32]
 
+ROWS_AT_ONCE = 256  # of a large map
 FAR = 255  # the byte of every distance at or beyond the field's maximum, and of everything outside the grid
 
 
@@ -61,15 +62,20 @@ def distance_field(
     occupied: NDArray[np.bool_], geometry: GridGeometry, max_distance_m: float
 ) -> DistanceField:
     """The distance field of a grid of occupied cells `(rows, cols)`: exact Euclidean distances between cell centres."""
-    walls = OccupancyGrid(occupied.astype(np.float32), geometry)
-    distances = distance_to_occupied(walls, max_distance_m=max_distance_m).values.astype(np.float64)
-    steps = np.rint(distances * (FAR / max_distance_m)).astype(np.uint8)
+    in_cells = distances_to(occupied)
+    steps = np.empty(occupied.shape, np.uint8)
+    for first in range(0, len(steps), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        distance_m = np.minimum(
+            in_cells[rows] * np.float32(geometry.resolution_m), np.float32(max_distance_m)
+        )
+        steps[rows] = np.rint(distance_m.astype(np.float64) * (FAR / max_distance_m))
     return DistanceField(steps, geometry, max_distance_m)
 
 
 def occupied_cells(occupancy: OccupancyGrid, threshold: float) -> NDArray[np.bool_]:
     """Mask `(rows, cols)` of the known cells with at least this probability of occupancy."""
-    return np.nan_to_num(occupancy.probability, nan=0.0) >= threshold
+    return np.asarray(occupancy.probability >= threshold)  # not true of NaN
 
 
 def log_likelihood_table(field: DistanceField, sigma_m: float, random_weight: float) -> Table:

@@ -111,7 +111,9 @@ class PoseSearch:
     def _candidate_positions(self, free: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Coarse cells `(n, 2)`: for every square of the spacing with free cells the cell farthest from walls."""
         settings = self._settings
-        clearance_steps = np.where(free, self._field.steps.astype(np.int64) + 1, 0)
+        clearance_steps = self._field.steps.astype(np.uint16)
+        clearance_steps += 1
+        clearance_steps *= free
         clearance = _block_reduce(clearance_steps, self._block, np.maximum, 0)
         stride = max(round(settings.spacing_m / self._cell_m), 1)
         while True:
@@ -126,8 +128,10 @@ def _block_reduce(
 ) -> NDArray[np.generic]:
     """Values `(rows, cols)` reduced over blocks of `block` by `block` cells; incomplete blocks are padded with `fill`."""
     rows, cols = (-(-n // block) for n in values.shape)
-    full = np.full((rows * block, cols * block), fill, values.dtype)
-    full[: values.shape[0], : values.shape[1]] = values
+    full = values
+    if values.shape != (rows * block, cols * block):
+        full = np.full((rows * block, cols * block), fill, values.dtype)
+        full[: values.shape[0], : values.shape[1]] = values
     blocks = full.reshape(rows, block, cols, block)
     return np.asarray(reduce.reduce(reduce.reduce(blocks, axis=3), axis=1))
 

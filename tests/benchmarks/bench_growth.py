@@ -18,6 +18,7 @@ from tests.benchmarks.harness import Row, say
 ALONE = True
 
 TRAVELS_KM = [km for km in (0.5, 1.0, 2.0, 4.0) if km <= float(os.environ.get("GRIDSLAM_GROWTH_KM", "2"))]
+RUNS = 2  # of which the faster counts: the rest is the machine's
 
 
 def rows() -> Iterator[Row]:
@@ -32,8 +33,11 @@ def growth(folder: Path) -> Iterator[Row]:
     for km in TRAVELS_KM:
         log = simulated("office", 100, 1000.0 * km, folder)
         out = folder / f"growth-{km:g}"
-        command("map", str(log), "-c", "slam-sd", "-o", str(out), "-q")
-        reports[km] = report_of(out)
+        runs = []
+        for _ in range(RUNS):
+            command("map", str(log), "-c", "slam-sd", "-o", str(out), "-q", "--force")
+            runs.append(report_of(out))
+        reports[km] = min(runs, key=lambda report: report["timing"]["process_s"])
         seconds, peak = reports[km]["timing"]["process_s"], reports[km]["memory"]["peak_mb"]
         say(f"office, {km:g} km: {seconds:.1f} s, {peak:.0f} MB")
     for less, more in pairwise(TRAVELS_KM):

@@ -25,6 +25,7 @@ CELLS, RESOLUTION_M = 10_000, 0.05
 FREE, OCCUPIED = 254, 0
 START, GOAL = "2.5,2.5,0", "497.5,497.5,0"
 MAX_CPU_S, MAX_MB = 10.0, 1500.0
+RUNS = 2  # of which the faster counts: the rest is the machine's
 
 Image = NDArray[np.uint8]
 
@@ -34,7 +35,8 @@ def rows() -> Iterator[Row]:
     for name, make in MAPS.items():
         with tempfile.TemporaryDirectory() as folder:
             save(make(np.random.default_rng(0)), Path(folder))
-            cpu_s, memory_mb, found = plan(Path(folder))
+            runs = [plan(Path(folder)) for _ in range(RUNS)]
+            cpu_s, memory_mb, found = min(runs)
             refused_cpu_s = plan(Path(folder), "--min-radius=2")[0] if name == "buildings" else None
         yield Row(f"plan_large.{name}.cpu", cpu_s, "s", MAX_CPU_S)
         yield Row(f"plan_large.{name}.memory", memory_mb, "MB", MAX_MB)

@@ -44,6 +44,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
 from gridslam.logs.write import open_writer
 from tests.fuzz.damage import NAMES, NUMBERS, changed
+from tests.fuzz.rawlogs import fuzz_rawlog
 from tests.fuzz.ros1_bags import fuzz_bag
 
 S = 10**9
@@ -207,6 +208,7 @@ MAKERS: dict[str, Callable[[Path, Path, random.Random], Path]] = {
     "csv": fuzz_folder,
     "bag": fuzz_bag,
     "summary": fuzz_summary,
+    "rawlog": fuzz_rawlog,
 }
 
 

@@ -44,6 +44,7 @@ MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
 JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
 CHECK_MEMORY_MB = 500.0
+ROWS_AT_ONCE = 256  # of a large map
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
 STATIONARY_UPDATES = (
     3  # updates without motion: the first scans help the search, more of the same view add no evidence
@@ -251,4 +252,8 @@ def _tracker() -> ScanTracker:
 
 def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> FloorCells:
     """The floor cells of size `cell_m` that contain free map cells."""
-    return FloorCells.containing(occupancy.geometry.centres(np.argwhere(free)), cell_m).unique()
+    parts = []
+    for first in range(0, len(free), ROWS_AT_ONCE):
+        cells = np.argwhere(free[first : first + ROWS_AT_ONCE]) + np.array([first, 0])
+        parts.append(FloorCells.containing(occupancy.geometry.centres(cells), cell_m).unique())
+    return FloorCells.joined(parts, cell_m).unique()
