@@ -235,7 +235,7 @@ def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     rows, cols = (window.row1 - window.row0) // shrink, (window.col1 - window.col0) // shrink
     colours: Canvas = np.empty((rows, cols, 3), np.uint8)
     top = rows
-    for cells in _blocks(grid, window):
+    for cells in _blocks(grid.probability, window):
         colours[top - len(cells) : top] = _colours_of(cells)[::-1]
         top -= len(cells)
     return colours if colours.shape[1::-1] == window.size_px else np.array(_enlarged(colours, window))
@@ -253,26 +253,26 @@ def _colours_of(cells: NDArray[np.float32]) -> Canvas:
 
 def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
     """Blend a tint over the cells that are no walls."""
-    floor = np.where(grid.probability >= WALL_PROBABILITY, np.float32(0.0), tint.opacity)
-    cells = np.clip(_in_window(OccupancyGrid(floor, grid.geometry), window), 0.0, 1.0)
+    shown = np.concatenate(list(_blocks(tint.opacity, window, grid.probability)))[::-1]
+    cells = np.clip(shown, 0.0, 1.0)
     opacity = (
         np.asarray(_enlarged(np.rint(255.0 * cells).astype(np.uint8), window), np.float64)[..., None] / 255.0
     )
     canvas[:] = np.rint((1.0 - opacity) * canvas + opacity * np.asarray(tint.colour))
 
 
-def _in_window(grid: OccupancyGrid, window: MapWindow) -> NDArray[np.float32]:
-    """The values of a window, top row first; of a shrunk map the highest of each block. -1: unknown."""
-    return np.concatenate(list(_blocks(grid, window)))[::-1]
+def _blocks(
+    values: NDArray[np.float32], window: MapWindow, walls: NDArray[np.float32] | None = None
+) -> Iterator[NDArray[np.float32]]:
+    """The values of a window in blocks of rows, the lowest first; of a shrunk map the highest of each block. -1: unknown.
 
-
-def _blocks(grid: OccupancyGrid, window: MapWindow) -> Iterator[NDArray[np.float32]]:
-    """The same in blocks of rows, the lowest first."""
+    Where `walls` has a wall the value is 0.
+    """
     k = _shrink(window)
     at_once = k * BLOCKS_AT_ONCE
     for first in range(window.row0, window.row1, at_once):
         rows = first, min(first + at_once, window.row1)
-        yield _highest_of_blocks(grid, rows, (window.col0, window.col1), k)
+        yield _highest_of_blocks(values, walls, rows, (window.col0, window.col1), k)
 
 
 def _shrink(window: MapWindow) -> int:
@@ -285,16 +285,22 @@ def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:
 
 
 def _highest_of_blocks(
-    grid: OccupancyGrid, row_limits: tuple[int, int], col_limits: tuple[int, int], k: int
+    values: NDArray[np.float32],
+    walls: NDArray[np.float32] | None,
+    row_limits: tuple[int, int],
+    col_limits: tuple[int, int],
+    k: int,
 ) -> NDArray[np.float32]:
-    """The highest probability of each block of k x k cells within the limits, which may lie outside; -1: unknown."""
+    """The highest value of each block of k x k cells within the limits, which may lie outside; -1: unknown."""
     (row0, row1), (col0, col1) = row_limits, col_limits
     cells = np.full((row1 - row0, col1 - col0), -1.0, np.float32)
-    rows, cols = grid.probability.shape
+    rows, cols = values.shape
     r0, r1, c0, c1 = max(row0, 0), min(row1, rows), max(col0, 0), min(col1, cols)
     if r0 < r1 and c0 < c1:
-        part = grid.probability[r0:r1, c0:c1]
-        cells[r0 - row0 : r1 - row0, c0 - col0 : c1 - col0] = np.where(np.isnan(part), np.float32(-1.0), part)
+        part = np.nan_to_num(values[r0:r1, c0:c1], nan=-1.0)
+        if walls is not None:
+            part[walls[r0:r1, c0:c1] >= WALL_PROBABILITY] = 0.0
+        cells[r0 - row0 : r1 - row0, c0 - col0 : c1 - col0] = part
     if k == 1:
         return cells
     return np.asarray(cells.reshape(cells.shape[0] // k, k, cells.shape[1] // k, k).max(axis=(1, 3)))

@@ -97,6 +97,7 @@ COLOUR_AND_DEPTH = DetectionParameters(history=200, warm_up=5, uses_depth=True)
 COLOUR_ONLY = DetectionParameters(history=500, warm_up=15, uses_depth=False)
 
 _COVERAGE_MAX_HEIGHT_M = 0.6  # the height of a robot: coverage is that of a point half as high
+CELLS_AT_ONCE = 1 << 18  # of the floor of a large map
 _OCCLUSION_M = 0.5  # a reading this far before a floor cell hides it
 
 
@@ -200,19 +201,26 @@ class FixedCamera:
         height = 0.5 * (
             self.parameters.min_height_m + min(self.parameters.max_height_m, _COVERAGE_MAX_HEIGHT_M)
         )
-        points = np.column_stack([self.cells.centres, np.full(len(self.cells), height)])
-        pixels, depths = self.pinhole.to_pixels(points)
-        with np.errstate(invalid="ignore"):
-            inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(background.shape, 1)).all(axis=1)
-        inside &= depths > 0.0
-        nearest = np.zeros((len(pixels), 2), np.int64)
-        nearest[inside] = np.rint(pixels[inside]).astype(np.int64)
-        behind = background[nearest[:, 0], nearest[:, 1]]
         farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
-        with np.errstate(invalid="ignore"):
-            visible = inside & (depths < np.where(np.isnan(behind), farthest, behind))
-        self.coverage = self.cells.select(visible)
-        self._pixels, self._depths = nearest[visible], depths[visible]
+        visible, nearest, depths = [], [], []
+        for first in range(0, max(len(self.cells), 1), CELLS_AT_ONCE):
+            cells = FloorCells(self.cells.index[first : first + CELLS_AT_ONCE], self.cells.size_m)
+            pixels, depth = self.pinhole.to_pixels(
+                np.column_stack([cells.centres, np.full(len(cells), height)])
+            )
+            with np.errstate(invalid="ignore"):
+                inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(background.shape, 1)).all(
+                    axis=1
+                )
+            seen = np.flatnonzero(inside & (depth > 0.0))
+            pixel = np.rint(pixels[seen]).astype(np.int64)
+            behind = background[pixel[:, 0], pixel[:, 1]]
+            before = depth[seen] < np.where(np.isnan(behind), farthest, behind)
+            visible.append(first + seen[before])
+            nearest.append(pixel[before])
+            depths.append(depth[seen][before])
+        self.coverage = FloorCells(self.cells.index[np.concatenate(visible)], self.cells.size_m)
+        self._pixels, self._depths = np.concatenate(nearest), np.concatenate(depths)
 
     def _is_visible(self, depth_m: Depth) -> NDArray[np.bool_]:
         """Mask `(m,)` of the covered cells that nothing hides in this frame."""

@@ -11,8 +11,6 @@ from gridslam.maps.preview import PathMarks, Tint, render_map
 from gridslam.methods.base import Picture
 from gridslam.sensors.floor_cells import FloorCells
 
-Floats = NDArray[np.float64]
-
 COVERED, MOVING = (120, 170, 235), (235, 120, 30)
 COVERED_OPACITY = 0.45
 MIN_MOVING_OPACITY = 0.35  # of a place with one detection; the place with most is opaque
@@ -30,20 +28,19 @@ def coverage_picture(
 
     `is_untrusted` `(n,)`: the robot was not localized at these poses of the path.
     """
-    covered = np.where(_counts(occupancy, coverage) > 0, COVERED_OPACITY, 0.0)
+    covered = np.where(_counts(occupancy, coverage) > 0, np.float32(COVERED_OPACITY), np.float32(0.0))
     detections = _counts(occupancy, moving)
-    moved = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * np.sqrt(detections / max(detections.max(), 1.0))
-    tints = (
-        Tint(covered.astype(np.float32), COVERED, "in view"),
-        Tint(np.where(detections > 0, moved, 0.0).astype(np.float32), MOVING, "moving"),
-    )
+    moved, some = np.zeros(detections.shape, np.float32), detections > 0
+    share = np.sqrt(detections[some] / max(int(detections.max()), 1))
+    moved[some] = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * share
+    tints = (Tint(covered, COVERED, "in view"), Tint(moved, MOVING, "moving"))
     sheet = render_map(occupancy, path, tints=tints, marks=PathMarks(is_untrusted))
     return Picture(np.asarray(sheet, np.uint8), "Fixed cameras: coverage and detections", NOTE)
 
 
-def _counts(occupancy: OccupancyGrid, cells: FloorCells) -> Floats:
+def _counts(occupancy: OccupancyGrid, cells: FloorCells) -> NDArray[np.int32]:
     """Number of floor cells that cover each map cell `(rows, cols)`; repeated ones count repeatedly."""
-    counts = np.zeros(occupancy.probability.shape)
+    counts = np.zeros(occupancy.probability.shape, np.int32)
     half_width = int(cells.size_m / occupancy.geometry.resolution_m / 2.0)
     for d_row in range(-half_width, half_width + 1):
         for d_col in range(-half_width, half_width + 1):
@@ -52,5 +49,5 @@ def _counts(occupancy: OccupancyGrid, cells: FloorCells) -> Floats:
                 occupancy.geometry.cells(cells.centres) + offset if len(cells) else np.zeros((0, 2), np.int64)
             )
             rows, cols = index[(index >= 0).all(axis=1) & (index < counts.shape).all(axis=1)].T
-            np.add.at(counts, (rows, cols), 1.0)
+            np.add.at(counts, (rows, cols), 1)
     return counts
