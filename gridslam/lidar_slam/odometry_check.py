@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_float32
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.level_check import LevelledScans
 from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
@@ -40,8 +41,9 @@ class OdometryCheck:
     once.
     """
 
-    def __init__(self, build_tracker: Callable[[], ScanTracker]) -> None:
+    def __init__(self, build_tracker: Callable[[], ScanTracker], stopwatch: Stopwatch) -> None:
         self._build_tracker = build_tracker
+        self._stopwatch = stopwatch
         self._tracker: ScanTracker | None = build_tracker()
         self._held: list[Event] | None = []
         self._tracked = 0  # of the held events
@@ -128,6 +130,17 @@ class OdometryCheck:
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and give on the events held back; wait for more motion where that may decide better."""
         held = self._held or []
+        with self._stopwatch.stage("odometry_check"):
+            is_decided = self._decide(held, is_last)
+        if not is_decided:
+            self._next_check = 2 * self._scans
+            return
+        self._held, self._tracker = None, None
+        for event in held:
+            yield from self._give(event)
+
+    def _decide(self, held: list[Event], is_last: bool) -> bool:
+        """Find the faults of odometry and scans; whether more motion would not decide better."""
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         self._find_own_bodies(held)
         if not self._tracked:
@@ -138,17 +151,14 @@ class OdometryCheck:
             self.correction = calibrate(path, by_odometry)
             self._find_mount(held, path, by_odometry)
         if self.correction.is_undecided and not is_last and self._scans < self._max_scans:
-            self._next_check = 2 * self._scans
-            return
+            return False
         if self._scans > 1:
             repaired = [self._repaired(event) for event in held]
             self._path(held)
             if self._tracker is not None:
                 self.sweep = find_sweep_time(repaired, self._tracker, self._build_tracker)
             self._find_late_scans(held, odometry)
-        self._held, self._tracker = None, None
-        for event in held:
-            yield from self._give(event)
+        return True
 
     def _find_late_scans(self, held: list[Event], odometry: list[Odometry]) -> None:
         """Look whether the scans, and not the odometry, have the wrong stamps."""

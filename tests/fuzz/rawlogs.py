@@ -52,16 +52,16 @@ def _damage(data: bytearray, rng: random.Random) -> None:
     if not data:
         return
     at = rng.randrange(len(data))
-    way = rng.randrange(6)
-    if way == 0:
+    kind = rng.randrange(6)
+    if kind == 0:
         data[at] = rng.randrange(256)
-    elif way == 1:
+    elif kind == 1:
         data[at : at + 4] = rng.choice(ODD_NUMBERS)
-    elif way == 2:
+    elif kind == 2:
         data[at : at + 8] = rng.choice(ODD_DOUBLES)
-    elif way == 3:
+    elif kind == 3:
         del data[at : at + rng.randint(1, 60)]
-    elif way == 4:
+    elif kind == 4:
         data[at:at] = data[max(0, at - rng.randint(1, 200)) : at]
     else:
         del data[at:]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam import odometry_check
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
@@ -28,7 +29,7 @@ def new_tracker() -> ScanTracker:
 
 
 def checked(events: list[Event]) -> tuple[OdometryCheck, list[Event]]:
-    check = OdometryCheck(new_tracker)
+    check = OdometryCheck(new_tracker, Stopwatch())
     given = [e for event in events for e in check.process(event)]
     return check, [*given, *check.flush()]
 

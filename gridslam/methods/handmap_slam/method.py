@@ -68,9 +68,11 @@ class HandmapSlam:
             likelihood = DrawnLikelihood(self.drawn, config.localization.sigma_m)
             self._line_front_end = LineFrontEnd(config, self._observer, likelihood)
         self._scan_tracker = _tracker_of(config, self._line_front_end or surface_front_end(config))
-        self._odometry_check = OdometryCheck(lambda: _tracker_of(config, surface_front_end(config)))
-        self._key_drawing_poses: list[DrawingPose | None] = []
         self._stopwatch = Stopwatch()
+        self._odometry_check = OdometryCheck(
+            lambda: _tracker_of(config, surface_front_end(config)), self._stopwatch
+        )
+        self._key_drawing_poses: list[DrawingPose | None] = []
 
     @property
     def estimate(self) -> Estimate | None:

@@ -60,7 +60,7 @@ class IspaceMcl:
         detection = detection_parameters(advanced.camera_background)
         self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
         self._scans = ScanPoses(OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_M, JUMP_RAD))
-        self._odometry_check = OdometryCheck(_tracker)
+        self._odometry_check = OdometryCheck(_tracker, self._localizer.stopwatch)
         self._seen_bytes = 0  # of images
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self._depth = OnboardDepth(

@@ -31,8 +31,8 @@ def coverage_picture(
     covered = np.where(_counts(occupancy, coverage) > 0, np.float32(COVERED_OPACITY), np.float32(0.0))
     detections = _counts(occupancy, moving)
     moved, some = np.zeros(detections.shape, np.float32), detections > 0
-    share = np.sqrt(detections[some] / max(int(detections.max()), 1))
-    moved[some] = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * share
+    ratio = np.sqrt(detections[some] / max(int(detections.max()), 1))
+    moved[some] = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * ratio
     tints = (Tint(covered, COVERED, "in view"), Tint(moved, MOVING, "moving"))
     sheet = render_map(occupancy, path, tints=tints, marks=PathMarks(is_untrusted))
     return Picture(np.asarray(sheet, np.uint8), "Fixed cameras: coverage and detections", NOTE)

@@ -95,7 +95,7 @@ class SlamSd:
         self._session, self._log_name = session, log_name
         self._stopwatch = Stopwatch()
         self._tracker = _tracker_of(config)
-        self._odometry_check = OdometryCheck(partial(_tracker_of, config))
+        self._odometry_check = OdometryCheck(partial(_tracker_of, config), self._stopwatch)
         self._objects = self._object_layer(tags, seed)
         self._filter = self._path_filter(seed)
         self._diagnostics: dict[str, list[float]] = defaultdict(list)
@@ -140,17 +140,19 @@ class SlamSd:
             series=self._series(),
             counters=self._counters(),
             notes=[*self._odometry_check.notes(), *tracker.motion_notes],
-            timings_s=dict(self._stopwatch.seconds),
             measures={**self._measures(), **drive.measures},
             loops_ns=tracker.stamps_of(drive.loops),
             untrusted_ns=tracker.unmatched_ns(),
         )
-        result = with_consistency(result, consistency, tracker.motion_doubt)
+        with self._stopwatch.stage("map_consistency"):
+            result = with_consistency(result, consistency, tracker.motion_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
         return_freed_memory()
         if drive.session is not None:
-            result = with_session_file(result, drive.session)
+            with self._stopwatch.stage("session"):
+                result = with_session_file(result, drive.session)
+        result = replace(result, timings_s=dict(self._stopwatch.seconds))
         return result if objects is None else objects.added_to(result)
 
     def _closed_drive(self) -> _ClosedDrive:
