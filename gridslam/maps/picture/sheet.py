@@ -19,6 +19,7 @@ TEXT_RATIO = (
 )  # height of the text to the width of the sheet: legible where a phone shows the sheet on its width
 MIN_TEXT_PX, MAX_TEXT_PX = 14, 44
 TICK_TEXTS = 5.0  # smallest distance of ticks, in text heights
+ROWS_AT_ONCE = 256  # that are copied to a sheet: Pillow's copy of all would take more memory than the canvas
 GRID: Colour = (150, 160, 172)
 GRID_OPACITY = 0.55
 
@@ -98,7 +99,8 @@ def with_axes(canvas: Canvas, window: MapWindow, step_m: float, text_px: int) ->
     left = round(max(labels_px, font.getlength(names[1])) + 0.8 * text_px)
     below, above, right = round(1.7 * text_px), round(0.7 * text_px), round(1.2 * text_px)
     sheet = Image.new("RGB", (left + width + right, above + height + below), ink.PAPER)
-    sheet.paste(Image.fromarray(canvas), (left, above))
+    for first in range(0, height, ROWS_AT_ONCE):
+        sheet.paste(Image.fromarray(canvas[first : first + ROWS_AT_ONCE]), (left, above + first))
     draw = ImageDraw.Draw(sheet)
     draw.rectangle((left - 1, above - 1, left + width, above + height), outline=ink.INK)
     tick, end = round(0.3 * text_px), font.getlength(names[0])

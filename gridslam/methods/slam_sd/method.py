@@ -144,6 +144,7 @@ class SlamSd:
             loops_ns=tracker.stamps_of(drive.loops),
             untrusted_ns=tracker.unmatched_ns(),
         )
+        return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
             result = with_consistency(result, consistency, tracker.motion_doubt)
         if drive.continued is not None and drawn is not None:
