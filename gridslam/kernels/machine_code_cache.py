@@ -40,7 +40,7 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
     index beside them, which two processes may leave pointing at each other's code.
     """
 
-    complaint: ClassVar[str | None] = None  # why this process could not keep something, told once
+    complaint: ClassVar[str | None] = None  # why this process could not keep something, said once
 
     def __init__(self, function: Callable[..., Any]) -> None:
         code = function.__code__

@@ -25,11 +25,8 @@ Floats = NDArray[np.float64]
 
 MIN_ROTATION_RAD, MIN_DISTANCE_M = 4.0, 6.0  # by odometry: enough motion to judge it by
 MAX_SCANS = 600  # where the robot moves less, or no lag is certain; bounds memory and delay
-STANDING_M, STANDING_RAD, MAX_STANDING_SCANS = (
-    0.3,
-    0.3,
-    3000,
-)  # a robot that has not driven off yet shows nothing
+STANDING_M, STANDING_RAD = 0.3, 0.3  # a robot that has moved less has not driven off yet, and shows nothing
+MAX_STANDING_SCANS = 3000  # that are held until it does
 
 
 class OdometryCheck:

@@ -18,9 +18,8 @@ Stamps = NDArray[np.int64]
 MIN_MEASURED = 0.9  # of the readings: an orientation or acceleration that is there less often is none
 MAX_NORM_ERROR = 0.02  # of a quaternion
 GRAVITY_MPS2, MAX_GRAVITY_ERROR = 9.81, 0.1  # median specific force; a few drivers write it in g
-MIN_AGREEMENT = (
-    0.9  # mean cosine between the vertical by orientation and by accelerations; robots accelerate little
-)
+# Mean cosine between the vertical by the orientation and that by the accelerations: robots accelerate little.
+MIN_AGREEMENT = 0.9
 MIN_RATE_CORRELATION = 0.5  # between changes of the vertical and the turn rates that should cause them
 RATE_STEP_S = 0.1  # over which these are compared
 MIN_TURN_RAD = 1.0  # of the odometry, to tell the sense of the yaw rate
@@ -29,9 +28,7 @@ MAX_MOUNT_TILT_RAD = math.radians(15.0)  # of the IMU on the robot beyond its kn
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
 # Tilts of 95 % of the readings below these change no scan by more than its noise, or are that of the estimate itself.
 MIN_SWAY_RAD, MIN_SWAY_BY_GRAVITY_RAD = math.radians(0.6), math.radians(1.2)
-GRAVITY_WINDOW_S = (
-    10.0  # half the time over which the specific force is averaged: a robot's accelerations cancel out
-)
+GRAVITY_WINDOW_S = 10.0  # over which the specific force is averaged: a robot's accelerations cancel out
 UPSIDE_DOWN = "it is upside down, and no transform to the base says so"
 MAX_GAP_S = 0.2  # a longer gap between readings says nothing of the tilt within
 

@@ -30,17 +30,12 @@ from gridslam.logs.streams import Source
 Floats = NDArray[np.float64]
 
 PROBED_READINGS = 200  # an IMU that measured no orientation and no acceleration in these has none
-MIN_COVERED, FULLY_COVERED = (
-    0.1,
-    0.95,
-)  # fraction of the scans that have a reading: below, no levelling and a note
+# Fractions of the scans that have a reading: below the first none is levelled, below the second a note says so.
+MIN_COVERED, FULLY_COVERED = 0.1, 0.95
 MIN_SPACING_NS = 5_000_000  # between readings that are kept: robots tilt slowly
 MIN_KNOWN_HEIGHT_M = 0.1  # a lidar that is lower has no height, or its base is not on the floor
-GROUND_M, HALF_BAND_M, HEADROOM_M = (
-    0.2,
-    0.3,
-    1.2,
-)  # beams that end lower meet the floor, those above a ceiling
+# Beams that end below these heights have met the floor, those above the headroom a ceiling.
+GROUND_M, HALF_BAND_M, HEADROOM_M = 0.2, 0.3, 1.2
 
 
 @dataclass(frozen=True, slots=True)

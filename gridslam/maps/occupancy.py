@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import MapError
 
-MAX_MARKED_CELLS = (
-    4_000_000  # looked at one by one; the walls of 400 m x 400 m of offices at 5 cm are a tenth of that
-)
+# Looked at one by one; the walls of 400 m x 400 m of offices at 5 cm are a tenth of that.
+MAX_MARKED_CELLS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,4 +42,7 @@ class FloorCells:
 
     def unique(self) -> FloorCells:
         """Each of them once, sorted by x, then y."""
-        return FloorCells(np.unique(self.index, axis=0), self.size_m)
+        ordered = self.index[np.lexsort(self.index.T[::-1])]
+        is_new = np.ones(len(ordered), np.bool_)
+        is_new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+        return FloorCells(ordered[is_new], self.size_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.kernels.planning.clearance import CollisionWorld, advance
+from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
 from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.search import (
@@ -87,6 +87,42 @@ def test_motions_equal_those_of_the_reference(seed: int, reverse: bool) -> None:
         for motion in motions:
             pose = advance(*pose, *motion)
         np.testing.assert_allclose(pose[:2], goal[:2], atol=1e-6)
+
+
+def random_problem(seed: int, reverse: bool) -> tuple[CollisionWorld, Query, np.ndarray]:
+    """A map of 3 x 4 m with random blocked cells, a goal with either of two headings, and a start."""
+    rng = np.random.default_rng(seed)
+    blocked = rng.random((30, 40)) < 0.02
+    blocked[[0, -1]] = blocked[:, [0, -1]] = True
+    discs = np.array([[0.0, 0.0, RADIUS]])
+    world = CollisionWorld(distance_field(blocked, RESOLUTION), blocked, RESOLUTION, discs, MARGIN)
+    is_open = np.argwhere(world.field[1::2, 1::2] >= RADIUS + MARGIN)
+    goal, start = (is_open[rng.integers(len(is_open), size=2)][:, ::-1] + 0.5) * RESOLUTION
+    yaws = rng.uniform(-np.pi, np.pi, 3)
+    goals = np.array([[*goal, yaw] for yaw in yaws[:2]])
+    start = np.array([*start, yaws[2]])
+    return world, query(world, start, goals[0], reverse)._replace(goals=goals), start
+
+
+@pytest.mark.parametrize(
+    ("seed", "reverse"),
+    [(0, True), (1, False), (2, False), (3, False), (3, True), (4, False), (4, True), (5, True)],
+)
+def test_motions_on_random_maps_equal_those_of_the_reference(seed: int, reverse: bool) -> None:
+    world, asked, start = random_problem(seed, reverse)
+    expected = PoseSearch(world, asked, start).motions()
+    status, motions, _ = searched(world, asked, start, max_states=200_000, slice_size=100)
+    assert status == (FOUND if expected is not None else EXHAUSTED)
+    if expected is None:
+        return
+    np.testing.assert_allclose(motions, np.array(expected), atol=1e-9)
+    pose = tuple(start)
+    for length, curvature in expected:
+        assert is_free(world, *pose, length, curvature)
+        pose = advance(*pose, length, curvature)
+    gaps = asked.goals - pose
+    gaps[:, 2] = np.angle(np.exp(1j * gaps[:, 2]))
+    assert np.abs(gaps).max(axis=1).min() < 1e-6
 
 
 def test_slices_of_any_size_give_the_same_motions() -> None:

@@ -54,9 +54,8 @@ RESAMPLED_POWER = 0.5
 REFINED_POINTS = 90  # of a scan, in the refinement of the pose
 REFINEMENTS = 4
 BELIEF_PARTICLES = 1000  # of which the heaviest cluster is sought at each scan
-MIN_STD = np.array(
-    [0.1, 0.1, 0.03, 0.03, 0.03]
-)  # of the particles' belief in the refinement: metres, rad, log scales
+# Of the particles' belief in the refinement: metres, rad, log scales.
+MIN_STD = np.array([0.1, 0.1, 0.03, 0.03, 0.03])
 
 
 class PlaceLocalizer:

@@ -252,14 +252,8 @@ def _tracker() -> ScanTracker:
 
 def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> FloorCells:
     """The floor cells of size `cell_m` that contain free map cells."""
-    last = np.array(free.shape) - 1
-    corners = FloorCells.containing(
-        occupancy.geometry.centres(last * [[0, 0], [0, 1], [1, 0], [1, 1]]), cell_m
-    )
-    low, high = corners.index.min(axis=0), corners.index.max(axis=0)
-    contained = np.zeros(high - low + 1, np.bool_)
+    parts = []
     for first in range(0, len(free), ROWS_AT_ONCE):
         cells = np.argwhere(free[first : first + ROWS_AT_ONCE]) + np.array([first, 0])
-        x, y = (FloorCells.containing(occupancy.geometry.centres(cells), cell_m).index - low).T
-        contained[x, y] = True
-    return FloorCells(np.argwhere(contained) + low, cell_m)
+        parts.append(FloorCells.containing(occupancy.geometry.centres(cells), cell_m).unique())
+    return FloorCells.joined(parts, cell_m).unique()
