@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,14 +53,20 @@ def distribute_corrections(track: Floats, keys: NDArray[np.int64], key_poses: Fl
     `keys` `(k,)` are the rows of the key scans; the first scan is one. Between two key scans the front end's motion is kept,
     and the correction at the second one is distributed evenly over the scans.
     """
-    out = np.empty_like(track)
-    ends = np.append(keys[1:], len(track))
-    for index, (first, end) in enumerate(zip(keys, ends, strict=True)):
-        segment = se2.compose(key_poses[index], se2.between(track[first], track[first:end]))
-        if index + 1 < len(keys):
-            predicted = se2.compose(key_poses[index], se2.between(track[first], track[end]))
-            correction = se2.between(predicted, key_poses[index + 1])
-            fraction = np.arange(end - first) / (end - first)
-            segment = se2.compose(segment, correction * fraction[:, None])
-        out[first:end] = segment
-    return out
+    if not len(keys):
+        return track.copy()
+    owner = (
+        np.searchsorted(keys, np.arange(len(track)), side="right") - 1
+    )  # of each scan, among the key scans
+    from_key = np.array([se2.inverse(pose) for pose in track[keys]])[owner]
+    poses = se2.compose(key_poses[owner], se2.compose(from_key, track))
+    corrections = [
+        se2.between(se2.compose(key_poses[k], se2.between(track[first], track[end])), key_poses[k + 1])
+        for k, (first, end) in enumerate(pairwise(keys))
+    ]
+    if corrections:
+        between = slice(0, keys[-1])  # behind the last key scan there is nothing to distribute
+        row = owner[between]
+        fraction = (np.arange(keys[-1]) - keys[row]) / np.diff(keys)[row]
+        poses[between] = se2.compose(poses[between], np.array(corrections)[row] * fraction[:, None])
+    return poses

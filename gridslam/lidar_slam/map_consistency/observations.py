@@ -65,12 +65,13 @@ class Observations:
 
 def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: Passages) -> Observations:
     """The observations of the scans in `rows` `(n,)` at their poses `(n, 3)`."""
-    viewpoints = np.array([scans[row].viewpoint for row in rows])
-    returns = [scans[row].returns for row in rows]
+    taken = [_parts_of(scans[row]) for row in rows]
+    viewpoints = np.array([viewpoint for viewpoint, _, _ in taken])
+    returns = [points for _, points, _ in taken]
     profiles = free_space.Profiles(
         *free_space.scan_profiles(np.concatenate(returns), _offsets(returns), viewpoints, SECTORS)
     )
-    chosen = [scans[row].subset(MAX_POINTS).points for row in rows]
+    chosen = [points for _, _, points in taken]
     first = _offsets(chosen)
     testimony = free_space.testimony(
         np.concatenate(chosen),
@@ -92,6 +93,11 @@ def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: 
         scan=scan,
         testimony=testimony,
     )
+
+
+def _parts_of(scan: PreparedScan) -> tuple[Floats, Floats, Floats]:
+    """The viewpoint (2,) and the returns of a scan, and the points that others are asked about; the rest is not kept."""
+    return scan.viewpoint, scan.returns, scan.subset(MAX_POINTS).points
 
 
 def _offsets(parts: Sequence[Floats]) -> Ints:

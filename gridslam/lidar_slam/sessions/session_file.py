@@ -73,9 +73,10 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield "scan.track", np.concatenate([drive.track for drive in drives])
     yield "key.scan", np.concatenate([drive.keys for drive in drives])
     yield "key.pose", session.poses
-    yield "key.viewpoint", np.array([scan.viewpoint for scan in scans])
-    returns = np.array([len(scan.returns) for scan in scans], np.int64)
-    surfaces = np.array([len(scan.surface) for scan in scans], np.int64)
+    sizes = [(scan.viewpoint, len(scan.returns), len(scan.surface)) for scan in scans]
+    yield "key.viewpoint", np.array([viewpoint for viewpoint, _, _ in sizes])
+    returns = np.array([count for _, count, _ in sizes], np.int64)
+    surfaces = np.array([count for _, _, count in sizes], np.int64)
     yield "key.returns", returns
     yield "key.surface", surfaces
     yield "returns", _packed_points((scan.returns for scan in scans), int(returns.sum()))

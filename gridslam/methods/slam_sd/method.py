@@ -132,10 +132,11 @@ class SlamSd:
         drive = self._closed_drive()
         consistency = self._assessed(drive)
         return_freed_memory()
-        static, drawn, objects = self._drawn(drive)
         tracker = self._tracker
+        trajectory = tracker.corrected(drive.poses)
+        static, drawn, objects = self._drawn(drive, trajectory)
         result = RunResult(
-            tracker.corrected(drive.poses),
+            trajectory,
             occupancy=static,
             series=self._series(),
             counters=self._counters(),
@@ -177,7 +178,9 @@ class SlamSd:
                 tracker.key_scans, drive.poses, tracker.key_poses, drive.loops, self._track_drift
             )
 
-    def _drawn(self, drive: _ClosedDrive) -> tuple[OccupancyGrid, SessionMap | None, ObjectResult | None]:
+    def _drawn(
+        self, drive: _ClosedDrive, trajectory: Trajectory
+    ) -> tuple[OccupancyGrid, SessionMap | None, ObjectResult | None]:
         """The map, what else is drawn of a session that goes on, and the objects."""
         config, tracker = self._config, self._tracker
         resolution_m = config.map.resolution_m
@@ -195,7 +198,7 @@ class SlamSd:
                 static = draw_map(
                     tracker.key_scans, drive.poses, resolution_m, config.memory_limit_mb, masked
                 )
-            return static, drawn, self._objects.result(static, path, tracker.corrected(drive.poses))
+            return static, drawn, self._objects.result(static, path, trajectory)
 
     def _measures(self) -> dict[str, object]:
         """Numbers about tracking and filter, for the report."""
