@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import matplotlib as mpl
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import check_name, making, partial_folder, put_folder, real_path, write_atomic
@@ -19,14 +16,13 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
 from gridslam.report.document import json_bytes
+from gridslam.report.drawn_shapes import Drawing, png_of, svg_of
 from gridslam.report.evaluation_plots import (
-    STYLE,
     EvaluatedTrajectory,
-    error_figure,
-    files_of,
-    overlay_figure,
-    path_error_figure,
-    relative_figure,
+    error_drawing,
+    overlay_drawing,
+    path_error_drawing,
+    relative_drawing,
 )
 
 TEMPLATE = "evaluation.html.j2"
@@ -66,13 +62,11 @@ def write_evaluation(
         target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder:
         plots = []
-        with mpl.rc_context(STYLE):
-            figures = list(_figures(trajectories, truth))
-        for stem, figure in figures:
-            png, svg = files_of(figure)
-            write_atomic(folder / f"{stem}.png", png)
-            write_atomic(folder / f"{stem}.svg", svg.encode())
-            plots.append(Markup(_unique_ids(svg, stem)))
+        for stem, drawing in _drawings(trajectories, truth):
+            svg = svg_of(drawing)
+            write_atomic(folder / f"{stem}.png", png_of(drawing))
+            write_atomic(folder / f"{stem}.svg", svg.encode(errors="replace"))
+            plots.append(Markup(svg))
         write_atomic(folder / DOCUMENT_NAME, json_bytes(output))
         page = (
             _environment()
@@ -89,17 +83,17 @@ def write_evaluation(
         put_folder(folder, target)
 
 
-def _figures(
+def _drawings(
     trajectories: Sequence[EvaluatedTrajectory], truth: Trajectory | None
-) -> Iterator[tuple[str, Figure]]:
+) -> Iterator[tuple[str, Drawing]]:
     if not trajectories or truth is None:
         return
-    yield "trajectories", overlay_figure(trajectories, truth.sorted().poses)
-    yield "errors", error_figure(trajectories)
+    yield "trajectories", overlay_drawing(trajectories, truth.sorted().poses)
+    yield "errors", error_drawing(trajectories)
     for number, trajectory in enumerate(trajectories, start=1):
         suffix = f"_{number}" if len(trajectories) > 1 else ""
-        yield f"path_errors{suffix}", path_error_figure(trajectory)
-    relative = relative_figure(trajectories)
+        yield f"path_errors{suffix}", path_error_drawing(trajectory)
+    relative = relative_drawing(trajectories)
     if relative is not None:
         yield "relative_errors", relative
 
@@ -109,11 +103,6 @@ def _rows(documents: Mapping[str, dict[str, Any]]) -> list[tuple[str, str, list[
     flat = [measures_of(document) for document in documents.values()]
     keys = list(dict.fromkeys(key for measures in flat for key in measures))
     return [(key, unit_of(key), [text_of(measures.get(key)) for measures in flat]) for key in keys]
-
-
-def _unique_ids(svg: str, stem: str) -> str:
-    """The SVG with ids that differ from those of the page's other plots."""
-    return re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{stem}-", svg)
 
 
 def _environment() -> jinja2.Environment:

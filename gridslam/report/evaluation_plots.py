@@ -2,41 +2,36 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
+from gridslam.report.charts import Chart, ColourScale, Curve, draw_charts
+from gridslam.report.drawn_shapes import Drawing
 from gridslam.report.plots import thin_out
 
 Floats = NDArray[np.float64]
 MAX_POINTS = 1000  # of a path
-STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text is kept as text: small and searchable
-    "svg.hashsalt": "gridslam",  # reproducible ids
-    "font.family": "sans-serif",
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 TRUTH_COLOUR = "#555555"
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#c2255c", "#7048e8", "#0b8599", "#a17c00", "#e64980")
 ERROR_LEVELS = 24  # colours of a path
+# From dark violet over green to yellow, about as bright as they are far along: also read in grey.
+ERROR_COLOURS = np.array(
+    [
+        *((68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141)),
+        *((39, 173, 129), (92, 200, 99), (170, 220, 50), (253, 231, 37)),
+    ]
+)
 LENGTHS = 8  # lengths of sub-trajectories in the plot of relative errors
 SHORTEST, LONGEST = 0.02, 0.5  # of the path
-DPI = 100
+WIDTH, PLANE_HEIGHT, ERROR_HEIGHT, RELATIVE_HEIGHT = 760, 520, 170, 230  # px
+POINT_PX = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,88 +42,88 @@ class EvaluatedTrajectory:
     pairs: Pairs
 
 
-def overlay_figure(results: Sequence[EvaluatedTrajectory], truth: Floats) -> Figure:
+def overlay_drawing(results: Sequence[EvaluatedTrajectory], truth: Floats) -> Drawing:
     """All trajectories in the x-y plane, with the true poses `(n, 3)`."""
-    figure, axes = _plane("Trajectories")
     path = _thinned(truth)
-    axes.plot(path[:, 0], path[:, 1], "--", color=TRUTH_COLOUR, lw=1.2, label="ground truth")
+    true = Curve(path[:, 0], path[:, 1], TRUTH_COLOUR, "ground truth", width=1.2, is_dashed=True)
+    curves = [true]
     for result, colour in zip(results, _colours(len(results)), strict=True):
         path = _thinned(result.pairs.estimate)
-        axes.plot(path[:, 0], path[:, 1], color=colour, lw=1.2, label=result.name)
-        axes.plot(*path[0, :2], "o", color=colour, ms=4)
-    axes.legend(frameon=False)
-    return figure
+        curves.append(Curve(path[:, 0], path[:, 1], colour, result.name, has_start=True))
+    chart = Chart(curves, "x (m)", "y (m)", "Trajectories", is_plane=True, legend=curves)
+    return draw_charts([chart], WIDTH, PLANE_HEIGHT)
 
 
-def error_figure(results: Sequence[EvaluatedTrajectory]) -> Figure:
+def error_drawing(results: Sequence[EvaluatedTrajectory]) -> Drawing:
     """Position and heading error over time."""
-    figure = _figure(8.0, 4.6)
-    upper, lower = figure.subplots(2, 1, sharex=True)
     start_ns = min(int(result.pairs.stamps_ns[0]) for result in results)
+    position: list[Curve] = []
+    heading: list[Curve] = []
     for result, colour in zip(results, _colours(len(results)), strict=True):
         errors = absolute_errors(result.pairs.estimate, result.pairs.truth)
         times = np.asarray((result.pairs.stamps_ns - start_ns) / 1e9)
-        for axes, values in ((upper, errors.translation_m), (lower, errors.rotation_deg)):
-            axes.plot(*thin_out(times, values), color=colour, lw=1.0, label=result.name)
-    upper.set_title("Error over time")
-    upper.set_ylabel("position error (m)")
-    lower.set_ylabel("heading error (deg)")
-    lower.set_xlabel("time since start (s)")
-    if len(results) > 1:
-        upper.legend(frameon=False)
-    return figure
+        for curves, values in ((position, errors.translation_m), (heading, errors.rotation_deg)):
+            curves.append(Curve(*thin_out(times, values), colour, result.name, width=1.0))
+    legend = position if len(results) > 1 else ()
+    time = "time since start (s)"
+    charts = [
+        Chart(position, time, "position error (m)", "Error over time", from_zero=True, legend=legend),
+        Chart(heading, time, "heading error (deg)", from_zero=True),
+    ]
+    return draw_charts(charts, WIDTH, ERROR_HEIGHT)
 
 
-def path_error_figure(result: EvaluatedTrajectory) -> Figure:
+def path_error_drawing(result: EvaluatedTrajectory) -> Drawing:
     """The path, coloured by its position error."""
-    figure, axes = _plane(f"Position error along the path: {result.name}")
     keep = _kept(len(result.pairs))
-    pairs = Pairs(result.pairs.stamps_ns[keep], result.pairs.estimate[keep], result.pairs.truth[keep])
-    errors = absolute_errors(pairs.estimate, pairs.truth).translation_m
-    axes.plot(pairs.truth[:, 0], pairs.truth[:, 1], "--", color=TRUTH_COLOUR, lw=0.8)
-    pieces, levels = _pieces_of_equal_error(pairs.estimate[:, :2], errors)
-    lines = LineCollection(pieces, cmap="viridis", lw=2.5, capstyle="round")
-    lines.set_array(levels)
-    axes.add_collection(lines)
-    axes.autoscale_view()
-    figure.colorbar(lines, ax=axes, label="position error (m)")
-    return figure
+    estimate, truth = result.pairs.estimate[keep], result.pairs.truth[keep]
+    errors = absolute_errors(estimate, truth).translation_m
+    true = Curve(truth[:, 0], truth[:, 1], TRUTH_COLOUR, "ground truth", width=0.8, is_dashed=True)
+    along = np.linspace(0.0, len(ERROR_COLOURS) - 1.0, ERROR_LEVELS)
+    rgb = [np.interp(along, np.arange(len(ERROR_COLOURS)), column) for column in ERROR_COLOURS.T]
+    colours = ["#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(rgb).astype(int).T.tolist()]
+    scale = ColourScale(colours, float(errors.min()), float(errors.max()), "position error (m)")
+    pieces = [
+        Curve(points[:, 0], points[:, 1], colours[level], width=3.0)
+        for points, level in _pieces_of_equal_error(estimate[:, :2], errors, scale)
+    ]
+    title = f"Position error along the path: {result.name}"
+    chart = Chart([true, *pieces], "x (m)", "y (m)", title, is_plane=True, scale=scale, legend=[true])
+    return draw_charts([chart], WIDTH, PLANE_HEIGHT)
 
 
-def _pieces_of_equal_error(points: Floats, errors: Floats) -> tuple[list[Floats], Floats]:
-    """The path as polylines of nearly equal error, and their errors: far fewer than one line for each step."""
-    low, high = float(errors.min()), float(errors.max())
-    width = max(high - low, 1e-12) / ERROR_LEVELS
-    level = np.minimum(((errors[:-1] - low) / width).astype(np.int64), ERROR_LEVELS - 1)
+def _pieces_of_equal_error(points: Floats, errors: Floats, scale: ColourScale) -> list[tuple[Floats, int]]:
+    """The path as polylines of nearly equal error, and their levels: far fewer than one line for each step."""
+    width = scale.span / ERROR_LEVELS
+    level = np.minimum(((errors[:-1] - scale.low) / width).astype(np.int64), ERROR_LEVELS - 1)
     if not len(level):  # one pose has no path
-        return [], np.zeros(0)
+        return []
     starts = np.flatnonzero(np.r_[True, level[1:] != level[:-1]])
     ends = np.r_[starts[1:], len(level)]
-    pieces = [points[first : last + 1] for first, last in zip(starts, ends, strict=True)]
-    return pieces, low + width * (level[starts] + 0.5)
+    return [(points[first : last + 1], int(level[first])) for first, last in zip(starts, ends, strict=True)]
 
 
-def relative_figure(results: Sequence[EvaluatedTrajectory]) -> Figure | None:
+def relative_drawing(results: Sequence[EvaluatedTrajectory]) -> Drawing | None:
     """Relative position error over the length of sub-trajectories: mean (line) and 95th percentile (dashed).
 
     None if no path is long enough.
     """
-    figure = _figure(8.0, 3.0)
-    axes = figure.add_subplot()
-    is_empty = True
+    means, curves = [], []
     for result, colour in zip(results, _colours(len(results)), strict=True):
         lengths, mean, high = relative_errors_over_length(result.pairs)
         if len(lengths):
-            is_empty = False
-            axes.plot(lengths, mean, "o-", color=colour, lw=1.2, ms=4, label=result.name)
-            axes.plot(lengths, high, "--", color=colour, lw=0.8)
-    axes.set_title("Relative error over distance: mean, and 95th percentile (dashed)")
-    axes.set_xlabel("length of sub-trajectory (m)")
-    axes.set_ylabel("position error (m)")
-    axes.set_ylim(bottom=0.0)
-    if len(results) > 1:
-        axes.legend(frameon=False)
-    return None if is_empty else figure
+            means.append(Curve(lengths, mean, colour, result.name, point_px=POINT_PX))
+            curves.append(Curve(lengths, high, colour, width=1.0, is_dashed=True))
+    title = "Relative error over distance: mean, and 95th percentile (dashed)"
+    chart = Chart(
+        [*curves, *means],
+        "length of sub-trajectory (m)",
+        "position error (m)",
+        title,
+        from_zero=True,
+        legend=means if len(results) > 1 else (),
+    )
+    return draw_charts([chart], WIDTH, RELATIVE_HEIGHT) if means else None
 
 
 def relative_errors_over_length(pairs: Pairs) -> tuple[Floats, Floats, Floats]:
@@ -149,40 +144,6 @@ def relative_errors_over_length(pairs: Pairs) -> tuple[Floats, Floats, Floats]:
             rows.append((float(length), float(distance.mean()), float(np.percentile(distance, 95))))
     table = np.array(rows).reshape(-1, 3)
     return table[:, 0], table[:, 1], table[:, 2]
-
-
-def files_of(figure: Figure) -> tuple[bytes, str]:
-    """A figure as PNG and as an SVG element."""
-    with mpl.rc_context(STYLE):
-        picture, text = io.BytesIO(), io.StringIO()
-        figure.savefig(picture, format="png", dpi=DPI, metadata={"Software": None})
-
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    svg = text.getvalue()
-    return picture.getvalue(), svg[svg.index("<svg") :]
-
-
-def _figure(width_in: float, height_in: float) -> Figure:
-    """A figure with margins for labels; a layout engine would take as long as drawing."""
-    figure = Figure(figsize=(width_in, height_in))
-    labels_in = {"left": 0.75, "right": 0.25, "bottom": 0.5, "top": 0.35}
-    figure.subplots_adjust(
-        left=labels_in["left"] / width_in,
-        right=1.0 - labels_in["right"] / width_in,
-        bottom=labels_in["bottom"] / height_in,
-        top=1.0 - labels_in["top"] / height_in,
-    )
-    return figure
-
-
-def _plane(title: str) -> tuple[Figure, Any]:
-    figure = _figure(7.0, 5.6)
-    axes = figure.add_subplot()
-    axes.set_title(title)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
-    return figure, axes
 
 
 def _colours(count: int) -> list[str]:

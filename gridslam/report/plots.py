@@ -68,8 +68,8 @@ class Axis:
 def time_plot(lines: Sequence[Line], y_label: str) -> str:
     """An SVG element that plots curves over time."""
     thinned = [thin_out(line.times_s, line.values) for line in lines]
-    x = _axis(np.concatenate([t for t, _ in thinned]), LEFT, WIDTH - RIGHT)
-    y = _axis(np.concatenate([v for _, v in thinned]), HEIGHT - BOTTOM, TOP)
+    x = axis_of(np.concatenate([t for t, _ in thinned]), LEFT, WIDTH - RIGHT)
+    y = axis_of(np.concatenate([v for _, v in thinned]), HEIGHT - BOTTOM, TOP)
     parts = _frame(x, y, "time since start (s)", y_label, HEIGHT)
     for (times, values), colour in zip(thinned, COLOURS * len(thinned), strict=False):
         parts.append(_polyline(x.at(times), y.at(values), colour))
@@ -82,18 +82,24 @@ def plane_plot(paths: Sequence[PlanePath]) -> str:
     """An SVG element with paths in the x-y plane, in equal scales."""
     thinned = [path.xy_m[_kept(path.xy_m)] for path in paths]
     points = np.concatenate([xy for xy in thinned if len(xy)] or [np.zeros((1, 2))])
-    low, high = points.min(axis=0), points.max(axis=0)
-    width, height = WIDTH - LEFT - RIGHT, PLANE_HEIGHT - TOP - BOTTOM
-    span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06 or 1.0 / width
-    middle = (low + high) / 2.0
-    half_x, half_y = span * width / 2.0, span * height / 2.0
-    x = Axis(float(middle[0] - half_x), float(middle[0] + half_x), LEFT, WIDTH - RIGHT)
-    y = Axis(float(middle[1] - half_y), float(middle[1] + half_y), PLANE_HEIGHT - BOTTOM, TOP)
+    x, y = plane_axes(points, (LEFT, WIDTH - RIGHT), (PLANE_HEIGHT - BOTTOM, TOP))
     parts = _frame(x, y, "x (m)", "y (m)", PLANE_HEIGHT)
     for path, xy in zip(paths, thinned, strict=True):
         parts.append(_polyline(x.at(xy[:, 0]), y.at(xy[:, 1]), path.colour, path.is_dashed))
     parts += _legend([(path.label, path.colour, path.is_dashed) for path in paths])
     return _svg(parts, PLANE_HEIGHT)
+
+
+def plane_axes(points: Floats, x_px: tuple[float, float], y_px: tuple[float, float]) -> tuple[Axis, Axis]:
+    """Axes of one scale around points `(n, 2)` in metres, between positions of the picture."""
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+    width, height = x_px[1] - x_px[0], y_px[0] - y_px[1]
+    span = float(max((high - low) / np.array([width, height]), default=0.0)) * 1.06 or 1.0 / width
+    middle = (low + high) / 2.0
+    half_x, half_y = span * width / 2.0, span * height / 2.0
+    x = Axis(float(middle[0] - half_x), float(middle[0] + half_x), *x_px)
+    y = Axis(float(middle[1] - half_y), float(middle[1] + half_y), *y_px)
+    return x, y
 
 
 def thin_out(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -120,7 +126,7 @@ def _kept(xy_m: Floats) -> NDArray[np.int64]:
     return finite[np.unique(np.linspace(0, len(finite) - 1, count).astype(np.int64))] if count else finite
 
 
-def _axis(values: Floats, first: float, last: float) -> Axis:
+def axis_of(values: Floats, first: float, last: float) -> Axis:
     """The axis of values, with some room above and below."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     room = 0.04 * (high - low)

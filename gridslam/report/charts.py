@@ -1,0 +1,218 @@
+"""Charts of curves over a value or in the plane: axes with round ticks, a title, a legend, a scale of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.report.drawn_shapes import INK, Area, Disc, Drawing, Shape, Stroke, Words, text_width
+from gridslam.report.plots import Axis, axis_of, plane_axes
+
+Floats = NDArray[np.float64]
+
+TEXT, TITLE = 12, 15  # heights of letters, px
+LINE_PX = 20  # of text
+MARGIN, TICK_PX = 12, 4
+X_TICK_PX, Y_TICK_PX = 90, 35  # between ticks, about
+SAMPLE_PX = 26  # of a line in the legend
+START_PX = 4.0  # radius of the point at which a curve starts
+MAX_LABEL_PX = 330  # of a name in the legend
+MIN_SCALE_SPAN = 1e-3  # of the values of a scale of colours: smaller differences are all of one colour
+GRID_COLOUR, GRID_PX = "#d5d9df", 0.7
+SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = (
+    14,
+    14,
+    60,
+)  # width of the scale of colours, its distance and its texts
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A line through (x, y) `(n,)`, with points or a point at its start, and a label for the legend (empty: none)."""
+
+    x: Floats
+    y: Floats
+    colour: str
+    label: str = ""
+    width: float = 1.5
+    is_dashed: bool = False
+    point_px: float = 0.0  # radius of the points
+    has_start: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ColourScale:
+    """Colours, from the lowest to the highest value, and what they mean."""
+
+    colours: Sequence[str]
+    low: float
+    high: float
+    label: str
+
+    @property
+    def span(self) -> float:
+        """The difference between the values of the first and the last colour."""
+        return max(self.high - self.low, MIN_SCALE_SPAN)
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Curves in axes; `is_plane`: x and y have the same scale; `from_zero`: the y axis starts at zero."""
+
+    curves: Sequence[Curve]
+    x_label: str
+    y_label: str
+    title: str = ""
+    is_plane: bool = False
+    from_zero: bool = False
+    scale: ColourScale | None = None
+    legend: Sequence[Curve] = field(default_factory=tuple)
+
+
+def draw_charts(charts: Sequence[Chart], width: int, height: int) -> Drawing:
+    """Charts below each other, each with axes of a height; titles and legends come on top of it."""
+    shapes: list[Shape] = []
+    top = 0
+    left = max(_left_px(chart, width, height) for chart in charts)
+    x = np.concatenate([curve.x for chart in charts for curve in chart.curves] or [np.zeros(0)])
+    for chart in charts:
+        parts, top = _chart(chart, x, (left, width), top, height)
+        shapes += parts
+    return Drawing(width, top, shapes)
+
+
+def _left_px(chart: Chart, width: int, height: int) -> float:
+    """Where a chart's x axis begins: on the right of the numbers of its y axis."""
+    _, y = _axes(chart, np.zeros(0), (MARGIN, width - MARGIN), (height, 0.0))
+    return MARGIN + 2 * TICK_PX + _widest(y, Y_TICK_PX)
+
+
+def _chart(
+    chart: Chart, x_values: Floats, sides: tuple[float, int], top: int, height: int
+) -> tuple[list[Shape], int]:
+    """A chart whose first line is at `top`, and where it ends; `sides` are the start of its x axis and the sheet's width."""
+    left, width = sides
+    shapes: list[Shape] = []
+    at = top + MARGIN
+    if chart.title:
+        shapes.append(Words(MARGIN, at + TITLE, chart.title, TITLE))
+        at += LINE_PX + TITLE - TEXT
+    entries, at = _legend(chart.legend, width, at)
+    shapes += entries
+    shapes.append(Words(MARGIN, at + TEXT, chart.y_label, TEXT))
+    upper, lower = at + LINE_PX + TICK_PX, at + LINE_PX + TICK_PX + height
+    last = width - MARGIN - TEXT
+    if chart.scale is not None:
+        last -= SCALE_GAP_PX + SCALE_PX + SCALE_TEXT_PX
+    x, y = _axes(chart, x_values, (left, last), (lower, upper))
+    shapes += _frame(chart, x, y)
+    for curve in chart.curves:
+        shapes += _marks(curve, x, y)
+    if chart.scale is not None:
+        shapes += _colour_bar(chart.scale, last + SCALE_GAP_PX, upper, lower)
+    return shapes, lower + 2 * LINE_PX + TICK_PX
+
+
+def _axes(
+    chart: Chart, x_values: Floats, x_px: tuple[float, float], y_px: tuple[float, float]
+) -> tuple[Axis, Axis]:
+    """The axes of a chart between positions on the sheet; that of x ends where its values end, unless they are all the same."""
+    y = np.concatenate([curve.y for curve in chart.curves] or [np.zeros(0)])
+    if chart.is_plane:
+        x = np.concatenate([curve.x for curve in chart.curves])
+        return plane_axes(np.stack([x, y], axis=1), x_px, y_px)
+    across, up = axis_of(x_values, *x_px), axis_of(y, *y_px)
+    if len(x_values) and x_values.max() > x_values.min():
+        across = Axis(float(x_values.min()), float(x_values.max()), *x_px)
+    return across, Axis(0.0, up.high, *y_px) if chart.from_zero else up
+
+
+def _ticks(axis: Axis, spacing_px: float) -> list[tuple[float, str]]:
+    """Positions and texts of round values; all with as many digits as their step has."""
+    ticks = axis.ticks(max(int(abs(axis.last - axis.first) / spacing_px), 2))
+    step = float(ticks[1] - ticks[0]) if len(ticks) > 1 else 1.0
+    digits = max(-int(np.floor(np.log10(step) + 1e-9)), 0)
+    at = axis.at(ticks).tolist()
+    return [(p, f"{value + 0.0:.{digits}f}") for p, value in zip(at, ticks.tolist(), strict=True)]
+
+
+def _widest(axis: Axis, spacing_px: float) -> float:
+    """The width of the widest number of an axis."""
+    return max((text_width(text, TEXT) for _, text in _ticks(axis, spacing_px)), default=0.0)
+
+
+def _frame(chart: Chart, x: Axis, y: Axis) -> list[Shape]:
+    """Grid lines, numbers and names of both axes."""
+    shapes: list[Shape] = []
+    below, names = y.first + TICK_PX + LINE_PX - 4, y.first + TICK_PX + 2 * LINE_PX - 6
+    for at, text in _ticks(x, max(X_TICK_PX, 1.3 * _widest(x, X_TICK_PX))):
+        shapes.append(Stroke(np.array([[at, y.last], [at, y.first]]), GRID_COLOUR, GRID_PX))
+        half = 0.5 * text_width(text, TEXT)
+        shapes.append(Words(min(max(at, half), x.last + TEXT - half), below, text, TEXT, "middle"))
+    for at, text in _ticks(y, Y_TICK_PX):
+        shapes.append(Stroke(np.array([[x.first, at], [x.last, at]]), GRID_COLOUR, GRID_PX))
+        shapes.append(Words(x.first - 2 * TICK_PX, at + 4, text, TEXT, "end"))
+    corner = np.array([[x.first, y.last], [x.first, y.first], [x.last, y.first]])
+    shapes.append(Stroke(corner, INK, 1.0))
+    shapes.append(Words(x.last, names, chart.x_label, TEXT, "end"))
+    return shapes
+
+
+def _marks(curve: Curve, x: Axis, y: Axis) -> list[Shape]:
+    """The line of a curve and its points."""
+    points = np.stack([x.at(curve.x), y.at(curve.y)], axis=1)
+    shapes: list[Shape] = []
+    if len(points) > 1:
+        shapes.append(Stroke(points, curve.colour, curve.width, curve.is_dashed))
+    if curve.point_px:
+        shapes += [Disc(a, b, curve.point_px, curve.colour) for a, b in points.tolist()]
+    if curve.has_start and len(points):
+        shapes.append(Disc(float(points[0, 0]), float(points[0, 1]), START_PX, curve.colour))
+    return shapes
+
+
+def _legend(entries: Sequence[Curve], width: int, top: int) -> tuple[list[Shape], int]:
+    """Line samples with their labels, in as many rows as they need, and where the rows end."""
+    shapes: list[Shape] = []
+    at = float(MARGIN)
+    for entry in entries:
+        label = _shortened(entry.label)
+        needed = SAMPLE_PX + TICK_PX + text_width(label, TEXT) + 2 * MARGIN
+        if at > MARGIN and at + needed > width:
+            at, top = float(MARGIN), top + LINE_PX
+        y = top + TEXT - 4
+        sample = np.array([[at, y], [at + SAMPLE_PX, y]], np.float64)
+        shapes.append(Stroke(sample, entry.colour, 2.0, entry.is_dashed))
+        shapes.append(Words(at + SAMPLE_PX + TICK_PX, top + TEXT, label, TEXT))
+        at += needed
+    return shapes, top + LINE_PX if entries else top
+
+
+def _shortened(label: str) -> str:
+    """The label, or its end where it is too long: names of results differ at their ends."""
+    if text_width(label, TEXT) <= MAX_LABEL_PX:
+        return label
+    low, high = 0, len(label)  # characters to leave out; binary search, as names may be very long
+    while low < high:
+        middle = (low + high) // 2
+        fits = text_width("..." + label[middle:], TEXT) <= MAX_LABEL_PX
+        low, high = (low, middle) if fits else (middle + 1, high)
+    return "..." + label[low:]
+
+
+def _colour_bar(scale: ColourScale, left: float, upper: float, lower: float) -> list[Shape]:
+    """The colours from the lowest value, below, to the highest one, with numbers beside them."""
+    axis = Axis(scale.low, scale.low + scale.span, lower, upper)
+    edges = np.linspace(lower, upper, len(scale.colours) + 1).tolist()
+    shapes: list[Shape] = [
+        Area(left, edges[k + 1], left + SCALE_PX, edges[k], colour) for k, colour in enumerate(scale.colours)
+    ]
+    for at, text in _ticks(axis, Y_TICK_PX):
+        shapes.append(Stroke(np.array([[left + SCALE_PX, at], [left + SCALE_PX + TICK_PX, at]]), INK, 1.0))
+        shapes.append(Words(left + SCALE_PX + 2 * TICK_PX, at + 4, text, TEXT))
+    end = left + SCALE_PX + SCALE_TEXT_PX
+    shapes.append(Words(end, upper - TICK_PX - 6, scale.label, TEXT, "end"))
+    return shapes
