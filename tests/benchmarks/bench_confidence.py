@@ -1,13 +1,16 @@
 """How often poses that were called localized, or had some confidence, are within half a metre of the truth.
 
 Drives by seed from an unknown start, a quarter of a minute each: ordinary places, crowds, changed places, the map of another
-place (where every pose is wrong), and corridors that look the same from both ends.
-`python -m tests.benchmarks.bench_confidence 200` measures 200 drives, prints tables by kind and by confidence, and draws the
-reliability diagram.
+place (where every pose is wrong), and corridors that look the same from both ends. GRIDSLAM_CONFIDENCE_DRIVES=200 in the
+environment measures 200 drives.
+`python -m tests.benchmarks.bench_confidence 200` does so too, prints tables by kind and by confidence, and draws the reliability
+diagram. It keeps each drive's poses in out/confidence, so that it may be stopped and called again, or first be called for parts
+(`... bench_confidence 40 60`); delete the folder after a change of the method.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
@@ -20,13 +23,13 @@ from numpy.typing import NDArray
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.localization_drives import Drive, corridor_drive, errors_m, localized, place_drive
 
-DRIVES = 10
+DRIVES = int(os.environ.get("GRIDSLAM_CONFIDENCE_DRIVES", "10"))
 FIRST_SEED = 1000
 TRAVEL_M = 15.0
 WITHIN_M = 0.5
 EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 KINDS = ("ordinary", "crowd", "changed", "wrong map", "symmetric")
-PICTURE = Path("out") / "confidence.png"
+PICTURE, KEPT = Path("out") / "confidence.png", Path("out") / "confidence"
 
 Floats = NDArray[np.float64]
 
@@ -42,23 +45,37 @@ def rows() -> Iterator[Row]:
 
 
 def measured(drives: int) -> dict[str, Floats]:
-    """By kind, rows `(3, n)`: whether a pose was called localized, its confidence, and its error (m)."""
+    """By kind, the rows of `measured_drive` of the first drives."""
     found: defaultdict[str, list[Floats]] = defaultdict(list)
     for number in range(drives):
-        kind, seed = KINDS[number % len(KINDS)], FIRST_SEED + number
-        drive, grid = drive_of(kind, seed)
-        result = localized(drive, grid.grid, seed)
-        error, called = errors_m(result, drive.truth)
-        if kind == "wrong map":
-            error = np.full(len(error), np.inf)
-        confidence = result.series["confidence"].values[-len(error) :]
-        found[kind].append(np.stack([called.astype(np.float64), confidence, error]))
-        wrong = int((error[called] > WITHIN_M).sum())
-        say(
-            f"{number} {kind}, {drive.name}: called localized {called.sum()} of {len(error)}, of these wrong {wrong}; "
-            f"status {'complete' if result.doubt is None else result.doubt.status}"
-        )
+        found[KINDS[number % len(KINDS)]].append(measured_drive(number))
     return {kind: np.concatenate(parts, axis=1) for kind, parts in found.items()}
+
+
+def measured_drive(number: int) -> Floats:
+    """Rows `(3, n)` of a drive: whether a pose was called localized, its confidence, and its error (m)."""
+    kind, seed = KINDS[number % len(KINDS)], FIRST_SEED + number
+    drive, grid = drive_of(kind, seed)
+    result = localized(drive, grid.grid, seed)
+    error, called = errors_m(result, drive.truth)
+    if kind == "wrong map":
+        error = np.full(len(error), np.inf)
+    confidence = result.series["confidence"].values[-len(error) :]
+    wrong = int((error[called] > WITHIN_M).sum())
+    say(
+        f"{number} {kind}, {drive.name}: called localized {called.sum()} of {len(error)}, of these wrong {wrong}; "
+        f"status {'complete' if result.doubt is None else result.doubt.status}"
+    )
+    return np.stack([called.astype(np.float64), confidence, error])
+
+
+def kept_drive(number: int) -> Floats:
+    """The same, from the folder of kept drives where it is there."""
+    file = KEPT / f"{number}.npy"
+    if not file.is_file():
+        KEPT.mkdir(parents=True, exist_ok=True)
+        np.save(file, measured_drive(number))
+    return np.asarray(np.load(file, allow_pickle=False), np.float64)
 
 
 def drive_of(kind: str, seed: int) -> tuple[Drive, Drive]:
@@ -79,9 +96,17 @@ def calibration_error(confidence: Floats, right: NDArray[np.bool_]) -> float:
     )
 
 
-def main(drives: int) -> None:
-    """Print the tables of many drives, and draw the diagram."""
-    found = measured(drives)
+def main(first: int, end: int) -> None:
+    """Measure some drives; print the tables of all up to the last one, and draw the diagram, if they begin with the first."""
+    parts: defaultdict[str, list[Floats]] = defaultdict(list)
+    for number in range(first, end):
+        parts[KINDS[number % len(KINDS)]].append(kept_drive(number))
+    if not first:
+        report({kind: np.concatenate(each, axis=1) for kind, each in parts.items()})
+
+
+def report(found: dict[str, Floats]) -> None:
+    """Print the tables, and draw the diagram."""
     lines = ["| drives | poses | called localized | of these within 0.5 m |", "|---|---|---|---|"]
     every = {**found, "all": np.concatenate(list(found.values()), axis=1)}
     for kind, (called, _, error) in every.items():
@@ -97,6 +122,7 @@ def main(drives: int) -> None:
         fractions.append(inside.mean() if len(inside) else np.nan)
         if len(inside):
             lines.append(f"| {low:.1f} to {high:.1f} | {len(inside)} | {100.0 * inside.mean():.1f} % |")
+    lines += ["", f"calibration error {calibration_error(confidence, error <= WITHIN_M):.3f}"]
     print("\n".join(lines))  # noqa: T201
     draw(np.array(fractions))
 
@@ -118,4 +144,5 @@ def draw(fractions: Floats) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else DRIVES)
+    numbers = [int(word) for word in sys.argv[1:]] or [DRIVES]
+    main(*(numbers if len(numbers) == 2 else (0, numbers[0])))

@@ -1,6 +1,7 @@
 """Localization on a wrong map: of another place, mirrored, negated, of a wrong resolution, or without the part that was driven.
 
-Ten pairs of a log and a map (GRIDSLAM_WRONG_MAPS=50 in the environment: 50); the run says so if its status is not `complete`. A
+Ten pairs of a log and a map (GRIDSLAM_WRONG_MAPS=50 in the environment: 50; some of them by
+`python -m tests.benchmarks.bench_wrong_maps FIRST END`); the run says so if its status is not `complete`. A
 mirrored map of a place that is its own mirror image is the right map, which is printed and not counted. Places made by seed, and
 the recorded logs and maps where they are.
 """
@@ -8,7 +9,9 @@ the recorded logs and maps where they are.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
+from itertools import islice
 
 from scipy.spatial import cKDTree
 
@@ -44,19 +47,19 @@ def rows() -> Iterator[Row]:
     """Pairs that are said to be wrong, and right pairs that are doubted."""
     right = drives()
     doubted = [drive.name for drive in right if localized(drive, drive.grid, 0).doubt is not None]
-    said = missed = 0
-    for name, drive, grid in pairs(right):
-        result = localized(drive, grid, 0)
-        status = "complete" if result.doubt is None else result.doubt.status
-        said, missed = said + (status != "complete"), missed + (status == "complete")
-        say(
-            f"{said + missed} {drive.name} on {name}: {status}{'  <- missed' if status == 'complete' else ''}"
-        )
-        if said + missed == PAIRS:
-            break
+    statuses = [judged(*pair) for pair in islice(pairs(right), PAIRS)]
+    said = sum(status != "complete" for status in statuses)
     say(f"right maps that are doubted: {', '.join(doubted) or 'none'} (of {len(right)})")
-    yield Row("wrong_maps.said", said, f"of {said + missed}")
+    yield Row("wrong_maps.said", said, f"of {len(statuses)}")
     yield Row("wrong_maps.false_alarms", len(doubted), f"of {len(right)}")
+
+
+def judged(name: str, drive: Drive, grid: OccupancyGrid) -> str:
+    """The status of a localization on a wrong map."""
+    result = localized(drive, grid, 0)
+    status = "complete" if result.doubt is None else result.doubt.status
+    say(f"{drive.name} on {name}: {status}{'  <- missed' if status == 'complete' else ''}")
+    return status
 
 
 def drives() -> list[Drive]:
@@ -101,3 +104,8 @@ def asymmetry(grid: OccupancyGrid) -> float:
     walls = se2.transform_points(register_maps(image, grid).T_truth_map, wall_points(image))
     distances = cKDTree(wall_points(grid)).query(walls)[0]
     return float((distances > ASYMMETRY_M).mean())
+
+
+if __name__ == "__main__":
+    for chosen in islice(pairs(drives()), int(sys.argv[1]), int(sys.argv[2])):
+        judged(*chosen)
