@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO
 
@@ -32,15 +32,17 @@ def damage_as_value_error() -> Iterator[None]:
         raise ValueError(f"a damaged numpy file: {reason}") from error
 
 
-def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]]) -> bytes:
+def npz_bytes(arrays: Iterable[tuple[str, NDArray[np.generic]]], stored: Collection[str] = ()) -> bytes:
     """The content of an .npz file of named arrays, compressed one after the other; `numpy.load` reads it.
 
-    The same arrays give the same bytes: a name without a date gets the earliest one of the format.
+    Arrays whose names are `stored` hold compressed data and are kept as they are. The same arrays give the same bytes: a name
+    without a date gets the earliest one of the format.
     """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION_LEVEL) as archive:
         for name, values in arrays:
-            with archive.open(f"{name}.npy", "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
+            entry = zipfile.ZipInfo(f"{name}.npy") if name in stored else f"{name}.npy"
+            with archive.open(entry, "w", force_zip64=values.nbytes > MAX_PLAIN_BYTES) as file:
                 _write_array(file, np.ascontiguousarray(values).reshape(values.shape))
             del values  # the next array is made while this one is referred to
     return buffer.getvalue()

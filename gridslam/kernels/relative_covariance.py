@@ -181,6 +181,7 @@ def _candidates_of(
     travel_m: NDArray[np.float64],
     edges: DirectedEdges,
     limits: CandidateLimits,
+    is_target: NDArray[np.bool_],
     nodes: NDArray[np.int64],
     covariances: NDArray[np.float64],
 ) -> int:
@@ -192,7 +193,7 @@ def _candidates_of(
     for a in range(source):
         if travel_m[source] - travel_m[a] < limits.min_travel_m:
             break
-        if not reached[a]:
+        if not (reached[a] and is_target[a]):
             continue
         variance = _largest_variance(found[a])
         if variance < limits.min_std_m**2 or variance > limits.max_std_m**2:
@@ -223,18 +224,19 @@ def loop_candidates(
     travel_m: NDArray[np.float64],
     edges: DirectedEdges,
     limits: CandidateLimits,
+    is_target: NDArray[np.bool_],
     max_passages: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """For every node the number of its candidates `(n,)`, their nodes `(n, max_passages)` and their covariances given its pose.
 
-    The latter are `(n, max_passages, 6)`.
+    The latter are `(n, max_passages, 6)`. Only the nodes that `is_target` `(n,)` names are candidates.
     """
     n = poses.shape[0]
     counts = np.zeros(n, np.int64)
     nodes = np.zeros((n, max_passages), np.int64)
     covariances = np.zeros((n, max_passages, 6))
     run_in_ranges(
-        _loop_candidates, n, (poses, travel_m, edges, limits, max_passages, counts, nodes, covariances)
+        _loop_candidates, n, (poses, travel_m, edges, limits, is_target, counts, nodes, covariances)
     )
     return counts, nodes, covariances
 
@@ -247,11 +249,11 @@ def _loop_candidates(
     travel_m: NDArray[np.float64],
     edges: DirectedEdges,
     limits: CandidateLimits,
-    max_passages: int,
+    is_target: NDArray[np.bool_],
     counts: NDArray[np.int64],
     nodes: NDArray[np.int64],
     covariances: NDArray[np.float64],
 ) -> None:
     """Fill in the items first to last - 1 of `loop_candidates`."""
     for b in range(max(first, limits.first_query), last):
-        counts[b] = _candidates_of(b, poses, travel_m, edges, limits, nodes[b], covariances[b])
+        counts[b] = _candidates_of(b, poses, travel_m, edges, limits, is_target, nodes[b], covariances[b])

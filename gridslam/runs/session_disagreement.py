@@ -41,6 +41,7 @@ def with_disagreement(run: Run, session: Session) -> Run:
         np.concatenate([session.poses, poses]),
         np.append(session.parts, 0),
         Constraints.none(),
+        drawn=session.drawn,
     )
     last = len(session.drives)
     drawn = draw_session(whole, run.occupancy.geometry.resolution_m, MEMORY_LIMIT_MB)

@@ -1,6 +1,7 @@
 """Several drives as one map: a recorded log cut into drives, places that change between drives, and the cost of continuing.
 
-Four changing places of each kind; GRIDSLAM_SESSIONS_SEEDS=20 in the environment runs as many as docs/sessions.md reports.
+Four changing places of each kind; GRIDSLAM_SESSIONS_SEEDS=20 in the environment runs 20. Parts by
+`python -m tests.benchmarks.bench_sessions aces` (or wean_hall, tagged, cost), or `... office FIRST END` for some seeds.
 """
 
 from __future__ import annotations
@@ -42,11 +43,8 @@ OVERLAP = 0.06  # of the log, on each side of a cut
 
 def rows() -> Iterator[Row]:
     """Relations of cut logs, precision and recall of changed cells, and CPU time of the last of 1, 2, 4 and 8 drives."""
-    yield from _cut_log()
-    yield from _changed_hall()
-    yield from _changed_places()
-    yield from _tagged_corridor()
-    yield from _cost()
+    for part in PARTS.values():
+        yield from part()
 
 
 def _cut_log() -> Iterator[Row]:
@@ -189,11 +187,24 @@ def _cost() -> Iterator[Row]:
     yield Row("sessions.cost.memory.eighth", memory[7] / memory[1], "of the second")
 
 
+PARTS = {
+    "aces": _cut_log,
+    "wean_hall": _changed_hall,
+    "changed": _changed_places,
+    "tagged": _tagged_corridor,
+    "cost": _cost,
+}
+
+
 def main() -> None:
-    """Print the changes found in places of KIND with seeds FIRST to END - 1."""
-    kind, first, end = sys.argv[1:4]
-    for seed in range(int(first), int(end)):
-        _changed_place("office" if kind == "office" else "corridors", seed)
+    """Print the rows of the named parts; after a kind of place, the changes found with seeds FIRST to END - 1."""
+    name, *seeds = sys.argv[1:]
+    if name in PARTS:
+        for row in PARTS[name]():
+            say(f"{row.name} {row.value:.4f} {row.unit}")
+        return
+    for seed in range(*map(int, seeds)):
+        _changed_place("office" if name == "office" else "corridors", seed)
 
 
 if __name__ == "__main__":

@@ -82,10 +82,12 @@ def test_a_return_is_a_candidate_only_as_long_as_it_is_uncertain() -> None:
     limits = CandidateLimits(
         min_travel_m=5.0, view_m=2.0, max_stds=0.0, min_std_m=0.1, max_std_m=100.0, max_gap=2, first_query=0
     )
-    counts, nodes, _ = loop_candidates(poses, travel, directed_edges(20, chain), limits, 4)
+    every, graph = np.ones(20, np.bool_), directed_edges(20, chain)
+    counts, nodes, _ = loop_candidates(poses, travel, graph, limits, every, 4)
     assert counts[19] == 1
     assert nodes[19, 0] == 0
     assert counts[11] == 0
+    assert loop_candidates(poses, travel, graph, limits, np.arange(20) != 0, 4)[1][19, 0] == 1
     tight = Edges(
         np.array([0]),
         np.array([19]),
@@ -94,4 +96,5 @@ def test_a_return_is_a_candidate_only_as_long_as_it_is_uncertain() -> None:
         np.ones(1, np.bool_),
     )
     graph = directed_edges(20, Edges.concatenate([chain, tight]))
-    assert loop_candidates(poses, travel, graph, limits._replace(view_m=0.5, max_stds=0.0), 4)[0][19] == 0
+    near = limits._replace(view_m=0.5, max_stds=0.0)
+    assert loop_candidates(poses, travel, graph, near, every, 4)[0][19] == 0

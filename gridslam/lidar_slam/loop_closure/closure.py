@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,13 +93,19 @@ def close_loops(
         closed.poses, _ = optimise(closed.poses, held, ROBUST_SCALE)
     tried: list[Candidate] = []
     max_std_m = FIRST_STD_M
+    find = partial(
+        find_candidates,
+        travel_m=segments.travel_m,
+        first_query=first_query,
+        is_target=np.diff(clouds.first_point) > 0,
+    )
     for _ in range(MAX_ROUNDS):
         graph = directed_edges(len(segments), Edges.concatenate([fixed, closed.accepted.edges]))
-        found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m, first_query)
+        found = find(closed.poses, graph=graph, max_std_m=max_std_m)
         candidates = choose_candidates(found, tried)
         while not candidates and max_std_m < MAX_STD_M:
             max_std_m *= 2.0
-            found = find_candidates(closed.poses, segments.travel_m, graph, max_std_m, first_query)
+            found = find(closed.poses, graph=graph, max_std_m=max_std_m)
             candidates = choose_candidates(found, tried)
         if not candidates:
             break

@@ -40,12 +40,16 @@ REGISTRATION = Registration(
 )
 
 
-def choose_pairs(poses: Floats, travel_m: Floats, first_query: int = 0) -> tuple[Ints, Ints]:
+def choose_pairs(
+    poses: Floats, travel_m: Floats, first_query: int = 0, seeing: Ints | None = None
+) -> tuple[Ints, Ints]:
     """Targets `(p,)` and queries `(p,)`, sorted by target: which segments are registered about which.
 
-    Of each visit the segment nearest to the query is its target. Queries are the segments from `first_query` on.
+    Of each visit the segment nearest to the query is its target. Queries are the segments from `first_query` on. `seeing` are
+    the segments that have seen anything, in order; None: all.
     """
-    near = cKDTree(poses[:, :2]).query_pairs(VIEW_M, output_type="ndarray")
+    seeing = np.arange(len(poses)) if seeing is None else seeing
+    near = seeing[cKDTree(poses[seeing, :2]).query_pairs(VIEW_M, output_type="ndarray")]
     near = near[np.abs(travel_m[near[:, 1]] - travel_m[near[:, 0]]) >= MIN_TRAVEL_M]
     near = near[near.max(axis=1, initial=0) >= first_query]
     target, query = near.min(axis=1, initial=len(poses)), near.max(axis=1, initial=0)
@@ -64,7 +68,8 @@ def choose_pairs(poses: Floats, travel_m: Floats, first_query: int = 0) -> tuple
 
 def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds, first_query: int = 0) -> Edges:
     """Edges `target` to `query` from the registration of segments from `first_query` on, given all poses `(s, 3)`."""
-    target, query = choose_pairs(poses, segments.travel_m, first_query)
+    seeing = np.flatnonzero(np.diff(clouds.first_point))
+    target, query = choose_pairs(poses, segments.travel_m, first_query, seeing)
     if not len(target):
         return Edges.none()
     centres, counts = np.unique(target, return_counts=True)

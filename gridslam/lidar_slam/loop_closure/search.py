@@ -106,11 +106,17 @@ class LoopMatches:
 
 
 def find_candidates(
-    poses: Floats, travel_m: Floats, graph: DirectedEdges, max_std_m: float, first_query: int = 0
+    poses: Floats,
+    travel_m: Floats,
+    graph: DirectedEdges,
+    max_std_m: float,
+    first_query: int = 0,
+    *,
+    is_target: Bools,
 ) -> list[Candidate]:
     """All candidates up to an uncertainty, the least uncertain first, given the segments' poses `(s, 3)`.
 
-    Queries are the segments from `first_query` on.
+    Queries are the segments from `first_query` on, targets those that `is_target` `(s,)` names.
     """
     limits = CandidateLimits(
         MIN_TRAVEL_M,
@@ -122,7 +128,7 @@ def find_candidates(
         first_query=first_query,
     )
     counts, nodes, covariances = relative_covariance.loop_candidates(
-        poses, travel_m, graph, limits, MAX_PASSAGES
+        poses, travel_m, graph, limits, is_target, MAX_PASSAGES
     )
     query, column = np.nonzero(np.arange(MAX_PASSAGES) < counts[:, None])
     target = nodes[query, column]

@@ -95,7 +95,7 @@ def find_changes(
             seen = _observations(cells, met_by, passed_by, frame) if len(cells) >= MIN_CELLS else None
             if seen is not None:
                 times = (seen[0], seen[1]) if kind == "vanished" else (seen[3], seen[2])
-                found.append(_change(kind, drive, _grown(cells, weak, frame), times, frame))
+                found.append(change_of(kind, drive, _grown(cells, weak, frame), times, frame))
     return sorted(found, key=lambda change: (change.x_m, change.y_m, change.kind))
 
 
@@ -248,7 +248,8 @@ def _nearest_angle(ordered: Floats, angles: Floats) -> Ints:
     return np.where(apart[0] <= apart[1], before, after)
 
 
-def _change(kind: Kind, drive: int, cells: Ints, times: tuple[int, int], frame: CellFrame) -> Change:
+def change_of(kind: Kind, drive: int, cells: Ints, times: tuple[int, int], frame: CellFrame) -> Change:
+    """A change by its cells `(n, 2)` and the last stamp before and the first one after it."""
     centres = frame.geometry.centres(cells)
     origin = centres[0]
     (x, y), (length, width), angle = cv2.minAreaRect((centres - origin).astype(np.float32))

@@ -1,6 +1,7 @@
 """A session continued by another drive: its place in the map, its loops to all earlier drives, and one optimised pose graph.
 
-Earlier key scans are not matched among each other again: only what the new drive saw is searched for.
+Earlier key scans are not matched among each other again: only what the new drive saw is searched for, and where several earlier
+drives were in one place, in the last of them.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from gridslam.lidar_slam.loop_closure.search import LoopMatches
 from gridslam.lidar_slam.loop_closure.segments import collect_clouds
 from gridslam.lidar_slam.loop_closure.trajectory import REFINED_SEGMENT_M, SEGMENT_M
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.active_scans import active_scans
 from gridslam.lidar_slam.sessions.place_search import KnownMap, find_places
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session
 from gridslam.lidar_slam.sessions.tracks import JointTracks
@@ -64,7 +66,8 @@ def continue_session(
         order = np.concatenate([members, joined_drives])
         joined, joined_drives = found.session, order
         searched, loops, visits = searched + found.pairs_searched, loops + found.loops, visits + found.visits
-    whole = replace(_assemble(session, joined, joined_drives), objects=session.objects)
+    whole = _assemble(session, joined, joined_drives)
+    whole = replace(whole, objects=session.objects, drawn=session.drawn)
     moved = np.hypot(*(whole.poses[: len(session.poses)] - session.poses)[:, :2].T)
     return Continued(whole, searched, loops, visits, round(float(moved.max()), 4))
 
@@ -89,7 +92,7 @@ def _join(known: Session, fresh: Session, drift: DriftModel) -> _Joined | None:
     coarse = JointTracks.cut(drives, SEGMENT_M)
     at, size = coarse.joint.reference, int(coarse.first_segment[len(known.drives)])
     poses = np.concatenate([known.poses, fresh.poses])
-    scans = [scan for drive in drives for scan in drive.scans]
+    scans = [*active_scans(known), *(scan for drive in fresh.drives for scan in drive.scans)]
     clouds = collect_clouds(scans, poses, coarse.joint)
     fixed = Edges.concatenate([coarse.chains(drift), coarse.between_segments(both.landmarks)])
     held = coarse.between_segments(both.loops)

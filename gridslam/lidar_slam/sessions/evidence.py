@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels import log_odds
-from gridslam.lidar_slam.grid_map import UPDATE, LastUpdates, grid_extent
+from gridslam.lidar_slam.grid_map import MARGIN_M, UPDATE, LastUpdates, grid_extent
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry
 
@@ -57,11 +57,27 @@ class CellFrame:
     resolution_m: float
 
     @staticmethod
-    def around(drives: Sequence[PlacedScans], resolution_m: float, memory_limit_mb: float) -> CellFrame:
-        """The grid around all that drives saw. Raises MethodError: it would exceed the memory limit."""
-        points = np.concatenate([part for drive in drives for part in (*drive.endpoints, drive.viewpoints)])
-        corner, rows, cols = grid_extent(points, resolution_m, memory_limit_mb, BYTES_PER_CELL)
+    def around(
+        drives: Sequence[PlacedScans],
+        resolution_m: float,
+        memory_limit_mb: float,
+        earlier: CellFrame | None = None,
+    ) -> CellFrame:
+        """The grid around all that drives saw, and an earlier grid. Raises MethodError: it would exceed the memory limit."""
+        points = [part for drive in drives for part in (*drive.endpoints, drive.viewpoints)]
+        if earlier is not None:
+            points.append(earlier.inner_corners)
+        corner, rows, cols = grid_extent(
+            np.concatenate(points), resolution_m, memory_limit_mb, BYTES_PER_CELL
+        )
         return CellFrame(corner, rows, cols, resolution_m)
+
+    @property
+    def inner_corners(self) -> Floats:
+        """Two points `(2, 2)` around which the grid is just as large."""
+        low = self.corner + MARGIN_M / self.resolution_m + 0.5
+        size = np.array([self.cols, self.rows]) - 2.0 * MARGIN_M / self.resolution_m - 1.0
+        return np.asarray(np.stack([low, low + size]) * self.resolution_m)
 
     @property
     def geometry(self) -> GridGeometry:

@@ -12,6 +12,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.key_scans import distribute_corrections
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.drawn_state import DrawnState
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 
 Floats = NDArray[np.float64]
@@ -22,7 +23,7 @@ Ints = NDArray[np.int64]
 class Drive:
     """One recorded drive: the name of its log, stamps `(n,)` and front end's poses `(n, 3)` of all its scans.
 
-    `keys` `(k,)` are the rows of the key scans `scans`.
+    `keys` `(k,)` are the rows of the key scans `scans`. `range_m` is how far the lidar saw, but for a few beams.
     """
 
     log: str
@@ -30,6 +31,7 @@ class Drive:
     track: Floats
     keys: Ints
     scans: Sequence[PreparedScan]
+    range_m: float = 0.0
 
     @property
     def key_track(self) -> Floats:
@@ -78,7 +80,8 @@ class Session:
     """Drives in the order in which they were mapped, and the final poses `(k, 3)` of all their key scans in one map frame.
 
     `parts` `(d,)` numbers the connected parts of the map: drives of different parts have not been found to overlap, and how
-    the parts lie to each other is unknown. `objects` are the estimates of tagged objects, relative to key scans.
+    the parts lie to each other is unknown. `objects` are the estimates of tagged objects, relative to key scans. `drawn` is the
+    map as it was drawn last, of some or all of the drives; None: it is drawn anew.
     """
 
     drives: tuple[Drive, ...]
@@ -86,6 +89,7 @@ class Session:
     parts: Ints
     constraints: Constraints
     objects: ObjectRecords = field(default_factory=ObjectRecords.none)
+    drawn: DrawnState | None = None
 
     @property
     def first_key(self) -> Ints:
@@ -99,10 +103,21 @@ class Session:
             return self.drives[0].scans
         return [scan for drive in self.drives for scan in drive.scans]
 
+    def scans_at(self, rows: Ints) -> list[PreparedScan]:
+        """Some of the key scans of all drives, by their numbers."""
+        drive = np.searchsorted(self.first_key, rows, side="right") - 1
+        at = rows - self.first_key[drive]
+        return [self.drives[d].scans[k] for d, k in zip(drive.tolist(), at.tolist(), strict=True)]
+
     @property
     def is_connected(self) -> bool:
         """Whether all drives overlap."""
         return bool((self.parts == self.parts[0]).all())
+
+    def before(self, drive: int) -> Session:
+        """The drives before one, without what holds them."""
+        poses = self.poses[: self.first_key[drive]]
+        return Session(self.drives[:drive], poses, self.parts[:drive], Constraints.none())
 
     def poses_of(self, drive: int) -> Floats:
         """Final poses of one drive's key scans."""

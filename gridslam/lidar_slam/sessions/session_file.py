@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
-from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.core.numpy_files import MAX_RATIO, MIN_UNPACKED_BYTES, npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
-from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.drawn_file import SCHEMA as DRAWN_SCHEMA
+from gridslam.lidar_slam.sessions.drawn_file import drawn_arrays, drawn_in, frame_document
 from gridslam.lidar_slam.sessions.object_records import SCHEMA as OBJECT_SCHEMA
 from gridslam.lidar_slam.sessions.object_records import records_in
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session, offsets
+from gridslam.lidar_slam.sessions.stored_scans import (
+    CHUNK_SCANS,
+    RETURN_BYTES,
+    SURFACE_BYTES,
+    StoredScans,
+)
 
 Arrays = dict[str, NDArray[Any]]
 
 FILE_NAME = "session.npz"
-FORMAT, VERSION = "gridslam session", 2
-POINT_UNIT_M = 2.0**-10  # coordinates of points are whole numbers of it
-NORMAL_UNIT_RAD = 1e-4
-MAX_ANGLE = int(np.pi / NORMAL_UNIT_RAD)
-NO_NORMAL = np.int16(-32768)
-MAX_POINT_M = 1000.0
+FORMAT, VERSION = "gridslam session", 3
 MAX_FILE_BYTES = 1 << 30
 MAX_POSE_M = 1e6
 EDGES = ("loops", "visits", "landmarks")
@@ -36,6 +39,7 @@ SCHEMA = {  # of all arrays but those of edges: type, columns
     "drive.scans": ("<i8", 0),
     "drive.keys": ("<i8", 0),
     "drive.part": ("<i8", 0),
+    "drive.range_m": ("<f8", 0),
     "scan.stamp_ns": ("<i8", 0),
     "scan.track": ("<f8", 3),
     "key.scan": ("<i8", 0),
@@ -43,47 +47,47 @@ SCHEMA = {  # of all arrays but those of edges: type, columns
     "key.viewpoint": ("<f8", 2),
     "key.returns": ("<i8", 0),
     "key.surface": ("<i8", 0),
-    "returns": ("<i4", 2),
-    "surface": ("<i4", 2),
-    "surface.normal": ("<i2", 0),
+    "chunk.bytes": ("<i8", 0),
+    "points": ("|u1", 0),
 }
 EDGE_SCHEMA = {"source": ("<i8", 0), "target": ("<i8", 0), "motion": ("<f8", 3), "information": ("<f8", 6)}
 
 
 def session_bytes(session: Session) -> bytes:
     """The content of session.npz; the same session gives the same bytes."""
-    return npz_bytes(_arrays(session))
+    return npz_bytes(_arrays(session), stored=("points",))
 
 
 def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """All arrays by name, made one after the other: those of points are large."""
-    drives, scans, constraints = session.drives, session.scans, session.constraints
-    objects = session.objects
+    drives, objects = session.drives, session.objects
+    scans = [StoredScans.of(drive.scans) for drive in drives]
     head = {
         "format": FORMAT,
         "version": VERSION,
         "logs": [drive.log for drive in drives],
         "objects": list(objects.ids),
+        "drawn": None if session.drawn is None else frame_document(session.drawn.frame),
     }
     yield "head", np.frombuffer(json.dumps(head).encode(), np.uint8)
     yield "drive.scans", np.array([len(drive.stamps_ns) for drive in drives], np.int64)
     yield "drive.keys", np.array([len(drive.keys) for drive in drives], np.int64)
     yield "drive.part", session.parts
+    yield "drive.range_m", np.array([drive.range_m for drive in drives])
     yield "scan.stamp_ns", np.concatenate([drive.stamps_ns for drive in drives])
     yield "scan.track", np.concatenate([drive.track for drive in drives])
     yield "key.scan", np.concatenate([drive.keys for drive in drives])
     yield "key.pose", session.poses
-    sizes = [(scan.viewpoint, len(scan.returns), len(scan.surface)) for scan in scans]
-    yield "key.viewpoint", np.array([viewpoint for viewpoint, _, _ in sizes])
-    returns = np.array([count for _, count, _ in sizes], np.int64)
-    surfaces = np.array([count for _, _, count in sizes], np.int64)
-    yield "key.returns", returns
-    yield "key.surface", surfaces
-    yield "returns", _packed_points((scan.returns for scan in scans), int(returns.sum()))
-    yield "surface", _packed_points((scan.surface for scan in scans), int(surfaces.sum()))
-    yield "surface.normal", np.concatenate([_packed_normals(scan.surface_normals) for scan in scans])
+    yield "key.viewpoint", np.concatenate([stored.viewpoints for stored in scans])
+    yield "key.returns", np.concatenate([stored.counts[0] for stored in scans])
+    yield "key.surface", np.concatenate([stored.counts[1] for stored in scans])
+    chunks = [chunk for stored in scans for chunk in stored.chunks]
+    yield "chunk.bytes", np.array([len(chunk) for chunk in chunks], np.int64)
+    yield "points", np.frombuffer(b"".join(chunks), np.uint8)
+    if session.drawn is not None:
+        yield from drawn_arrays(session.drawn)
     for name in EDGES:
-        yield from _edge_arrays(name, getattr(constraints, name)).items()
+        yield from _edge_arrays(name, getattr(session.constraints, name)).items()
     yield from objects.arrays().items()
 
 
@@ -99,23 +103,26 @@ def read_session(content: bytes, name: str) -> Session:
     """The session of a file's content. Raises InputError, which names the file: damaged, or of another version."""
     try:
         arrays = read_npz(content)
-        logs, objects = _names(arrays.pop("head", None))
-        _check(arrays)
-        return _session(arrays, logs, objects)
+        head = _head(arrays.pop("head", None))
+        _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **(DRAWN_SCHEMA if head["drawn"] else {})})
+        return _session(arrays, head)
     except ValueError as error:
         raise InputError(
             f"{name}: not a session that can be continued: {error}; map its logs again"
         ) from None
 
 
-def _names(head: NDArray[np.generic] | None) -> tuple[list[str], list[str]]:
-    """Names of the logs, and of the objects of all estimates. Raises ValueError: it is not of this format and version."""
+def _head(head: NDArray[np.generic] | None) -> dict[str, Any]:
+    """Names of the `logs`, and of the `objects` of all estimates, and the frame of the map that is `drawn`, or None.
+
+    Raises ValueError: it is not of this format and version.
+    """
     try:
         if head is None or head.dtype != np.uint8:
             raise ValueError
         document = json.loads(head.tobytes())
         kind, version, logs = document["format"], document["version"], document["logs"]
-        objects = document.get("objects")
+        objects, drawn = document.get("objects"), document.get("drawn")
     except (ValueError, TypeError, KeyError, RecursionError):
         raise ValueError("it has no readable head") from None
     if kind != FORMAT:
@@ -125,12 +132,12 @@ def _names(head: NDArray[np.generic] | None) -> tuple[list[str], list[str]]:
     for names in (logs, objects):
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise ValueError("its logs or objects have no names")
-    return logs, objects
+    return {"logs": logs, "objects": objects, "drawn": drawn}
 
 
-def _check(arrays: Arrays) -> None:
+def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
     """Types, sizes and ranges of all arrays. Raises ValueError: one is missing or wrong."""
-    schema = {**SCHEMA, **OBJECT_SCHEMA}
+    schema = dict(schema)
     schema.update({f"{name}.{column}": form for name in EDGES for column, form in EDGE_SCHEMA.items()})
     for name, (kind, columns) in schema.items():
         values = arrays.get(name)
@@ -143,24 +150,26 @@ def _check(arrays: Arrays) -> None:
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             raise ValueError(f"{name} is not finite")
     rows = {name: len(arrays[name]) for name in schema}
-    sums = {
-        name: _total(arrays[name]) for name in ("drive.scans", "drive.keys", "key.returns", "key.surface")
-    }
+    counts = ("drive.scans", "drive.keys", "key.returns", "key.surface", "chunk.bytes")
+    sums = {name: _total(arrays[name]) for name in counts}
     keys = rows["key.pose"]
     expected = [
         (rows["drive.keys"], rows["drive.scans"]),
         (rows["drive.part"], rows["drive.scans"]),
+        (rows["drive.range_m"], rows["drive.scans"]),
         (sums["drive.scans"], rows["scan.stamp_ns"]),
         (rows["scan.track"], rows["scan.stamp_ns"]),
         (sums["drive.keys"], keys),
         *((rows[name], keys) for name in ("key.scan", "key.viewpoint", "key.returns", "key.surface")),
-        (sums["key.returns"], rows["returns"]),
-        (sums["key.surface"], rows["surface"]),
-        (rows["surface.normal"], rows["surface"]),
+        (int((-(-arrays["drive.keys"] // CHUNK_SCANS)).sum()), rows["chunk.bytes"]),
+        (sums["chunk.bytes"], rows["points"]),
         *((rows[f"{name}.{column}"], rows[f"{name}.source"]) for name in EDGES for column in EDGE_SCHEMA),
     ]
     if any(one != other for one, other in expected):
         raise ValueError("its arrays do not fit each other")
+    unpacked_bytes = RETURN_BYTES * sums["key.returns"] + SURFACE_BYTES * sums["key.surface"]
+    if unpacked_bytes > max(MAX_RATIO * rows["points"], MIN_UNPACKED_BYTES):
+        raise ValueError(f"it claims to hold {unpacked_bytes} bytes of points")
     if np.abs(arrays["key.pose"]).max(initial=0.0) > MAX_POSE_M:
         raise ValueError("a pose is out of range")
     if np.abs(arrays["scan.track"]).max(initial=0.0) > MAX_POSE_M:
@@ -174,82 +183,38 @@ def _total(counts: NDArray[np.generic]) -> int:
     return int(counts.sum())
 
 
-def _session(arrays: Arrays, logs: list[str], objects: list[str]) -> Session:
-    a = arrays
+def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
+    a, logs = arrays, head["logs"]
     first_scan, first_key = offsets(a["drive.scans"].tolist()), offsets(a["drive.keys"].tolist())
     if len(logs) != len(a["drive.keys"]) or not len(logs) or (a["drive.keys"] < 1).any():
         raise ValueError("a drive has no key scans")
-    scans = _scans(a, first_key, first_scan)
-    drives = tuple(
-        Drive(
-            log,
-            a["scan.stamp_ns"][first_scan[d] : first_scan[d + 1]],
-            a["scan.track"][first_scan[d] : first_scan[d + 1]],
-            keys=a["key.scan"][first_key[d] : first_key[d + 1]],
-            scans=scans[first_key[d] : first_key[d + 1]],
-        )
-        for d, log in enumerate(logs)
-    )
-    n_keys = int(first_key[-1])
-    constraints = Constraints(*(_edges(a, name, n_keys) for name in EDGES))
-    return Session(
-        drives, a["key.pose"], a["drive.part"], constraints, objects=records_in(a, objects, n_keys)
-    )
-
-
-def _scans(a: Arrays, first_key: NDArray[np.int64], first_scan: NDArray[np.int64]) -> list[PreparedScan]:
-    """The key scans. Their surfaces stand for the points that are matched: a key scan is matched as part of a map only."""
-    for d in range(len(first_key) - 1):
-        own = a["key.scan"][first_key[d] : first_key[d + 1]]
-        if own[0] != 0 or (np.diff(own) <= 0).any() or own[-1] >= first_scan[d + 1] - first_scan[d]:
+    first_chunk = offsets((-(-a["drive.keys"] // CHUNK_SCANS)).tolist())
+    ends = offsets(a["chunk.bytes"].tolist())
+    content = memoryview(a["points"].tobytes())
+    chunks = [content[start:end] for start, end in pairwise(ends.tolist())]
+    drives = []
+    for d, log in enumerate(logs):
+        keys = slice(first_key[d], first_key[d + 1])
+        own, stamps = a["key.scan"][keys], a["scan.stamp_ns"][first_scan[d] : first_scan[d + 1]]
+        if own[0] != 0 or (np.diff(own) <= 0).any() or own[-1] >= len(stamps):
             raise ValueError("a key scan is none of its drive's scans")
-    rows = np.repeat(first_scan[:-1], np.diff(first_key)) + a["key.scan"]
-    stamps = a["scan.stamp_ns"][rows].tolist()
-    returns, surface = _points(a["returns"]), _points(a["surface"])
-    normals = _normals(a["surface.normal"])
-    r, s = offsets(a["key.returns"].tolist()), offsets(a["key.surface"].tolist())
-    return [
-        PreparedScan(
-            stamp,
-            a["key.viewpoint"][k],
-            returns[r[k] : r[k + 1]],
-            points=surface[s[k] : s[k + 1]],
-            normals=normals[s[k] : s[k + 1]],
-            surface=surface[s[k] : s[k + 1]],
-            surface_normals=normals[s[k] : s[k + 1]],
+        scans = StoredScans(
+            stamps[own],
+            a["key.viewpoint"][keys],
+            (a["key.returns"][keys], a["key.surface"][keys]),
+            chunks[first_chunk[d] : first_chunk[d + 1]],
         )
-        for k, stamp in enumerate(stamps)
-    ]
-
-
-def _packed_points(parts: Iterable[NDArray[np.float64]], count: int) -> NDArray[np.int32]:
-    """`count` points of all parts as differences of whole numbers, which compress well."""
-    packed_points = np.empty((count, 2), np.int32)
-    last, at = np.zeros((1, 2), np.int32), 0
-    for part in parts:
-        whole = np.concatenate([last, np.rint(part / POINT_UNIT_M).astype(np.int32)])
-        packed_points[at : at + len(part)] = np.diff(whole, axis=0)
-        last, at = whole[-1:], at + len(part)
-    return packed_points
-
-
-def _points(packed_points: NDArray[np.int64]) -> NDArray[np.float64]:
-    whole = np.cumsum(packed_points, axis=0, dtype=np.int64)
-    if np.abs(whole).max(initial=0) > MAX_POINT_M / POINT_UNIT_M:
-        raise ValueError("a point is out of range")
-    return np.asarray(whole * POINT_UNIT_M, np.float64)
-
-
-def _packed_normals(normals: NDArray[np.float64]) -> NDArray[np.int16]:
-    angle = np.rint(np.arctan2(normals[:, 1], normals[:, 0]) / NORMAL_UNIT_RAD)
-    angle = np.clip(angle, -MAX_ANGLE, MAX_ANGLE)  # a little beyond pi would be read as another angle
-    return np.where(normals.any(axis=1), angle, NO_NORMAL).astype(np.int16)
-
-
-def _normals(angles: NDArray[np.int64]) -> NDArray[np.float64]:
-    angle = angles * NORMAL_UNIT_RAD
-    is_known = (angles != NO_NORMAL)[:, None]
-    return np.asarray(np.where(is_known, np.stack([np.cos(angle), np.sin(angle)], axis=1), 0.0), np.float64)
+        track = a["scan.track"][first_scan[d] : first_scan[d + 1]]
+        drives.append(Drive(log, stamps, track, keys=own, scans=scans, range_m=float(a["drive.range_m"][d])))
+    n_keys = int(first_key[-1])
+    return Session(
+        tuple(drives),
+        a["key.pose"],
+        a["drive.part"],
+        Constraints(*(_edges(a, name, n_keys) for name in EDGES)),
+        objects=records_in(a, head["objects"], n_keys),
+        drawn=drawn_in(a, head["drawn"], first_key) if head["drawn"] else None,
+    )
 
 
 def _edge_arrays(name: str, edges: Edges) -> dict[str, NDArray[np.generic]]:

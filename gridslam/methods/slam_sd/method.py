@@ -153,7 +153,8 @@ class SlamSd:
         return_freed_memory()
         if drive.session is not None:
             with self._stopwatch.stage("session"):
-                result = with_session_file(result, drive.session)
+                session = drive.session if drawn is None else replace(drive.session, drawn=drawn.drawn)
+                result = with_session_file(result, session)
         result = replace(result, timings_s=dict(self._stopwatch.seconds))
         return result if objects is None else objects.added_to(result)
 

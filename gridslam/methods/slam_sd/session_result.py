@@ -16,6 +16,7 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sessions.active_scans import active_keys
 from gridslam.lidar_slam.sessions.changes import Change
 from gridslam.lidar_slam.sessions.continuation import Continued
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session, renumbered
@@ -42,6 +43,7 @@ def drive_of(log: str, tracker: ScanTracker, scans: Sequence[PreparedScan]) -> D
         np.array(tracker.track_poses),
         keys=np.array(tracker.keys, np.int64),
         scans=scans,
+        range_m=range_m_of(scans),
     )
 
 
@@ -193,7 +195,7 @@ def changes_picture(grid: OccupancyGrid, changes: Sequence[Change]) -> Picture:
 
 def range_notes(session: Session) -> list[str]:
     """A sentence where the lidar of the last drive sees much farther, or less far, than an earlier one."""
-    ranges = [_range_m(drive) for drive in session.drives]
+    ranges = [drive.range_m for drive in session.drives]
     for number, range_m in enumerate(ranges[:-1], start=1):
         low, high = sorted((range_m, ranges[-1]))
         if high > MAX_RANGE_RATIO * low > 0.0:
@@ -204,31 +206,32 @@ def range_notes(session: Session) -> list[str]:
     return []
 
 
-def _range_m(drive: Drive) -> float:
-    ranges = [np.hypot(*(scan.returns - scan.viewpoint).T) for scan in drive.scans if len(scan.returns)]
+def range_m_of(scans: Sequence[PreparedScan]) -> float:
+    """How far a lidar saw, but for a few beams."""
+    ranges = [np.hypot(*(scan.returns - scan.viewpoint).T) for scan in scans if len(scan.returns)]
     return float(np.quantile(np.concatenate(ranges), RANGE_QUANTILE)) if ranges else 0.0
 
 
 def scans_to_compare(session: Session) -> tuple[list[PreparedScan], Floats, Floats, Edges]:
-    """Key scans of the new drive after those of earlier drives near it, their poses, their tracks, and the loops between them.
+    """Key scans of the new drive after the active ones of earlier drives near it, their poses, tracks, and loops between them.
 
     Earlier drives were assessed before: their own motion is taken as it is.
     """
-    first = int(session.first_key[-2])
-    drive = session.drives[-1]
     from scipy.spatial import cKDTree
 
+    first = int(session.first_key[-2])
+    drive = session.drives[-1]
     own = session.poses[first:]
-    near = cKDTree(own[:, :2]).query(session.poses[:first, :2])[0] <= VIEW_M
-    rows = np.concatenate([np.flatnonzero(near), np.arange(first, len(session.poses))])
-    scans = session.scans
+    earlier = np.flatnonzero(np.concatenate(active_keys(session.before(len(session.drives) - 1))))
+    near = earlier[cKDTree(own[:, :2]).query(session.poses[earlier, :2])[0] <= VIEW_M]
+    rows = np.concatenate([near, np.arange(first, len(session.poses))])
     key = np.full(len(session.poses), -1, np.int64)
     key[rows] = np.arange(len(rows))
     track = se2.compose(own[0], se2.between(drive.key_track[0], drive.key_track))
     return (
-        [scans[row] for row in rows],
+        session.scans_at(rows),
         np.asarray(session.poses[rows]),
-        np.concatenate([session.poses[:first][near], track]),
+        np.concatenate([session.poses[near], track]),
         renumbered(session.constraints.loops, key),
     )
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.sessions import changes
+from gridslam.lidar_slam.sessions.active_scans import active_keys
 from gridslam.lidar_slam.sessions.session import Constraints, Session
 from gridslam.lidar_slam.sessions.session_map import draw_session
 from tests.lidar_slam.sessions.rings import LAP, PLACE, Floats, continued, drive_along, errors, session_of
@@ -97,3 +100,30 @@ def test_walls_have_not_changed_where_a_drive_is_displaced(
     found = changed_cells()
     monkeypatch.setattr(changes, "DISPLACED_RATIO", 2.0)
     assert found < 0.3 * changed_cells()
+
+
+def test_of_many_drives_through_one_place_the_last_two_are_active(first: Session) -> None:
+    drives, poses = first.drives * 4, [first.poses] * 4
+    turned = se2.compose(first.poses, np.array([0.0, 0.0, np.pi]))
+    elsewhere = first.poses + np.array([100.0, 0.0, 0.0])
+    active = active_keys(Session(drives, np.concatenate(poses), np.zeros(4, np.int64), Constraints.none()))
+    assert [bool(one.all()) for one in active] == [False, False, True, True]
+    assert not active[0].any() and not active[1].any()
+    for other in (turned, elsewhere):
+        apart = np.concatenate([other, *poses[1:]])
+        active = active_keys(Session(drives, apart, np.zeros(4, np.int64), Constraints.none()))
+        assert active[0].mean() > 0.9
+
+
+def test_a_drive_is_added_to_the_drawn_map_as_if_all_were_drawn(first: Session) -> None:
+    is_kept = ~((PLACE[:, 0] >= 3.0) & (PLACE[:, 2] <= 3.6) & (PLACE[:, 1] >= -1.0) & (PLACE[:, 1] <= -0.6))
+    second = continued(first, drive_along(LAP, "thursday", 1000, PLACE[is_kept])).session
+    third = continued(second, drive_along(LAP[:HALF], "friday", 2000)).session
+    drawn = draw_session(replace(second, poses=third.poses[: len(second.poses)]), 0.05, 100.0).drawn
+    whole, added = draw_session(third, 0.05, 100.0), draw_session(replace(third, drawn=drawn), 0.05, 100.0)
+    np.testing.assert_array_equal(added.grid.probability, whole.grid.probability)
+    np.testing.assert_array_equal(added.layer, whole.layer)
+    assert len(added.changes) == len(whole.changes) > 0
+    assert drawn.is_valid_for(third.poses + np.array([0.01, 0.0, 0.0]), 0.05)
+    assert not drawn.is_valid_for(third.poses + np.array([0.05, 0.0, 0.0]), 0.05)
+    assert not drawn.is_valid_for(third.poses, 0.1)

@@ -13,7 +13,9 @@ from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
-from gridslam.lidar_slam.sessions.session_file import POINT_UNIT_M, read_session, session_bytes
+from gridslam.lidar_slam.sessions.session_file import read_session, session_bytes
+from gridslam.lidar_slam.sessions.session_map import draw_session
+from gridslam.lidar_slam.sessions.stored_scans import POINT_UNIT_M
 from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
 
 
@@ -38,6 +40,39 @@ def test_a_session_is_read_back(session: Session) -> None:
 def test_a_session_that_was_read_is_written_with_the_same_bytes(session: Session) -> None:
     content = session_bytes(session)
     assert session_bytes(read_session(content, "session.npz")) == content
+
+
+def test_a_drawn_map_is_read_back_and_a_wrong_one_refused(session: Session) -> None:
+    moved = replace(session.drives[0], scans=[replace(s, returns=0.8 * s.returns) for s in session.scans])
+    poses = np.concatenate([session.poses] * 2)
+    both = replace(session, drives=(session.drives[0], moved), poses=poses, parts=np.zeros(2, np.int64))
+    drawn = draw_session(both, 0.05, 100.0).drawn
+    whole = replace(both, drawn=drawn)
+    content = session_bytes(whole)
+    read = read_session(content, "session.npz")
+    assert session_bytes(read) == content
+    assert read.drawn is not None and drawn.changes
+    np.testing.assert_array_equal(read.drawn.log_odds, drawn.log_odds)
+    assert [(c.kind, c.x_m, c.length_m) for c in read.drawn.changes] == [
+        (c.kind, c.x_m, c.length_m) for c in drawn.changes
+    ]
+    cell = np.concatenate([change.cells for change in drawn.changes])
+    for name, values, reason in (
+        ("drawn.known", np.zeros(3, np.uint8), "another size"),
+        ("drawn.hits", np.zeros(3, np.uint16), "does not fit the drives"),
+        ("drawn.pose", whole.poses[:5], "does not fit the drives"),
+        ("change.cell", cell + 10_000, "outside the map"),
+        ("change.drive", np.full(len(drawn.changes), 7), "do not fit the drives"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            read_session(changed(whole, **{name.replace(".", "__"): values}), "session.npz")
+
+
+def test_scans_that_are_forged_are_refused_where_they_are_read(session: Session) -> None:
+    points = read_npz(session_bytes(session))["points"]
+    read = read_session(changed(session, points=points[::-1]), "session.npz")
+    with pytest.raises(InputError, match="scans are damaged"):
+        list(read.scans)
 
 
 def test_estimates_of_objects_are_read_back(session: Session) -> None:
@@ -81,12 +116,13 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
         (changed(session, head=head), "version 99"),
         (changed(session, head=None), "no readable head"),
         (changed(session, head=np.ones(9, np.complex128)), "no readable head"),
-        (changed(session, returns=None), "returns is missing"),
+        (changed(session, points=None), "points is missing"),
         (changed(session, key__pose=poses), "not finite"),
         (changed(session, key__pose=session.poses[:-1]), "do not fit"),
         (changed(session, key__scan=keys), "none of its drive's scans"),
         (changed(session, key__returns=-np.ones(len(keys), np.int64)), "out of range"),
-        (changed(session, returns=np.full((9, 2), 2**30, np.int32)), "do not fit"),
+        (changed(session, points=np.zeros(9, np.uint8)), "do not fit"),
+        (changed(session, key__returns=np.full(len(keys), 2**30)), "claims to hold"),
         (session_bytes(session)[:-200], "damaged"),
         (b"not a zip file", "damaged"),
     ):

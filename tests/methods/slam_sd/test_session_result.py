@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.lidar_slam.sessions.session import Constraints, Session
-from gridslam.methods.slam_sd.session_result import apart_reason, range_notes
+from gridslam.methods.slam_sd.session_result import apart_reason, range_m_of, range_notes
 from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
 
 
@@ -24,7 +24,8 @@ def with_second(first: Session, scale: float) -> Session:
         replace(scan, returns=scan.viewpoint + scale * (scan.returns - scan.viewpoint))
         for scan in drive.scans
     ]
-    second = replace(drive, log="thursday.mcap", scans=scans)
+    drive = replace(drive, range_m=range_m_of(drive.scans))
+    second = replace(drive, log="thursday.mcap", scans=scans, range_m=range_m_of(scans))
     return Session((drive, second), np.tile(first.poses, (2, 1)), np.zeros(2, np.int64), Constraints.none())
 
 
