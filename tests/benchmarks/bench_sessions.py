@@ -21,6 +21,7 @@ from gridslam.api import map_log
 from gridslam.core.messages import Event, LaserScan
 from gridslam.evaluation.files import read_relations, read_trajectory
 from gridslam.evaluation.relations import relation_errors
+from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import read_session
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
@@ -37,7 +38,8 @@ from tests.benchmarks.tagged_worlds import aligned, judged, simulated
 SEEDS = range(int(os.environ.get("GRIDSLAM_SESSIONS_SEEDS", "4")))
 KINDS: tuple[Kind, ...] = ("office", "corridors")
 TAGGED = ("sd-corridor-long", "sd-corridor-long-moved", "sd-corridor-long")
-COST_TRAVEL_M = 80.0
+COST_TRAVEL_M, COST_RUNS = 80.0, 3
+COMPARED = 1, 7  # the second and the eighth drive: the first continues nothing
 OVERLAP = 0.06  # of the log, on each side of a cut
 
 
@@ -163,28 +165,45 @@ def _tagged_corridor() -> Iterator[Row]:
 
 
 def _cost() -> Iterator[Row]:
-    """CPU time and memory of what a drive costs beyond its own tracking, when it is the first, second, fourth and eighth.
+    """CPU time and memory of what a drive costs beyond its own tracking, when it is the first to the eighth.
 
-    All drives follow the same route through the same place, so the new drive meets all earlier ones everywhere.
+    All drives follow the same route through the same place, so the new drive meets all earlier ones everywhere. The second and
+    the eighth are run three times, and the shortest time counts: other programs can only lengthen it.
     """
     document = place_document("office", 0, COST_TRAVEL_M)
     session = None
-    seconds, memory = [], []
+    seconds: list[float] = []
+    memory: dict[int, float] = {}
     for k in range(8):
-        method = SlamSd(SlamSdConfig(), 0, session=session, log_name=f"drive {k + 1}")
-        for event in recorded({**document, "seed": k}, []):
-            method.process(event)
-        tracemalloc.start()
-        started = time.process_time()
-        result = method.result()
-        seconds.append(time.process_time() - started)
-        memory.append(tracemalloc.get_traced_memory()[1] / 1e6)
-        tracemalloc.stop()
+        events = list(recorded({**document, "seed": k}, []))
+        tracked = [_tracked(events, session, k) for _ in range(COST_RUNS if k in COMPARED else 1)]
+        started = [time.process_time()]
+        for method in tracked:
+            result = method.result()
+            started.append(time.process_time())
+        seconds.append(float(np.diff(started).min()))
+        if k in COMPARED:
+            again = _tracked(events, session, k)
+            tracemalloc.start()
+            again.result()
+            memory[k] = tracemalloc.get_traced_memory()[1] / 1e6
+            tracemalloc.stop()
         session = read_session(result.files["session.npz"], "session.npz")
+    second, eighth = COMPARED
     say(f"drives of {COST_TRAVEL_M:.0f} m: CPU seconds after the last scan {np.round(seconds, 1).tolist()}")
-    say(f"memory (MB) after the last scan {np.round(memory, 1).tolist()}")
-    yield Row("sessions.cost.eighth", seconds[7] / seconds[1], "of the second")
-    yield Row("sessions.cost.memory.eighth", memory[7] / memory[1], "of the second")
+    say(
+        f"memory (MB) after the last scan of the second and the eighth {np.round(list(memory.values()), 1).tolist()}"
+    )
+    yield Row("sessions.cost.eighth", seconds[eighth] / seconds[second], "of the second")
+    yield Row("sessions.cost.memory.eighth", memory[eighth] / memory[second], "of the second")
+
+
+def _tracked(events: Sequence[Event], session: Session | None, k: int) -> SlamSd:
+    """The method after the last scan of drive `k`."""
+    method = SlamSd(SlamSdConfig(), 0, session=session, log_name=f"drive {k + 1}")
+    for event in events:
+        method.process(event)
+    return method
 
 
 PARTS = {

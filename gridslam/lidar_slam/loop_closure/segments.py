@@ -12,6 +12,7 @@ from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges
 from gridslam.kernels import segment_clouds
 from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.kernels.surfels import OrientedPoints
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.scans import PreparedScan, scan_set
 
@@ -66,6 +67,10 @@ def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segme
         members = slice(segments.first[index], segments.first[index + 1])
         local = se2.between(poses[reference], poses[members])
         own = scans[members]
+        if not any(len(scan.returns) for scan in own):
+            clouds.append(OrientedPoints(np.zeros((0, 2)), np.zeros((0, 2))))
+            beams.append(np.zeros((0, 4)))
+            continue
         viewpoints = np.array([scan.viewpoint for scan in own])
         surfaces = scan_set([scan.surfaces for scan in own])
         clouds.append(segment_clouds.segment_cloud(surfaces, local, viewpoints, CLOUD_CELL_M, MAX_RANGE_M))

@@ -147,7 +147,7 @@ def _packed(scans: Sequence[PreparedScan]) -> bytes:
 
 
 def _points_in(content: bytes | memoryview, returns: int, surfaces: int) -> tuple[Floats, Floats, Floats]:
-    """Returns, surface and its normals. Raises ValueError, zlib.error: other than so many points are packed there."""
+    """Returns, surface and its normals. Raises ValueError, zlib.error: another number of points is packed there."""
     size = RETURN_BYTES * returns + SURFACE_BYTES * surfaces
     unpacking = zlib.decompressobj()
     data = unpacking.decompress(content, size + 1)
