@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.report.drawn_shapes import INK, Area, Disc, Drawing, Shape, Stroke, Words, text_width
+from gridslam.report.drawn_shapes import INK, Area, Disc, DrawnSheet, Shape, Stroke, Words, text_width
 from gridslam.report.plots import Axis, axis_of, plane_axes
 
 Floats = NDArray[np.float64]
@@ -72,7 +72,7 @@ class Chart:
     legend: Sequence[Curve] = field(default_factory=tuple)
 
 
-def draw_charts(charts: Sequence[Chart], width: int, height: int) -> Drawing:
+def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
     """Charts below each other, each with axes of a height; titles and legends come on top of it."""
     shapes: list[Shape] = []
     top = 0
@@ -81,7 +81,7 @@ def draw_charts(charts: Sequence[Chart], width: int, height: int) -> Drawing:
     for chart in charts:
         parts, top = _chart(chart, x, (left, width), top, height)
         shapes += parts
-    return Drawing(width, top, shapes)
+    return DrawnSheet(width, top, shapes)
 
 
 def _left_px(chart: Chart, width: int, height: int) -> float:

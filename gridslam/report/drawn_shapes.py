@@ -73,7 +73,7 @@ Shape: TypeAlias = Stroke | Disc | Area | Words
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class DrawnSheet:
     """Shapes in the order in which they cover each other, on a white sheet."""
 
     width: int
@@ -86,7 +86,7 @@ def text_width(text: str, size: int) -> float:
     return float(_font(size * PNG_SCALE).getlength(visible(text))) / PNG_SCALE
 
 
-def svg_of(drawing: Drawing) -> str:
+def svg_of(drawing: DrawnSheet) -> str:
     """The drawing as an SVG element, its texts as text."""
     lines = [
         f'<svg viewBox="0 0 {drawing.width} {drawing.height}" width="{drawing.width}" height="{drawing.height}" '
@@ -119,7 +119,7 @@ def _element(shape: Shape) -> str:
     )
 
 
-def png_of(drawing: Drawing) -> bytes:
+def png_of(drawing: DrawnSheet) -> bytes:
     """The drawing as a PNG of `PNG_SCALE` times its size."""
     canvas = np.full((drawing.height * PNG_SCALE, drawing.width * PNG_SCALE, 3), 255, np.uint8)
     for shape in drawing.shapes:

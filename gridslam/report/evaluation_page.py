@@ -16,7 +16,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
 from gridslam.report.document import json_bytes
-from gridslam.report.drawn_shapes import Drawing, png_of, svg_of
+from gridslam.report.drawn_shapes import DrawnSheet, png_of, svg_of
 from gridslam.report.evaluation_plots import (
     EvaluatedTrajectory,
     error_drawing,
@@ -85,7 +85,7 @@ def write_evaluation(
 
 def _drawings(
     trajectories: Sequence[EvaluatedTrajectory], truth: Trajectory | None
-) -> Iterator[tuple[str, Drawing]]:
+) -> Iterator[tuple[str, DrawnSheet]]:
     if not trajectories or truth is None:
         return
     yield "trajectories", overlay_drawing(trajectories, truth.sorted().poses)

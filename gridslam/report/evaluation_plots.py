@@ -13,7 +13,7 @@ from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
 from gridslam.report.charts import Chart, ColourScale, Curve, draw_charts
-from gridslam.report.drawn_shapes import Drawing
+from gridslam.report.drawn_shapes import DrawnSheet
 from gridslam.report.plots import thin_out
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ class EvaluatedTrajectory:
     pairs: Pairs
 
 
-def overlay_drawing(results: Sequence[EvaluatedTrajectory], truth: Floats) -> Drawing:
+def overlay_drawing(results: Sequence[EvaluatedTrajectory], truth: Floats) -> DrawnSheet:
     """All trajectories in the x-y plane, with the true poses `(n, 3)`."""
     path = _thinned(truth)
     true = Curve(path[:, 0], path[:, 1], TRUTH_COLOUR, "ground truth", width=1.2, is_dashed=True)
@@ -54,7 +54,7 @@ def overlay_drawing(results: Sequence[EvaluatedTrajectory], truth: Floats) -> Dr
     return draw_charts([chart], WIDTH, PLANE_HEIGHT)
 
 
-def error_drawing(results: Sequence[EvaluatedTrajectory]) -> Drawing:
+def error_drawing(results: Sequence[EvaluatedTrajectory]) -> DrawnSheet:
     """Position and heading error over time."""
     start_ns = min(int(result.pairs.stamps_ns[0]) for result in results)
     position: list[Curve] = []
@@ -73,7 +73,7 @@ def error_drawing(results: Sequence[EvaluatedTrajectory]) -> Drawing:
     return draw_charts(charts, WIDTH, ERROR_HEIGHT)
 
 
-def path_error_drawing(result: EvaluatedTrajectory) -> Drawing:
+def path_error_drawing(result: EvaluatedTrajectory) -> DrawnSheet:
     """The path, coloured by its position error."""
     keep = _kept(len(result.pairs))
     estimate, truth = result.pairs.estimate[keep], result.pairs.truth[keep]
@@ -103,7 +103,7 @@ def _pieces_of_equal_error(points: Floats, errors: Floats, scale: ColourScale) -
     return [(points[first : last + 1], int(level[first])) for first, last in zip(starts, ends, strict=True)]
 
 
-def relative_drawing(results: Sequence[EvaluatedTrajectory]) -> Drawing | None:
+def relative_drawing(results: Sequence[EvaluatedTrajectory]) -> DrawnSheet | None:
     """Relative position error over the length of sub-trajectories: mean (line) and 95th percentile (dashed).
 
     None if no path is long enough.

@@ -11,7 +11,16 @@ from PIL import Image
 
 from gridslam.evaluation.association import Pairs
 from gridslam.report.charts import TEXT, Chart, Curve, draw_charts
-from gridslam.report.drawn_shapes import PNG_SCALE, Disc, Drawing, Stroke, Words, png_of, svg_of, text_width
+from gridslam.report.drawn_shapes import (
+    PNG_SCALE,
+    Disc,
+    DrawnSheet,
+    Stroke,
+    Words,
+    png_of,
+    svg_of,
+    text_width,
+)
 from gridslam.report.evaluation_plots import (
     EvaluatedTrajectory,
     error_drawing,
@@ -23,7 +32,7 @@ from gridslam.report.evaluation_plots import (
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def drawings(estimate: np.ndarray, truth: np.ndarray, name: str = "run") -> list[Drawing]:
+def drawings(estimate: np.ndarray, truth: np.ndarray, name: str = "run") -> list[DrawnSheet]:
     stamps = np.arange(len(truth)) * 100_000_000
     result = EvaluatedTrajectory(name, Pairs(stamps, estimate, truth))
     found = [
