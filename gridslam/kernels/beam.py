@@ -35,15 +35,15 @@ class MeasuredBeams(NamedTuple):
 
 
 def sum_over_ranges(
-    squares: NDArray[np.uint8], table: RangeTable, beams: MeasuredBeams, poses: NDArray[np.float64]
+    boxes: NDArray[np.uint8], table: RangeTable, beams: MeasuredBeams, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Sums `(n,)` over the beams of the table's log-probabilities for robot poses `(n, 3)` (x, y in cells, yaw).
 
-    The expected ranges are those of ray casting in the free `squares` of the map (see `raycast`).
+    The expected ranges are those of ray casting in the free `boxes` of the map (see `raycast`).
     """
     n = poses.shape[0]
     sums = np.empty(n)
-    run_in_ranges(_sum_over_ranges, n, (squares, table, beams, poses, sums))
+    run_in_ranges(_sum_over_ranges, n, (boxes, table, beams, poses, sums))
     return sums
 
 
@@ -51,7 +51,7 @@ def sum_over_ranges(
 def _sum_over_ranges(
     begin: int,
     end: int,
-    squares: NDArray[np.uint8],
+    boxes: NDArray[np.uint8],
     table: RangeTable,
     beams: MeasuredBeams,
     poses: NDArray[np.float64],
@@ -72,7 +72,7 @@ def _sum_over_ranges(
         for k in range(b):
             dx = c * cos_b[k] - s * sin_b[k]
             dy = s * cos_b[k] + c * sin_b[k]
-            expected = cast(squares, Ray(x, y, dx, dy), beams.max_range)
+            expected = cast(boxes, Ray(x, y, dx, dy), beams.max_range)
             column = min(int(expected / table.cells_per_bin + 0.5), last)
             total += log_probability[beams.bins[k], column]
         sums[i] = total

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.angles import cos_sin
 from gridslam.kernels.compiled import compiled
 from gridslam.kernels.raycast import Ray, cast
 from gridslam.kernels.threads import run_in_ranges
@@ -22,13 +23,13 @@ _BLOCK = 256  # poses; their working arrays fit into the fastest cache
 class VisibilityMap(NamedTuple):
     """A map for `sum_over_beams`; lengths in cells.
 
-    `field` uint8 `(rows, cols)` holds distance steps and `squares` the free squares of ray casting. A wall within `tolerance` of
+    `field` uint8 `(rows, cols)` holds distance steps and `boxes` the free boxes of ray casting. A wall within `tolerance` of
     a beam's endpoint does not block the beam; `slack` is how far aside the endpoint is moved to test whether the beam grazes a
     wall.
     """
 
     field: NDArray[np.uint8]
-    squares: NDArray[np.uint8]
+    boxes: NDArray[np.uint8]
     tolerance: float
     slack: float
 
@@ -67,26 +68,26 @@ def _sum_over_points(
 
     Block by block of poses, and within a block point by point: loops over poses without branches become vector instructions.
     """
-    rows, cols = field.shape
+    rows, cols = np.int32(field.shape[0]), np.int32(field.shape[1])
     steps = field.ravel()
     cos, sin, x, y, total = np.empty((5, _BLOCK), np.float32)
-    cell = np.empty(_BLOCK, np.int64)  # -1 outside of the field
+    cell = np.empty(_BLOCK, np.int32)  # -1 outside of the field
     for start in range(first, last, _BLOCK):
         n = min(_BLOCK, last - start)
         for j in range(n):
-            yaw = poses[start + j, 2]
-            cos[j], sin[j], total[j] = np.cos(yaw), np.sin(yaw), 0.0
+            c, s = cos_sin(poses[start + j, 2])
+            cos[j], sin[j], total[j] = c, s, 0.0
             # One cell is added before truncation, which then equals the floor for all points inside.
             x[j], y[j] = poses[start + j, 0] + 1.0, poses[start + j, 1] + 1.0
         for k in range(points.shape[0]):
             px, py = points[k, 0], points[k, 1]
             for j in range(n):
-                col = np.int32(x[j] + cos[j] * px - sin[j] * py) - 1
-                row = np.int32(y[j] + sin[j] * px + cos[j] * py) - 1
-                is_inside = (col >= 0) & (col < cols) & (row >= 0) & (row < rows)
-                cell[j] = row * cols + col if is_inside else -1
+                col = np.int32(x[j] + cos[j] * px - sin[j] * py)
+                row = np.int32(y[j] + sin[j] * px + cos[j] * py)
+                is_inside = (col > 0) & (col <= cols) & (row > 0) & (row <= rows)
+                cell[j] = np.int32((row - 1) * cols + col - 1) if is_inside else np.int32(-1)
             for j in range(n):
-                step = steps[max(cell[j], 0)]
+                step = steps[np.uint32(max(cell[j], np.int32(0)))]
                 total[j] += table[step if cell[j] >= 0 else np.uint8(255)]
         for j in range(n):
             sums[start + j] = total[j]
@@ -137,7 +138,7 @@ def _is_blocked(walls: VisibilityMap, line: Ray, aside: float) -> bool:
     dx, dy = dx - aside * dy / length, dy + aside * dx / length
     moved = np.sqrt(dx * dx + dy * dy)
     free = length - walls.tolerance
-    return bool(cast(walls.squares, Ray(x, y, dx / moved, dy / moved), free) < free)
+    return bool(cast(walls.boxes, Ray(x, y, dx / moved, dy / moved), free) < free)
 
 
 def sum_over_beams(

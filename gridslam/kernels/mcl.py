@@ -42,9 +42,12 @@ def occupied_bins(poses: NDArray[np.float64], chosen: NDArray[np.int64], bin_m: 
     while size < 2 * chosen.shape[0] + 2:
         size *= 2
     slots = np.full(size, _EMPTY, np.int64)
-    count, last = 0, np.int64(_EMPTY)
+    count, drawn, last = 0, -1, np.int64(_EMPTY)
     for k in range(chosen.shape[0]):
         i = chosen[k]
+        if i == drawn:  # again: resampling gives the copies of a particle one after the other
+            continue
+        drawn = i
         x = np.int64(np.floor(poses[i, 0] / bin_m)) & _BINS_MASK
         y = np.int64(np.floor(poses[i, 1] / bin_m)) & _BINS_MASK
         yaw = np.int64(np.floor(poses[i, 2] / bin_rad)) & _YAW_MASK

@@ -13,8 +13,6 @@ _RATE_FARTHER = 0.1  # learning rate of the depth background where a reading lie
 _RATE_NEARER = (
     0.002  # and where it lies before it: slow, so that people do not become background but new furniture does
 )
-_MARGINS_BEHIND = 3.0  # a reading this many margins behind the background contradicts it
-_MARGINS_BEFORE = 2.0  # and this many before it, unless the colour shows a foreground object
 
 
 class ColourBackground:
@@ -44,9 +42,12 @@ class ColourBackground:
         """
         self.frames += 1
         rate = 1.0 / self.frames if self.frames <= self._warm_up else 1.0 / self._history
-        mask = self._model.apply(np.ascontiguousarray(pixels), learningRate=rate)
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, self._opening)
-        return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, self._closing)) > 0
+        return self.cleaned(self._model.apply(np.ascontiguousarray(pixels), learningRate=rate) > 0)
+
+    def cleaned(self, mask: Mask) -> Mask:
+        """The mask `(rows, cols)` without small specks and holes."""
+        opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, self._opening)
+        return np.asarray(cv2.morphologyEx(opened, cv2.MORPH_CLOSE, self._closing)) > 0
 
 
 class DepthBackground:
@@ -79,19 +80,6 @@ class DepthBackground:
             return np.zeros(depth_m.shape, np.bool_)
         with np.errstate(invalid="ignore"):
             return np.asarray(depth_m < self.depth_m - self._margin(depth_m))
-
-    def mismatch_ratio(self, depth_m: Depth, foreground: Mask) -> float:
-        """Ratio of the readings that contradict the background; large only when the camera was moved.
-
-        A reading contradicts when it lies behind the background, or before it although its colour is that of the background.
-        """
-        if self.depth_m is None:
-            return 0.0
-        off = depth_m - self.depth_m
-        with np.errstate(invalid="ignore"):
-            behind = off > _MARGINS_BEHIND * self._margin(self.depth_m)
-            before = (off < -_MARGINS_BEFORE * self._margin(self.depth_m)) & ~foreground
-        return float((behind | before).sum() / max(np.isfinite(off).sum(), 1))
 
     def _margin(self, depth_m: Depth) -> Depth:
         return np.asarray(self._margin_m + self._margin_ratio * depth_m, np.float32)

@@ -89,7 +89,7 @@ class BeamModel:
         bins[~beams.returned] = last
         return np.asarray(
             sum_over_ranges(
-                self._caster.squares,
+                self._caster.boxes,
                 RangeTable(table, self._mixture.bin_m / cell_m),
                 MeasuredBeams(
                     beams.bearings,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import DepthImage, LaserScan, readonly
-from gridslam.sensors.fixed_camera import Pinhole
 from gridslam.sensors.lidar_beams import LidarExtrinsics
+from gridslam.sensors.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
 

@@ -8,63 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.cameras import rotation_matrix
-from gridslam.core.messages import CameraInfo, Transform
-from gridslam.sensors.background import ColourBackground, Depth, DepthBackground
-from gridslam.sensors.floor_cells import FloorCells
-from gridslam.sensors.lens import Lens
+from gridslam.sensors.background import ColourBackground, Depth, DepthBackground, Mask
+from gridslam.sensors.camera_moved import PlacementCheck
+from gridslam.sensors.floor_cells import FloorCells, visible_from
+from gridslam.sensors.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Pinhole:
-    """Pinhole camera: focal lengths and principal point in pixels, and T_map_optical as rotation `(3, 3)` and position `(3,)`.
-
-    The optical frame has x to the right, y down and z forward. `lens` is that of raw images; None if they are rectified.
-    """
-
-    focal_px: tuple[float, float]
-    centre_px: tuple[float, float]
-    rotation: Floats
-    position: Floats
-    lens: Lens | None = None
-
-    @staticmethod
-    def of(info: CameraInfo, extrinsics: Transform, is_raw: bool = False) -> Pinhole:
-        """The camera of a calibration message and the static transform of its optical frame; `is_raw`: its images are not
-        rectified.
-        """
-        K = info.K
-        return Pinhole(
-            (float(K[0, 0]), float(K[1, 1])),
-            (float(K[0, 2]), float(K[1, 2])),
-            rotation_matrix(extrinsics.quat_wxyz),
-            np.array(extrinsics.translation_m),
-            Lens.of(info) if is_raw else None,
-        )
-
-    def to_map(self, rows: NDArray[np.int64], cols: NDArray[np.int64], depth_m: Floats) -> Floats:
-        """Map points `(n, 3)` of pixels (row, col) with depths along the optical axis `(n,)`."""
-        centre, focal = self.centre_px, self.focal_px
-        directions = np.stack([(cols - centre[0]) / focal[0], (rows - centre[1]) / focal[1]], axis=1)
-        if self.lens is not None:
-            directions = self.lens.undistorted(directions)
-        points = np.column_stack([directions * depth_m[:, None], depth_m])
-        return np.asarray(points @ self.rotation.T + self.position)
-
-    def to_pixels(self, points: Floats) -> tuple[Floats, Floats]:
-        """Pixels `(n, 2)` (row, col) of map points `(n, 3)`, and their depths `(n,)`, which are <= 0 behind the camera."""
-        local = (points - self.position) @ self.rotation
-        with np.errstate(divide="ignore", invalid="ignore"):
-            directions = local[:, :2] / local[:, 2:]
-        if self.lens is not None:
-            directions = self.lens.distorted(directions)
-        rows, cols = (directions * self.focal_px + self.centre_px)[:, ::-1].T
-        return np.stack([rows, cols], axis=1), local[:, 2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +38,6 @@ class DetectionParameters:
     max_foreground_ratio: float = 0.4  # more foreground than this means that a light was switched
     margin_m: float = 0.08  # depth noise near the camera
     margin_ratio: float = 0.03  # and its growth with the depth, as of structured-light cameras
-    moved_ratio: float = 0.12  # a camera with more depths than this off its background may have been moved
-    moved_frames: int = 5  # and was moved if that lasts for this many frames
     cell_m: float = 0.1  # size of a floor cell
     min_area_m2: float = 0.01  # less surface above a floor cell is noise
 
@@ -99,6 +50,8 @@ COLOUR_ONLY = DetectionParameters(history=500, warm_up=15, uses_depth=False)
 _COVERAGE_MAX_HEIGHT_M = 0.6  # the height of a robot: coverage is that of a point half as high
 CELLS_AT_ONCE = 1 << 18  # of the floor of a large map
 _OCCLUSION_M = 0.5  # a reading this far before a floor cell hides it
+_FEET_RATIO = 0.15  # of an object's height in the image: in columns where it ends higher than this, it overhangs its feet
+MAX_FEET_DEPTH_M = 15.0  # by colours alone: farther away a pixel is decimetres of floor
 
 
 class FrameSkip(str, Enum):
@@ -123,16 +76,21 @@ class FloorDetections:
 
 @dataclass
 class FixedCamera:
-    """One camera with its background models and the floor cells that it covers."""
+    """One camera with its background models and the floor cells that it covers.
+
+    Its frames have colours and depths, or one of the two. By colours alone, an object stands where its lowest pixels meet the
+    floor, and walls are where `cells` end.
+    """
 
     pinhole: Pinhole
     parameters: DetectionParameters
     cells: FloorCells  # of the map that are free
     colour: ColourBackground = field(init=False)
     depth: DepthBackground = field(init=False)
-    is_moved: bool = False
+    placement: PlacementCheck = field(default_factory=PlacementCheck)
     coverage: FloorCells = field(init=False)  # those that the camera sees when nobody is in the room
-    _frames_to_judge: int = 0  # mismatching frames still needed before the camera counts as moved
+    _given: Pinhole = field(init=False)
+    _frames: int = 0  # since the background is learned
     _pixels: NDArray[np.int64] = field(init=False)  # (m, 2) image positions of the coverage
     _depths: Floats = field(init=False)
 
@@ -142,45 +100,59 @@ class FixedCamera:
             p.history, p.threshold, opening_px=p.opening_px, closing_px=p.closing_px, warm_up=p.warm_up
         )
         self.depth = DepthBackground(p.margin_m, p.margin_ratio)
-        self.coverage = self.cells.select(np.zeros(len(self.cells), np.bool_))
+        self._given = self.pinhole
+        self.correct(np.zeros(3))
 
-    def detect(self, pixels: NDArray[np.uint8], depth_m: Depth) -> FloorDetections | FrameSkip:
+    @property
+    def is_moved(self) -> bool:
+        """Whether the camera was moved since the background was learned."""
+        return self.placement.is_moved
+
+    @property
+    def place(self) -> Floats:
+        """Its position `(2,)` on the map by the given extrinsics."""
+        return self._given.position[:2]
+
+    def correct(self, pose: Floats) -> None:
+        """Take the camera as moved by a pose `(3,)` (m, m, rad) of the map frame from where the given extrinsics have it."""
+        self.pinhole = self._given.moved(pose)
+        self.coverage = self.cells.select(np.zeros(len(self.cells), np.bool_))  # found with the next frame
+
+    def detect(self, pixels: NDArray[np.uint8] | None, depth_m: Depth | None) -> FloorDetections | FrameSkip:
         """The moving points of a frame, or the reason why the frame has none."""
         p = self.parameters
         if self.is_moved:
             return FrameSkip.CAMERA_MOVED
-        foreground = self.colour.foreground(pixels)
-        is_learning = self.colour.frames <= p.warm_up
-        if not is_learning and foreground.mean() > p.max_foreground_ratio:
+        self._frames += 1
+        is_learning = self._frames <= p.warm_up
+        foreground = changed = self._foreground(pixels, depth_m)
+        if pixels is not None and not is_learning and foreground.mean() > p.max_foreground_ratio:
             self.colour.restart()
-            self._frames_to_judge = p.moved_frames
+            self._frames = 0
             return FrameSkip.LIGHT_CHANGED
-        nearer = self.depth.nearer(depth_m)
-        if self._frames_to_judge and not is_learning:
-            self._judge_depths(depth_m, foreground)
-        if not self._frames_to_judge:
+        if pixels is not None and depth_m is not None and p.uses_depth:
+            foreground = changed & self.depth.nearer(depth_m)
+        known = not is_learning
+        self.placement.add(pixels, depth_m, changed & known, foreground & known)
+        if depth_m is not None and not self.placement.differing:
             self.depth.learn(depth_m)
-        if is_learning:  # the colour model cannot separate people from walls yet
+        if is_learning:  # the background is not known well enough to separate people from walls
             return FrameSkip.WARM_UP
-        if self._frames_to_judge or self.is_moved:
+        if self.placement.differing:
             return FrameSkip.CAMERA_MOVED
         if not len(self.coverage):
-            self._find_coverage()
-        if p.uses_depth:
-            foreground &= nearer
-        return FloorDetections(*self._project(foreground, depth_m), self._is_visible(depth_m))
+            self._find_coverage(foreground.shape)
+        seen = self._feet(foreground) if depth_m is None else self._surfaces(foreground, depth_m)
+        return FloorDetections(*seen, self._is_visible(depth_m))
 
-    def _judge_depths(self, depth_m: Depth, foreground: NDArray[np.bool_]) -> None:
-        """Decide, after all colours have changed, between a switched light and a moved camera.
+    def _foreground(self, pixels: NDArray[np.uint8] | None, depth_m: Depth | None) -> Mask:
+        """Mask `(rows, cols)` of what is not background by its colour or, in a frame without colours, by its depth."""
+        if pixels is not None:
+            return self.colour.foreground(pixels)
+        assert depth_m is not None
+        return self.colour.cleaned(self.depth.nearer(depth_m))
 
-        If the depths differ from the background frame after frame, the camera was moved. It is not used again, because its
-        calibration is wrong now.
-        """
-        differs = self.depth.mismatch_ratio(depth_m, foreground) > self.parameters.moved_ratio
-        self._frames_to_judge = self._frames_to_judge - 1 if differs else 0
-        self.is_moved = differs and not self._frames_to_judge
-
-    def _project(self, foreground: NDArray[np.bool_], depth_m: Depth) -> tuple[Floats, Floats]:
+    def _surfaces(self, foreground: Mask, depth_m: Depth) -> tuple[Floats, Floats]:
         """Floor positions `(n, 2)` of the foreground pixels within the height band, and the surface `(n,)` of each, m^2."""
         p = self.parameters
         step = p.stride_px
@@ -190,18 +162,37 @@ class FixedCamera:
         known = np.isfinite(depths)
         points = self.pinhole.to_map(rows[known], cols[known], depths[known])
         inside = (points[:, 2] > p.min_height_m) & (points[:, 2] < p.max_height_m)
-        focal = self.pinhole.focal_px[0] * self.pinhole.focal_px[1]
-        areas = depths[known][inside] ** 2 * (step * step / focal)
-        return points[inside, :2], areas
+        return points[inside, :2], depths[known][inside] ** 2 * (step * step / self._focal_px2)
 
-    def _find_coverage(self) -> None:
+    def _feet(self, foreground: Mask) -> tuple[Floats, Floats]:
+        """Floor positions `(n, 2)` of the lowest pixels of each object, by columns, and the surface `(n,)` for each, m^2.
+
+        An object that reaches the image's lower border is left out: its feet are out of view.
+        """
+        _, labels, boxes, _ = cv2.connectedComponentsWithStats(foreground.astype(np.uint8))
+        rows, cols = np.nonzero(foreground)
+        member = labels[rows, cols]
+        _, lowest, heights = np.unique(
+            (member * foreground.shape[1] + cols)[::-1], return_index=True, return_counts=True
+        )
+        rows, cols, member = rows[::-1][lowest], cols[::-1][lowest], member[::-1][lowest]
+        last = boxes[member, cv2.CC_STAT_TOP] + boxes[member, cv2.CC_STAT_HEIGHT] - 1
+        depths = self.pinhole.floor_depths(rows, cols)
+        are_feet = rows >= last - _FEET_RATIO * boxes[member, cv2.CC_STAT_HEIGHT]
+        known = are_feet & (last < len(foreground) - 1) & (depths < MAX_FEET_DEPTH_M)
+        points = self.pinhole.to_map(rows[known], cols[known], depths[known])
+        return points[:, :2], heights[known] * depths[known] ** 2 / self._focal_px2
+
+    @property
+    def _focal_px2(self) -> float:
+        return self.pinhole.focal_px[0] * self.pinhole.focal_px[1]
+
+    def _find_coverage(self, shape: tuple[int, ...]) -> None:
         """Find the floor cells above which a point at half a robot's height lies in view and before the background."""
         background = self.depth.depth_m
-        assert background is not None
         height = 0.5 * (
             self.parameters.min_height_m + min(self.parameters.max_height_m, _COVERAGE_MAX_HEIGHT_M)
         )
-        farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
         visible, nearest, depths = [], [], []
         for first in range(0, max(len(self.cells), 1), CELLS_AT_ONCE):
             cells = FloorCells(self.cells.index[first : first + CELLS_AT_ONCE], self.cells.size_m)
@@ -209,21 +200,25 @@ class FixedCamera:
                 np.column_stack([cells.centres, np.full(len(cells), height)])
             )
             with np.errstate(invalid="ignore"):
-                inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(background.shape, 1)).all(
-                    axis=1
-                )
+                inside = (pixels >= 0.0).all(axis=1) & (pixels <= np.subtract(shape[:2], 1)).all(axis=1)
             seen = np.flatnonzero(inside & (depth > 0.0))
             pixel = np.rint(pixels[seen]).astype(np.int64)
-            behind = background[pixel[:, 0], pixel[:, 1]]
-            before = depth[seen] < np.where(np.isnan(behind), farthest, behind)
+            if background is None:
+                before = visible_from(self.cells, cells.select(seen), self.pinhole.position[:2])
+            else:
+                farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
+                behind = background[pixel[:, 0], pixel[:, 1]]
+                before = depth[seen] < np.where(np.isnan(behind), farthest, behind)
             visible.append(first + seen[before])
             nearest.append(pixel[before])
             depths.append(depth[seen][before])
         self.coverage = FloorCells(self.cells.index[np.concatenate(visible)], self.cells.size_m)
         self._pixels, self._depths = np.concatenate(nearest), np.concatenate(depths)
 
-    def _is_visible(self, depth_m: Depth) -> NDArray[np.bool_]:
-        """Mask `(m,)` of the covered cells that nothing hides in this frame."""
+    def _is_visible(self, depth_m: Depth | None) -> Mask:
+        """Mask `(m,)` of the covered cells that nothing hides in this frame; by colours alone, all of them."""
+        if depth_m is None:
+            return np.ones(len(self.coverage), np.bool_)
         before = depth_m[self._pixels[:, 0], self._pixels[:, 1]]
         with np.errstate(invalid="ignore"):
-            return ~(before < self._depths - _OCCLUSION_M)
+            return np.asarray(~(before < self._depths - _OCCLUSION_M))

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.kernels.raycast import cast_rays, free_squares
+
 Floats = NDArray[np.float64]
+
+_AT_WALL_M = 0.5  # a camera hangs at a wall, which does not hide the floor before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +40,8 @@ class FloorCells:
         """Their centres `(k, 2)` in the map frame (m)."""
         return np.asarray((self.index + 0.5) * self.size_m)
 
-    def select(self, mask: NDArray[np.bool_]) -> FloorCells:
-        """Those for which the mask `(k,)` is True."""
+    def select(self, mask: NDArray[np.bool_] | NDArray[np.int64]) -> FloorCells:
+        """Those for which the mask `(k,)` is True, or those at these indices."""
         return FloorCells(self.index[mask], self.size_m)
 
     def unique(self) -> FloorCells:
@@ -46,3 +50,17 @@ class FloorCells:
         is_new = np.ones(len(ordered), np.bool_)
         is_new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
         return FloorCells(ordered[is_new], self.size_m)
+
+
+def visible_from(floor: FloorCells, cells: FloorCells, place: Floats) -> NDArray[np.bool_]:
+    """Mask `(k,)` of the cells from which a line to a place `(2,)` leads over the floor, all but its last half metre."""
+    corner = floor.index.min(axis=0, initial=0)
+    cols, rows = (floor.index.max(axis=0, initial=0) + 1 - corner).tolist()
+    walls = np.ones((rows, cols), np.bool_)
+    walls[floor.index[:, 1] - corner[1], floor.index[:, 0] - corner[0]] = False
+    start = cells.index - corner + 0.5
+    off = place / floor.size_m - corner - start
+    poses = np.column_stack([start, np.arctan2(off[:, 1], off[:, 0])])
+    distance = np.hypot(*off.T)
+    free = cast_rays(free_squares(walls), poses, np.zeros(1), float(distance.max(initial=1.0)))[:, 0]
+    return np.asarray(free >= distance - _AT_WALL_M / floor.size_m)

@@ -54,7 +54,7 @@ class VisibilityField:
         return np.asarray(
             sum_over_beams(
                 VisibilityMap(
-                    self.field.steps, self.caster.squares, self.tolerance_m / cell_m, self.slack_m / cell_m
+                    self.field.steps, self.caster.boxes, self.tolerance_m / cell_m, self.slack_m / cell_m
                 ),
                 table,
                 BeamCells(np.ascontiguousarray(beams.origins) / cell_m, beams.endpoints / cell_m),

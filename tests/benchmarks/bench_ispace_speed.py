@@ -30,10 +30,11 @@ from gridslam.methods.ispace_mcl.environment import (
 from gridslam.methods.ispace_mcl.relocalization import MAX_BEAMS, SEARCH, Relocalizer
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
-from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections, Pinhole
+from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
+from gridslam.sensors.pinhole import Pinhole
 from gridslam.sensors.pose_search import PoseSearch
 from gridslam.sensors.range_caster import range_caster
 from gridslam.sensors.visibility import BeamSegments, VisibilityField
@@ -69,10 +70,10 @@ def round_rows() -> Iterator[Row]:
     step = np.array([0.2, 0.0, 0.02])
     yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
     occupied = occupied_cells(grid, 0.65)
-    field = distance_field(occupied, grid.geometry, 2.0)
+    field, caster = distance_field(occupied, grid.geometry, 2.0), range_caster(occupied, grid.geometry)
     beams, nothing = scan(rng), np.zeros((0, 2))
     for name in WEIGHTS:
-        weigh = log_weight_of(name, field, occupied)
+        weigh = log_weight_of(name, field, caster)
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
         yield Row(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gridslam.kernels.raycast import cast_rays, free_squares
+from gridslam.kernels.raycast import FLAT, cast_rays, free_boxes, free_squares
 from tests.reference.ray_traversal import cast_cell_by_cell, largest_free_square
 
 
@@ -28,6 +28,7 @@ def test_ranges_are_those_of_the_traversal_cell_by_cell(seed, rows, cols, densit
     )
     bearings = rng.uniform(-math.pi, math.pi, 5)
     ranges = cast_rays(free_squares(occupied), poses, bearings, max_range)
+    np.testing.assert_array_equal(ranges, cast_rays(free_boxes(occupied), poses, bearings, max_range))
     for pose, row in zip(poses, ranges, strict=True):
         for bearing, measured in zip(bearings, row, strict=True):
             expected, _ = cast_cell_by_cell(occupied, pose[0], pose[1], pose[2] + bearing, max_range)
@@ -60,3 +61,26 @@ def test_free_squares_are_free_and_the_largest(seed, rows, cols):
         for r in range(rows):
             for c in range(cols):
                 assert squares[quadrant, r, c] == largest_free_square(occupied, r, c, quadrant)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 14), st.integers(1, 14))
+@settings(max_examples=50, deadline=None)
+def test_free_boxes_are_free_and_the_largest_of_their_shape(seed, rows, cols):
+    occupied = np.random.default_rng(seed).random((rows, cols)) < 0.1
+    boxes = free_boxes(occupied)
+    np.testing.assert_array_equal(boxes[:4], free_squares(occupied))
+    for plane in range(4, 12):
+        high, wide = (1, FLAT) if plane < 8 else (FLAT, 1)
+        for r in range(rows):
+            for c in range(cols):
+                side = boxes[plane, r, c]
+                assert _is_free(occupied, (r, c), plane % 4, (side * high, side * wide))
+                assert not _is_free(occupied, (r, c), plane % 4, ((side + 1) * high, (side + 1) * wide))
+
+
+def _is_free(occupied, corner, quadrant, size):
+    """Whether a box of `size` cells (rows, columns) with the cell in its corner is free and in the grid."""
+    r, c = (np.arange(n) * (-1 if back else 1) for n, back in zip(size, divmod(quadrant, 2), strict=True))
+    r, c = r + corner[0], c + corner[1]
+    inside = all(((k >= 0) & (k < n)).all() for k, n in zip((r, c), occupied.shape, strict=True))
+    return inside and not occupied[np.ix_(r, c)].any()

@@ -9,7 +9,7 @@ import pytest
 
 from gridslam.core.messages import DepthImage, readonly
 from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsics
-from gridslam.sensors.fixed_camera import Pinhole
+from gridslam.sensors.pinhole import Pinhole
 
 ROWS, COLS, FOCAL = 60, 80, 70.0
 BAND = DepthBand(min_height_m=0.1, max_height_m=1.0, max_range_m=6.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import CameraInfo, Transform, readonly
-from gridslam.sensors.fixed_camera import Pinhole
 from gridslam.sensors.lens import Lens
+from gridslam.sensors.pinhole import Pinhole
 
 DOWN = Transform(0, "map", "eye", (0.0, 0.0, 3.0), (0.0, 1.0, 0.0, 0.0), True)
 

@@ -85,7 +85,7 @@ class LineObserver:
         """The drawn line `(b,)` that each beam of a simulated scan hits (NO_LINE: none), and the endpoints `(b, 2)`."""
         step = self._geometry.resolution_m
         origin = np.array([[pose.x / step, pose.y / step, 0.0]])
-        cast = cast_rays(self._caster.squares, origin, self._bearings, self._max_range / step)
+        cast = cast_rays(self._caster.boxes, origin, self._bearings, self._max_range / step)
         ranges = np.asarray(cast)[0] * step
         endpoints = np.column_stack([np.cos(self._bearings), np.sin(self._bearings)]) * ranges[:, None]
         endpoints += (pose.x, pose.y)

@@ -49,12 +49,16 @@ class ScanOdometry:
 
 @dataclass(frozen=True, slots=True)
 class CameraFrame:
-    """The moving floor cells of a camera's frame, all that it sees, and the moving objects with their past."""
+    """The moving floor cells of a camera's frame, all that it sees, and the moving objects with their past.
+
+    `streams` are those of its images: image, depth or both.
+    """
 
     stamp_ns: int
     moving: FloorCells
     in_view: FloorCells
     objects: Sequence[TrackedObject]
+    streams: Sequence[str] = ("image", "depth")
 
     def observation(self, path: ScanOdometry, stamp_ns: int, max_age_s: float) -> CameraObservation | None:
         """The observation for the path's last scan; None if the frame is too old or its odometry unknown."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform
 from gridslam.methods.ispace_mcl.camera_frames import CameraFrame, ScanOdometry
 from gridslam.methods.ispace_mcl.environment import CameraObservation, moving_cells
+from gridslam.methods.ispace_mcl.frame_pairs import Frame, FramePairs
+from gridslam.methods.ispace_mcl.robot_passes import RobotPasses, lone_object_near
 from gridslam.methods.ispace_mcl.tracks import MovingObjectTracker
 from gridslam.sensors.fixed_camera import (
     COLOUR_AND_DEPTH,
@@ -19,13 +22,12 @@ from gridslam.sensors.fixed_camera import (
     DetectionParameters,
     FixedCamera,
     FrameSkip,
-    Pinhole,
 )
 from gridslam.sensors.floor_cells import FloorCells
+from gridslam.sensors.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
 
-PAIR_TOLERANCE_S = 0.02  # colour and depth of one frame; most drivers stamp both alike
 SILENT_S = 5.0  # a camera without frames for longer is reported as silent
 # A detection says little about a scan that comes later than this: the odometry in between is known, but people move on.
 MAX_AGE_S = 0.6
@@ -65,10 +67,12 @@ class FixedCameras:
         self._max_age_s = max_age_s
         self._infos: dict[str, CameraInfo] = {}
         self._sensor_extrinsics: dict[str, Transform] = {}
-        self._images: dict[str, Image] = {}
-        self._depths: dict[str, DepthImage] = {}
+        self._pairs = FramePairs(self._drop)
+        self._shapes: dict[str, tuple[int, int]] = {}
         self._waiting: dict[str, CameraFrame] = {}
         self._latest: dict[str, CameraFrame] = {}  # the last one of each camera that was used
+        self._given: list[tuple[str, CameraObservation]] = []  # the last observations, by camera
+        self._passes: dict[str, RobotPasses] = {}
         self._trackers: dict[str, MovingObjectTracker] = {}
         self._last_ns: dict[str, int] = {}
         self._path = ScanOdometry()
@@ -90,21 +94,11 @@ class FixedCameras:
         if extrinsics.frame_id == self._root_frame:
             self._sensor_extrinsics[extrinsics.child_frame_id] = extrinsics
 
-    def add_image(self, image: Image) -> None:
-        """Store a colour image, and process it if its depth image is there."""
-        name = image.frame_id
-        if self._images.pop(name, None) is not None:
-            self._skip(name, CameraSkip.NO_DEPTH)
-        self._images[name] = image
-        self._join(name)
-
-    def add_depth(self, depth: DepthImage) -> None:
-        """Store a depth image, and process it if its colour image is there."""
-        name = depth.frame_id
-        if self._depths.pop(name, None) is not None:
-            self.counters["skipped.depth.no_image"] += 1
-        self._depths[name] = depth
-        self._join(name)
+    def add_image(self, image: Image | DepthImage) -> None:
+        """Store a colour or depth image, and process the frame that it completes."""
+        frame = self._pairs.add(image)
+        if frame is not None:
+            self._process(image.frame_id, frame)
 
     def add_pose(self, stamp_ns: int, odometry: Floats, odometry_jumped: bool) -> None:
         """Store T_odom_base `(3,)` at a scan; a jump of the odometry invalidates all earlier poses."""
@@ -114,7 +108,7 @@ class FixedCameras:
 
     def observations_at(self, stamp_ns: int) -> list[CameraObservation]:
         """The latest unused frame of each camera at the stamp of a scan whose pose was added."""
-        observations = []
+        self._given = []
         for name in sorted(self._waiting):
             frame = self._waiting[name]
             if frame.stamp_ns > stamp_ns:
@@ -122,13 +116,13 @@ class FixedCameras:
             del self._waiting[name]
             observation = frame.observation(self._path, stamp_ns, self._max_age_s)
             if observation is None:
-                self._skip(name, CameraSkip.OUT_OF_STEP, with_depth=True)
+                self._skip(name, CameraSkip.OUT_OF_STEP, frame.streams)
                 continue
-            self._count_use(name)
+            self._count_use(name, frame.streams)
             self._latest[name] = frame
             self._moving.append(observation.moving)
-            observations.append(observation)
-        return observations
+            self._given.append((name, observation))
+        return [observation for _, observation in self._given]
 
     def all_observations_at(self, stamp_ns: int) -> list[CameraObservation]:
         """The latest frame of every camera, used before or not; empty unless one of them is new."""
@@ -137,6 +131,17 @@ class FixedCameras:
         frames = (self._latest[name] for name in sorted(self._latest))
         latest = (frame.observation(self._path, stamp_ns, self._max_age_s) for frame in frames)
         return [observation for observation in latest if observation is not None]
+
+    def learn_extrinsics(self, pose: Floats) -> None:
+        """Compare where the cameras have seen the robot with its pose `(3,)` at the last scan, of which the lidar is certain."""
+        for name, observation in self._given:
+            robot = se2.compose(pose, observation.T_now_then)[:2]
+            seen = lone_object_near(observation, robot)
+            if seen is None:
+                continue
+            passes = self._passes.setdefault(name, RobotPasses(self.fixed[name].place))
+            if (correction := passes.add(seen, robot)) is not None:
+                self.fixed[name].correct(correction.pose)
 
     def coverage(self) -> FloorCells:
         """The floor cells that at least one camera covers."""
@@ -152,92 +157,91 @@ class FixedCameras:
         for name, last_ns in self._last_ns.items():
             if end_ns - last_ns > SILENT_S * 1e9:
                 self.reasons[name]["silences"] += 1
-        for name in list(self._images):
-            self._skip(name, CameraSkip.NO_DEPTH)
-        self.counters["skipped.depth.no_image"] += len(self._depths)
-        for name in list(self._waiting):
-            self._skip(name, CameraSkip.AFTER_LAST_SCAN, with_depth=True)
-        self._images.clear()
-        self._depths.clear()
+        self._pairs.finish()
+        for name, frame in self._waiting.items():
+            self._skip(name, CameraSkip.AFTER_LAST_SCAN, frame.streams)
         self._waiting.clear()
 
     def measures(self) -> Mapping[str, object]:
-        """For each camera: its frames by use or skip reason, whether it was moved, and the floor area that it covers."""
-        return {
-            name: {
+        """For each camera: its frames by use or skip reason, whether it was moved, the floor area that it covers, and how far its
+        extrinsics are off by the robot's passes.
+        """
+        found: dict[str, object] = {}
+        for name, reasons in sorted(self.reasons.items()):
+            camera, passes = self.fixed.get(name), self._passes.get(name)
+            found[name] = {
                 "frames": dict(sorted(reasons.items())),
-                "moved": name in self.fixed and self.fixed[name].is_moved,
-                "coverage_m2": len(self.fixed[name].coverage) * self._parameters.cell_m**2
-                if name in self.fixed
-                else 0.0,
+                "moved": camera is not None and camera.is_moved,
+                "coverage_m2": 0.0 if camera is None else len(camera.coverage) * self._parameters.cell_m**2,
+                "correction": None if passes is None else passes.measures(),
             }
-            for name, reasons in sorted(self.reasons.items())
-        }
+        return found
 
-    def _join(self, name: str) -> None:
-        """Process the colour and the depth image of a camera as one frame if their stamps agree."""
-        image, depth = self._images.get(name), self._depths.get(name)
-        if image is None or depth is None:
-            return
-        difference_s = (image.stamp_ns - depth.stamp_ns) * 1e-9
-        if abs(difference_s) > PAIR_TOLERANCE_S:
-            if difference_s < 0.0:  # the older of the two will find no partner any more
-                del self._images[name]
-                self._skip(name, CameraSkip.NO_DEPTH)
-            else:
-                del self._depths[name]
-                self.counters["skipped.depth.no_image"] += 1
-            return
-        del self._images[name], self._depths[name]
-        self._process(name, image, depth)
+    def notes(self) -> list[str]:
+        """A line for each camera that was moved, or whose extrinsics are wrong."""
+        moved = [
+            f"camera {name}: was moved; its images from then on were not used"
+            for name, camera in sorted(self.fixed.items())
+            if camera.is_moved
+        ]
+        return [
+            *moved,
+            *(f"camera {name}: {note}" for name, p in sorted(self._passes.items()) for note in p.notes()),
+        ]
 
-    def _process(self, name: str, image: Image, depth: DepthImage) -> None:
-        camera = self._camera(name, image, depth)
+    def _drop(self, name: str, image: Image | DepthImage) -> None:
+        """Count an image without a partner."""
+        if isinstance(image, Image):
+            self._skip(name, CameraSkip.NO_DEPTH)
+        else:
+            self.counters["skipped.depth.no_image"] += 1
+
+    def _process(self, name: str, frame: Frame) -> None:
+        camera = self._camera(name, frame)
         if isinstance(camera, CameraSkip):
-            self._skip(name, camera, with_depth=True)
+            self._skip(name, camera, frame.streams)
             return
-        last = self._last_ns.get(name, image.stamp_ns)
-        if image.stamp_ns - last > SILENT_S * 1e9:
+        last = self._last_ns.get(name, frame.stamp_ns)
+        if frame.stamp_ns - last > SILENT_S * 1e9:
             self.reasons[name]["silences"] += 1
-        self._last_ns[name] = image.stamp_ns
-        detections = camera.detect(image.pixels, depth.depth_m)
+        self._last_ns[name] = frame.stamp_ns
+        detections = camera.detect(frame.pixels, frame.depth_m)
         if isinstance(detections, FrameSkip):
-            self._skip(name, detections, with_depth=True)
+            self._skip(name, detections, frame.streams)
             return
         if name in self._waiting:
-            self._skip(name, CameraSkip.BETWEEN_UPDATES, with_depth=True)
+            self._skip(name, CameraSkip.BETWEEN_UPDATES, self._waiting[name].streams)
         tracker = self._trackers.setdefault(name, MovingObjectTracker())
         moving = moving_cells(detections, self._parameters.cell_m, self._parameters.min_area_m2)
         in_view = camera.coverage.select(detections.is_visible)
-        objects = tracker.add(image.stamp_ns, moving)
-        self._waiting[name] = CameraFrame(image.stamp_ns, moving, in_view, objects)
+        objects = tracker.add(frame.stamp_ns, moving)
+        self._waiting[name] = CameraFrame(frame.stamp_ns, moving, in_view, objects, frame.streams)
 
-    def _camera(self, name: str, image: Image, depth: DepthImage) -> FixedCamera | CameraSkip:
+    def _camera(self, name: str, frame: Frame) -> FixedCamera | CameraSkip:
         """The camera of a frame, or the reason why it cannot be used."""
         self.reasons.setdefault(name, Counter())
-        if image.pixels.shape[:2] != depth.depth_m.shape:
+        if frame.shape is None:
             return CameraSkip.SIZE_DIFFERS_FROM_DEPTH
         if name not in self.fixed:
             if name not in self._infos:
                 return CameraSkip.NO_CALIBRATION
             if name not in self._sensor_extrinsics:
                 return CameraSkip.NOT_FIXED
-            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name], image.is_raw)
+            is_raw = frame.image is not None and frame.image.is_raw
+            pinhole = Pinhole.of(self._infos[name], self._sensor_extrinsics[name], is_raw)
             self.fixed[name] = FixedCamera(pinhole, self._parameters, self._floor)
-        known = self.fixed[name].depth.depth_m
-        if known is not None and known.shape != depth.depth_m.shape:
+        if self._shapes.setdefault(name, frame.shape) != frame.shape:
             return CameraSkip.SIZE_CHANGED
         return self.fixed[name]
 
-    def _skip(self, name: str, reason: CameraSkip | FrameSkip, with_depth: bool = False) -> None:
-        self.counters[f"skipped.image.{reason.value}"] += 1
-        if with_depth:
-            self.counters[f"skipped.depth.{reason.value}"] += 1
+    def _skip(self, name: str, reason: CameraSkip | FrameSkip, streams: Sequence[str] = ("image",)) -> None:
+        for stream in streams:
+            self.counters[f"skipped.{stream}.{reason.value}"] += 1
         self.reasons.setdefault(name, Counter())[reason.value] += 1
 
-    def _count_use(self, name: str) -> None:
-        self.counters["used.image"] += 1
-        self.counters["used.depth"] += 1
+    def _count_use(self, name: str, streams: Sequence[str]) -> None:
+        for stream in streams:
+            self.counters[f"used.{stream}"] += 1
         self.reasons[name]["used"] += 1
 
 

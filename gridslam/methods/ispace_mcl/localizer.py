@@ -72,7 +72,7 @@ class Localizer:
         field = distance_field(occupied, occupancy.geometry, FIELD_MAX_DISTANCE_M)
         caster = range_caster(occupied, occupancy.geometry)
         visibility = VisibilityField(field, caster, BLOCKED_TOLERANCE_M, GRAZING_SLACK_M)
-        self._log_weight = log_weight_of(config.weight, field, occupied)
+        self._log_weight = log_weight_of(config.weight, field, caster)
         self._monitor = ConfidenceMonitor(
             InlierLimits(advanced.min_inlier_ratio, advanced.good_inlier_ratio), visibility
         )

@@ -139,10 +139,8 @@ class IspaceMcl:
                 self._add_to_cameras(event)
 
     def _add_to_cameras(self, event: Event) -> None:
-        if isinstance(event, Image):
+        if isinstance(event, Image | DepthImage):
             self.cameras.add_image(event)
-        elif isinstance(event, DepthImage):
-            self.cameras.add_depth(event)
         elif isinstance(event, CameraInfo):
             self.cameras.add_info(event)
 
@@ -167,7 +165,7 @@ class IspaceMcl:
             position_std=series["particle_std"],
             untrusted_ns=self._history.untrusted_ns(),
             counters=dict(counters),
-            notes=self._odometry_check.notes(),
+            notes=[*self._odometry_check.notes(), *self.cameras.notes()],
             timings_s=dict(self._localizer.stopwatch.seconds),
             measures={
                 **self._history.measures(),
@@ -242,6 +240,8 @@ class IspaceMcl:
         )
         self._updated_at = placed.odometry
         self._counters["updates"] += 1
+        if not self._uses_density and self._update.assessment.status == "localized":
+            self.cameras.learn_extrinsics(self._update.belief.mean)
 
 
 def _tracker() -> ScanTracker:

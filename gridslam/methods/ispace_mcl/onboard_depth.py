@@ -9,8 +9,8 @@ import numpy as np
 from gridslam.core.errors import MethodError
 from gridslam.core.messages import CameraInfo, DepthImage, LaserScan, Transform
 from gridslam.sensors.depth_ranges import DepthBand, depth_scan, planar_extrinsics, ranges_frame
-from gridslam.sensors.fixed_camera import Pinhole
 from gridslam.sensors.lidar_beams import LidarExtrinsics
+from gridslam.sensors.pinhole import Pinhole
 
 MAX_DEPTH_M = 5.0  # depths beyond this are too coarse
 LIDAR_WAIT_S = 2.0  # a log without a scan for this long has no lidar

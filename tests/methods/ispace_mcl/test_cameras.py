@@ -48,7 +48,7 @@ def picture(stamp_ns: int, with_box: bool = False, frame: str = "eye") -> tuple[
 
 def show(to: FixedCameras, stamp_ns: int, with_box: bool = False, frame: str = "eye") -> None:
     image, depth = picture(stamp_ns, with_box, frame)
-    to.add_depth(depth)
+    to.add_image(depth)
     to.add_image(image)
 
 
@@ -110,8 +110,8 @@ def test_frames_that_are_too_old_or_before_a_jump_are_counted_and_not_used() -> 
 def test_colour_and_depth_with_different_stamps_are_not_paired() -> None:
     eye = cameras()
     eye.add_image(picture(1 * S)[0])
-    eye.add_depth(picture(2 * S)[1])
-    eye.add_depth(picture(3 * S)[1])
+    eye.add_image(picture(2 * S)[1])
+    eye.add_image(picture(3 * S)[1])
     eye.add_image(picture(4 * S)[0])
     eye.finish()
     assert eye.counters["skipped.image.no_depth"] == 2
@@ -129,7 +129,12 @@ def test_cameras_without_calibration_or_map_transform_are_counted_by_reason(fram
     eye.add_info(info("lost"))
     show(eye, S, frame=frame)
     assert eye.counters[f"skipped.image.{reason}"] == eye.counters[f"skipped.depth.{reason}"] == 1
-    assert eye.measures()[frame] == {"frames": {reason: 1}, "moved": False, "coverage_m2": 0.0}
+    assert eye.measures()[frame] == {
+        "frames": {reason: 1},
+        "moved": False,
+        "coverage_m2": 0.0,
+        "correction": None,
+    }
 
 
 def test_a_calibration_without_focal_length_is_refused_and_sizes_must_agree() -> None:
@@ -140,9 +145,9 @@ def test_a_calibration_without_focal_length_is_refused_and_sizes_must_agree() ->
     eye = cameras()
     show(eye, S)
     image, depth = picture(2 * S)
-    eye.add_depth(DepthImage(2 * S, "eye", depth.depth_m[:20]))
+    eye.add_image(DepthImage(2 * S, "eye", depth.depth_m[:20]))
     eye.add_image(image)
-    eye.add_depth(DepthImage(3 * S, "eye", depth.depth_m[:20]))
+    eye.add_image(DepthImage(3 * S, "eye", depth.depth_m[:20]))
     eye.add_image(Image(3 * S, "eye", image.pixels[:20]))
     assert eye.counters["skipped.image.size_differs_from_depth"] == 1
     assert eye.counters["skipped.image.size_changed"] == 1
@@ -163,7 +168,7 @@ def test_grey_images_are_accepted() -> None:
     eye = cameras()
     for k in range(1, 8):
         image, depth = picture(k * S, with_box=k == 7)
-        eye.add_depth(depth)
+        eye.add_image(depth)
         eye.add_image(Image(k * S, "eye", readonly(image.pixels[..., 0], np.uint8)))
     eye.add_pose(7 * S, np.zeros(3), False)
     assert len(eye.observations_at(7 * S)[0].moving)
