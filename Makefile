@@ -10,12 +10,13 @@ OUT    ?= out/sample
 FUZZ_SECONDS ?= 60
 BASELINE ?= out/same-results.json
 
-.PHONY: help map test lint same-results docs bench papers fuzz newcomer samples clean
+.PHONY: help map test kernels lint same-results docs bench papers fuzz newcomer samples clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make map      set up, then map the sample log: the picture is $(OUT)/map.png"
 	@echo "make test     lint, then all tests"
+	@echo "make kernels  compile all kernels, once per installation"
 	@echo "make lint     ruff, mypy, import-linter"
 	@echo "make same-results  compare the results of all methods with those recorded in $(BASELINE)"
 	@echo "make docs     build the pages and the API as a site: out/site/index.html"
@@ -33,9 +34,13 @@ map: $(READY)
 	@echo
 	@echo "The map is $(OUT)/map.png; $(OUT)/report.html has the details."
 
-test: lint
-	$(BIN)/gridslam warmup
+# Kernels are compiled while the tools are installed and lint runs.
+test: $(READY)
+	$(MAKE) --jobs=2 kernels lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+kernels: $(READY)
+	$(BIN)/gridslam warmup
 
 lint: $(DEV)
 	$(BIN)/ruff check .
@@ -80,6 +85,7 @@ $(READY): pyproject.toml setup.py
 	@echo "setting up $(VENV) (once; a few minutes)"
 	@test -e $@ || $(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(BIN)/python -m compileall -q gridslam cli  # for where Python may not keep bytecode, as in many containers
 	@touch $@
 
 $(DEV): $(READY)
