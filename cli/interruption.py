@@ -14,19 +14,28 @@ from . import console
 def stop_on_signals(
     notice: str = "stopping; the result so far is written (a second signal discards it)",
 ) -> Iterator[Callable[[], bool]]:
-    """A function that returns whether to stop. A second signal ends the command at once, without a result."""
-    requested = False
+    """A function that returns whether to stop.
+
+    A second signal ends the command at once, without a result, and so does the first one where nobody has asked yet: nothing
+    is there that could be written.
+    """
+    requested = is_asked = False
 
     def request(number: int, frame: FrameType | None) -> None:
         nonlocal requested
-        if requested:
+        if requested or not is_asked:
             raise KeyboardInterrupt
         requested = True
         console.say(notice)
 
+    def ask() -> bool:
+        nonlocal is_asked
+        is_asked = True
+        return requested
+
     before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: requested
+        yield ask
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

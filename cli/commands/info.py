@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 LOSSY = 3
 MAX_ROWS = 60
-Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message.")]
+Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message, and count those that can be used.")]
 Layout = Annotated[
     Path | None,
     typer.Option(
@@ -74,7 +74,7 @@ def run(
         if method is not None:
             require_streams(opened, method.needs)
         if check:
-            for _ in opened.events():
+            for _ in opened.events_by_stream(with_truth=True):
                 pass
         document = describe(opened)
         if method is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Container, Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO
 
@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 COMPRESSION_LEVEL = 4
 PIECE_BYTES = 1 << 20
 MAX_PLAIN_BYTES = 1 << 30  # larger arrays need the zip format with 64 bits
-MAX_RATIO = 200  # of the unpacked size to that of the file, beyond MIN_UNPACKED_BYTES
-MIN_UNPACKED_BYTES = 64 << 20
 
 
 @contextmanager
@@ -58,29 +56,32 @@ def _write_array(file: IO[bytes], values: NDArray[np.generic]) -> None:
         file.write(content[first : first + PIECE_BYTES].data)
 
 
-def read_npz(content: bytes) -> dict[str, NDArray[np.generic]]:
-    """All arrays of an .npz file by name.
+def read_npz(file: IO[bytes], max_bytes: int, names: Container[str] | None = None) -> dict[str, NDArray[np.generic]]:
+    """The arrays of an .npz file by name, or those that are named.
 
-    Nothing is unpickled, and no more memory is taken than `MAX_RATIO` times the file's size. Raises ValueError: the file is
-    damaged, or claims to hold more.
+    Nothing is unpickled, and nothing is unpacked before its size is known. Raises ValueError: the file is damaged, or the
+    arrays take more than `max_bytes`.
     """
-    with damage_as_value_error(), zipfile.ZipFile(io.BytesIO(content)) as archive:
-        claimed = sum(entry.file_size for entry in archive.infolist())
-        if claimed > max(MAX_RATIO * len(content), MIN_UNPACKED_BYTES):
-            raise ValueError(f"it claims to hold {claimed} bytes")
-        return {
-            entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in archive.infolist()
-        }
+    with damage_as_value_error():
+        archive = zipfile.ZipFile(file)
+        entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+    wanted = {name: entry for name, entry in entries.items() if names is None or name in names}
+    size = sum(entry.file_size for entry in wanted.values())
+    if size > max_bytes:
+        raise ValueError(f"its arrays take {size} bytes; the limit is {max_bytes}")
+    with damage_as_value_error():
+        return {name: _array(archive.read(entry)) for name, entry in wanted.items()}
 
 
 def _array(data: bytes) -> NDArray[np.generic]:
-    """The array of a .npy file. Raises ValueError: the header does not fit the data."""
+    """The array of a .npy file, in the same memory. Raises ValueError: the header does not fit the data."""
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)
     if version != (1, 0):
         raise ValueError(f"version {version} of the format")
     shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    content = data[stream.tell() :]
-    if dtype.hasobject or is_fortran or math.prod(shape) * dtype.itemsize != len(content):
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError("an array of another type or size than its data")
-    return np.frombuffer(content, dtype).reshape(shape)
+    if not math.prod(shape):
+        return np.empty(shape, dtype)
+    return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape, order="F" if is_fortran else "C")

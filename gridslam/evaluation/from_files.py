@@ -12,6 +12,7 @@ from gridslam.evaluation.object_files import read_objects
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.pose_topics import read_topic
 from gridslam.evaluation.run_files import (
+    MAX_EVALUATED_CELLS,
     Paths,
     read_consistency,
     read_probability,
@@ -44,7 +45,7 @@ def load_truth(
         trajectory=series.trajectory if series else None,
         series=series,
         relations=read_relations(relations) if relations else None,
-        occupancy=load_map(map_path) if map_path else None,
+        occupancy=load_map(map_path, max_cells=MAX_EVALUATED_CELLS) if map_path else None,
         objects=read_objects(objects) if objects else None,
     )
 
@@ -66,7 +67,9 @@ def load_result(path: Path, truth: Truth, topic: str | None = None) -> Result:
     return Result(
         trajectory=series.trajectory if series else None,
         series=series,
-        occupancy=load_map(paths.map_yaml) if with_map and paths.map_yaml else None,
+        occupancy=load_map(paths.map_yaml, max_cells=MAX_EVALUATED_CELLS)
+        if with_map and paths.map_yaml
+        else None,
         probability=read_probability(paths.layers) if with_map and paths.layers else None,
         objects=read_objects(paths.objects) if paths.objects and truth.objects is not None else None,
         consistency=read_consistency(path),

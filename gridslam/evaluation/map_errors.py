@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.maps.occupancy import OccupancyGrid, marked_cells
+from gridslam.maps.occupancy import OccupancyGrid, refuse_noise
+
+Mask = Callable[[NDArray[np.float32]], NDArray[np.bool_]]
 
 OCCUPIED_FROM = 0.5
 _MIN_PROBABILITY = 1e-6
@@ -39,9 +42,9 @@ def wall_distances(
     With `completeness_radius_m`, completeness excludes true walls farther than that from every known cell of the built map.
     Empty if one of the maps has no wall.
     """
-    mapped = se2.transform_points(T_truth_built, _centres(built, _walls(built)))
-    true = _centres(truth, _walls(truth))
-    visible = _centres(truth, _borders_on_free(truth))
+    mapped = se2.transform_points(T_truth_built, wall_points(built))
+    true = wall_points(truth)
+    visible = truth.geometry.centres(_cells_that(_is_wall_beside_free, truth))
     if completeness_radius_m is not None and len(visible):
         visible = visible[_near_known(built, T_truth_built, visible, completeness_radius_m)]
     return WallDistances(_nearest(mapped, true), _nearest(visible, mapped))
@@ -54,11 +57,12 @@ def intersection_over_union(
 
     Each cell known in the true map is compared with the cell of the built map under its centre.
     """
-    built_values = _on_cells_of(truth, built, T_truth_built)
-    known = ~np.isnan(truth.probability)
-    true_wall, built_wall = _walls(truth), known & (built_values > OCCUPIED_FROM)
-    union = np.count_nonzero(true_wall | built_wall)
-    return float(np.count_nonzero(true_wall & built_wall) / union) if union else float("nan")
+    both = either = 0
+    for true, mapped in _on_cells_of(truth, built, T_truth_built):
+        true_wall, built_wall = true > OCCUPIED_FROM, ~np.isnan(true) & (mapped > OCCUPIED_FROM)
+        both += int(np.count_nonzero(true_wall & built_wall))
+        either += int(np.count_nonzero(true_wall | built_wall))
+    return both / either if either else float("nan")
 
 
 def log_loss(
@@ -68,13 +72,13 @@ def log_loss(
 
     Probabilities are clipped to [1e-6, 1 - 1e-6], so that a single wrong certainty does not make the loss infinite.
     """
-    p = _on_cells_of(truth, probability, T_truth_built)
-    both = ~np.isnan(p) & ~np.isnan(truth.probability)
-    if not both.any():
-        return float("nan"), 0
-    clipped = np.clip(p[both].astype(np.float64), _MIN_PROBABILITY, 1.0 - _MIN_PROBABILITY)
-    loss = -np.log(np.where(_walls(truth)[both], clipped, 1.0 - clipped))
-    return float(loss.mean()), int(np.count_nonzero(both))
+    total, count = 0.0, 0
+    for true, p in _on_cells_of(truth, probability, T_truth_built):
+        known = ~np.isnan(p) & ~np.isnan(true)
+        clipped = np.clip(p[known].astype(np.float64), _MIN_PROBABILITY, 1.0 - _MIN_PROBABILITY)
+        total -= float(np.log(np.where(true[known] > OCCUPIED_FROM, clipped, 1.0 - clipped)).sum())
+        count += len(clipped)
+    return (total / count if count else float("nan")), count
 
 
 def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -88,23 +92,48 @@ def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def wall_points(grid: OccupancyGrid) -> NDArray[np.float64]:
-    """Centres `(n, 2)` (m) of the wall cells."""
-    return _centres(grid, _walls(grid))
+    """Centres `(n, 2)` (m) of the wall cells. Raises MapError: they are too many."""
+    return grid.geometry.centres(_cells_that(_is_wall, grid))
 
 
-def _walls(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    return np.asarray(grid.probability > OCCUPIED_FROM)
+def _cells_that(are: Mask, grid: OccupancyGrid, what: str = "wall") -> NDArray[np.int64]:
+    """Cells (row, col) `(n, 2)` that a mask marks, strip by strip of a large map. Raises MapError: they are too many.
+
+    The mask sees a strip with one more cell on each side, unknown outside the map.
+    """
+    found, count = [np.zeros((0, 2), np.int64)], 0
+    for first, strip in _strips(grid):
+        around = grid.probability[max(first - 1, 0) : first + len(strip) + 1]
+        missing = int(first == 0), int(first + len(strip) == len(grid.probability))
+        cells = np.argwhere(are(np.pad(around, (missing, (1, 1)), constant_values=np.nan)))
+        count += len(cells)
+        refuse_noise(grid.probability.shape, count, what)
+        found.append(cells + np.array([first, 0]))
+    return np.concatenate(found)
 
 
-def _borders_on_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Mask of wall cells with a free cell among their four neighbours."""
-    free = np.pad(grid.probability <= OCCUPIED_FROM, 1)
-    beside = free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
-    return _walls(grid) & beside
+def _strips(grid: OccupancyGrid) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Some rows of the map at once, with the index of their first one."""
+    rows, cols = grid.probability.shape
+    at_once = max(_CELLS_AT_ONCE // max(cols, 1), 1)
+    for first in range(0, rows, at_once):
+        yield first, grid.probability[first : first + at_once]
 
 
-def _centres(grid: OccupancyGrid, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return grid.geometry.centres(marked_cells(mask))
+def _is_wall(p: NDArray[np.float32]) -> NDArray[np.bool_]:
+    return np.asarray(p[1:-1, 1:-1] > OCCUPIED_FROM)
+
+
+def _is_wall_beside_free(p: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Wall cells with a free cell among their four neighbours."""
+    free = p <= OCCUPIED_FROM
+    return _is_wall(p) & (free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:])
+
+
+def _is_known_beside_unknown(p: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Known cells with an unknown one, or none, among their four neighbours."""
+    known = ~np.isnan(p)
+    return known[1:-1, 1:-1] & ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
 
 
 def _near_known(
@@ -114,17 +143,14 @@ def _near_known(
 
     The nearest is the cell in which the point lies, where that is known, and else one beside an unknown cell.
     """
-    known = ~np.isnan(built.probability)
-    border = known.copy()
-    border[1:-1, 1:-1] &= ~(known[:-2, 1:-1] & known[2:, 1:-1] & known[1:-1, :-2] & known[1:-1, 2:])
     cells = built.geometry.cells(se2.transform_points(se2.inverse(T_truth_built), points))
-    inside = np.asarray(((cells >= 0) & (cells < known.shape)).all(axis=1))
-    own = inside.copy()
-    own[inside] = known[cells[inside, 0], cells[inside, 1]]
+    own = np.asarray(((cells >= 0) & (cells < built.probability.shape)).all(axis=1))
+    own[own] = ~np.isnan(built.probability[cells[own, 0], cells[own, 1]])
     distances = np.full(len(points), np.inf)
     centres = se2.transform_points(T_truth_built, built.geometry.centres(cells[own]))
     distances[own] = np.hypot(*(points[own] - centres).T)
-    around = se2.transform_points(T_truth_built, built.geometry.centres(marked_cells(border, "border")))
+    border = _cells_that(_is_known_beside_unknown, built, "border")
+    around = se2.transform_points(T_truth_built, built.geometry.centres(border))
     if len(around) and not own.all():
         distances[~own] = _nearest(points[~own], around)
     return np.asarray(distances <= radius_m)
@@ -132,18 +158,13 @@ def _near_known(
 
 def _on_cells_of(
     truth: OccupancyGrid, built: OccupancyGrid, T_truth_built: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """Probabilities of the built map at the cell centres of the true one, `(rows, cols)`, computed in blocks of rows."""
-    rows, cols = truth.probability.shape
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Strips of the true map, each with the built map's probabilities at the centres of its cells."""
     T_built_truth = se2.inverse(T_truth_built)
-    values = np.empty((rows, cols), np.float32)
-    at_once = max(_CELLS_AT_ONCE // max(cols, 1), 1)
-    for first in range(0, rows, at_once):
-        block = values[first : first + at_once]
-        cells = np.indices(block.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0], np.int64)
+    for first, strip in _strips(truth):
+        cells = np.indices(strip.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0], np.int64)
         centres = se2.transform_points(T_built_truth, truth.geometry.centres(cells))
-        block[:] = sample(built, centres).reshape(block.shape)
-    return values
+        yield strip, sample(built, centres).reshape(strip.shape)
 
 
 def _nearest(points: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.float64]:

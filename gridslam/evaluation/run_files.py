@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
-from gridslam.core.numpy_files import damage_as_value_error
+from gridslam.core.numpy_files import read_npz
 from gridslam.core.plain_files import MAX_JSON_BYTES, open_plain_file, read_plain_file
 from gridslam.core.texts import is_number
 from gridslam.core.trajectory import Trajectory
@@ -27,6 +27,8 @@ TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
 )  # fmt: skip
 _TEXT_ENDINGS = frozenset({".tum", ".txt", ".csv", ""})
 _HEAD_BYTES = 1 << 16
+MAX_EVALUATED_CELLS = 64_000_000  # of a map, 400 m x 400 m at 5 cm; a result and its layer, and the truth, take 1 GB
+MAX_LAYER_BYTES = 4 * MAX_EVALUATED_CELLS + (1 << 12)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,27 +126,24 @@ def _looks_like_trajectory(path: Path) -> bool:
 
 
 def read_probability(path: Path) -> OccupancyGrid | None:
-    """The layer `probability` of layers.npz, or None. Raises InputError: the file is damaged."""
+    """The layer `probability` of layers.npz, or None. Raises InputError: the file is damaged, or the layer too large."""
     names = ("probability", "probability.origin", "probability.resolution")
     try:
-        with (
-            damage_as_value_error(),
-            open_plain_file(path) as stream,
-            np.load(stream, allow_pickle=False) as layers,
-        ):
-            if "probability" not in layers:
-                return None
-            values, origin, resolution = (np.asarray(layers[name]) for name in names)
-    except ValueError as error:
+        with open_plain_file(path) as stream:
+            layers = read_npz(stream, MAX_LAYER_BYTES, names)
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: not the layers of a run ({error}); run again") from None
+    if "probability" not in layers:
+        return None
+    values, origin, resolution = (layers.get(name, np.zeros(0)) for name in names)
     if not (_are_numbers(values, 2) and _are_numbers(origin, 1) and _are_numbers(resolution, 0)):
         raise InputError(f"{path}: probability: expected rows and columns with a resolution; run again")
     cell_m, corner = float(resolution), origin.astype(np.float64).tolist()
     is_sound = len(corner) == 3 and all(abs(v) <= MAX_ORIGIN for v in corner) and 1e-4 <= cell_m <= 1e3
-    if not is_sound or (values < 0.0).any() or (values > 1.0).any():
+    if not is_sound or any((row < 0.0).any() or (row > 1.0).any() for row in values):
         raise InputError(f"{path}: probability: values, origin or resolution out of range; run again")
     x, y, yaw = corner
-    return OccupancyGrid(values.astype(np.float32), GridGeometry(cell_m, (x, y), yaw))
+    return OccupancyGrid(values.astype(np.float32, copy=False), GridGeometry(cell_m, (x, y), yaw))
 
 
 def _are_numbers(values: NDArray[np.generic], dimensions: int) -> bool:

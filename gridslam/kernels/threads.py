@@ -25,7 +25,7 @@ def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...]) -> None:
     """Call kernel(first, last, *arguments) for ranges that together cover the items 0..count - 1, on all threads.
 
     The kernel writes the results of each item into arguments, and reads nothing that it writes for another item; so
-    they do not depend on the number of threads.
+    they do not depend on the number of threads. A signal that comes meanwhile on several threads ends the work at the next range.
     """
     threads = min(_count, count)
     if threads <= 1:
@@ -37,8 +37,13 @@ def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...]) -> None:
     bounds = [count * part // parts for part in range(parts + 1)]
     pool = _pool(os.getpid(), threads)
     futures = [pool.submit(kernel, first, last, *arguments) for first, last in pairwise(bounds)]
-    for future in futures:
-        future.result()
+    try:
+        for future in futures:
+            future.result()
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
 
 
 @contextmanager

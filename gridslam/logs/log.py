@@ -70,7 +70,7 @@ class Log:
 
     @property
     def streams(self) -> list[StreamInfo]:
-        """All streams of the log, by kind, then by topic."""
+        """All streams of the log, by kind, then by topic; messages that `events()` has found unusable are not counted."""
         return [self._info(index) for index in self._selection.listed]
 
     def streams_in_span(self) -> list[StreamInfo]:
@@ -218,6 +218,10 @@ class Log:
                 poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
             elif reason is not None:
                 message_counts.count(f"skipped.truth.{reason.value}")
+        if self._concerned is not None:
+            for key, number in self._source.message_counts.counters.items():
+                if key.startswith("skipped.truth."):
+                    message_counts.count(key, number)
         if left_out := sum(message_counts.counters.values()):
             message_counts.note(
                 f"{stream.label}: {left_out} true poses cannot be used, and errors are measured without them"
@@ -245,7 +249,7 @@ class Log:
             topic=stream.topic,
             detail=stream.detail,
             type=stream.type,
-            count=len(all_stamps),
+            count=len(all_stamps) - (self._playback.unusable[index] if first_ns is None else 0),
             first_stamp_ns=min(stamps) if stamps else None,
             last_stamp_ns=max(stamps) if stamps else None,
             frame=", ".join(list(stream.frames)[:8]),

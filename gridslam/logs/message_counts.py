@@ -7,10 +7,14 @@ from collections.abc import Collection
 
 
 class MessageCounts:
-    """Counters for the report and, for people, one line for each kind of fault with its first place."""
+    """Counters for the report and, for people, one line for each kind of fault with its first place.
+
+    `unusable` are the messages of each stream, by its index in the source, that were looked at and left out.
+    """
 
     def __init__(self) -> None:
         self.counters: Counter[str] = Counter()
+        self.unusable: Counter[int] = Counter()
         self._notes: dict[str, str] = {}
         self._first: dict[str, str] = {}
 

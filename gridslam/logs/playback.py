@@ -85,6 +85,7 @@ def events_of(
         topic = streams[index].topic
         if isinstance(event, Skip):
             message_counts.skip(kind_of[index], event.reason.value, event.where)
+            message_counts.unusable[index] += 1
             continue
         if not span_ns[0] <= event.stamp_ns <= span_ns[1]:
             continue

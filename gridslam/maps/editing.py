@@ -33,7 +33,7 @@ def crop_to_polygon(grid: OccupancyGrid, corners: Floats) -> OccupancyGrid:
     shifted = np.rint(corners_near * (1 << CORNER_BITS)).astype(np.int32)
     if len(shifted):
         cv2.fillPoly(mask, [shifted], 1, shift=CORNER_BITS)
-    return _kept(grid, mask.astype(np.bool_), "the polygon holds no known cell of the map")
+    return _kept(grid, mask.view(np.bool_), "the polygon holds no known cell of the map")
 
 
 def _clipped(polygon: Floats, low: Floats, high: Floats) -> Floats:
@@ -69,30 +69,36 @@ def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
 
 def _kept(grid: OccupancyGrid, mask: Bools, problem: str) -> OccupancyGrid:
     """The cells of a mask in the smallest grid that holds the known ones."""
-    rows, cols = _extent(mask & ~np.isnan(grid.probability), problem)
+    rows, cols = _extent(grid, problem, mask)
     part = _part(grid, rows, cols)
-    part.probability[~mask[rows, cols]] = np.nan
-    return part
+    values = np.array(part.probability, np.float32)
+    np.copyto(values, np.nan, where=~mask[rows, cols])
+    return OccupancyGrid(values, part.geometry)
 
 
 def trimmed(grid: OccupancyGrid, problem: str = "the map has no known cell") -> OccupancyGrid:
-    """The map without unknown rows and columns at its borders. Raises ConfigError: no cell is known."""
-    return _part(grid, *_extent(~np.isnan(grid.probability), problem))
+    """The map without unknown rows and columns at its borders, in the same memory. Raises ConfigError: no cell is known."""
+    return _part(grid, *_extent(grid, problem))
 
 
-def _extent(known: Bools, problem: str) -> tuple[slice, slice]:
-    """The rows and columns with a known cell. Raises ConfigError: there is none."""
-    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+def _extent(grid: OccupancyGrid, problem: str, mask: Bools | None = None) -> tuple[slice, slice]:
+    """The rows and columns with a known cell, of the mask if there is one. Raises ConfigError: there is none."""
+    in_row, in_col = (np.zeros(size, np.bool_) for size in grid.probability.shape)
+    for row, values in enumerate(grid.probability):  # all at once take a quarter of a large map's memory
+        known = ~np.isnan(values) if mask is None else mask[row] & ~np.isnan(values)
+        in_row[row] = known.any()
+        in_col |= known
+    rows, cols = np.flatnonzero(in_row), np.flatnonzero(in_col)
     if not len(rows):
         raise ConfigError(problem)
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def _part(grid: OccupancyGrid, rows: slice, cols: slice) -> OccupancyGrid:
-    """A copy of some rows and columns."""
+    """Some rows and columns."""
     x, y = grid.geometry.centres(np.array([[rows.start - 0.5, cols.start - 0.5]]))[0].tolist()
     geometry = GridGeometry(grid.geometry.resolution_m, (x, y), grid.geometry.yaw_rad)
-    return OccupancyGrid(grid.probability[rows, cols].astype(np.float32), geometry)
+    return OccupancyGrid(grid.probability[rows, cols], geometry)
 
 
 def wall_direction(grid: OccupancyGrid) -> float:

@@ -19,6 +19,8 @@ from gridslam.core.plain_files import open_plain_file
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
 
+DEEP_MAXIMUM = 65_535  # of 16-bit grey
+ROWS_AT_ONCE = 256  # of a large image
 MAX_HEADER_BYTES = 65_536  # of a PGM
 _NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])+\d+"
 PNM_HEADER = re.compile(rb"P[14](?:%b){2}\s|P[2356](?:%b){3}\s" % (_NUMBER, _NUMBER))
@@ -92,18 +94,30 @@ def _check_size(path: Path, size: tuple[int, int], max_pixels: int) -> None:
 
 
 def _levels(path: Path, image: Image.Image) -> ImageLevels:
-    if image.mode.startswith("I"):  # 16-bit grey; its pixel type differs between Pillow's releases
-        grey = np.asarray(image)
-        return ImageLevels(np.clip(grey, 0, 65535).astype(np.uint16), 65535, None)
-    if image.mode not in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa"):
+    """The levels, made strip by strip: Pillow copies what it converts."""
+    is_deep = image.mode.startswith("I")  # 16-bit grey; its pixel type differs between Pillow's releases
+    if not is_deep and image.mode not in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa"):
         raise MapError(
             f"{path}: pixels of type {image.mode!r} have no brightness from 0 to 255; save it as 8-bit grey"
         )
-    if "A" in image.mode.upper() or "transparency" in image.info:
-        rgba = np.asarray(image.convert("RGBA"))
-        alpha = rgba[..., 3]
-        translucent = int(np.count_nonzero((alpha > 0) & (alpha < 255)))
-        return ImageLevels(rgba[..., :3].sum(axis=2, dtype=np.uint16), 765, alpha == 255, translucent)
-    if image.mode in ("1", "L"):
-        return ImageLevels(np.asarray(image if image.mode == "L" else image.convert("L")), 255, None)
-    return ImageLevels(np.asarray(image.convert("RGB")).sum(axis=2, dtype=np.uint16), 765, None)
+    has_alpha = not is_deep and ("A" in image.mode.upper() or "transparency" in image.info)
+    is_grey = image.mode in ("1", "L") and not has_alpha
+    maximum = DEEP_MAXIMUM if is_deep else 255 if is_grey else 765
+    width, height = image.size
+    levels = np.empty((height, width), np.uint8 if is_grey else np.uint16)
+    opaque = np.empty((height, width), np.bool_) if has_alpha else None
+    translucent = 0
+    for first in range(0, height, ROWS_AT_ONCE):
+        strip, rows = image.crop((0, first, width, min(first + ROWS_AT_ONCE, height))), slice(first, first + ROWS_AT_ONCE)
+        if is_deep:
+            levels[rows] = np.clip(np.asarray(strip), 0, maximum)
+        elif is_grey:
+            levels[rows] = np.asarray(strip.convert("L"))
+        elif opaque is None:
+            levels[rows] = np.asarray(strip.convert("RGB")).sum(axis=2, dtype=np.uint16)
+        else:
+            rgba = np.asarray(strip.convert("RGBA"))
+            levels[rows] = rgba[..., :3].sum(axis=2, dtype=np.uint16)
+            opaque[rows] = rgba[..., 3] == 255
+            translucent += int(np.count_nonzero((rgba[..., 3] > 0) & ~opaque[rows]))
+    return ImageLevels(levels, maximum, opaque, translucent)

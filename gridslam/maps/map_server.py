@@ -74,26 +74,24 @@ def load_map(
     image_path = path.parent / meta.image
     if inside_folder and not real_path(image_path).is_relative_to(real_path(path.parent)):
         raise MapError(f"{path}: image {meta.image!r} lies outside the map's folder; put it beside the YAML")
-    image = read_levels(image_path, max_cells)
-    _warn_about_unusual_values(path, meta, image)
-    cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
-    cells = _with_unknown_grey(path, meta, image, cells)
+    cells = _cells_in(path, meta, read_levels(image_path, max_cells))
     probability = _looked_up(PROBABILITY_OF_CELL, cells)  # -1, unknown, is the last entry
     return OccupancyGrid(probability, GridGeometry(meta.resolution_m, meta.origin_xy_m, meta.origin_yaw_rad))
 
 
-def _with_unknown_grey(
-    path: Path, meta: MapYaml, image: ImageLevels, cells: NDArray[np.int8]
-) -> NDArray[np.int8]:
-    """The cells, with those of grey 205 unknown if the image is one of a map saver and its YAML makes them free.
+def _cells_in(path: Path, meta: MapYaml, image: ImageLevels) -> NDArray[np.int8]:
+    """nav2's cell values of a map's image, with those of grey 205 unknown if it is a map saver's and its YAML makes them free.
 
     Map savers write 205 for unknown cells. With a free_thresh of 0.25, which old savers wrote beside it, or in scale mode, a
     robot that must not enter unknown cells would drive out of the building.
     """
+    _warn_about_unusual_values(path, meta, image)
+    cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
     is_read_as_free = meta.free_thresh >= 1.0 - PIXEL_UNKNOWN / 255 or meta.mode == "scale"
     if meta.negate or meta.mode == "raw" or not is_read_as_free:
         return cells
-    is_free = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1] & (cells == 0)
+    is_free = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1]
+    is_free &= cells == 0
     count = int(np.count_nonzero(is_free))
     if not count:
         return cells

@@ -56,10 +56,14 @@ class OccupancyGrid:
 
 def marked_cells(mask: NDArray[np.bool_], what: str = "wall") -> NDArray[np.int64]:
     """Cells (row, col) `(n, 2)` that a mask `(rows, cols)` marks. Raises MapError: more than MAX_MARKED_CELLS, as in noise."""
-    count = int(np.count_nonzero(mask))
+    refuse_noise(mask.shape, int(np.count_nonzero(mask)), what)
+    return np.argwhere(mask)
+
+
+def refuse_noise(shape: tuple[int, ...], count: int, what: str) -> None:
+    """Raise MapError where a map `(rows, cols)` has at least `count` such cells, which are more than MAX_MARKED_CELLS."""
     if count > MAX_MARKED_CELLS:
         raise MapError(
-            f"a map of {mask.shape[1]} x {mask.shape[0]} cells has {count} {what} cells; the limit is {MAX_MARKED_CELLS}: "
+            f"a map of {shape[1]} x {shape[0]} cells has at least {count} {what} cells; the limit is {MAX_MARKED_CELLS}: "
             "cut a part out of it with `gridslam maps crop`"
         )
-    return np.argwhere(mask)

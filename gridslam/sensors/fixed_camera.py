@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.sensors.background import ColourBackground, Depth, DepthBackground, Mask
 from gridslam.sensors.camera_moved import PlacementCheck
-from gridslam.sensors.floor_cells import FloorCells, visible_from
+from gridslam.sensors.floor_cells import CELLS_AT_ONCE, Floor, FloorCells, visible_from
 from gridslam.sensors.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
@@ -48,9 +48,9 @@ COLOUR_AND_DEPTH = DetectionParameters(history=200, warm_up=5, uses_depth=True)
 COLOUR_ONLY = DetectionParameters(history=500, warm_up=15, uses_depth=False)
 
 _COVERAGE_MAX_HEIGHT_M = 0.6  # the height of a robot: coverage is that of a point half as high
-CELLS_AT_ONCE = 1 << 18  # of the floor of a large map
 _OCCLUSION_M = 0.5  # a reading this far before a floor cell hides it
 _FEET_RATIO = 0.15  # of an object's height in the image: in columns where it ends higher than this, it overhangs its feet
+MAX_VIEW_M = 50.0  # by colours alone: the farthest floor that is looked at on a large map
 MAX_FEET_DEPTH_M = 15.0  # by colours alone: farther away a pixel is decimetres of floor
 
 
@@ -79,12 +79,12 @@ class FixedCamera:
     """One camera with its background models and the floor cells that it covers.
 
     Its frames have colours and depths, or one of the two. By colours alone, an object stands where its lowest pixels meet the
-    floor, and walls are where `cells` end.
+    floor, and walls are where the floor ends.
     """
 
     pinhole: Pinhole
     parameters: DetectionParameters
-    cells: FloorCells  # of the map that are free
+    floor: Floor  # where the map is free
     colour: ColourBackground = field(init=False)
     depth: DepthBackground = field(init=False)
     placement: PlacementCheck = field(default_factory=PlacementCheck)
@@ -116,7 +116,7 @@ class FixedCamera:
     def correct(self, pose: Floats) -> None:
         """Take the camera as moved by a pose `(3,)` (m, m, rad) of the map frame from where the given extrinsics have it."""
         self.pinhole = self._given.moved(pose)
-        self.coverage = self.cells.select(np.zeros(len(self.cells), np.bool_))  # found with the next frame
+        self.coverage = FloorCells(np.zeros((0, 2), np.int64), self.parameters.cell_m)  # found with the next frame
 
     def detect(self, pixels: NDArray[np.uint8] | None, depth_m: Depth | None) -> FloorDetections | FrameSkip:
         """The moving points of a frame, or the reason why the frame has none."""
@@ -193,9 +193,13 @@ class FixedCamera:
         height = 0.5 * (
             self.parameters.min_height_m + min(self.parameters.max_height_m, _COVERAGE_MAX_HEIGHT_M)
         )
+        farthest = MAX_VIEW_M
+        if background is not None:
+            farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
+        floor = self.floor.within(*self._box_in_view(shape, farthest))
         visible, nearest, depths = [], [], []
-        for first in range(0, max(len(self.cells), 1), CELLS_AT_ONCE):
-            cells = FloorCells(self.cells.index[first : first + CELLS_AT_ONCE], self.cells.size_m)
+        for first in range(0, max(len(floor), 1), CELLS_AT_ONCE):
+            cells = FloorCells(floor.index[first : first + CELLS_AT_ONCE], floor.size_m)
             pixels, depth = self.pinhole.to_pixels(
                 np.column_stack([cells.centres, np.full(len(cells), height)])
             )
@@ -204,16 +208,27 @@ class FixedCamera:
             seen = np.flatnonzero(inside & (depth > 0.0))
             pixel = np.rint(pixels[seen]).astype(np.int64)
             if background is None:
-                before = visible_from(self.cells, cells.select(seen), self.pinhole.position[:2])
+                before = visible_from(floor, cells.select(seen), self.pinhole.position[:2])
             else:
-                farthest = float(np.nanmax(background)) if np.isfinite(background).any() else 0.0
                 behind = background[pixel[:, 0], pixel[:, 1]]
                 before = depth[seen] < np.where(np.isnan(behind), farthest, behind)
             visible.append(first + seen[before])
             nearest.append(pixel[before])
             depths.append(depth[seen][before])
-        self.coverage = FloorCells(self.cells.index[np.concatenate(visible)], self.cells.size_m)
+        self.coverage = FloorCells(floor.index[np.concatenate(visible)], floor.size_m)
         self._pixels, self._depths = np.concatenate(nearest), np.concatenate(depths)
+
+    def _box_in_view(self, shape: tuple[int, ...], farthest_m: float) -> Floats:
+        """The box of the map frame, as its corners `(2, 2)`, that holds the view of an image `(rows, cols)` up to a depth."""
+        rows, cols = (np.arange(size) for size in shape[:2])
+        edge_rows = np.concatenate([np.zeros_like(cols), np.full_like(cols, shape[0] - 1), rows, rows])
+        edge_cols = np.concatenate([cols, cols, np.zeros_like(rows), np.full_like(rows, shape[1] - 1)])
+        border = self.pinhole.to_map(edge_rows, edge_cols, np.full(len(edge_rows), farthest_m))[:, :2]
+        points = np.concatenate([border, self.pinhole.position[None, :2]])
+        if not np.isfinite(points).all():  # a lens whose formula has no inverse there
+            return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+        cell_m = self.parameters.cell_m
+        return np.array([points.min(axis=0) - cell_m, points.max(axis=0) + cell_m])
 
     def _is_visible(self, depth_m: Depth | None) -> Mask:
         """Mask `(m,)` of the covered cells that nothing hides in this frame; by colours alone, all of them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from gridslam.sensors.grid_frame import poses_in_cells
 Floats = NDArray[np.float64]
 Table = NDArray[np.float32]
 
-ROWS_AT_ONCE = 256  # of a large map
+CELLS_AT_ONCE = 1 << 22  # of a large map
 FAR = 255  # the byte of every distance at or beyond the field's maximum, and of everything outside the grid
 
 
@@ -61,15 +62,19 @@ class DistanceField:
 def distance_field(
     occupied: NDArray[np.bool_], geometry: GridGeometry, max_distance_m: float
 ) -> DistanceField:
-    """The distance field of a grid of occupied cells `(rows, cols)`: exact Euclidean distances between cell centres."""
-    in_cells = distances_to(occupied)
+    """The distance field of a grid of occupied cells `(rows, cols)`: exact Euclidean distances between cell centres.
+
+    Of a large map band by band, each with the walls around it that are near enough to matter.
+    """
     steps = np.empty(occupied.shape, np.uint8)
-    for first in range(0, len(steps), ROWS_AT_ONCE):
-        rows = slice(first, first + ROWS_AT_ONCE)
-        distance_m = np.minimum(
-            in_cells[rows] * np.float32(geometry.resolution_m), np.float32(max_distance_m)
-        )
-        steps[rows] = np.rint(distance_m.astype(np.float64) * (FAR / max_distance_m))
+    rows, cols = occupied.shape
+    margin = math.ceil(min(max_distance_m / geometry.resolution_m, rows)) + 1
+    band = max(CELLS_AT_ONCE // max(cols, 1), 2 * margin)
+    for first in range(0, rows, band):
+        before = min(first, margin)
+        in_cells = distances_to(occupied[first - before : first + band + margin])[before:][:band]
+        distance_m = np.minimum(in_cells * np.float32(geometry.resolution_m), np.float32(max_distance_m))
+        steps[first : first + band] = np.rint(distance_m.astype(np.float64) * (FAR / max_distance_m))
     return DistanceField(steps, geometry, max_distance_m)
 
 

@@ -6,6 +6,7 @@ measurement instead of the motion (the dual of Monte Carlo localization, Thrun e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,11 +15,11 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.kernels.likelihood_field import sum_over_offsets
-from gridslam.sensors.likelihood_field import DistanceField, Table
+from gridslam.sensors.likelihood_field import FAR, DistanceField, Table
 
 Floats = NDArray[np.float64]
 
-
+CELLS_AT_ONCE = 1 << 20  # of a large map
 _CLIMB_POINTS = 100  # by which a pose climbs to its maximum; all points score it there
 
 
@@ -54,11 +55,10 @@ class PoseSearch:
         step = field.geometry.resolution_m
         self._block = max(round(0.5 * settings.sigma_m / step), 1)
         self._cell_m = self._block * step
-        nearest = _block_reduce(field.steps, self._block, np.minimum, 255)
-        distances = field.distances_m[nearest]
-        scores = np.rint(255.0 * np.exp(-0.5 * (distances / settings.sigma_m) ** 2)).astype(np.uint8)
-        scores[nearest == 255] = 0
-        self._coarse_scores = scores
+        nearest = _block_reduce(lambda rows: field.steps[rows], field.steps.shape, self._block, np.minimum, FAR)
+        scores = np.rint(255.0 * np.exp(-0.5 * (field.distances_m / settings.sigma_m) ** 2)).astype(np.uint8)
+        scores[FAR] = 0
+        self._coarse_scores = scores[nearest]
         self._positions = self._candidate_positions(free)
 
     def search(self, points: Floats, table: Table) -> PoseHypotheses:
@@ -111,41 +111,53 @@ class PoseSearch:
     def _candidate_positions(self, free: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Coarse cells `(n, 2)`: for every square of the spacing with free cells the cell farthest from walls."""
         settings = self._settings
-        clearance_steps = self._field.steps.astype(np.uint16)
-        clearance_steps += 1
-        clearance_steps *= free
-        clearance = _block_reduce(clearance_steps, self._block, np.maximum, 0)
-        stride = max(round(settings.spacing_m / self._cell_m), 1)
-        while True:
-            positions = _widest_cells(clearance, stride)
-            if len(positions) * settings.headings <= settings.max_poses or stride >= max(clearance.shape):
-                return positions
+        steps = self._field.steps
+        clearance = _block_reduce(
+            lambda rows: (steps[rows].astype(np.int16) + 1) * free[rows], steps.shape, self._block, np.maximum, 0
+        )
+        is_free = clearance > 0
+        max_positions = settings.max_poses / settings.headings
+        needed = math.sqrt(np.count_nonzero(is_free) / max_positions)  # squares of fewer cells are too many
+        stride = max(round(settings.spacing_m / self._cell_m), math.ceil(needed), 1)
+        while np.count_nonzero(_in_squares(is_free, stride)) > max_positions and stride < max(is_free.shape):
             stride += 1
+        return _widest_cells(clearance, stride)
 
 
 def _block_reduce(
-    values: NDArray[np.generic], block: int, reduce: np.ufunc, fill: int
+    part: Callable[[slice], NDArray[np.generic]], shape: tuple[int, int], block: int, reduce: np.ufunc, fill: int
 ) -> NDArray[np.generic]:
-    """Values `(rows, cols)` reduced over blocks of `block` by `block` cells; incomplete blocks are padded with `fill`."""
-    rows, cols = (-(-n // block) for n in values.shape)
-    full = values
-    if values.shape != (rows * block, cols * block):
-        full = np.full((rows * block, cols * block), fill, values.dtype)
+    """Values `(rows, cols)`, of which `part` returns those of some rows, reduced over blocks of `block` by `block` cells.
+
+    Incomplete blocks are padded with `fill`. Of a large map a few blocks of rows are taken at once.
+    """
+    cols = -(-shape[1] // block)
+    band = block * max(CELLS_AT_ONCE // (block * max(shape[1], 1)), 1)
+    reduced = []
+    for first in range(0, shape[0], band):
+        values = part(slice(first, first + band))
+        full = np.full((-(-len(values) // block) * block, cols * block), fill, values.dtype)
         full[: values.shape[0], : values.shape[1]] = values
-    blocks = full.reshape(rows, block, cols, block)
-    return np.asarray(reduce.reduce(reduce.reduce(blocks, axis=3), axis=1))
+        blocks = full.reshape(-1, block, cols, block)
+        reduced.append(reduce.reduce(reduce.reduce(blocks, axis=3), axis=1))
+    return np.concatenate(reduced)
+
+
+def _in_squares(values: NDArray[np.generic], stride: int) -> NDArray[np.generic]:
+    """The largest of the values `(rows, cols)` in every square of `stride` cells; those at the border may be cut."""
+    rows, cols = (np.arange(0, size, stride) for size in values.shape)
+    return np.asarray(np.maximum.reduceat(np.maximum.reduceat(values, rows, axis=0), cols, axis=1))
 
 
 def _widest_cells(clearance: NDArray[np.generic], stride: int) -> NDArray[np.int64]:
     """Cells `(n, 2)`: of every square of `stride` cells the one with the largest clearance, unless all are 0."""
-    rows, cols = (-(-n // stride) for n in clearance.shape)
-    full = np.zeros((rows * stride, cols * stride), np.int64)
-    full[: clearance.shape[0], : clearance.shape[1]] = clearance
-    squares = full.reshape(rows, stride, cols, stride).transpose(0, 2, 1, 3).reshape(rows, cols, -1)
-    inside = squares.argmax(axis=2)
-    row, col = np.nonzero(squares.max(axis=2) > 0)
-    chosen = inside[row, col]
-    return np.column_stack([row * stride + chosen // stride, col * stride + chosen % stride])
+    squares = stride * np.argwhere(_in_squares(clearance, stride) > 0)
+    # At the border cells are repeated; the first of several equal ones is chosen, which is none of those.
+    rows, cols = (
+        np.minimum(squares[:, axis, None] + np.arange(stride), size - 1) for axis, size in enumerate(clearance.shape)
+    )
+    chosen = clearance[rows[:, :, None], cols[:, None, :]].reshape(len(squares), -1).argmax(axis=1)
+    return squares + np.column_stack([chosen // stride, chosen % stride])
 
 
 def climb(

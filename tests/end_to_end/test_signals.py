@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gridslam.cli.interruption import finishing
+from gridslam.cli.interruption import finishing, stop_on_signals
 from gridslam.logs import write_log
 from gridslam.report.directory import new_run_directory
 from tests.conftest import REPOSITORY, program_command
@@ -163,3 +163,14 @@ def test_signals_come_too_late_while_the_result_is_shown(number: signal.Signals)
     with finishing():
         os.kill(os.getpid(), number)
     assert signal.getsignal(number) is before
+
+
+def test_a_signal_before_anything_was_asked_ends_at_once_and_later_ones_stop_first() -> None:
+    with stop_on_signals() as stop:
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert not stop()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stop()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)

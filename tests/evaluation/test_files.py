@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 import zipfile
 from pathlib import Path
 
@@ -185,4 +186,15 @@ def test_layers_with_a_damaged_array_are_an_unreadable_input(tmp_path: Path, arr
         for name in LAYERS:
             archive.writestr(f"{name}.npy", array)
     with pytest.raises(InputError, match=r"layers\.npz"):
+        read_probability(path)
+
+
+def test_a_layer_larger_than_any_map_that_is_evaluated_is_refused_by_its_size(tmp_path: Path) -> None:
+    path = tmp_path / "layers.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("probability.npy", bytes(1000))
+    size = struct.pack("<I", 2**31)  # what a bomb unpacks to: in the central directory
+    data = path.read_bytes()
+    path.write_bytes(data.replace(struct.pack("<I", 1000), size))
+    with pytest.raises(InputError, match="its arrays take 2147483648 bytes; the limit is"):
         read_probability(path)

@@ -104,3 +104,19 @@ def test_points_near_known_cells_are_those_near_any_of_them(radius_m: float) -> 
     expected = cKDTree(known).query(points)[0] <= radius_m
     np.testing.assert_array_equal(_near_known(built, pose, points, radius_m), expected)
     assert 0 < expected.sum() < len(points)
+
+
+def test_maps_looked_at_a_few_rows_at_a_time_have_the_same_walls_and_losses(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(1)
+    built, truth = (
+        OccupancyGrid(rng.choice([0.1, 0.9, np.nan], (23, 9)).astype(np.float32), GridGeometry(0.1, (0.0, 0.0)))
+        for _ in range(2)
+    )
+    whole = wall_distances(built, truth, HERE, 0.3), log_loss(built, truth, HERE)
+    monkeypatch.setattr("gridslam.evaluation.map_errors._CELLS_AT_ONCE", 36)
+    pieces = wall_distances(built, truth, HERE, 0.3), log_loss(built, truth, HERE)
+    np.testing.assert_array_equal(pieces[0].accuracy, whole[0].accuracy)
+    np.testing.assert_array_equal(pieces[0].completeness, whole[0].completeness)
+    assert pieces[1] == pytest.approx(whole[1])

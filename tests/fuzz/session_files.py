@@ -48,7 +48,7 @@ def damaged_session(content: bytes, rng: random.Random) -> bytes:
     what = rng.randrange(5)
     if what == 0:
         return changed(content, rng) if rng.random() < 0.7 else content[: rng.randrange(len(content))]
-    arrays = read_npz(content)
+    arrays = read_npz(io.BytesIO(content), 1 << 28)
     if what == 1:
         head = json.loads(arrays["head"].tobytes())
         head[rng.choice(list(head))] = rng.choice([v for v in ODD if v != "\ud800"])

@@ -62,3 +62,20 @@ def test_a_picture_of_the_grey_of_comments_is_read(tmp_path: Path) -> None:
     path = tmp_path / "map.pgm"
     path.write_bytes(b"P5\n# CREATOR: a map saver\n300 300\n255\n" + b"#" * 90_000)
     assert (read_levels(path).levels == ord("#")).all()
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "I;16"])
+def test_a_large_picture_read_strip_by_strip_is_that_read_whole(
+    tmp_path: Path, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (23, 17, 4), np.uint8)
+    image = Image.fromarray(pixels, "RGBA")
+    image = Image.fromarray(pixels[..., :2].copy().view(np.uint16)[..., 0]) if mode == "I;16" else image.convert(mode)
+    image.save(tmp_path / "a.png", **({"transparency": 3} if mode == "P" else {}))
+    whole = read_levels(tmp_path / "a.png")
+    monkeypatch.setattr("gridslam.maps.image_levels.ROWS_AT_ONCE", 5)
+    strips = read_levels(tmp_path / "a.png")
+    np.testing.assert_array_equal(strips.levels, whole.levels)
+    assert (strips.opaque is None) == (whole.opaque is None) == (mode not in ("LA", "P", "RGBA"))
+    assert strips.opaque is None or np.array_equal(strips.opaque, whole.opaque)
+    assert (strips.maximum, strips.translucent) == (whole.maximum, whole.translucent)

@@ -69,3 +69,10 @@ def test_the_table_is_the_mixture_of_a_gaussian_and_chance():
     assert table[255] == pytest.approx(math.log(0.1))
     distance = 30 * 2.0 / 255
     assert table[30] == pytest.approx(math.log(0.9 * math.exp(-0.5 * (distance / 0.2) ** 2) + 0.1), rel=1e-5)
+
+
+def test_a_large_field_made_band_by_band_is_that_of_the_whole_map(monkeypatch):
+    occupied = np.random.default_rng(2).random((90, 40)) < 0.004
+    whole = distance_field(occupied, ROTATED, 1.0).steps
+    monkeypatch.setattr("gridslam.sensors.likelihood_field.CELLS_AT_ONCE", 40 * 25)
+    np.testing.assert_array_equal(distance_field(occupied, ROTATED, 1.0).steps, whole)

@@ -8,7 +8,7 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table, occupied_cells
-from gridslam.sensors.pose_search import PoseSearch, PoseSearchSettings
+from gridslam.sensors.pose_search import PoseSearch, PoseSearchSettings, _widest_cells
 from tests.methods.ispace_mcl.building import BEAMS, LIDAR, building, scan_at
 
 SETTINGS = PoseSearchSettings(
@@ -54,3 +54,27 @@ def test_a_bound_on_the_poses_makes_the_search_coarser_not_smaller():
     search = PoseSearch(field, grid.probability < 0.3, coarse)
     found = search.search(_points(grid, POSES[1]), log_likelihood_table(field, 0.2, 0.1))
     assert np.hypot(*(found.poses[0, :2] - POSES[1][:2])) < 0.3  # the spacing is 0.75 m then
+
+
+@pytest.mark.parametrize(("stride", "shape"), [(1, (7, 9)), (4, (17, 9)), (30, (17, 9))])
+def test_of_every_square_with_free_cells_the_widest_one_is_a_position(stride, shape):
+    clearance = np.random.default_rng(3).integers(-20, 30, shape).clip(0).astype(np.int16)
+    expected = []
+    for row in range(0, shape[0], stride):
+        for col in range(0, shape[1], stride):
+            square = clearance[row : row + stride, col : col + stride]
+            if square.any():
+                inside = np.unravel_index(square.argmax(), square.shape)
+                expected.append([row + inside[0], col + inside[1]])
+    assert _widest_cells(clearance, stride).tolist() == expected
+
+
+def test_a_large_map_is_searched_as_if_it_were_taken_whole(monkeypatch):
+    grid = building()
+    field = distance_field(occupied_cells(grid, 0.65), grid.geometry, 2.0)
+    coarse = replace(SETTINGS, max_poses=20_000)
+    whole = PoseSearch(field, grid.probability < 0.3, coarse)
+    monkeypatch.setattr("gridslam.sensors.pose_search.CELLS_AT_ONCE", 500)
+    in_bands = PoseSearch(field, grid.probability < 0.3, coarse)
+    np.testing.assert_array_equal(in_bands._positions, whole._positions)
+    np.testing.assert_array_equal(in_bands._coarse_scores, whole._coarse_scores)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator
 from itertools import pairwise
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import InputError
-from gridslam.core.numpy_files import MAX_RATIO, MIN_UNPACKED_BYTES, npz_bytes, read_npz
+from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
@@ -32,7 +33,11 @@ Arrays = dict[str, NDArray[Any]]
 
 FILE_NAME = "session.npz"
 FORMAT, VERSION = "gridslam session", 3
-MAX_FILE_BYTES = 1 << 30
+MAX_FILE_BYTES = MAX_UNPACKED_BYTES = 1 << 28  # without the points, which are unpacked when they are needed
+MAX_POINT_BYTES = 1 << 29  # of these, unpacked: some 100,000 key scans
+MAX_SCAN_POINTS = 100_000
+MAX_HEAD_BYTES = 1 << 22
+MAX_KEY_SCANS = 300_000  # each takes 1 KB besides its points
 MAX_POSE_M = 1e6
 EDGES = ("loops", "visits", "landmarks")
 SCHEMA = {  # of all arrays but those of edges: type, columns
@@ -102,9 +107,11 @@ def load_session(path: Path) -> Session:
 def read_session(content: bytes, name: str) -> Session:
     """The session of a file's content. Raises InputError, which names the file: damaged, or of another version."""
     try:
-        arrays = read_npz(content)
+        arrays = read_npz(io.BytesIO(content), MAX_UNPACKED_BYTES)
         head = _head(arrays.pop("head", None))
         _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **(DRAWN_SCHEMA if head["drawn"] else {})})
+        if len(head["logs"]) != len(arrays["drive.keys"]):
+            raise ValueError("a drive has no log")
         return _session(arrays, head)
     except ValueError as error:
         raise InputError(
@@ -118,7 +125,7 @@ def _head(head: NDArray[np.generic] | None) -> dict[str, Any]:
     Raises ValueError: it is not of this format and version.
     """
     try:
-        if head is None or head.dtype != np.uint8:
+        if head is None or head.dtype != np.uint8 or head.size > MAX_HEAD_BYTES:
             raise ValueError
         document = json.loads(head.tobytes())
         kind, version, logs = document["format"], document["version"], document["logs"]
@@ -168,8 +175,12 @@ def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
     if any(one != other for one, other in expected):
         raise ValueError("its arrays do not fit each other")
     unpacked_bytes = RETURN_BYTES * sums["key.returns"] + SURFACE_BYTES * sums["key.surface"]
-    if unpacked_bytes > max(MAX_RATIO * rows["points"], MIN_UNPACKED_BYTES):
-        raise ValueError(f"it claims to hold {unpacked_bytes} bytes of points")
+    if unpacked_bytes > MAX_POINT_BYTES:
+        raise ValueError(f"it claims to hold {unpacked_bytes} bytes of points; the limit is {MAX_POINT_BYTES}")
+    if max(arrays[name].max(initial=0) for name in ("key.returns", "key.surface")) > MAX_SCAN_POINTS:
+        raise ValueError(f"a key scan claims to hold more than {MAX_SCAN_POINTS} points")
+    if keys > MAX_KEY_SCANS:
+        raise ValueError(f"it has {keys} key scans; the limit is {MAX_KEY_SCANS}")
     if np.abs(arrays["key.pose"]).max(initial=0.0) > MAX_POSE_M:
         raise ValueError("a pose is out of range")
     if np.abs(arrays["scan.track"]).max(initial=0.0) > MAX_POSE_M:
@@ -186,7 +197,7 @@ def _total(counts: NDArray[np.generic]) -> int:
 def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
     a, logs = arrays, head["logs"]
     first_scan, first_key = offsets(a["drive.scans"].tolist()), offsets(a["drive.keys"].tolist())
-    if len(logs) != len(a["drive.keys"]) or not len(logs) or (a["drive.keys"] < 1).any():
+    if not len(logs) or (a["drive.keys"] < 1).any():
         raise ValueError("a drive has no key scans")
     first_chunk = offsets((-(-a["drive.keys"] // CHUNK_SCANS)).tolist())
     ends = offsets(a["chunk.bytes"].tolist())

@@ -28,6 +28,8 @@ class TableColumns:
     texts: dict[str, str] = field(default_factory=dict)  # constants of text columns
     numbers: dict[str, float] = field(default_factory=dict)  # constants of numeric columns, in our units
     convert: dict[str, Callable[[float], float]] = field(default_factory=dict)
+    number_places: tuple[int, ...] = ()  # field numbers of columns that hold a number each, ranges apart
+    has_ranges: bool = False
     first_range: int = 0
     range_end: int | None = None
     range_divisor: float | None = None
@@ -116,6 +118,19 @@ class Row:
         except ValueError:
             values = np.array([parse_number(f) if f.strip() else math.nan for f in fields])
         return self._columns.to_metres(self._columns.mark_invalid(values))
+
+    def check_numbers(self) -> None:
+        """Raises ValueError: a field of a numeric column is neither empty nor a number."""
+        columns = self._columns
+        for place in columns.number_places:
+            if (field := self._fields[place]).strip():
+                parse_number(field)
+        if columns.has_ranges:
+            ranges = self._fields[columns.first_range : columns.range_end]
+            try:
+                parse_numbers(ranges)
+            except ValueError:
+                parse_numbers([field for field in ranges if field.strip()])
 
     def is_marked_invalid(self, name: str) -> bool:
         """Whether the field, in the file's unit, is one of the table's codes for no return."""

@@ -38,6 +38,7 @@ _RANGE_DIVISORS = {"cm": 100.0, "mm": 1000.0}
 _TEXT_COLUMNS = frozenset(
     {"sensor", "antenna", "tag_id", "camera", "file", "frame", "child_frame", "parent", "child", "model"}
 )
+_LIST_COLUMNS = frozenset({"d_rest"})  # of several numbers
 _MAX_FRAMES = 1000
 
 
@@ -68,18 +69,26 @@ class CsvTable:
         self._message_counts = message_counts
         self._lines = TextLines(path, message_counts, line_limit_bytes)
         self._is_indexing = False
+        self._unreadable = array("q")  # lines where events begin that the index has found unreadable
         self._width = 0
         self._period_ns, self._start_ns = self._row_clock()
         self._read_header()
 
     def index(self) -> tuple[array[int], dict[str, None]]:
-        """Stamps of all events and the frames in use; unusable rows are counted."""
+        """Stamps of all events and the frames in use; rows that are none, as they have no numbers, are counted."""
         stamps = array("q")
         frames: dict[str, None] = {}
         if not self._rows_have_frames():
             frames[self._columns.frame] = None
         self._is_indexing = True
         for rows in self._groups():
+            try:
+                for row in rows:
+                    row.check_numbers()
+            except ValueError:
+                self._skip(SkipReason.UNREADABLE_ROW, rows[0].line)
+                self._unreadable.append(rows[0].line)
+                continue
             stamps.append(rows[0].stamp_ns)
             if self._rows_have_frames() and len(frames) < _MAX_FRAMES:
                 frames[rows[0].frame] = None
@@ -88,8 +97,13 @@ class CsvTable:
 
     def events(self) -> Iterator[Event | Skip]:
         """One event, or the reason why there is none, per entry of the index."""
+        unreadable = iter(self._unreadable)
+        next_unreadable = next(unreadable, None)
         for rows in self._groups():
-            yield self._event(rows)
+            if rows[0].line == next_unreadable:
+                next_unreadable = next(unreadable, None)
+            else:
+                yield self._event(rows)
 
     def _event(self, rows: list[Row]) -> Event | Skip:
         where = f"{self.path.name} line {rows[0].line}"
@@ -138,11 +152,16 @@ class CsvTable:
                     f"Rename it in log.yaml: streams: - {{kind: {stream.kind}, file: {stream.file}, "
                     f"columns: {{{name}: COLUMN}}}}"
                 )
+        columns.number_places = tuple(
+            place
+            for name, place in columns.places.items()
+            if name != "stamp" and name not in _TEXT_COLUMNS | _LIST_COLUMNS
+        )
         if kind.has_ranges:
             first = stream.columns.get("r", "r") + "0"
             if first not in names:
                 raise LogError(f"{self.path}: no column {first!r} where the ranges begin")
-            columns.first_range = names.index(first)
+            columns.has_ranges, columns.first_range = True, names.index(first)
             end = _end_of_ranges(names, columns.first_range, first.removesuffix("0"))
             columns.range_end = None if end == len(names) else end
 

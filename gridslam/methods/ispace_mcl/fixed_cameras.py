@@ -23,7 +23,7 @@ from gridslam.sensors.fixed_camera import (
     FixedCamera,
     FrameSkip,
 )
-from gridslam.sensors.floor_cells import FloorCells
+from gridslam.sensors.floor_cells import Floor, FloorCells
 from gridslam.sensors.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
@@ -57,7 +57,7 @@ class FixedCameras:
     def __init__(
         self,
         root_frame: str,
-        floor: FloorCells,
+        floor: Floor,
         parameters: DetectionParameters = COLOUR_AND_DEPTH,
         max_age_s: float = MAX_AGE_S,
     ) -> None:

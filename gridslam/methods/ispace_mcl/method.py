@@ -11,7 +11,6 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
 from gridslam.core.trajectory import Trajectory
-from gridslam.filters.free_space import free_cells
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
@@ -35,7 +34,7 @@ from gridslam.methods.ispace_mcl.record import LocalizationHistory
 from gridslam.motion.odometry_limits import OdometryLimits
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.depth_ranges import DepthBand
-from gridslam.sensors.floor_cells import FloorCells
+from gridslam.sensors.floor_cells import FreeFloor
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 
 Floats = NDArray[np.float64]
@@ -44,7 +43,6 @@ MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
 JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
 CHECK_MEMORY_MB = 500.0
-ROWS_AT_ONCE = 256  # of a large map
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
 STATIONARY_UPDATES = (
     3  # updates without motion: the first scans help the search, more of the same view add no evidence
@@ -68,10 +66,9 @@ class IspaceMcl:
             advanced.camera_root_frame,
         )
         self._uses_density = advanced.camera_weight != "detection"
-        free = free_cells(occupancy, advanced.free_threshold)
         self.cameras = FixedCameras(
             advanced.camera_root_frame,
-            floor_cells(free, occupancy, detection.cell_m),
+            FreeFloor(occupancy, advanced.free_threshold, detection.cell_m),
             detection,
             DENSITY_MAX_AGE_S if self._uses_density else MAX_AGE_S,
         )
@@ -248,12 +245,3 @@ def _tracker() -> ScanTracker:
     """Follows the first scans without odometry, which is checked by them."""
     odometry = OdometryConfig()
     return ScanTracker(FrontEnd(odometry, CHECK_MEMORY_MB), ScanConfig(), odometry, CHECK_SPACING)
-
-
-def floor_cells(free: NDArray[np.bool_], occupancy: OccupancyGrid, cell_m: float) -> FloorCells:
-    """The floor cells of size `cell_m` that contain free map cells."""
-    parts = []
-    for first in range(0, len(free), ROWS_AT_ONCE):
-        cells = np.argwhere(free[first : first + ROWS_AT_ONCE]) + np.array([first, 0])
-        parts.append(FloorCells.containing(occupancy.geometry.centres(cells), cell_m).unique())
-    return FloorCells.joined(parts, cell_m).unique()

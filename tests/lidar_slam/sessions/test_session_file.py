@@ -11,6 +11,7 @@ import pytest
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.lidar_slam.sessions import session_file
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import read_session, session_bytes
@@ -102,7 +103,7 @@ def test_estimates_of_objects_are_read_back(session: Session) -> None:
 
 def changed(session: Session, **arrays: object) -> bytes:
     """The session's file with other values for some arrays; None leaves one out."""
-    content = {**read_npz(session_bytes(session)), **{k.replace("__", "."): v for k, v in arrays.items()}}
+    content = {**read_npz(io.BytesIO(session_bytes(session)), 1 << 28), **{k.replace("__", "."): v for k, v in arrays.items()}}
     return npz_bytes((name, np.asarray(values)) for name, values in content.items() if values is not None)
 
 
@@ -130,15 +131,16 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
             read_session(content, "session.npz")
 
 
-def test_objects_and_bombs_are_refused(session: Session) -> None:
+def test_objects_and_bombs_are_refused(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     buffer = io.BytesIO()
     np.savez(buffer, head=np.array([{"a": 1}], dtype=object))
     with pytest.raises(InputError, match="damaged"):
         read_session(buffer.getvalue(), "session.npz")
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("head.npy", bytes(200 << 20))
-    with pytest.raises(InputError, match="claims to hold"):
+        archive.writestr("head.npy", bytes(2 << 20))
+    monkeypatch.setattr(session_file, "MAX_UNPACKED_BYTES", 1 << 20)
+    with pytest.raises(InputError, match="its arrays take 2097152 bytes; the limit is 1048576"):
         read_session(buffer.getvalue(), "session.npz")
 
 
