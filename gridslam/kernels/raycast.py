@@ -32,44 +32,43 @@ class Ray(NamedTuple):
     dy: float
 
 
-@compiled
 def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Sides (cells, at most 255) of the free squares `(4, rows, cols)` of a grid; no square extends beyond the grid.
 
     The index of a quadrant is 2 * (towards lower rows) + (towards lower columns).
     """
-    rows, cols = occupied.shape
-    squares = np.zeros((4, rows, cols), np.uint8)
-    for quadrant in range(4):
-        down, left = quadrant // 2, quadrant % 2
-        dr, dc = 1 - 2 * down, 1 - 2 * left
-        for i in range(rows):
-            r = i if down else rows - 1 - i
-            for j in range(cols):
-                c = j if left else cols - 1 - j
-                if occupied[r, c]:
-                    continue
-                side = 0
-                if 0 <= r + dr < rows and 0 <= c + dc < cols:
-                    side = min(
-                        squares[quadrant, r + dr, c],
-                        squares[quadrant, r, c + dc],
-                        squares[quadrant, r + dr, c + dc],
-                    )
-                squares[quadrant, r, c] = min(side + 1, _LARGEST)
+    squares = np.zeros((4, *occupied.shape), np.uint8)
+    for quadrant in range(4):  # one by one, as a large map takes a second for each, in which no signal is answered
+        _free_squares_towards(quadrant, occupied, squares[quadrant])
     return squares
 
 
 @compiled
+def _free_squares_towards(quadrant: int, occupied: NDArray[np.bool_], squares: NDArray[np.uint8]) -> None:
+    """Fill in the squares `(rows, cols)` towards a quadrant."""
+    rows, cols = occupied.shape
+    down, left = quadrant // 2, quadrant % 2
+    dr, dc = 1 - 2 * down, 1 - 2 * left
+    for i in range(rows):
+        r = i if down else rows - 1 - i
+        for j in range(cols):
+            c = j if left else cols - 1 - j
+            if occupied[r, c]:
+                continue
+            side = 0
+            if 0 <= r + dr < rows and 0 <= c + dc < cols:
+                side = min(squares[r + dr, c], squares[r, c + dc], squares[r + dr, c + dc])
+            squares[r, c] = min(side + 1, _LARGEST)
+
+
 def free_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """`free_squares`, and the boxes for flat and for steep rays `(12, rows, cols)`.
 
     The latter are given by their shorter side: 0 where not even the smallest of these is free.
     """
-    rows, cols = occupied.shape
-    boxes = np.zeros((12, rows, cols), np.uint8)
-    boxes[:4] = free_squares(occupied)
+    boxes = np.zeros((12, *occupied.shape), np.uint8)
     for quadrant in range(4):
+        _free_squares_towards(quadrant, occupied, boxes[quadrant])
         down, left = quadrant // 2, quadrant % 2
         dr, dc = 1 - 2 * down, 1 - 2 * left
         _fill_boxes(occupied, boxes[4 + quadrant], dr, FLAT * dc)
