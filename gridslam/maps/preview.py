@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TypeAlias
@@ -28,14 +28,15 @@ from gridslam.maps.picture.sheet import (
 from gridslam.maps.picture.window import MapWindow, choose_windows
 
 Floats = NDArray[np.float64]
+Opacity: TypeAlias = NDArray[np.float32]
 Footprint: TypeAlias = tuple[Floats, Colour, str]  # corners (k, 2) in the map frame, colour, name
 
 
 @dataclass(frozen=True, slots=True)
 class Tint:
-    """A colour over cells of the map: opacities `(rows, cols)` in [0, 1], and what the legend calls it."""
+    """A colour over cells of the map: opacities in [0, 1] of any rows and columns, and what the legend calls it."""
 
-    opacity: NDArray[np.float32]
+    opacity: Callable[[slice, slice], Opacity]
     colour: Colour
     name: str
 
@@ -235,7 +236,7 @@ def _cells(grid: OccupancyGrid, window: MapWindow) -> Canvas:
     rows, cols = (window.row1 - window.row0) // shrink, (window.col1 - window.col0) // shrink
     colours: Canvas = np.empty((rows, cols, 3), np.uint8)
     top = rows
-    for cells in _blocks(grid.probability, window):
+    for cells in _blocks(grid, window):
         colours[top - len(cells) : top] = _colours_of(cells)[::-1]
         top -= len(cells)
     return colours if colours.shape[1::-1] == window.size_px else np.array(_enlarged(colours, window))
@@ -253,7 +254,7 @@ def _colours_of(cells: NDArray[np.float32]) -> Canvas:
 
 def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
     """Blend a tint over the cells that are no walls."""
-    shown = np.concatenate(list(_blocks(tint.opacity, window, grid.probability)))[::-1]
+    shown = np.concatenate(list(_blocks(grid, window, tint)))[::-1]
     cells = np.clip(shown, 0.0, 1.0)
     opacity = (
         np.asarray(_enlarged(np.rint(255.0 * cells).astype(np.uint8), window), np.float64)[..., None] / 255.0
@@ -261,18 +262,16 @@ def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWind
     canvas[:] = np.rint((1.0 - opacity) * canvas + opacity * np.asarray(tint.colour))
 
 
-def _blocks(
-    values: NDArray[np.float32], window: MapWindow, walls: NDArray[np.float32] | None = None
-) -> Iterator[NDArray[np.float32]]:
-    """The values of a window in blocks of rows, the lowest first; of a shrunk map the highest of each block. -1: unknown.
+def _blocks(grid: OccupancyGrid, window: MapWindow, tint: Tint | None = None) -> Iterator[NDArray[np.float32]]:
+    """The probabilities of a window in blocks of rows, the lowest first; of a shrunk map the highest of each block. -1: unknown.
 
-    Where `walls` has a wall the value is 0.
+    With a tint its opacities, which are 0 where there is a wall.
     """
     k = _shrink(window)
     at_once = k * BLOCKS_AT_ONCE
     for first in range(window.row0, window.row1, at_once):
         rows = first, min(first + at_once, window.row1)
-        yield _highest_of_blocks(values, walls, rows, (window.col0, window.col1), k)
+        yield _highest_of_blocks(grid.probability, tint, rows, (window.col0, window.col1), k)
 
 
 def _shrink(window: MapWindow) -> int:
@@ -285,8 +284,8 @@ def _enlarged(cells: NDArray[np.uint8], window: MapWindow) -> Image.Image:
 
 
 def _highest_of_blocks(
-    values: NDArray[np.float32],
-    walls: NDArray[np.float32] | None,
+    probability: NDArray[np.float32],
+    tint: Tint | None,
     row_limits: tuple[int, int],
     col_limits: tuple[int, int],
     k: int,
@@ -294,12 +293,12 @@ def _highest_of_blocks(
     """The highest value of each block of k x k cells within the limits, which may lie outside; -1: unknown."""
     (row0, row1), (col0, col1) = row_limits, col_limits
     cells = np.full((row1 - row0, col1 - col0), -1.0, np.float32)
-    rows, cols = values.shape
+    rows, cols = probability.shape
     r0, r1, c0, c1 = max(row0, 0), min(row1, rows), max(col0, 0), min(col1, cols)
     if r0 < r1 and c0 < c1:
-        part = np.nan_to_num(values[r0:r1, c0:c1], nan=-1.0)
-        if walls is not None:
-            part[walls[r0:r1, c0:c1] >= WALL_PROBABILITY] = 0.0
+        part = np.nan_to_num(probability[r0:r1, c0:c1], nan=-1.0)
+        if tint is not None:
+            part = np.where(part >= WALL_PROBABILITY, 0.0, tint.opacity(slice(r0, r1), slice(c0, c1)))
         cells[r0 - row0 : r1 - row0, c0 - col0 : c1 - col0] = part
     if k == 1:
         return cells

@@ -53,7 +53,7 @@ def test_a_tint_colours_the_floor_of_its_cells_and_no_wall() -> None:
     opacity = np.zeros((30, 40), np.float32)
     opacity[:, 20:] = 1.0
     colour = (200, 100, 50)
-    pixels = np.asarray(render_map(grid, tints=[Tint(opacity, colour, "seen")]))
+    pixels = np.asarray(render_map(grid, tints=[Tint(lambda *part: opacity[part], colour, "seen")]))
     assert centre_of(pixels, colour)[0] > centre_of(pixels, FREE)[0]
     walls = (np.asarray(render_map(grid)) == WALL).all(axis=-1)[: int(0.8 * len(pixels))]
     assert ((pixels[: len(walls)] == WALL).all(axis=-1) == walls).all()
