@@ -97,10 +97,10 @@ def rotate(
     """Turn a map about the origin of its frame, by default so that its walls lie along the axes."""
     import numpy as np
 
-    from gridslam.maps.editing import moved, wall_direction
+    from gridslam.maps.editing import MAX_CELLS, moved, wall_direction
     from gridslam.maps.load import load_any_map
 
-    grid = load_any_map(map_path)
+    grid = load_any_map(map_path, MAX_CELLS)  # a turned map is not smaller
     turn = np.radians(yaw) if yaw is not None else -wall_direction(grid)
     if not np.isfinite(turn):
         raise ConfigError("--yaw: expected a number of degrees")

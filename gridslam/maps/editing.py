@@ -19,6 +19,7 @@ OCCUPIED_FROM, FREE_UP_TO = 0.65, 0.196
 WALL_CELLS = 3  # kept around what is reachable
 MAX_CELLS = 64_000_000  # of a turned or merged map, 400 m x 400 m at 5 cm: less than 1 GB with all copies
 BLOCK_CELLS = 1 << 18  # resampled at a time, in some 100 bytes each
+MAX_DIRECTION_CELLS = 500_000  # of walls, by which their direction is found; of more, some at random
 COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
 MAX_LOG_ODDS = 6.0
 CORNER_BITS = 4  # of a fraction of a cell, in which cv2 takes corners of polygons
@@ -55,16 +56,19 @@ def _clipped(polygon: Floats, low: Floats, high: Floats) -> Floats:
 def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
     """What can be reached from a free point (2,) over free cells, with the walls about it. Raises ConfigError: it is not free."""
     row, col = grid.geometry.cells(start_xy[None])[0]
-    free = grid.probability <= FREE_UP_TO
-    rows, cols = free.shape
-    if not (0 <= row < rows and 0 <= col < cols and free[row, col]):
+    rows, cols = grid.probability.shape
+    if not (0 <= row < rows and 0 <= col < cols and grid.probability[row, col] <= FREE_UP_TO):
         raise ConfigError(f"the point {start_xy[0]:g}, {start_xy[1]:g} does not lie in free space of the map")
-    inside = free.astype(np.uint8)
-    cv2.floodFill(inside, None, (int(col), int(row)), 2, flags=4)
-    inside = (inside == 2).view(np.uint8)
-    around = cv2.dilate(inside, np.ones((2 * WALL_CELLS + 1,) * 2, np.uint8)).view(np.bool_)
-    around &= ~free  # the walls, and cells between free and occupied
-    return _kept(grid, around | inside.view(np.bool_), "nothing is reachable")
+    return _kept(grid, _reachable(grid, (int(col), int(row))), "nothing is reachable")
+
+
+def _reachable(grid: OccupancyGrid, col_row: tuple[int, int]) -> Bools:
+    """Mask of the cells that can be reached from one over free cells, and the walls and cells in between around them."""
+    cells = (grid.probability <= FREE_UP_TO).view(np.uint8)  # 1: free, later 2: reached
+    cv2.floodFill(cells, None, col_row, 2, flags=4)
+    kept = cv2.dilate((cells == 2).view(np.uint8), np.ones((2 * WALL_CELLS + 1,) * 2, np.uint8))
+    np.copyto(kept, 0, where=cells == 1)
+    return np.asarray(kept.view(np.bool_))
 
 
 def _kept(grid: OccupancyGrid, mask: Bools, problem: str) -> OccupancyGrid:
@@ -72,7 +76,8 @@ def _kept(grid: OccupancyGrid, mask: Bools, problem: str) -> OccupancyGrid:
     rows, cols = _extent(grid, problem, mask)
     part = _part(grid, rows, cols)
     values = np.array(part.probability, np.float32)
-    np.copyto(values, np.nan, where=~mask[rows, cols])
+    for row, is_inside in zip(values, mask[rows, cols], strict=True):
+        row[~is_inside] = np.nan
     return OccupancyGrid(values, part.geometry)
 
 
@@ -106,6 +111,8 @@ def wall_direction(grid: OccupancyGrid) -> float:
     points = grid.geometry.centres(marked_cells(grid.probability > OCCUPIED_FROM))
     if not len(points):
         raise ConfigError("the map has no wall whose direction could be found")
+    if len(points) > MAX_DIRECTION_CELLS:
+        points = np.random.default_rng(0).choice(points, MAX_DIRECTION_CELLS, replace=False, shuffle=False)
     coarse = np.radians(np.arange(-45.0, 45.0, COARSE_DEG))
     best = coarse[int(np.argmax([_alignment(points, a, grid.geometry.resolution_m) for a in coarse]))]
     fine = best + np.radians(np.arange(-COARSE_DEG, COARSE_DEG + 1e-9, FINE_DEG))
