@@ -32,14 +32,14 @@ def coverage_picture(
     `is_untrusted` `(n,)`: the robot was not localized at these poses of the path.
     """
     covered, moved = FloorCounts.of(occupancy, coverage), FloorCounts.of(occupancy, moving)
-    most = max((int(part.max()) for part in moved.in_bands()), default=0)
+    max_count = max((int(part.max()) for part in moved.in_bands()), default=0)
 
     def covered_opacity(rows: slice, cols: slice) -> Opacity:
         return np.where(covered.part(rows, cols) > 0, np.float32(COVERED_OPACITY), np.float32(0.0))
 
     def moved_opacity(rows: slice, cols: slice) -> Opacity:
         counts = moved.part(rows, cols)
-        opacity = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * np.sqrt(counts / max(most, 1))
+        opacity = MIN_MOVING_OPACITY + (1.0 - MIN_MOVING_OPACITY) * np.sqrt(counts / max(max_count, 1))
         return np.where(counts > 0, opacity, 0.0).astype(np.float32)
 
     tints = (Tint(covered_opacity, COVERED, "in view"), Tint(moved_opacity, MOVING, "moving"))
