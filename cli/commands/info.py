@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 LOSSY = 3
 MAX_ROWS = 60
-Check = Annotated[bool, typer.Option("--check", help="Also look at the content of every message, and count those that can be used.")]
+Check = Annotated[
+    bool,
+    typer.Option(
+        "--check", help="Also look at the content of every message, and count those that can be used."
+    ),
+]
 Layout = Annotated[
     Path | None,
     typer.Option(

@@ -56,7 +56,9 @@ def _write_array(file: IO[bytes], values: NDArray[np.generic]) -> None:
         file.write(content[first : first + PIECE_BYTES].data)
 
 
-def read_npz(file: IO[bytes], max_bytes: int, names: Container[str] | None = None) -> dict[str, NDArray[np.generic]]:
+def read_npz(
+    file: IO[bytes], max_bytes: int, names: Container[str] | None = None
+) -> dict[str, NDArray[np.generic]]:
     """The arrays of an .npz file by name, or those that are named.
 
     Nothing is unpickled, and nothing is unpacked before its size is known. Raises ValueError: the file is damaged, or the

@@ -38,7 +38,9 @@ def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     The index of a quadrant is 2 * (towards lower rows) + (towards lower columns).
     """
     squares = np.zeros((4, *occupied.shape), np.uint8)
-    for quadrant in range(4):  # one by one, as a large map takes a second for each, in which no signal is answered
+    for quadrant in range(
+        4
+    ):  # one by one, as a large map takes a second for each, in which no signal is answered
         _free_squares_towards(quadrant, occupied, squares[quadrant])
     return squares
 

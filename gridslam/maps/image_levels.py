@@ -108,7 +108,10 @@ def _levels(path: Path, image: Image.Image) -> ImageLevels:
     opaque = np.empty((height, width), np.bool_) if has_alpha else None
     translucent = 0
     for first in range(0, height, ROWS_AT_ONCE):
-        strip, rows = image.crop((0, first, width, min(first + ROWS_AT_ONCE, height))), slice(first, first + ROWS_AT_ONCE)
+        strip, rows = (
+            image.crop((0, first, width, min(first + ROWS_AT_ONCE, height))),
+            slice(first, first + ROWS_AT_ONCE),
+        )
         if is_deep:
             levels[rows] = np.clip(np.asarray(strip), 0, maximum)
         elif is_grey:

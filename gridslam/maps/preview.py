@@ -262,7 +262,9 @@ def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWind
     canvas[:] = np.rint((1.0 - opacity) * canvas + opacity * np.asarray(tint.colour))
 
 
-def _blocks(grid: OccupancyGrid, window: MapWindow, tint: Tint | None = None) -> Iterator[NDArray[np.float32]]:
+def _blocks(
+    grid: OccupancyGrid, window: MapWindow, tint: Tint | None = None
+) -> Iterator[NDArray[np.float32]]:
     """The probabilities of a window in blocks of rows, the lowest first; of a shrunk map the highest of each block. -1: unknown.
 
     With a tint its opacities, which are 0 where there is a wall.

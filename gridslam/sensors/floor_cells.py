@@ -97,9 +97,15 @@ class FreeFloor:
         geometry, probability = self.occupancy.geometry, self.occupancy.probability
         shape = np.array(probability.shape)
         extent = geometry.centres(np.array([[r, c] for r in (-1, shape[0]) for c in (-1, shape[1])]))
-        low_xy, high_xy = np.clip([low - self.size_m, high + self.size_m], extent.min(axis=0), extent.max(axis=0))
-        corners = geometry.cells(np.array([[x, y] for x in (low_xy[0], high_xy[0]) for y in (low_xy[1], high_xy[1])]))
-        (row0, col0), (row1, col1) = np.clip([corners.min(axis=0), corners.max(axis=0) + 1], 0, shape).tolist()
+        low_xy, high_xy = np.clip(
+            [low - self.size_m, high + self.size_m], extent.min(axis=0), extent.max(axis=0)
+        )
+        corners = geometry.cells(
+            np.array([[x, y] for x in (low_xy[0], high_xy[0]) for y in (low_xy[1], high_xy[1])])
+        )
+        (row0, col0), (row1, col1) = np.clip(
+            [corners.min(axis=0), corners.max(axis=0) + 1], 0, shape
+        ).tolist()
         step = max(CELLS_AT_ONCE // max(col1 - col0, 1), 1)
         parts = []
         for row in range(row0, row1, step):

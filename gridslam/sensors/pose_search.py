@@ -55,7 +55,9 @@ class PoseSearch:
         step = field.geometry.resolution_m
         self._block = max(round(0.5 * settings.sigma_m / step), 1)
         self._cell_m = self._block * step
-        nearest = _block_reduce(lambda rows: field.steps[rows], field.steps.shape, self._block, np.minimum, FAR)
+        nearest = _block_reduce(
+            lambda rows: field.steps[rows], field.steps.shape, self._block, np.minimum, FAR
+        )
         scores = np.rint(255.0 * np.exp(-0.5 * (field.distances_m / settings.sigma_m) ** 2)).astype(np.uint8)
         scores[FAR] = 0
         self._coarse_scores = scores[nearest]
@@ -113,7 +115,11 @@ class PoseSearch:
         settings = self._settings
         steps = self._field.steps
         clearance = _block_reduce(
-            lambda rows: (steps[rows].astype(np.int16) + 1) * free[rows], steps.shape, self._block, np.maximum, 0
+            lambda rows: (steps[rows].astype(np.int16) + 1) * free[rows],
+            steps.shape,
+            self._block,
+            np.maximum,
+            0,
         )
         is_free = clearance > 0
         max_positions = settings.max_poses / settings.headings
@@ -125,7 +131,11 @@ class PoseSearch:
 
 
 def _block_reduce(
-    part: Callable[[slice], NDArray[np.generic]], shape: tuple[int, int], block: int, reduce: np.ufunc, fill: int
+    part: Callable[[slice], NDArray[np.generic]],
+    shape: tuple[int, int],
+    block: int,
+    reduce: np.ufunc,
+    fill: int,
 ) -> NDArray[np.generic]:
     """Values `(rows, cols)`, of which `part` returns those of some rows, reduced over blocks of `block` by `block` cells.
 
@@ -154,7 +164,8 @@ def _widest_cells(clearance: NDArray[np.generic], stride: int) -> NDArray[np.int
     squares = stride * np.argwhere(_in_squares(clearance, stride) > 0)
     # At the border cells are repeated; the first of several equal ones is chosen, which is none of those.
     rows, cols = (
-        np.minimum(squares[:, axis, None] + np.arange(stride), size - 1) for axis, size in enumerate(clearance.shape)
+        np.minimum(squares[:, axis, None] + np.arange(stride), size - 1)
+        for axis, size in enumerate(clearance.shape)
     )
     chosen = clearance[rows[:, :, None], cols[:, None, :]].reshape(len(squares), -1).argmax(axis=1)
     return squares + np.column_stack([chosen // stride, chosen % stride])

@@ -111,7 +111,9 @@ def test_maps_looked_at_a_few_rows_at_a_time_have_the_same_walls_and_losses(
 ) -> None:
     rng = np.random.default_rng(1)
     built, truth = (
-        OccupancyGrid(rng.choice([0.1, 0.9, np.nan], (23, 9)).astype(np.float32), GridGeometry(0.1, (0.0, 0.0)))
+        OccupancyGrid(
+            rng.choice([0.1, 0.9, np.nan], (23, 9)).astype(np.float32), GridGeometry(0.1, (0.0, 0.0))
+        )
         for _ in range(2)
     )
     whole = wall_distances(built, truth, HERE, 0.3), log_loss(built, truth, HERE)

@@ -100,7 +100,9 @@ def test_noise_is_refused_before_its_walls_are_looked_at_one_by_one(monkeypatch:
     )
     monkeypatch.setattr(occupancy, "MAX_MARKED_CELLS", 10_000)
     for look in (wall_direction, wall_points):
-        with pytest.raises(MapError, match=r"200 x 200 cells has at least \d+ wall cells; the limit is 10000"):
+        with pytest.raises(
+            MapError, match=r"200 x 200 cells has at least \d+ wall cells; the limit is 10000"
+        ):
             look(noise)
     monkeypatch.setattr(drawings_out, "MAX_CONTOUR_EDGES", 1_000)
     with pytest.raises(MapError, match="edges of cells, as noise has"):

@@ -70,7 +70,11 @@ def test_a_large_picture_read_strip_by_strip_is_that_read_whole(
 ) -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (23, 17, 4), np.uint8)
     image = Image.fromarray(pixels, "RGBA")
-    image = Image.fromarray(pixels[..., :2].copy().view(np.uint16)[..., 0]) if mode == "I;16" else image.convert(mode)
+    image = (
+        Image.fromarray(pixels[..., :2].copy().view(np.uint16)[..., 0])
+        if mode == "I;16"
+        else image.convert(mode)
+    )
     image.save(tmp_path / "a.png", **({"transparency": 3} if mode == "P" else {}))
     whole = read_levels(tmp_path / "a.png")
     monkeypatch.setattr("gridslam.maps.image_levels.ROWS_AT_ONCE", 5)

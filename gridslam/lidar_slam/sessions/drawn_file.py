@@ -29,7 +29,7 @@ SCHEMA = {
     "change.cell": ("<i8", 2),
 }
 MAX_COUNT = 65535
-MAX_CELLS = 1 << 30
+MAX_CELLS = 1 << 25  # 290 m x 290 m at 5 cm, in 16 bytes each; a larger map is drawn anew
 MAX_CORNER = 1 << 40  # cells from the origin
 MIN_RESOLUTION_M, MAX_RESOLUTION_M = 1e-4, 1e3
 

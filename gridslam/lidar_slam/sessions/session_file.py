@@ -17,6 +17,7 @@ from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
+from gridslam.lidar_slam.sessions.drawn_file import MAX_CELLS as MAX_DRAWN_CELLS
 from gridslam.lidar_slam.sessions.drawn_file import SCHEMA as DRAWN_SCHEMA
 from gridslam.lidar_slam.sessions.drawn_file import drawn_arrays, drawn_in, frame_document
 from gridslam.lidar_slam.sessions.object_records import SCHEMA as OBJECT_SCHEMA
@@ -65,14 +66,16 @@ def session_bytes(session: Session) -> bytes:
 
 def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     """All arrays by name, made one after the other: those of points are large."""
-    drives, objects = session.drives, session.objects
+    drives, objects, drawn = session.drives, session.objects, session.drawn
+    if drawn is not None and drawn.log_odds.size > MAX_DRAWN_CELLS:
+        drawn = None
     scans = [StoredScans.of(drive.scans) for drive in drives]
     head = {
         "format": FORMAT,
         "version": VERSION,
         "logs": [drive.log for drive in drives],
         "objects": list(objects.ids),
-        "drawn": None if session.drawn is None else frame_document(session.drawn.frame),
+        "drawn": None if drawn is None else frame_document(drawn.frame),
     }
     yield "head", np.frombuffer(json.dumps(head).encode(), np.uint8)
     yield "drive.scans", np.array([len(drive.stamps_ns) for drive in drives], np.int64)
@@ -89,8 +92,8 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     chunks = [chunk for stored in scans for chunk in stored.chunks]
     yield "chunk.bytes", np.array([len(chunk) for chunk in chunks], np.int64)
     yield "points", np.frombuffer(b"".join(chunks), np.uint8)
-    if session.drawn is not None:
-        yield from drawn_arrays(session.drawn)
+    if drawn is not None:
+        yield from drawn_arrays(drawn)
     for name in EDGES:
         yield from _edge_arrays(name, getattr(session.constraints, name)).items()
     yield from objects.arrays().items()
@@ -176,7 +179,9 @@ def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
         raise ValueError("its arrays do not fit each other")
     unpacked_bytes = RETURN_BYTES * sums["key.returns"] + SURFACE_BYTES * sums["key.surface"]
     if unpacked_bytes > MAX_POINT_BYTES:
-        raise ValueError(f"it claims to hold {unpacked_bytes} bytes of points; the limit is {MAX_POINT_BYTES}")
+        raise ValueError(
+            f"it claims to hold {unpacked_bytes} bytes of points; the limit is {MAX_POINT_BYTES}"
+        )
     if max(arrays[name].max(initial=0) for name in ("key.returns", "key.surface")) > MAX_SCAN_POINTS:
         raise ValueError(f"a key scan claims to hold more than {MAX_SCAN_POINTS} points")
     if keys > MAX_KEY_SCANS:

@@ -79,7 +79,12 @@ class FloorCounts:
         np.add.at(counts, tuple(at[inside].T + 1), self.repeats[inside])
         for axis in range(2):
             np.cumsum(counts, axis=axis, out=counts)
-        return counts[width:, width:] - counts[width:, :-width] - counts[:-width, width:] + counts[:-width, :-width]
+        return (
+            counts[width:, width:]
+            - counts[width:, :-width]
+            - counts[:-width, width:]
+            + counts[:-width, :-width]
+        )
 
     def in_bands(self) -> Iterator[NDArray[np.int64]]:
         """The counts of the whole map, some rows at once."""

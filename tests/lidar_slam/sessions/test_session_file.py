@@ -11,7 +11,7 @@ import pytest
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
-from gridslam.lidar_slam.sessions import session_file
+from gridslam.lidar_slam.sessions import drawn_file, session_file
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import read_session, session_bytes
@@ -43,7 +43,9 @@ def test_a_session_that_was_read_is_written_with_the_same_bytes(session: Session
     assert session_bytes(read_session(content, "session.npz")) == content
 
 
-def test_a_drawn_map_is_read_back_and_a_wrong_one_refused(session: Session) -> None:
+def test_a_drawn_map_is_read_back_and_a_wrong_one_refused(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
     moved = replace(session.drives[0], scans=[replace(s, returns=0.8 * s.returns) for s in session.scans])
     poses = np.concatenate([session.poses] * 2)
     both = replace(session, drives=(session.drives[0], moved), poses=poses, parts=np.zeros(2, np.int64))
@@ -67,10 +69,15 @@ def test_a_drawn_map_is_read_back_and_a_wrong_one_refused(session: Session) -> N
     ):
         with pytest.raises(InputError, match=reason):
             read_session(changed(whole, **{name.replace(".", "__"): values}), "session.npz")
+    monkeypatch.setattr(session_file, "MAX_DRAWN_CELLS", 1000)
+    assert read_session(session_bytes(whole), "session.npz").drawn is None
+    monkeypatch.setattr(drawn_file, "MAX_CELLS", 1000)
+    with pytest.raises(InputError, match="out of range"):
+        read_session(content, "session.npz")
 
 
 def test_scans_that_are_forged_are_refused_where_they_are_read(session: Session) -> None:
-    points = read_npz(session_bytes(session))["points"]
+    points = read_npz(io.BytesIO(session_bytes(session)), 1 << 28)["points"]
     read = read_session(changed(session, points=points[::-1]), "session.npz")
     with pytest.raises(InputError, match="scans are damaged"):
         list(read.scans)
@@ -103,7 +110,10 @@ def test_estimates_of_objects_are_read_back(session: Session) -> None:
 
 def changed(session: Session, **arrays: object) -> bytes:
     """The session's file with other values for some arrays; None leaves one out."""
-    content = {**read_npz(io.BytesIO(session_bytes(session)), 1 << 28), **{k.replace("__", "."): v for k, v in arrays.items()}}
+    content = {
+        **read_npz(io.BytesIO(session_bytes(session)), 1 << 28),
+        **{k.replace("__", "."): v for k, v in arrays.items()},
+    }
     return npz_bytes((name, np.asarray(values)) for name, values in content.items() if values is not None)
 
 
