@@ -57,7 +57,7 @@ class FloorCells:
     def within(self, low: Floats, high: Floats) -> FloorCells:
         """Those with centres in a box of the map frame from `low` `(2,)` to `high` `(2,)`."""
         centres = self.centres
-        return self.select(((centres >= low) & (centres <= high)).all(axis=1))
+        return self.select(np.asarray(((centres >= low) & (centres <= high)).all(axis=1)))
 
     def unique(self) -> FloorCells:
         """Each of them once, sorted by x, then y."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,12 +132,12 @@ class PoseSearch:
 
 
 def _block_reduce(
-    part: Callable[[slice], NDArray[np.generic]],
+    part: Callable[[slice], NDArray[Any]],
     shape: tuple[int, int],
     block: int,
     reduce: np.ufunc,
     fill: int,
-) -> NDArray[np.generic]:
+) -> NDArray[Any]:
     """Values `(rows, cols)`, of which `part` returns those of some rows, reduced over blocks of `block` by `block` cells.
 
     Incomplete blocks are padded with `fill`. Of a large map a few blocks of rows are taken at once.
@@ -153,13 +154,13 @@ def _block_reduce(
     return np.concatenate(reduced)
 
 
-def _in_squares(values: NDArray[np.generic], stride: int) -> NDArray[np.generic]:
+def _in_squares(values: NDArray[Any], stride: int) -> NDArray[Any]:
     """The largest of the values `(rows, cols)` in every square of `stride` cells; those at the border may be cut."""
     rows, cols = (np.arange(0, size, stride) for size in values.shape)
     return np.asarray(np.maximum.reduceat(np.maximum.reduceat(values, rows, axis=0), cols, axis=1))
 
 
-def _widest_cells(clearance: NDArray[np.generic], stride: int) -> NDArray[np.int64]:
+def _widest_cells(clearance: NDArray[Any], stride: int) -> NDArray[np.int64]:
     """Cells `(n, 2)`: of every square of `stride` cells the one with the largest clearance, unless all are 0."""
     squares = stride * np.argwhere(_in_squares(clearance, stride) > 0)
     # At the border cells are repeated; the first of several equal ones is chosen, which is none of those.
@@ -168,7 +169,7 @@ def _widest_cells(clearance: NDArray[np.generic], stride: int) -> NDArray[np.int
         for axis, size in enumerate(clearance.shape)
     )
     chosen = clearance[rows[:, :, None], cols[:, None, :]].reshape(len(squares), -1).argmax(axis=1)
-    return squares + np.column_stack([chosen // stride, chosen % stride])
+    return np.asarray(squares + np.column_stack([chosen // stride, chosen % stride]))
 
 
 def climb(

@@ -99,8 +99,8 @@ def _doubt_of_scale(travel_ratio: float) -> Doubt | None:
 
 def _question(occupancy: OccupancyGrid, occupied_threshold: float) -> str:
     """What the user should check."""
-    known = np.count_nonzero(~np.isnan(occupancy.probability))
-    walls = np.count_nonzero(occupancy.probability >= occupied_threshold) / max(known, 1)
+    known = int(np.count_nonzero(~np.isnan(occupancy.probability)))
+    walls = int(np.count_nonzero(occupancy.probability >= occupied_threshold)) / max(known, 1)
     if walls > MAX_WALL_RATIO:
         return f"walls cover {100.0 * walls:.0f} % of the map: is its `negate` wrong?"
     return "does this map belong to this place, and are its resolution and origin right?"
