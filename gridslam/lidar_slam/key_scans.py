@@ -55,9 +55,8 @@ def distribute_corrections(track: Floats, keys: NDArray[np.int64], key_poses: Fl
     """
     if not len(keys):
         return track.copy()
-    owner = (
-        np.searchsorted(keys, np.arange(len(track)), side="right") - 1
-    )  # of each scan, among the key scans
+    # The key scan at or before each scan, among the key scans.
+    owner = np.searchsorted(keys, np.arange(len(track)), side="right") - 1
     from_key = np.array([se2.inverse(pose) for pose in track[keys]])[owner]
     poses = se2.compose(key_poses[owner], se2.compose(from_key, track))
     corrections = [
