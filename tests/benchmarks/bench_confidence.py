@@ -25,7 +25,7 @@ from tests.benchmarks.localization_drives import Drive, corridor_drive, errors_m
 
 DRIVES = int(os.environ.get("GRIDSLAM_CONFIDENCE_DRIVES", "10"))
 FIRST_SEED = 1000
-TRAVEL_M = 15.0
+TRAVEL_M = 10.0
 WITHIN_M = 0.5
 EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 KINDS = ("ordinary", "crowd", "changed", "wrong map", "symmetric")

@@ -19,6 +19,10 @@ GRAZING_SLACK_M = 0.3  # a beam whose endpoint becomes visible when moved aside 
 DISPLACED_M = (
     0.1  # a beam that ends farther than this behind a wall, and at no other, shows the wall elsewhere
 )
+# A beam at a wall that ends farther than this, and than some cells, from it ends beside it. On right maps up to 24 % of them do
+# (99 of 100 scans, recorded logs and crowds included), on maps of other places that look alike 43 and 77 %.
+BESIDE_M, BESIDE_CELLS = 0.08, 1.6
+MAX_BESIDE_RATIO = 0.35  # of the beams at walls, above which the pose is not trusted
 BEHIND_WALL_WEIGHT = 0.5  # of a beam that ends at a wall behind another one: furniture was moved
 OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
 HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
@@ -46,7 +50,8 @@ class Assessment:
     endpoints to walls. `confidence` in 0..1 is the product of the inlier ratio between its limits, the weight of the main
     cluster, and a factor that falls with the cluster's standard deviation. `status` is localized, uncertain or lost.
     `displaced_ratio` is the ratio of the scan's beams at walls that end somewhat behind their wall: people and furniture end
-    beams early, and only a wall that stands elsewhere ends them late.
+    beams early, and only a wall that stands elsewhere ends them late. `beside_ratio` is the running mean of the ratio of beams at
+    walls that end beside their wall.
     """
 
     inlier_ratio: float
@@ -54,6 +59,7 @@ class Assessment:
     confidence: float
     status: str
     displaced_ratio: float
+    beside_ratio: float = 0.0
 
     def without_trust(self) -> Assessment:
         """The assessment as long as another place explains the last scans about as well: not localized."""
@@ -80,10 +86,12 @@ class ConfidenceMonitor:
         self._limits = limits
         self._visibility = visibility
         self._inlier_ratio: float | None = None
+        self._beside_ratio: float | None = None
+        self._beside_m = max(BESIDE_M, BESIDE_CELLS * visibility.field.geometry.resolution_m)
 
     def restart(self) -> None:
-        """Reset the running mean, after the particles were moved elsewhere."""
-        self._inlier_ratio = None
+        """Reset the running means, after the particles were moved elsewhere."""
+        self._inlier_ratio = self._beside_ratio = None
 
     def assess(self, belief: Belief, beams: Beams) -> Assessment:
         """The assessment of the main cluster by all beams of a scan."""
@@ -92,11 +100,22 @@ class ConfidenceMonitor:
             distances = self._visibility.field.distances_at(beams.points, belief.mean)
             distance = float(distances.mean())
             present, displaced = self._ratios_of(beams, belief.mean, distances)
-            past = present if self._inlier_ratio is None else self._inlier_ratio
-            self._inlier_ratio = SMOOTHING * past + (1.0 - SMOOTHING) * present
-        inlier_ratio = 0.0 if self._inlier_ratio is None else self._inlier_ratio
+            self._inlier_ratio = _running_mean(self._inlier_ratio, present)
+            at_wall = distances[distances < WALL_TOLERANCE_M]
+            if len(at_wall):
+                beside = float((at_wall > self._beside_m).mean())
+                self._beside_ratio = _running_mean(self._beside_ratio, beside)
+        inlier_ratio = self._inlier_ratio or 0.0
         confidence = confidence_of(inlier_ratio, belief, self._limits)
-        return Assessment(inlier_ratio, distance, confidence, _status(confidence, belief.mass), displaced)
+        status = _status(confidence, belief.mass)
+        return Assessment(
+            inlier_ratio,
+            distance,
+            confidence,
+            status,
+            displaced_ratio=displaced,
+            beside_ratio=self._beside_ratio or 0.0,
+        )
 
     def _ratios_of(self, beams: Beams, pose: Floats, distances: Floats) -> tuple[float, float]:
         """Ratios of the returned beams that agree with the map from a pose, and of beams at walls that are displaced.
@@ -119,6 +138,10 @@ class ConfidenceMonitor:
         reaches = ~blocked & (ranges > expected[0] - visibility.tolerance_m)
         is_late = (distances > DISPLACED_M) & (ranges > expected.max(axis=0) + DISPLACED_M)
         return float(weights.mean()), float((reaches & is_late).sum() / max(int(reaches.sum()), 1))
+
+
+def _running_mean(past: float | None, present: float) -> float:
+    return SMOOTHING * (present if past is None else past) + (1.0 - SMOOTHING) * present
 
 
 def confidence_of(inlier_ratio: float, belief: Belief, limits: InlierLimits) -> float:

@@ -30,6 +30,9 @@ MIN_LOCALIZED_SCANS = 10  # from which that mean says something
 # Median inlier ratio of the scans that were not localized, from which the map fits and only the place is undecided: 1.0 in a
 # corridor that looks alike all along, about 0.7 on a map of another place.
 FITTING_RATIO = 0.9
+MAX_JUMPS = (
+    1  # between places where the robot was localized: one when it is carried, or found after a first error
+)
 
 
 class History(Protocol):
@@ -50,6 +53,9 @@ class History(Protocol):
     def travel_ratio(self) -> float:
         """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
 
+    def jumps_m(self) -> NDArray[np.float64]:
+        """Distances between places where the robot was localized one after the other and that the odometry does not connect."""
+
 
 def doubt_of(
     history: History, occupancy: OccupancyGrid, occupied_threshold: float, is_map_mirrored: bool = False
@@ -65,7 +71,11 @@ def doubt_of(
         if is_map_mirrored:
             return Doubt("inconsistent", MIRRORED)
         displaced = np.asarray(history.displaced_ratios, np.float64)[localized]
-        return _doubt_of_walls(displaced) or _doubt_of_scale(history.travel_ratio())
+        return (
+            _doubt_of_walls(displaced)
+            or _doubt_of_scale(history.travel_ratio())
+            or _doubt_of_jumps(history.jumps_m())
+        )
     inliers = np.asarray(history.inlier_ratios, np.float64)[~localized]
     is_fitting = len(inliers) > 0 and float(np.median(inliers)) >= FITTING_RATIO
     cause = ALIKE if is_fitting else _question(occupancy, occupied_threshold)
@@ -94,6 +104,17 @@ def _doubt_of_scale(travel_ratio: float) -> Doubt | None:
         "inconsistent",
         f"localized, but the robot drove {travel_ratio:.2f} times as far on the map as by its odometry; "
         "is the odometry's scale right, and the map's resolution?",
+    )
+
+
+def _doubt_of_jumps(jumps_m: NDArray[np.float64]) -> Doubt | None:
+    """The doubt about places that contradict each other: at most one of them is right, unless the robot was carried."""
+    if len(jumps_m) <= MAX_JUMPS:
+        return None
+    return Doubt(
+        "inconsistent",
+        f"localized in {len(jumps_m) + 1} places that the odometry does not connect ({jumps_m.max():.0f} m between two of them): "
+        "does this map belong to this place, or was the robot carried?",
     )
 
 

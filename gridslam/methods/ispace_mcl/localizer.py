@@ -22,6 +22,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
+    MAX_BESIDE_RATIO,
     ConfidenceMonitor,
     FilterUpdate,
     InlierLimits,
@@ -148,7 +149,8 @@ class Localizer:
         count, all_particles = len(self.particles), moments(self.particles)
         with self.stopwatch.stage("resample"):
             self._resample(belief.mass)
-        if self._relocalizer is not None and not self._schedule.is_trusted:
+        is_trusted = self._relocalizer is None or self._schedule.is_trusted
+        if not is_trusted or assessment.beside_ratio > MAX_BESIDE_RATIO:
             assessment = assessment.without_trust()
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)

@@ -12,7 +12,7 @@ from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.filters.particles import Belief
 from gridslam.methods.base import Series, Table
 from gridslam.methods.ispace_mcl.confidence import FilterUpdate
-from gridslam.methods.ispace_mcl.travel_ratio import travel_ratio
+from gridslam.methods.ispace_mcl.travel_ratio import jumps_m, travel_ratio
 
 COLUMNS = (
     "stamp",
@@ -96,6 +96,12 @@ class LocalizationHistory:
             return 1.0
         return travel_ratio(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())
 
+    def jumps_m(self) -> NDArray[np.float64]:
+        """How far localized poses lie from where the ones before them and the odometry put them, where that is a jump."""
+        if len(self._poses) < 2:
+            return np.zeros(0)
+        return jumps_m(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())
+
     def untrusted_ns(self) -> NDArray[np.int64]:
         """First and last stamps `(k, 2)` of the parts in which the robot was not localized."""
         return stretches(np.array(self._stamps, np.int64), self.is_untrusted())
@@ -119,6 +125,7 @@ class LocalizationHistory:
                 "localized_after_s": seconds,
                 "status_at_end": statuses[-1] if statuses else "lost",
                 "travel_over_odometry": round(self.travel_ratio(), 3),
+                "jumps": len(self.jumps_m()),
             }
         }
 

@@ -1,4 +1,4 @@
-"""Compares the robot's travel on the map with that of its odometry: a difference shows a wrong scale, of either of the two."""
+"""Compares the robot's travel on the map with that of its odometry: a difference shows a wrong scale, or a wrong place."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -15,6 +17,7 @@ MAX_STEP_M = 0.5  # a longer step between two scans is a jump of the odometry or
 MIN_WINDOWS = 3
 MAX_IQR = 0.15  # relative; where the ratio varies more, wheels have slipped, or people have hidden the walls
 MIN_RATIO = 1.15  # of a fault; good odometry is within a tenth
+MIN_JUMP_M, MAX_DRIFT_RATIO = 2.0, 0.2  # what is farther than the odometry may have drifted since is a jump
 
 
 def travel_ratio(poses: Floats, odometry: Floats, is_localized: Bools) -> float:
@@ -32,6 +35,20 @@ def travel_ratio(poses: Floats, odometry: Floats, is_localized: Bools) -> float:
     low, ratio, high = np.quantile(ratios, [0.25, 0.5, 0.75]).tolist()
     is_clear = max(ratio, 1.0 / ratio) > MIN_RATIO and high - low < MAX_IQR * ratio
     return float(ratio) if is_clear else 1.0
+
+
+def jumps_m(poses: Floats, odometry: Floats, is_localized: Bools) -> Floats:
+    """How far each pose of a localized scan lies from where the one before and the odometry put it, where that is a jump.
+
+    `poses` and `odometry` `(n, 3)` are those of all scans. A robot that was carried jumps as well.
+    """
+    rows = np.flatnonzero(is_localized)
+    motion = se2.between(odometry[rows[:-1]], odometry[rows[1:]])
+    away = se2.between(se2.compose(poses[rows[:-1]], motion), poses[rows[1:]])
+    distance = np.hypot(away[:, 0], away[:, 1])
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(odometry[:, :2], axis=0).T))])
+    limit = MIN_JUMP_M + MAX_DRIFT_RATIO * (travel[rows[1:]] - travel[rows[:-1]])
+    return np.asarray(distance[distance > limit])
 
 
 def _ratios(positions: Floats, odometry: Floats) -> list[float]:

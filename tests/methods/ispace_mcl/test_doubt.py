@@ -13,10 +13,12 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
+    MAX_BESIDE_RATIO,
     ConfidenceMonitor,
     InlierLimits,
 )
 from gridslam.methods.ispace_mcl.doubt import doubt_of
+from gridslam.methods.ispace_mcl.travel_ratio import jumps_m
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
 from gridslam.sensors.range_caster import range_caster
@@ -33,6 +35,7 @@ class History:
     displaced_ratios: Sequence[float]
     ratio: float = 1.0
     inlier_ratio: float = 0.7
+    jumps: Sequence[float] = ()
 
     @property
     def inlier_ratios(self) -> Sequence[float]:
@@ -40,6 +43,9 @@ class History:
 
     def travel_ratio(self) -> float:
         return self.ratio
+
+    def jumps_m(self) -> np.ndarray:
+        return np.array(self.jumps)
 
 
 def room(negated: bool = False) -> OccupancyGrid:
@@ -131,6 +137,30 @@ def test_only_a_wall_that_stands_farther_off_displaces_beams(
     monitor = ConfidenceMonitor(InlierLimits(0.55, 0.8), visibility)
     belief = Belief(np.array([3.0, 2.0, 0.0]), 1e-4 * np.eye(3), 1.0)
     assert monitor.assess(belief, beams).displaced_ratio == pytest.approx(expected, abs=0.035)
+    assert monitor.assess(belief, beams).beside_ratio < 0.1
+    aside = Belief(np.array([2.82, 1.82, 0.0]), 1e-4 * np.eye(3), 1.0)
+    for _ in range(20):
+        found = monitor.assess(aside, beams)
+    assert found.beside_ratio > MAX_BESIDE_RATIO
+
+
+def test_places_that_the_odometry_does_not_connect_are_inconsistent() -> None:
+    assert doubt_of(History(["localized"] * 100, [0.0] * 100, jumps=[17.0]), room(), WALLS) is None
+    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100, jumps=[17.0, 4.0]), room(), WALLS)
+    assert doubt is not None
+    assert (doubt.status, "3 places" in doubt.reason, "17 m" in doubt.reason) == ("inconsistent", True, True)
+
+
+def test_a_jump_is_what_neither_the_odometry_nor_its_drift_explains() -> None:
+    odometry = np.column_stack([np.arange(60.0), np.zeros(60), np.zeros(60)])
+    poses = odometry + np.array([5.0, -2.0, 0.0])
+    localized = np.ones(60, np.bool_)
+    localized[20:40] = False
+    assert len(jumps_m(poses, odometry, localized)) == 0
+    poses[40:] += [0.0, 3.0, 0.0]  # after 21 m, within what odometry drifts
+    assert len(jumps_m(poses, odometry, localized)) == 0
+    poses[50:] += [0.0, 3.0, 0.0]
+    np.testing.assert_allclose(jumps_m(poses, odometry, localized), [3.0])
 
 
 def test_travel_that_differs_from_the_odometry_is_inconsistent() -> None:
