@@ -11,6 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, find_alignment
 from gridslam.evaluation.association import Pairs, associate
+from gridslam.evaluation.coverage_remarks import coverage_remarks
 from gridslam.evaluation.pose_errors import absolute_errors
 from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.evaluation.time_offset import find_time_offset
@@ -21,9 +22,11 @@ MIN_MOTION_M = 0.5  # shorter motions are too small to judge
 OUT_OF_PLANE = 0.3  # vertical extent as a fraction of the horizontal one
 MAX_YAW_RAD = 2.0 * np.pi + 0.1  # larger yaw angles are taken for degrees
 CLEARLY_BETTER = 0.5  # a cause is named if its correction leaves less than this fraction of the error
+MAX_LEFT_BY_SCALE = 0.2  # the same for a scale, which fits anything that is too large somewhere
 MIN_GAIN_M = 0.05
 MIN_OFFSET_M = 0.1
 MIN_PAIRED = 0.8
+MAX_REPEATED = 0.05  # of the stamps of a series
 SCALES = ((1e-3, "millimetres"), (1e-2, "centimetres"), (0.3048, "feet"), (0.0254, "inches"))
 SCALE_TOLERANCE = 0.05
 MIN_YAW_OFFSET_DEG, MAX_YAW_STD_DEG = 20.0, 10.0
@@ -34,6 +37,10 @@ def series_remarks(series: PoseSeries) -> Iterator[str]:
     yield from (f"{series.name}: {note}" for note in series.notes)
     if len(series) > 1 and series.has_stamps and (series.stamps_ns == series.stamps_ns[0]).all():
         yield f"{series.name}: all {len(series)} poses have the same stamp, and only the first one is used"
+    elif series.has_stamps and (
+        repeated := len(series) - len(np.unique(series.stamps_ns))
+    ) > MAX_REPEATED * len(series):
+        yield f"{series.name}: {repeated} of {len(series)} poses repeat a stamp and are not used"
     yield from _orientation_remarks(series)
     extent = np.ptp(series.positions_m, axis=0) if len(series) else np.zeros(3)
     horizontal = float(np.hypot(extent[0], extent[1]))
@@ -120,6 +127,7 @@ def pair_remarks(
             f"only {len(pairs)} of {fewer} poses are paired ({len(pairs) / fewer:.0%}); the others are not measured "
             f"(estimate {_span_s(estimate)}, truth {_span_s(truth)}){remedy}"
         )
+    yield from coverage_remarks(pairs, truth)
     if len(pairs) < 3 or np.ptp(pairs.truth[:, :2], axis=0).max() < MIN_MOTION_M:
         return
     rigid = _rmse(pairs.estimate, pairs.truth)
@@ -159,7 +167,7 @@ def _shape_remarks(pairs: Pairs, rigid: float, with_scale: bool) -> Iterator[str
     error = float(
         np.sqrt((absolute_errors(scaled.apply(pairs.estimate), pairs.truth).translation_m ** 2).mean())
     )
-    if _is_clearly_better(error, rigid):
+    if error < MAX_LEFT_BY_SCALE * rigid and rigid - error > MIN_GAIN_M:
         unit = next((u for s, u in SCALES if abs(scaled.scale / s - 1.0) < SCALE_TOLERANCE), "")
         inverse = next((u for s, u in SCALES if abs(scaled.scale * s - 1.0) < SCALE_TOLERANCE), "")
         cause = (
@@ -196,6 +204,11 @@ def _heading_remarks(pairs: Pairs) -> Iterator[str]:
             f"the headings differ by a constant {offset:.0f} degrees although the positions agree: poses of a sensor, or another "
             "zero of the heading?"
         )
+    elif deviation >= MAX_YAW_STD_DEG:
+        turned = pairs.truth[:, 2] + found.apply(pairs.estimate)[:, 2]
+        agreement = abs(complex(np.cos(turned).mean(), np.sin(turned).mean()))
+        if np.degrees(np.sqrt(-2.0 * np.log(max(agreement, 1e-9)))) < MAX_YAW_STD_DEG:
+            yield "the headings agree with the sign reversed: yaw counts clockwise?"
 
 
 def _rmse(estimate: Floats, truth: Floats) -> float:

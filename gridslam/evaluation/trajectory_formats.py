@@ -139,6 +139,10 @@ def _csv(path: Path, lines: list[tuple[str, list[str]]]) -> PoseSeries:
 def _columns(header: tuple[str, list[str]]) -> dict[str, int]:
     """The index of each known column. Raises InputError: stamp, x, y or the orientation is missing."""
     place, words = header
+    if any(";" in word for word in words):
+        raise InputError(
+            f"{place}: semicolons between the columns; expected commas (and points in the numbers)"
+        )
     names = [re.sub(r"\[.*?\]", "", word).strip("%#\"' ").lower() for word in words]
     found: dict[str, int] = {}
     for column, known in COLUMN_NAMES.items():

@@ -35,6 +35,7 @@ SCALE_THRESHOLDS = (1.0, 0.0)
 UNKNOWN = -1
 SPIKE_RATIO = 10  # grey 205 means unknown if it is this much more frequent than 204 and 206 together
 PROBABILITY_OF_CELL = np.append(np.arange(101, dtype=np.float32) / np.float32(100), np.float32(np.nan))
+MIN_ODD_RESOLUTION_M = 1.0  # from which a resolution is probably in another unit
 ROWS_PER_BLOCK = 64  # of a table lookup, whose indices take 8 bytes a pixel
 
 ImageFormat = Literal["pgm", "png", "bmp"]
@@ -118,6 +119,14 @@ def _warn_about_unusual_values(path: Path, meta: MapYaml, image: ImageLevels) ->
             path,
             meta.origin_yaw_rad,
             np.deg2rad(meta.origin_yaw_rad),
+        )
+    if meta.resolution_m >= MIN_ODD_RESOLUTION_M:
+        logger.warning(
+            "%s: resolution: %g metres a cell; if it is in cells a metre or in millimetres, write %.4g or %.4g",
+            path,
+            meta.resolution_m,
+            1.0 / meta.resolution_m,
+            1e-3 * meta.resolution_m,
         )
     if meta.mode != "raw":
         if image.translucent:

@@ -40,6 +40,13 @@ def moved(pose: tuple[float, float, float]) -> PoseSeries:
     return PoseSeries("est.tum", ESTIMATE.stamps_ns, np.pad(poses[:, :2], ((0, 0), (0, 1))), yaw=poses[:, 2])
 
 
+def part(count: int) -> PoseSeries:
+    """The first poses."""
+    return PoseSeries(
+        "est.tum", ESTIMATE.stamps_ns[:count], ESTIMATE.positions_m[:count], ESTIMATE.quat_wxyz[:count]
+    )
+
+
 def remarks(estimate: PoseSeries, align: Align = "none", truth: PoseSeries = TRUTH) -> list[str]:
     options = EvaluationOptions(align=align)
     result = Result(trajectory=estimate.trajectory, series=estimate)
@@ -79,6 +86,22 @@ MISTAKES = {
     "heading offset": (
         replace(ESTIMATE, quat_wxyz=quaternion_of_yaw(YAW + np.pi / 2)),
         ["constant -90 degrees"],
+    ),
+    "clockwise": (replace(ESTIMATE, quat_wxyz=quaternion_of_yaw(-YAW)), ["sign reversed"]),
+    "standing": (
+        replace(ESTIMATE, positions_m=np.ones((N, 3)), quat_wxyz=quaternion_of_yaw(np.zeros(N))),
+        ["stands still while the true path extends over"],
+    ),
+    "a jump": (
+        replace(
+            ESTIMATE, positions_m=ESTIMATE.positions_m + 25.0 * (np.arange(N) >= 140)[:, None] * [1, 0, 0]
+        ),
+        ["jumps: by 25", "s while the truth moves 0."],
+    ),
+    "a part": (part(50), ["covers 4.9 of the 19.9 s of the true path (25%)"]),
+    "repeated stamps": (
+        replace(ESTIMATE, stamps_ns=np.repeat(ESTIMATE.stamps_ns[::2], 2)),
+        ["100 of 200 poses repeat a stamp"],
     ),
     "other frame": (moved((10.0, -4.0, 0.7)), ["different frames", "--align se2"]),
 }
@@ -126,3 +149,8 @@ def test_series_without_a_stamp_in_common_are_an_error_with_advice(stamps: np.nd
     with pytest.raises(InputError) as error:
         check_pairs(result, Truth(trajectory=TRUTH.trajectory, series=TRUTH), EvaluationOptions())
     assert says in str(error.value)
+
+
+def test_a_jump_is_not_taken_for_a_scale() -> None:
+    estimate, _ = MISTAKES["a jump"]
+    assert not any("times as large" in remark for remark in remarks(estimate))

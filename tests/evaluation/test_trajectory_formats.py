@@ -95,3 +95,10 @@ def test_a_wrong_line_is_named(tmp_path: Path, text: str, place: str, says: str)
         read_poses(path)
     assert place in str(error.value)
     assert says in str(error.value)
+
+
+def test_semicolons_between_columns_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "est.csv"
+    path.write_text("t;x;y;yaw\n1,5;0,0;1,0;0,1\n")
+    with pytest.raises(InputError, match=r"est.csv:1: semicolons between the columns"):
+        read_poses(path)

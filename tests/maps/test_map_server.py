@@ -328,6 +328,20 @@ def test_an_origin_in_degrees_gets_a_warning(tmp_path: Path, caplog: pytest.LogC
     assert "the yaw 90 is read as radians; if it is in degrees, write 1.571" in caplog.text
 
 
+@pytest.mark.parametrize("resolution", ["20", "50.0"])
+def test_a_resolution_in_another_unit_gets_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, resolution: str
+) -> None:
+    path = write_map(tmp_path, grey_ramp())
+    lines = path.read_text().splitlines()
+    path.write_text(
+        "\n".join(f"resolution: {resolution}" if "resolution" in line else line for line in lines)
+    )
+    with caplog.at_level(logging.WARNING):
+        load_map(path)
+    assert f"resolution: {float(resolution):g} metres a cell; if it is in cells a metre" in caplog.text
+
+
 def test_translucent_pixels_get_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     pixels = np.array([[[254, 254, 254, 250], [254, 254, 254, 0], [0, 0, 0, 255]]], np.uint8)
     with caplog.at_level(logging.WARNING):
