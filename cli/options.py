@@ -79,7 +79,8 @@ Strict = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help="Exit with 3 if any message of the log was damaged or lost, with 5 if the result is lost, inconsistent or apart.",
+        help="Exit with 3 if the log could not be used as recorded (messages lost or repaired, something assumed), "
+        "with 5 if the result is lost, inconsistent or apart.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of a table.")]

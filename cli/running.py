@@ -140,7 +140,8 @@ def _exit_unless_complete(run: Run, options: RunOptions) -> None:
         raise typer.Exit(DOUBTFUL)
     if run.is_lossy and options.strict:
         console.complain(
-            f"error: {run.log_path}: messages were damaged or lost, an error with --strict; see report.json"
+            f"error: {run.log_path}: not all of the log could be used as recorded, which --strict forbids; "
+            "report.json says why"
         )
         raise typer.Exit(LOSSY)
 

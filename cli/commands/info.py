@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from gridslam.methods.registry import MethodEntry
 
 LOSSY = 3
+PEEKED_EVENTS = 2000  # are looked at without --check: what is wrong from the start shows in them
+SERVES_AS = {"cloud": "scan", "image": "stereo"}  # what methods take streams of a kind as
 MAX_ROWS = 60
 Check = Annotated[
     bool,
@@ -79,17 +83,18 @@ def run(
         if method is not None:
             require_streams(opened, method.needs)
         if check:
-            for _ in opened.events_by_stream(with_truth=True):
-                pass
+            _look_at(opened.events_by_stream(with_truth=True))
         document = describe(opened)
         if method is not None:
             document |= _use(opened, method)
+        else:
+            _add_remarks_of_a_run(document, opened, None if check else PEEKED_EVENTS)
     if as_json:
         console.emit_json(document)
     else:
         _show(document)
-    if strict and document["is_lossy"]:
-        console.complain(f"error: {log}: not all of the log can be used, which --strict forbids")
+    if strict and (document["is_lossy"] or document["has_findings"]):
+        console.complain(f"error: {log}: not all of the log can be used as recorded, which --strict forbids")
         raise typer.Exit(LOSSY)
 
 
@@ -103,12 +108,53 @@ def _method_of(config: str | None) -> MethodEntry | None:
     return METHODS[load_run_config(config).method_name]
 
 
+def _look_at(events: Iterable[object], count: int | None = None) -> None:
+    """Read all events of a log, or the first ones, so that its notes say what is wrong with them."""
+    for _ in islice(events, count):
+        pass
+
+
+def _add_remarks_of_a_run(document: dict[str, Any], log: Log, events: int | None) -> None:
+    """Add to the document what a run of the first method that the log suits would say about as many of its first events."""
+    from gridslam.core.errors import GridslamError
+    from gridslam.methods.registry import BUILT_IN
+
+    present = {SERVES_AS.get(i.kind, i.kind) for i in log.streams if i.count} | {"tf"}
+    suited = (m for m in BUILT_IN.values() if all(present & set(need.split("|")) for need in m.needs))
+    method = next(suited, None)
+    if method is None:
+        return
+    try:
+        as_read = log.as_read_for(method.reads)
+        _look_at(as_read.events(), events)
+    except GridslamError as error:
+        document["problems"] = [*document["problems"], f"a run would end with this: {error}"]
+        return
+    new = [line for line in as_read.problems if line not in document["problems"]]
+    document["problems"] = [*document["problems"], *new]
+    document["has_findings"] |= as_read.has_findings
+
+
 def _use(log: Log, method: MethodEntry) -> dict[str, Any]:
     """What a run of the method takes of the log: labels of streams, and the kinds that it could take and the log lacks."""
     used = [info for info in log.streams if info.used and info.count]
     present = {info.kind for info in used}
     missing = [kind for kind in method.uses if kind not in present]
-    return {"used": [f"{info.kind} {info.label}" for info in used], "missing": missing}
+    motion = _motion_by(present) if "scan" in method.needs and "imu" in method.uses else None
+    return {
+        "used": [f"{info.kind} {info.label}" for info in used],
+        "missing": missing,
+        "motion": motion,
+    }
+
+
+def _motion_by(present: Collection[str]) -> str:
+    """What predicts the motion between scans, given the kinds of streams that are used."""
+    if "odom" in present:
+        return "odometry, once it agrees with the first scans; the scans decide"
+    if "imu" in present:
+        return "constant velocity and the IMU's turn rate, while that agrees with the scans; the scans decide"
+    return "constant velocity; the scans decide"
 
 
 def describe(log: Log) -> dict[str, Any]:
@@ -153,6 +199,7 @@ def describe(log: Log) -> dict[str, Any]:
         "counters": log.counters,
         "problems": log.problems,
         "is_lossy": log.is_lossy,
+        "has_findings": log.has_findings,
     }
 
 
@@ -178,6 +225,8 @@ def _show(document: dict[str, Any]) -> None:
     console.emit_table(heads, rows[:MAX_ROWS])
     if document.get("missing"):
         console.emit(f"not in the log, and the method does without: {', '.join(document['missing'])}")
+    if document.get("motion"):
+        console.emit(f"motion between scans is predicted by: {document['motion']}")
     if len(rows) > MAX_ROWS:
         console.emit(f"and {len(rows) - MAX_ROWS} more; --json shows all")
     if document["extrinsics"]:

@@ -64,7 +64,8 @@ class LaserScan:
 
     `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
     `angle_max_rad` is what the message says of its last beam; NaN where it says nothing. `has_uncertain_sense`: the message
-    contradicts itself about the sense in which its beams turn.
+    contradicts itself about the sense in which its beams turn. `other_increment_rad` is the increment that it states where
+    another one follows from its angles.
     """
 
     stamp_ns: int
@@ -77,6 +78,7 @@ class LaserScan:
     time_increment_s: float = 0.0
     angle_max_rad: float = field(default=float("nan"), compare=False)
     has_uncertain_sense: bool = field(default=False, compare=False)
+    other_increment_rad: float = field(default=float("nan"), compare=False)
 
 
 @dataclass(frozen=True, slots=True)

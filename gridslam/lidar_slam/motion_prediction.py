@@ -14,6 +14,7 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Imu
 from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.odometry_noise import JUMP_STD, NO_MIN_STD
+from gridslam.lidar_slam.odometry_trust import OdometryTrust
 from gridslam.motion.gyro_heading import GyroHeading
 from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
 
@@ -118,6 +119,7 @@ class MotionPredictor:
         self._errors = {source: PredictionErrors() for source in MotionSource}
         self._used = dict.fromkeys(MotionSource, 0)
         self._velocity_change = VelocityChange()
+        self._trust = OdometryTrust()
         self._previous: PlacedScan | None = None
         self._recent: deque[tuple[PlacedScan, Floats]] = deque(
             maxlen=KEPT_SCANS
@@ -139,7 +141,7 @@ class MotionPredictor:
     def twist(self, placed: PlacedScan) -> Floats:
         """Velocity (vx, vy, wz) `(3,)` at a scan that comes next, as well as it is known before matching."""
         previous = self._previous
-        if previous is None or (previous.has_odometry and placed.has_odometry):
+        if previous is None or (previous.has_odometry and self.uses_odometry(placed)):
             return twist_between(self._earlier(placed)[0], placed)
         elapsed_s = (placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9
         if 0.0 <= elapsed_s < MIN_TWIST_S:
@@ -153,11 +155,15 @@ class MotionPredictor:
         twist = 0.5 * (self._twist + self._twist_before)
         return np.array([twist[0], twist[1], step[2] / elapsed_s]) if source is MotionSource.GYRO else twist
 
+    def uses_odometry(self, placed: PlacedScan) -> bool:
+        """Whether a scan has odometry that agrees with the scans before."""
+        return placed.has_odometry and self._trust.is_trusted
+
     def predict(self, placed: PlacedScan) -> PredictedMotion:
         """The motion to a scan; the first scan has no motion."""
         previous = self._previous
         self._steps = {}
-        if placed.has_odometry and (previous is None or previous.has_odometry):
+        if self.uses_odometry(placed) and (previous is None or previous.has_odometry):
             offset = self._T_continuous_odom
             pose = placed.odometry if offset is None else se2.compose(offset, placed.odometry)
             self._steps[MotionSource.ODOMETRY] = se2.between(self._previous_odometry, pose)
@@ -170,6 +176,8 @@ class MotionPredictor:
         elapsed_s = max((placed.scan.stamp_ns - previous.scan.stamp_ns) * 1e-9, 0.0)
         source, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
         self._used[source] += 1
+        if placed.has_odometry and not self._trust.is_trusted:
+            self._trust.count()
         pose = np.asarray(se2.compose(self._previous_odometry, step))
         if placed.has_odometry:
             self._T_continuous_odom = se2.compose(pose, se2.inverse(placed.odometry))
@@ -185,8 +193,11 @@ class MotionPredictor:
         is_good = match.is_matched and match.inlier_ratio >= MIN_INLIER_RATIO
         if is_good:
             self._good_ns = placed.scan.stamp_ns
+        is_firm = is_good and match.position_std_m < FIRM_STD_M
         if previous is not None and is_good:
-            self._learn(placed, pose, match.position_std_m < FIRM_STD_M)
+            self._learn(placed, pose, is_firm)
+        has_odometry = placed.has_odometry and not placed.odometry_jumped
+        self._trust.add(placed.scan.stamp_ns, placed.odometry if has_odometry else None, pose, is_firm)
         self._previous, self._previous_pose = placed, pose
         self._recent.append((placed, pose))
 
@@ -200,13 +211,15 @@ class MotionPredictor:
 
     @property
     def notes(self) -> list[str]:
-        """One line about a gyro that contradicts the scans; empty where there is none, or it is good."""
+        """One line about odometry, and one about a gyro, that contradict the scans; empty where they are good."""
+        found = [] if self._trust.note is None else [self._trust.note]
         if not self._is_gyro_poor:
-            return []
+            return found
         gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
         return [
+            *found,
             f"the IMU's yaw rate contradicts the scans, by {math.degrees(gyro.rms_rad):.1f} deg a scan (constant velocity: "
-            f"{math.degrees(constant.rms_rad):.1f} deg): wrong in sign, unit or time; not used"
+            f"{math.degrees(constant.rms_rad):.1f} deg): wrong in sign, unit or time; not used",
         ]
 
     @property

@@ -75,3 +75,12 @@ def mount_note(transform: Transform) -> str:
         f"{lidar} is placed on {transform.frame_id} by its motion: x {x:.2f} m, y {y:.2f} m, yaw {yaw_deg:.1f} deg; "
         f"log.extrinsics.{lidar} sets another place"
     )
+
+
+def misplaced_note(lidar: str, moved: Floats) -> str:
+    """One line about a lidar that by its motion sits at `moved` `(3,)` seen from where the log places it."""
+    x, y, yaw = moved.tolist()
+    return (
+        f"by its motion {lidar} is not where the log places it, but turned by {math.degrees(yaw):.0f} deg and moved "
+        f"by x {x:.2f} m, y {y:.2f} m of the base: check its transform, or set log.extrinsics.{lidar}"
+    )

@@ -14,6 +14,9 @@ from gridslam.core.trajectory import Trajectory
 Floats = NDArray[np.float64]
 
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
+FAR_LAGS_S: Floats = (
+    np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
+)  # where no near one fits
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
 MIN_LAG_S = 0.05  # of a fault, and at least the period of the odometry: between its poses motion is not known
 YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
@@ -49,7 +52,9 @@ class OdometryCorrection:
         """The faults in words; empty for good odometry."""
         found = []
         if self.mirrors_yaw:
-            found.append("its yaw has the wrong sign")
+            found.append(
+                "its yaw has the wrong sign, or the lidar hangs upside down (then log.extrinsics needs roll: 3.1416)"
+            )
         if self.lag_s:
             found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0 else 'early'}")
         if self.scale != 1.0:
@@ -127,12 +132,27 @@ class MotionWindows:
         result = OdometryCorrection(
             mirrors_yaw=is_mirrored, possible_lags_s=(float(possible[0]), float(possible[-1]))
         )
+        if (far := self._far_lag(float(costs[best]))) is not None:
+            return far
         if abs(lag_s) < MIN_LAG_S:
             return result
         z_score = self._z_score(found[at_zero] - found[best])
         if costs[best] < MAX_COST_RATIO * costs[at_zero] or z_score > MIN_Z_SCORE:
             return replace(result, lag_s=lag_s if abs(lag_s) >= self._period_s else 0.0)
         return replace(result, is_undecided=z_score > UNDECIDED_Z_SCORE)
+
+    def _far_lag(self, near_cost: float) -> OdometryCorrection | None:
+        """A lag of seconds with which the rotations agree far better than with any near one; None: there is none."""
+        found = []
+        for sign in (1.0, -1.0):
+            coarse = [float(self._yaw_errors(float(lag), sign).mean()) for lag in FAR_LAGS_S]
+            fine_s = FAR_LAGS_S[int(np.argmin(coarse))] + np.arange(-5, 6) * 0.01
+            fine = [float(self._yaw_errors(float(lag), sign).mean()) for lag in fine_s]
+            found.append((min(fine), float(fine_s[int(np.argmin(fine))]), sign))
+        cost, lag_s, sign = min(found)
+        if cost >= MAX_COST_RATIO * near_cost:
+            return None
+        return OdometryCorrection(lag_s=lag_s, mirrors_yaw=sign < 0.0, possible_lags_s=(lag_s, lag_s))
 
     def translation_cost(self, correction: OdometryCorrection) -> float:
         """Mean difference (m) of the windows' translations."""

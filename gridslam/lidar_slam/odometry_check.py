@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,9 +16,16 @@ from gridslam.core.messages import Event, LaserScan, Odometry, Transform, as_flo
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.level_check import LevelledScans
-from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
+from gridslam.lidar_slam.mount_calibration import (
+    assumed_mount,
+    misplaced_note,
+    mount_note,
+    solve_mount,
+    with_mount,
+)
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, calibrate, windows_of
-from gridslam.lidar_slam.own_body import OwnBody, find_own_bodies
+from gridslam.lidar_slam.own_body import LaterBodies, OwnBody, find_own_bodies
+from gridslam.lidar_slam.scan_angles import ScanAngles, find_wrong_angles
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, stamped_at_end, stated_sweep_s
 
@@ -54,16 +62,21 @@ class OdometryCheck:
         self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
         self.correction = OdometryCorrection()
         self.own_bodies: list[OwnBody] = []
+        self._later_bodies = LaterBodies()
+        self.angles: list[ScanAngles] = []
         self.reverses_scans = False  # those whose messages contradict themselves about their sense
         self.sweep: SweepTime | None = None  # where the messages say none, or the wrong one
         self.late_scans_s = 0.0  # of scans that are stamped when their sweep is complete
         self.mount: Transform | None = None  # of a lidar of which the log does not say where it is
+        self.misplaced = ""  # a line about a lidar that is not where the log says
         self.checked_scans = 0
         self.levels = LevelledScans({})
 
     def process(self, event: Event) -> Iterator[Event]:
         """Take in an event; yields nothing until the check is done, and then all events."""
         if self._held is None:
+            if isinstance(event, Odometry):
+                self._measure(event)
             yield from self._give(event)
             return
         self._held.append(event)
@@ -109,8 +122,10 @@ class OdometryCheck:
         faults = self.correction.faults
         wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
         found = [] if self.mount is None else [mount_note(self.mount)]
+        found += [self.misplaced] if self.misplaced else []
         if self.levels.note is not None:
             found.append(self.levels.note)
+        found += [angles.note for angles in self.angles]
         if self.reverses_scans:
             found.append(
                 "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
@@ -144,6 +159,7 @@ class OdometryCheck:
             self.levels = LevelledScans.among(held).decided(held, self._build_tracker)
         if len(odometry) > 1 and self._scans > 1:
             by_odometry = _trajectory(odometry)
+            self._find_wrong_angles(held, by_odometry)
             path = self._decide_sense(held, self._path(held), by_odometry)
             self.correction = calibrate(path, by_odometry)
             self._find_mount(held, path, by_odometry)
@@ -175,7 +191,7 @@ class OdometryCheck:
 
         Where scans are late, all else but transforms waits for them.
         """
-        event = self._repaired(event)
+        event = self._without_later_bodies(self._repaired(event))
         if (
             self.mount is not None
             and isinstance(event, Transform)
@@ -196,6 +212,16 @@ class OdometryCheck:
                 yield self._early.popleft()
             yield event
 
+    def _without_later_bodies(self, event: Event) -> Event:
+        """A scan without the parts of the robot that its lidar sees since the check; other events as they are."""
+        if not isinstance(event, LaserScan):
+            return event
+        body = self._later_bodies.found_in(event, float(self._moved[1]))
+        if body is None:
+            return event
+        self.own_bodies.append(body)
+        return body.removed_from(event)
+
     def _measure(self, odometry: Odometry) -> None:
         if self._last is not None and np.isfinite(odometry.pose).all():
             step = se2.between(self._last.pose, odometry.pose)
@@ -211,16 +237,32 @@ class OdometryCheck:
         self.reverses_scans, self._tracker, self._tracked = True, self._build_tracker(), 0
         return self._path(held)
 
+    def _find_wrong_angles(self, held: list[Event], odometry: Trajectory) -> None:
+        """Find lidars whose messages state wrong angles; the path begins anew where there are any."""
+        if self.angles:
+            return
+        scans = [scan for e in held if isinstance(scan := self._repaired(e), LaserScan)]
+        self.angles = find_wrong_angles(scans, odometry, self._build_tracker)
+        if self.angles:
+            self._tracker, self._tracked = self._build_tracker(), 0
+
     def _find_mount(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> None:
         """Find where the only lidar sits, if the log does not say it."""
         frames = {e.frame_id for e in held if isinstance(e, LaserScan)}
         assumed = assumed_mount(held, next(iter(frames))) if len(frames) == 1 else None
         windows = windows_of(path, odometry)
-        self.mount = None
-        if assumed is not None and windows is not None:
-            mount = solve_mount(*windows.motions(self.correction))
-            base = next(e.child_frame_id for e in held if isinstance(e, Odometry))
-            self.mount = None if mount is None else with_mount(assumed, mount, base)
+        self.mount, self.misplaced = None, ""
+        if (
+            len(frames) != 1
+            or windows is None
+            or (mount := solve_mount(*windows.motions(self.correction))) is None
+        ):
+            return
+        if assumed is None:
+            self.misplaced = misplaced_note(next(iter(frames)), mount)
+            return
+        base = next(e.child_frame_id for e in held if isinstance(e, Odometry))
+        self.mount = with_mount(assumed, mount, base)
 
     def _find_own_bodies(self, held: list[Event]) -> None:
         """Look for the robot's body in the scans of a robot that turns: beside a straight drive a wall looks like one."""
@@ -229,6 +271,7 @@ class OdometryCheck:
             yaw = np.unwrap(self._path(held).poses[:, 2])
             if np.abs(np.diff(yaw)).sum() < MIN_ROTATION_RAD:
                 self.own_bodies = []
+        self.own_bodies += _later_bodies(held, self.own_bodies)
 
     def _repaired(self, event: Event) -> Event:
         """A scan without returns from the robot and in its right sense; other events as they are."""
@@ -237,6 +280,8 @@ class OdometryCheck:
             return event
         for body in self.own_bodies:
             event = body.removed_from(event)
+        for angles in self.angles:
+            event = angles.applied_to(event)
         if self.sweep is not None:
             event = self.sweep.applied_to(event)
         if self.late_scans_s:
@@ -261,6 +306,25 @@ def reversed_sense(scan: LaserScan) -> LaserScan:
     return replace(
         scan, angle_min_rad=as_float32(last_rad), angle_increment_rad=as_float32(-scan.angle_increment_rad)
     )
+
+
+def _later_bodies(held: list[Event], known: list[OwnBody]) -> list[OwnBody]:
+    """Parts of the robot that its lidars see during a part of the events only, besides the known ones."""
+    later, turned_rad = LaterBodies(), 0.0
+    last_rad: float | None = None
+    found: list[OwnBody] = []
+    for event in held:
+        if isinstance(event, Odometry) and math.isfinite(event.yaw_rad):
+            turned_rad += abs(
+                math.remainder(event.yaw_rad - (event.yaw_rad if last_rad is None else last_rad), 2 * math.pi)
+            )
+            last_rad = event.yaw_rad
+        elif isinstance(event, LaserScan):
+            for body in (*known, *found):
+                event = body.removed_from(event)
+            if (new := later.found_in(event, turned_rad)) is not None:
+                found.append(new)
+    return found
 
 
 def _trajectory(odometry: list[Odometry]) -> Trajectory:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ TOLERANCE_M = 0.03  # noise of near returns
 MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in view for a part of them
 # Views differ where more than this fraction of the ranges have changed by more than so much.
 CHANGED_M, MIN_CHANGED_FRACTION = 0.1, 0.5
-MIN_VIEWS = 15  # that differ
+MIN_VIEWS, MAX_VIEWS = 15, 60  # that differ
+MIN_ROTATION_RAD = 4.0  # of the robot meanwhile: beside a straight drive a wall looks like a body
 MAX_BODY_FRACTION = 0.5  # of the beams: a lidar that sees more near it stands in a narrow place
 EDGE_BEAMS, EDGE_M = 2, 0.15  # readings beside a body that mix it with what is behind
 
@@ -88,6 +89,44 @@ def find_own_bodies(scans: Iterable[LaserScan]) -> list[OwnBody]:
     return bodies
 
 
+class LaterBodies:
+    """Finds parts of the body that a lidar sees from some time on: a load, an arm, another lidar that was put on."""
+
+    def __init__(self) -> None:
+        self._views: dict[BeamLayout, list[tuple[float, NDArray[np.float32]]]] = defaultdict(list)
+
+    def found_in(self, scan: LaserScan, turned_rad: float) -> OwnBody | None:
+        """The body that this scan and the different ones before it show, or None.
+
+        `turned_rad` is how far the robot has turned so far, back and forth: it shows no body until it has turned.
+        """
+        if not len(scan.ranges_m):
+            return None
+        beams, order = _beams_of(scan)
+        ranges = np.empty_like(scan.ranges_m)
+        ranges[order] = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, 0.0)
+        views = self._views[beams]
+        if views and not _differ(ranges, views[-1][1]):
+            return None
+        views.append((turned_rad, ranges))
+        del views[:-MAX_VIEWS]
+        turning = [view for turned, view in views if turned >= turned_rad - MIN_ROTATION_RAD]
+        if len(turning) == len(views):  # the robot has not turned so far yet
+            return None
+        limits_m = _body_limits(np.array(_views_of_turn(views, turning), np.float64))
+        if not limits_m.any():
+            return None
+        views.clear()
+        return OwnBody(beams, limits_m)
+
+
+def _views_of_turn(
+    views: Sequence[tuple[float, NDArray[np.float32]]], turning: Sequence[NDArray[np.float32]]
+) -> list[NDArray[np.float32]]:
+    """The views of the last MIN_ROTATION_RAD, and as many before them as make MIN_VIEWS."""
+    return [view for _, view in views[-max(len(turning), MIN_VIEWS) :]]
+
+
 def _beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
     """The beams of a scan, and the place `(n,)` of each of its readings among them.
 
@@ -124,6 +163,11 @@ def _different_views(ranges: Floats) -> Floats:
     """Those of the scans `(scans, n)` in which most ranges have changed since the one chosen before; 0 is no return."""
     chosen = [0]
     for i in range(1, len(ranges)):
-        if (np.abs(ranges[i] - ranges[chosen[-1]]) > CHANGED_M).mean() > MIN_CHANGED_FRACTION:
+        if _differ(ranges[i], ranges[chosen[-1]]):
             chosen.append(i)
     return ranges[chosen]
+
+
+def _differ(ranges: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]) -> bool:
+    """Whether most ranges `(n,)` of two scans differ; 0 is no return."""
+    return bool((np.abs(ranges - others) > CHANGED_M).mean() > MIN_CHANGED_FRACTION)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.errors import MethodError
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.graph.pose_graph import Edges
@@ -26,6 +27,7 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 Floats = NDArray[np.float64]
 
 NO_SLIP_M2 = np.zeros(2)
+MANY_EMPTY = 0.5  # fraction of the scans: from here on a line says that they have no readings
 MAX_WAIT_S = 10.0  # a scan that has waited longer for odometry is tracked without any
 
 
@@ -50,6 +52,7 @@ class ScanTracker:
         self._predictor = MotionPredictor()
         self.known_twist: Callable[[int], Floats] | None = None  # at a stamp, where it is known beforehand
         self._counters: Counter[str] = Counter()
+        self._last_readings = ""  # of an empty scan, in words
         self.sensor_extrinsics: dict[str, LidarExtrinsics] = {}
         self.stamps_ns: list[int] = []
         self.track_poses: list[Floats] = []  # T_track_base (3,) of every scan
@@ -92,8 +95,22 @@ class ScanTracker:
 
     @property
     def motion_notes(self) -> list[str]:
-        """Lines for people about sensors of motion that contradict the scans."""
-        return self._predictor.notes
+        """Lines for people about sensors of motion that contradict the scans, and about scans without readings."""
+        empty = self._counters["scan.empty"]
+        if empty < MANY_EMPTY * len(self.stamps_ns):
+            return self._predictor.notes
+        return [
+            *self._predictor.notes,
+            f"{empty} of {len(self.stamps_ns)} scans have no reading within their limits: check range_min, range_max, unit",
+        ]
+
+    def refuse_without_readings(self) -> None:
+        """Raises MethodError: not one of the scans has a reading within its limits, and the path would be that of odometry."""
+        if self.stamps_ns and self._counters["scan.empty"] == len(self.stamps_ns):
+            raise MethodError(
+                f"none of the {len(self.stamps_ns)} scans has a reading between range_min and range_max; "
+                f"check these limits and the unit of the ranges ({self._last_readings})"
+            )
 
     @property
     def lidar_measures(self) -> dict[str, object]:
@@ -164,7 +181,9 @@ class ScanTracker:
         """The scan's points, with the robot's motion during the sweep removed."""
         scan = placed.scan
         prepared = prepare_scan(scan, self.lidar_extrinsics(scan), self.twist(placed), self._scan_config)
-        self._counters["scan.empty"] += not len(prepared.points)
+        if not len(prepared.points):
+            self._counters["scan.empty"] += 1
+            self._last_readings = _readings_in_words(scan)
         return prepared
 
     def track(self, placed: PlacedScan, scan: PreparedScan) -> ScanMatch:
@@ -183,7 +202,7 @@ class ScanTracker:
 
     def _slip_m2(self, placed: PlacedScan, match: ScanMatch) -> Floats:
         """Variances `(2,)` along x and y by which the step to a scan may have slipped: none where there is odometry."""
-        if placed.has_odometry or not self.stamps_ns:
+        if self._predictor.uses_odometry(placed) or not self.stamps_ns:
             return NO_SLIP_M2
         elapsed_s = (placed.scan.stamp_ns - self.stamps_ns[-1]) * 1e-9
         return slip_variances(se2.between(self.pose, match.pose), elapsed_s, match)
@@ -215,3 +234,14 @@ class ScanTracker:
         """The path over all scans, given the final poses `(k, 3)` of the key scans."""
         poses = distribute_corrections(np.array(self.track_poses), np.array(self.keys, np.int64), key_poses)
         return Trajectory(np.array(self.stamps_ns, np.int64), poses)
+
+
+def _readings_in_words(scan: LaserScan) -> str:
+    """What a scan without usable readings holds."""
+    readings = scan.ranges_m[np.isfinite(scan.ranges_m)]
+    if not len(readings):
+        return "one holds no number; a point cloud has no return in the band of log.cloud then"
+    return (
+        f"one holds {float(readings.min()):.3g} to {float(readings.max()):.3g} m, and says {scan.range_min_m:.3g} to "
+        f"{scan.range_max_m:.3g} m"
+    )

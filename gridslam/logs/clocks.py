@@ -20,6 +20,15 @@ from gridslam.logs.streams import RecordedStream
 MAX_OFFSET_NS = 5 * NS_PER_S  # between clocks: what drivers and networks delay messages by is less
 MAX_DRIFT = 0.05  # of the recorder's clock against the stamps: beyond it is no clock, but counts, or copies
 MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry covers: below, an error and a note
+TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # whose stamps place the robot
+MIN_STAMPS = 20  # fewer show no regularity
+MAX_EQUAL = 0.6  # fraction of stamps that are the one before: beyond it they are too coarse for times
+MIN_SET_NS = (
+    1000 * NS_PER_S
+)  # the smallest other stamp beside which a zero was not set: simulated clocks begin at 0
+MAX_UNSET = 0.1  # fraction of zeros that are skipped where nothing replaces them
+# Stamps come in bursts where their steps are as uneven as this, relative to their mean and to the steps of the arrivals.
+MIN_UNEVENNESS, MIN_UNEVENNESS_RATIO = 0.3, 4.0
 EDGE_NS = NS_PER_S  # scans so long before and after the odometry count as covered
 
 Stamps = NDArray[np.int64]
@@ -34,19 +43,7 @@ def restamp(
     set, and nothing replaces them.
     """
     used = [i for i in kind_of if len(streams[i].stamps_ns) > 1]
-    changed = set()
-    for index in used:
-        stream = streams[index]
-        if any(stream.stamps_ns):
-            continue
-        if _is_clock(stream.arrivals_ns, len(stream.stamps_ns)):
-            stream.stamps_ns = array("q", stream.arrivals_ns)
-            message_counts.note(f"{stream.label}: all stamps are 0: the times of arrival are used")
-            changed.add(index)
-        elif stream.kind in ("scan", "cloud", "odom"):
-            raise LogError(
-                f"{stream.label}: all stamps are 0, and the log has no times of arrival: set them when recording"
-            )
+    changed = {i for i in used if _replace_unset(streams[i], message_counts)}
     offsets = {i: offset for i in used if (offset := _clock_offset_ns(streams[i])) is not None}
     if not offsets or max(offsets.values()) - min(offsets.values()) <= MAX_OFFSET_NS:
         return frozenset(changed)
@@ -54,12 +51,64 @@ def restamp(
         if abs(offset) > MAX_OFFSET_NS:
             stream = streams[index]
             stream.stamps_ns = array("q", (np.asarray(stream.stamps_ns, np.int64) + offset).tobytes())
-            message_counts.note(
+            message_counts.find(
                 f"{stream.label}: its stamps are {abs(offset) / NS_PER_S:.1f} s {'behind' if offset > 0 else 'ahead of'} "
                 "the recorder's clock, those of other streams are not: shifted by that"
             )
             changed.add(index)
     return frozenset(changed)
+
+
+def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> bool:
+    """Replace stamps of one stream that were never set, or only now and then, by times of arrival; whether any were.
+
+    Raises LogError: they are those of scans or odometry, and nothing replaces them.
+    """
+    stamps = _stamps(stream)
+    has_arrivals = _is_clock(stream.arrivals_ns, len(stamps))
+    arrivals = np.asarray(stream.arrivals_ns, np.int64) if has_arrivals else None
+    is_unset, what = _unset(stream, stamps, arrivals)
+    if not is_unset.any() or (arrivals is None and stream.kind not in TIMED_KINDS):
+        return False
+    if arrivals is None:
+        if is_unset.mean() < MAX_UNSET:
+            return False
+        raise LogError(
+            f"{stream.label}: {what}, and the log has no times of arrival: set them when recording, or give a CSV table "
+            "stamps by row_stamps in its log.yaml"
+        )
+    is_known = stamps > 0 if stamps.max() > stamps.min() else np.zeros(len(stamps), np.bool_)
+    delay_ns = int((arrivals - stamps)[is_known].min()) if is_known.any() else 0
+    stream.stamps_ns = array("q", np.where(is_unset, arrivals - delay_ns, stamps).tobytes())
+    message_counts.find(f"{stream.label}: {what}: the times of arrival are used")
+    return True
+
+
+def _unset(stream: RecordedStream, stamps: Stamps, arrivals: Stamps | None) -> tuple[NDArray[np.bool_], str]:
+    """Which stamps `(n,)` of a stream say nothing, and what they have in common, in words."""
+    is_zero = stamps == 0
+    if is_zero.all():
+        return is_zero, "all stamps are 0"
+    if is_zero.any() and stamps[~is_zero].min() > MIN_SET_NS:
+        return is_zero, f"{int(is_zero.sum())} stamps are 0"
+    every = np.ones(len(stamps), np.bool_)
+    if stream.kind in TIMED_KINDS and len(stream.frames) < 2 and len(stamps) >= MIN_STAMPS:
+        if (np.diff(stamps) == 0).mean() > MAX_EQUAL:
+            return every, "most stamps are those of the message before"
+        if arrivals is not None and _come_in_bursts(stamps, arrivals):
+            return every, "stamps come in bursts, and the messages came evenly"
+    return ~every, ""
+
+
+def _come_in_bursts(stamps: Stamps, arrivals: Stamps) -> bool:
+    """Whether stamps `(n,)` go on far less evenly than the arrivals `(n,)` of the same messages."""
+    uneven = [
+        float(np.abs(steps - np.median(steps)).mean() / max(float(steps.mean()), 1.0))
+        for steps in (np.diff(stamps), np.diff(arrivals))
+    ]
+    if (np.diff(stamps) < 0).any():  # out of order, or set back
+        return False
+    return uneven[0] > MIN_UNEVENNESS and uneven[0] > MIN_UNEVENNESS_RATIO * uneven[1]
 
 
 def check_overlap(
@@ -87,7 +136,7 @@ def check_overlap(
                 f"scans and odometry hardly overlap in time: {spans}. Their clocks differ; record both with one clock, or "
                 "leave the odometry out: log: {topics: {odom: []}}"
             )
-        message_counts.note(f"odometry covers {fraction:.0%} of the scans: {spans}")
+        message_counts.find(f"odometry covers {fraction:.0%} of the scans: {spans}")
 
 
 def _is_clock(arrivals_ns: array[int], count: int) -> bool:

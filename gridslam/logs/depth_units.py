@@ -45,7 +45,7 @@ class DepthUnits:
         factor = 1.0 / THOUSAND if near > MAX_NEAR_M else THOUSAND if far < MIN_FAR_M else 1.0
         if factor != 1.0:
             shown = near if factor < 1.0 else far
-            self._message_counts.note(
+            self._message_counts.find(
                 f"{self._label}: depths of {shown:.3g} m cannot be: multiplied by {factor:g}, the recorder's unit is another"
             )
         return factor

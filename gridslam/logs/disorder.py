@@ -41,7 +41,7 @@ def _note_clock_jumps(
     epochs = clock_epochs([ordering.without_outliers(streams[i].stamps_ns) for i in selection.kind_of])
     if jumps := max((int(e[-1]) for e in epochs if len(e)), default=0):
         message_counts.count("clock_jumps", jumps)
-        message_counts.note(
+        message_counts.find(
             f"the clock was set back {jumps} times, or the recording played in a loop: streams stay together in "
             "recorded order"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
 
 from gridslam.core.errors import ConfigError
@@ -26,6 +27,11 @@ def usable(edges: Iterable[Transform], message_counts: MessageCounts) -> list[Tr
         reason = transform.unusable_reason(edge)
         if reason is None:
             found.append(edge)
+            norm = math.sqrt(sum(c * c for c in edge.quat_wxyz))
+            if abs(norm - 1.0) > rotations.MAX_NORM_ERROR:
+                message_counts.find(
+                    f"the rotation of {edge.frame_id}->{edge.child_frame_id} has length {norm:.3g}, not 1: its direction is used"
+                )
         else:
             message_counts.skip("tf", reason.value, f"the transform {edge.frame_id}->{edge.child_frame_id}")
     return found
@@ -39,6 +45,49 @@ def tree_of(edges: Iterable[Transform]) -> dict[str, tuple[str, Rigid]]:
         if quaternion is not None:
             tree[edge.child_frame_id] = (edge.frame_id, (edge.translation_m, quaternion))
     return tree
+
+
+def refuse_several_places(
+    edges: Collection[Transform], frames: Iterable[str], base_frame: str, config: Collection[str]
+) -> None:
+    """Raises ConfigError: transforms contradict each other about the place of one of the `frames` on the robot.
+
+    Those that the config places are left out.
+    """
+    tree = tree_of(edges)
+    for frame in (frame for frame in frames if frame not in config):
+        chain = list(ancestors(tree, frame))
+        chain = chain[: chain.index(base_frame)] if base_frame in chain else chain
+        for child in chain:
+            places = _distinct_places([edge for edge in edges if edge.child_frame_id == child])
+            if len(places) > 1:
+                listing = "; ".join(f"on {edge.frame_id} {_in_words(edge)}" for edge in places[:4])
+                raise ConfigError(
+                    f"log.extrinsics.{frame}: the transforms of {child} contradict each other: {listing}. Give the place of "
+                    f"{frame}: log: {{extrinsics: {{{frame}: {{x: 0.0, y: 0.0, yaw: 0.0}}}}}}"
+                )
+
+
+def _distinct_places(edges: Iterable[Transform]) -> list[Transform]:
+    """Those of the transforms to one child that differ in parent or pose from all before."""
+    found: list[Transform] = []
+    for edge in edges:
+        is_known = any(
+            edge.frame_id == other.frame_id and rotations.is_same(_pose_of(edge), _pose_of(other))
+            for other in found
+        )
+        if not is_known:
+            found.append(edge)
+    return found
+
+
+def _pose_of(edge: Transform) -> Rigid:
+    return edge.translation_m, rotations.normalise(edge.quat_wxyz) or rotations.IDENTITY[1]
+
+
+def _in_words(edge: Transform) -> str:
+    x, y, _ = edge.translation_m
+    return f"x {x:.3g} y {y:.3g} yaw {rotations.yaw_of(_pose_of(edge)[1]):.3g}"
 
 
 def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
@@ -83,7 +132,7 @@ def mount(
                 parent, pose = list(above.items())[-1]
             else:
                 gap = f" (its tree ends at {list(above)[-1]})" if len(above) > 1 else ""
-                message_counts.note(
+                message_counts.find(
                     f"no transform from {base_frame} to {frame}{gap}: taken as mounted at the robot's centre, "
                     f"facing forward; if it is not, set log.extrinsics.{frame} with x, y, yaw"
                 )

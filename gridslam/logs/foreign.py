@@ -9,10 +9,6 @@ from gridslam.core.texts import is_number
 
 _TO_TABLES = "into a folder of CSV files, whose columns a log.yaml names (see the page on formats)"
 _BY_BEGINNING = (
-    (
-        b"\x89HDF\r\n\x1a\n",
-        f"HDF5, which is not read: write its data sets, for example with h5py, {_TO_TABLES}",
-    ),
     (b"PK\x03\x04", "a zip archive: unpack it, and give the log or the folder in it"),
     (b"MATLAB 5.0 MAT-file", f"a MAT-file, which is not read: write its variables {_TO_TABLES}"),
     (
@@ -33,4 +29,7 @@ def advice_for(path: Path, beginning: bytes) -> str | None:
             return advice
     words = re.split(rb"[,;\s]+", beginning.partition(b"\n")[0].strip())
     is_table = len(words) > 2 and (path.suffix.lower() == ".csv" or all(map(is_number, words)))
-    return f"a table alone: put it {_TO_TABLES}" if is_table else None
+    named = (
+        f"name its columns in the config: log: {{csv: {{streams: [{{kind: scan, file: {path.name}, ...}}]}}}}"
+    )
+    return f"a table alone: {named}, or put it {_TO_TABLES}" if is_table else None

@@ -78,7 +78,7 @@ def find_tilt(
             found = verticals_of(of_imu, rotation_matrix((mount or rotations.IDENTITY)[1]), odometry)
         except UntrustedImuError as error:
             if str(error):
-                message_counts.note(f"{stream.label}: not used to level the scans: {error}")
+                message_counts.find(f"{stream.label}: not used to level the scans: {error}")
             continue
         if found.is_level:
             return None

@@ -56,6 +56,13 @@ class Log:
         if self._for_a_method:
             note_choice(source.streams, self._selection.kind_of, config, self._opening)
 
+    def as_read_for(self, kinds: Collection[str]) -> Log:
+        """The same open log as a method reads it that takes these kinds; raises as `open_log` does.
+
+        Where that replaces stamps, those of this log's streams change as well.
+        """
+        return Log(self.path, self._source, self._config, kinds)
+
     def __enter__(self) -> Log:
         return self
 
@@ -144,6 +151,11 @@ class Log:
     def is_lossy(self) -> bool:
         """Whether something in the log could not be used."""
         return self._account().is_lossy
+
+    @property
+    def has_findings(self) -> bool:
+        """Whether something in the log contradicts itself, or had to be assumed; `problems` says what."""
+        return self._account().has_findings
 
     def input_hashes(self) -> dict[str, str]:
         """SHA-256 of each file of the log, by its name inside the log."""

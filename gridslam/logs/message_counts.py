@@ -17,6 +17,7 @@ class MessageCounts:
         self.unusable: Counter[int] = Counter()
         self._notes: dict[str, str] = {}
         self._first: dict[str, str] = {}
+        self._findings: set[str] = set()
 
     def count(self, key: str, number: int = 1) -> None:
         """Count something that is no fault."""
@@ -33,6 +34,16 @@ class MessageCounts:
     def note(self, line: str) -> None:
         """Keep a line for the user, once."""
         self._notes.setdefault(line, line)
+
+    def find(self, line: str) -> None:
+        """Keep a line about what contradicts itself or had to be assumed, once; with --strict it is an error."""
+        self.note(line)
+        self._findings.add(line)
+
+    @property
+    def has_findings(self) -> bool:
+        """Whether something contradicts itself, or had to be assumed."""
+        return bool(self._findings)
 
     @property
     def problems(self) -> list[str]:
@@ -57,6 +68,7 @@ class MessageCounts:
         self.counters.update({key: number for key, number in other.counters.items() if concerns(key)})
         for line in other._notes:
             self.note(line)
+        self._findings |= other._findings
         for key, where in other._first.items():
             if concerns(key):
                 self._first.setdefault(key, where)

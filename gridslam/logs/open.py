@@ -12,7 +12,7 @@ from gridslam.logs.streams import Source
 
 READABLE = (
     "MCAP, a folder of CSV files, CARMEN text, a rosbag2 folder or .db3, a ROS 1 .bag, a Wean Hall text log, "
-    "a folder of KITTI odometry, EuRoC or TUM RGB-D, an MRPT rawlog"
+    "a folder of KITTI odometry, EuRoC or TUM RGB-D, an MRPT rawlog, HDF5"
 )
 
 
@@ -40,7 +40,7 @@ def _source(path: Path, config: LogConfig) -> Source:
             from gridslam.logs.rosbag.rosbag2 import open_rosbag2
 
             return open_rosbag2(path, config)
-        from gridslam.logs.csv.source import LAYOUT_FILE, CsvSource
+        from gridslam.logs.csv.source import LAYOUT_FILE, open_csv_folder
 
         if config.csv is None and not (path / LAYOUT_FILE).is_file() and (source := _parts(path, config)):
             return source
@@ -49,7 +49,7 @@ def _source(path: Path, config: LogConfig) -> Source:
 
             if (dataset := open_dataset(path)) is not None:
                 return dataset
-        return CsvSource(path, config)
+        return open_csv_folder(path, config)
     if not path.is_file():
         raise LogError(f"{path}: a pipe or a device; logs are read more than once: save it to a file first")
     with path.open("rb") as stream:
@@ -66,6 +66,10 @@ def _source(path: Path, config: LogConfig) -> Source:
         from gridslam.logs.rosbag.rosbag1 import open_rosbag1
 
         return open_rosbag1(path, config)
+    if magic.startswith(b"\x89HDF\r\n\x1a\n"):
+        from gridslam.logs.csv.source import open_hdf5
+
+        return open_hdf5(path, config)
     return _text_source(path, config)
 
 
@@ -99,6 +103,10 @@ def _text_source(path: Path, config: LogConfig) -> Source:
         return CarmenSource(path, config)
     if looks_like_wean_hall(text):
         return WeanHallSource(path, config)
+    if config.csv is not None:  # a table of its own, whose columns the config names
+        from gridslam.logs.csv.source import open_csv_folder
+
+        return open_csv_folder(path.parent, config)
     if (advice := advice_for(path, text)) is not None:
         raise LogError(f"{path}: {advice}")
     what = "empty" if not path.stat().st_size else "no log of a known format"

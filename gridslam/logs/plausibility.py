@@ -12,9 +12,11 @@ import numpy as np
 from gridslam.core.messages import LaserScan, as_float32, readonly
 from gridslam.core.stamps import NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.no_return_codes import NoReturnCodes
+from gridslam.logs.scan_units import in_metres, in_radians, range_unit
 
 CODE_FRACTION = 0.97  # a reading this near to range_max that comes again and again is a code for no return
-CODE_BEAMS = 5  # a code is the largest reading of a scan, on at least this many beams
+CODE_BEAMS = 5  # a code is the largest reading of a scan, on at lower this many beams
 MAX_SWEEP_PERIODS = 1.1  # a sweep that lasts longer would overlap the next
 MIN_STAMPS = 3  # fewer give no period
 
@@ -23,6 +25,7 @@ class ScanPlausibility:
     """Repairs the scans of one stream; each kind of repair is counted as `repaired.scan.<what>` and noted once.
 
     `stamps_ns` are those of the stream, `label` its name for people. `sweep_s` is the time of a sweep for scans that say none.
+    `first` are the first scans, by which the unit of the readings and the code for no return are found.
     """
 
     def __init__(
@@ -31,17 +34,40 @@ class ScanPlausibility:
         label: str,
         message_counts: MessageCounts,
         sweep_s: float | None = None,
+        first: Sequence[LaserScan] = (),
     ) -> None:
-        self._sweep_s = sweep_s
         self._label = label
         self._message_counts = message_counts
+        self._sweep_s = sweep_s
+        self._unit = range_unit(first)
+        self._codes = NoReturnCodes(map(self._in_metres, first))
         steps = np.diff(np.asarray(stamps_ns, np.int64))
         steps = steps[steps > 0]
         self._period_s = float(median(steps.tolist())) / NS_PER_S if len(steps) >= MIN_STAMPS else math.inf
 
     def repaired(self, scan: LaserScan) -> LaserScan:
         """The scan with its contradictions removed; the same object where it has none."""
-        return self._no_return_code(self._timed(self._sweep(self._range_limit(self._angles(scan)))))
+        scan = self._angles(self._in_radians(scan))
+        scan = self._range_limit(self._in_metres(scan))
+        return self._no_return_code(self._timed(self._sweep(scan)))
+
+    def _in_radians(self, scan: LaserScan) -> LaserScan:
+        """Angles that can only be degrees become radians."""
+        found = in_radians(scan)
+        if found is not scan:
+            self._note(
+                "degrees",
+                f"angle_increment {scan.angle_increment_rad:.6g} is in degrees, not radians: turned into these",
+            )
+        return found
+
+    def _in_metres(self, scan: LaserScan) -> LaserScan:
+        """Readings that can be no metres become such."""
+        if self._unit is None:
+            return scan
+        name, per_metre = self._unit
+        self._note("range_unit", f"ranges are in {name}, not in m: divided by {per_metre:g}")
+        return in_metres(scan, per_metre)
 
     def _angles(self, scan: LaserScan) -> LaserScan:
         """Angles by angle_min, angle_max and the count of beams, where the increment contradicts them."""
@@ -62,15 +88,22 @@ class ScanPlausibility:
             f"{expected:.6g} is used",
         )
         return replace(
-            scan, angle_increment_rad=as_float32(expected), has_uncertain_sense=increment * expected < 0.0
+            scan,
+            angle_increment_rad=as_float32(expected),
+            has_uncertain_sense=increment * expected < 0.0,
+            other_increment_rad=increment,
         )
 
     def _range_limit(self, scan: LaserScan) -> LaserScan:
-        """A range_max of 0 states nothing."""
-        if scan.range_max_m != 0.0:
-            return scan
-        self._note("range_max", "range_max is 0: taken as not stated")
-        return replace(scan, range_max_m=math.inf)
+        """A range_max of 0 or less states nothing, nor does NaN; limits that are exchanged are put right."""
+        lower, upper = scan.range_min_m, scan.range_max_m
+        if not upper > 0.0:
+            self._note("range_max", f"range_max is {upper:g}: taken as not stated")
+            return replace(scan, range_max_m=math.inf, range_min_m=max(0.0, lower))
+        if lower > upper:
+            self._note("range_limits", f"range_min {lower:g} is above range_max {upper:g}: exchanged")
+            return replace(scan, range_min_m=upper, range_max_m=lower)
+        return scan
 
     def _sweep(self, scan: LaserScan) -> LaserScan:
         """A sweep cannot last longer than the time between two scans."""
@@ -92,22 +125,28 @@ class ScanPlausibility:
 
     def _no_return_code(self, scan: LaserScan) -> LaserScan:
         """The value below range_max that a driver writes for no return becomes infinite."""
-        limit = scan.range_max_m
-        ranges = scan.ranges_m
-        if not math.isfinite(limit) or not len(ranges):
+        limit, ranges = scan.range_max_m, scan.ranges_m
+        if not len(ranges):
             return scan
         inside = ranges[ranges < limit]
         largest = inside.max() if len(inside) else np.float32(0.0)
-        if not largest >= CODE_FRACTION * limit or np.count_nonzero(ranges == largest) < CODE_BEAMS:
+        is_near_limit = math.isfinite(limit) and largest >= CODE_FRACTION * limit
+        self._codes.add(ranges, limit)
+        if is_near_limit and np.count_nonzero(ranges == largest) >= CODE_BEAMS:
+            code, where = float(largest), f", just below range_max {limit:.6g}"
+        elif self._codes.known is not None and (ranges == self._codes.known).any():
+            code, where = self._codes.known, " in scan after scan, far beyond all others"
+        else:
             return scan
         self._note(
             "no_return_code",
-            f"{CODE_BEAMS} beams and more read exactly {float(largest):.6g} m, just below range_max "
-            f"{limit:.6g}: taken as no return",
+            f"{CODE_BEAMS} beams and more read exactly {code:.6g} m{where}: taken as no return",
         )
-        return replace(scan, ranges_m=readonly(np.where(ranges == largest, np.inf, ranges), np.float32))
+        return replace(
+            scan, ranges_m=readonly(np.where(ranges == np.float32(code), np.inf, ranges), np.float32)
+        )
 
     def _note(self, what: str, line: str) -> None:
         if not self._message_counts.counters[f"repaired.scan.{what}"]:
-            self._message_counts.note(f"{self._label}: {line}")
+            self._message_counts.find(f"{self._label}: {line}")
         self._message_counts.count(f"repaired.scan.{what}")

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import (
     AbsolutePose,
-    DepthImage,
     Event,
     Image,
     LaserScan,
     Odometry,
     PointCloud,
     Transform,
-    WheelTicks,
 )
 from gridslam.core.stamps import END_NS
 from gridslam.logs import ordering
@@ -27,11 +26,16 @@ from gridslam.logs.depth_units import DepthUnits
 from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.plausibility import ScanPlausibility
+from gridslam.logs.scan_units import CloudUnits
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
 from gridslam.logs.virtual_scan import VirtualLidar
 from gridslam.logs.wheel_turns import WheelTurns
+
+PEEKED_SCANS = (
+    60  # at the beginning of a stream, by which it is judged before the first scan is given to a method
+)
 
 FileStates: TypeAlias = list[tuple[int, int]]  # size and time of change of each file
 
@@ -163,28 +167,10 @@ def _checked(
     """The items, each event that no method can use replaced by the reason."""
     outliers = {i: ordering.outlier_places(source.streams[i].stamps_ns) for i in kind_of}
     numbers = dict.fromkeys(kind_of, 0)
-    checks = {
-        i: ScanPlausibility(source.streams[i].stamps_ns, source.streams[i].label, message_counts, sweep_s)
-        for i, kind in kind_of.items()
-        if kind == "scan" and with_repairs
-    }
-    units = {
-        i: DepthUnits(source.streams[i].label, message_counts)
-        for i, kind in kind_of.items()
-        if kind == "depth" and with_repairs
-    }
-    turns = {
-        i: WheelTurns(source.streams[i].label, message_counts)
-        for i, kind in kind_of.items()
-        if kind == "wheels" and with_repairs
-    }
+    repairs = _repairs(source, kind_of, message_counts, sweep_s) if with_repairs else {}
     for index, event in items:
-        if isinstance(event, WheelTicks) and index in turns:
-            event = turns[index].repaired(event)
-        elif isinstance(event, LaserScan) and index in checks:
-            event = checks[index].repaired(event)
-        elif isinstance(event, DepthImage) and index in units:
-            event = units[index].repaired(event)
+        if index in repairs and not isinstance(event, Skip):
+            event = repairs[index](event)
         number = numbers[index] = numbers[index] + 1
         reason: SkipReason | None
         detail = ""
@@ -199,6 +185,33 @@ def _checked(
             yield index, Skip(reason, f"{where}: {detail!r}" if detail else where)
         else:
             yield index, event
+
+
+def _repairs(
+    source: Source, kind_of: Mapping[int, str], message_counts: MessageCounts, sweep_s: float | None
+) -> dict[int, Callable[[Any], Event]]:
+    """By stream, what makes events of which contradictions are removed."""
+    found: dict[int, Callable[[Any], Event]] = {}
+    for index, kind in kind_of.items():
+        stream = source.streams[index]
+        if kind == "scan" and stream.kind == "scan":
+            first = _first_scans(source, index)
+            check = ScanPlausibility(stream.stamps_ns, stream.label, message_counts, sweep_s, first)
+            found[index] = check.repaired
+        elif kind == "scan" and stream.kind == "cloud":
+            found[index] = CloudUnits(stream.label, message_counts).repaired
+        elif kind == "depth":
+            found[index] = DepthUnits(stream.label, message_counts).repaired
+        elif kind == "wheels":
+            found[index] = WheelTurns(stream.label, message_counts).repaired
+    return found
+
+
+def _first_scans(source: Source, index: int) -> list[LaserScan]:
+    """The first scans of a stream."""
+    schedule = [index] * len(source.streams[index].stamps_ns)
+    items = islice(source.read(frozenset({index}), schedule), PEEKED_SCANS)
+    return [event for _, event in items if isinstance(event, LaserScan)]
 
 
 def _converted(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:

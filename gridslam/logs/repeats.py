@@ -6,9 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gridslam.core.messages import Event
-from gridslam.logs.clock_steps import clock_epochs
+from gridslam.logs.clock_steps import MIN_STEP_NS, clock_epochs
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream
 
@@ -21,13 +22,19 @@ def is_looped(streams: Sequence[RecordedStream], kind_of: Mapping[int, str]) -> 
     """Whether the scans (or else the densest stream) have the same stamps again after the clocks have jumped back together."""
     used = [i for i in kind_of if len(streams[i].stamps_ns) > 1]
     stamps = [np.asarray(streams[i].stamps_ns, np.int64) for i in used]
-    epochs = clock_epochs(stamps)
+    epochs = clock_epochs(stamps) if len(stamps) > 1 else [_passes(one) for one in stamps]
     scans = [place for place, i in enumerate(used) if kind_of[i] == "scan"]
     for place in scans or [max(range(len(used)), key=lambda k: len(stamps[k]))] if used else []:
         later = epochs[place] > 0
         if later.any() and np.isin(stamps[place][later], stamps[place][~later]).mean() >= MIN_REPEATED:
             return True
     return False
+
+
+def _passes(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The number of jumps back before each stamp `(n,)` of a stream that is alone."""
+    steps_back = np.diff(stamps, prepend=stamps[:1]) < -MIN_STEP_NS
+    return np.cumsum(steps_back)
 
 
 def without_repeats(items: Iterable[Item], message_counts: MessageCounts) -> Iterator[Item]:
@@ -42,7 +49,7 @@ def without_repeats(items: Iterable[Item], message_counts: MessageCounts) -> Ite
             content = _content(event)
             if content in contents:
                 message_counts.count(f"repeated.{kind}")
-                message_counts.note(
+                message_counts.find(
                     "the recording was played in a loop: what had been played before is left out"
                 )
                 continue

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+from gridslam.core.messages import canonical_yaw
+
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # w, x, y, z
 Rigid: TypeAlias = tuple[Vector, Quaternion]
 
+MAX_NORM_ERROR = 0.1  # of a rotation: beyond it the numbers are something else
 JOINT_NOISE_M, JOINT_NOISE_RAD = 1e-4, 1e-3
 IDENTITY: Rigid = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
@@ -87,3 +90,9 @@ def yaw_of(q: Quaternion) -> float:
     """Heading of the turned x axis, in (-pi, pi]."""
     w, x, y, z = q
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def heading_of(q: Quaternion) -> float:
+    """Canonical yaw of a rotation; NaN where the numbers are none, as those of a message that was never filled."""
+    norm = math.sqrt(sum(c * c for c in q))
+    return canonical_yaw(yaw_of(q)) if abs(norm - 1.0) <= MAX_NORM_ERROR else math.nan

@@ -19,6 +19,8 @@ from gridslam.logs.several_sensors import refuse_unknown_places
 from gridslam.logs.streams import RecordedStream, Source
 from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
 
+WORLD_FRAMES = frozenset({"map", "odom", "world", "camera_init"})  # names of frames that stand still
+
 
 @dataclass(frozen=True, slots=True)
 class SensorPlacement:
@@ -52,6 +54,8 @@ def place_sensors(
             f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
         )
     _refuse_unknown_frames(streams, tree, config)
+    _refuse_registered(streams, selection, config)
+    extrinsics.refuse_several_places(edges, lidar_frames, base, config.extrinsics)
     needed = _frames_in_use(streams, selection, tree, config)
     fixed = extrinsics.mount(
         [frame for frame in dict.fromkeys(needed) if frame not in moving],
@@ -147,6 +151,21 @@ def _refuse_unknown_frames(
             has = ", ".join(sorted(sensors or frames)[:8]) or "none"
             raise ConfigError(
                 f"log.extrinsics.{frame}: the log has no such frame; its sensor frames are: {has}"
+            )
+
+
+def _refuse_registered(
+    streams: Sequence[RecordedStream], selection: StreamSelection, config: LogConfig
+) -> None:
+    """Raises ConfigError: clouds or scans are in a frame that does not move with the robot, registered by another program."""
+    fixed = {frame for i, kind in selection.kind_of.items() if kind == "odom" for frame in streams[i].frames}
+    for index, kind in selection.kind_of.items():
+        stream = streams[index]
+        still = [f for f in stream.frames if f in fixed | WORLD_FRAMES and f not in config.extrinsics]
+        if kind == "scan" and still and still[0] != selection.base_frame:
+            raise ConfigError(
+                f"log.topics.scan: {stream.label} is in {still[0]}, which does not move with the robot: another program put it "
+                "there already. Record what the lidar itself sends, or name its topic: log: {topics: {scan: TOPIC}}"
             )
 
 

@@ -38,6 +38,6 @@ class WheelTurns:
         self._last = angles
         if not any(self._turns):
             return ticks
-        self._message_counts.note(f"{self._label}: wheel angles start anew at each turn: turns are added")
+        self._message_counts.find(f"{self._label}: wheel angles start anew at each turn: turns are added")
         left, right = (angle + TURN_RAD * turns for angle, turns in zip(angles, self._turns, strict=True))
         return replace(ticks, left_rad=left, right_rad=right)

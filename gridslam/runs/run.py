@@ -160,7 +160,7 @@ def _run(
             occupancy=result.occupancy if occupancy is None else occupancy,
             truth=truth if truth is not None and len(truth) else None,
             status=status_of(result, is_interrupted=interrupted, is_lossy=is_lossy),
-            is_lossy=is_lossy or bool(result.notes),
+            is_lossy=is_lossy or log.has_findings or bool(result.notes),
             problems=(
                 *log.problems,
                 *result.notes,

@@ -80,15 +80,15 @@ def _as_one(runs: Sequence[Run]) -> Run:
         skipped_by_reason=_sum([run.counts.skipped_by_reason for run in runs]),
         lost=_sum([run.counts.lost for run in runs]),
     )
-    is_lossy = any(run.is_lossy for run in runs)
+    has_losses = any(run.status == "lossy" for run in runs)
     return replace(
         last,
         inputs=inputs,
         given={option: name for option, name in last.given.items() if option != "continue"},
         earlier_logs=tuple(run.log_path for run in runs[:-1]),
         truth=_truth_of(runs),
-        status="lossy" if is_lossy and last.status == "complete" else last.status,
-        is_lossy=is_lossy,
+        status="lossy" if has_losses and last.status == "complete" else last.status,
+        is_lossy=any(run.is_lossy for run in runs),
         problems=tuple(f"{run.log_path.name}: {problem}" for run in runs for problem in run.problems),
         counts=counts,
         read_s=sum(run.read_s for run in runs),

@@ -14,6 +14,7 @@ from gridslam.cli.main import main
 from gridslam.core.messages import LaserScan, Odometry, Transform
 from gridslam.logs.mcap.writer import McapWriter
 from tests.logs.mutations import SCANS, sample_csv, sample_mcap
+from tests.logs.ros_samples import scan, tf, transform, write_mcap
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -239,3 +240,25 @@ def test_seconds_that_no_log_has_are_refused(
         code, _, err = run(capsys, "convert", log, tmp_path / "out.mcap", f"{option}={seconds}")
         assert (code, err.count("\n")) == (2, 1), err
         assert list(tmp_path.glob("out*")) == []
+
+
+def test_info_says_what_contradicts_itself_and_strict_forbids_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    messages = [("/scan", scan(k * 10**9, np.ones(21), angle_increment=0.2)) for k in range(1, 9)]
+    path = write_mcap(tmp_path / "a.mcap", messages)
+    code, _, err = run(capsys, "info", path)
+    assert code == 0
+    assert "contradicts angle_min, angle_max" in err
+    assert run(capsys, "info", path, "--strict")[0] == 3
+    good = write_mcap(
+        tmp_path / "b.mcap", [("/tf_static", tf(transform(0, "base_link", "laser", (0.1, 0, 0))))]
+    )
+    assert run(capsys, "info", good, "--strict")[0] == 0
+
+
+def test_info_says_what_a_run_would_ask_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    messages = [(topic, scan(k * 10**9)) for k in range(1, 5) for topic in ("/a", "/b")]
+    code, _, err = run(capsys, "info", write_mcap(tmp_path / "a.mcap", messages))
+    assert code == 0
+    assert "a run would end with this: log.topics.scan" in err

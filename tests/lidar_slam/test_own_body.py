@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Transform, readonly
-from gridslam.lidar_slam.own_body import find_own_bodies
+from gridslam.lidar_slam.own_body import LaterBodies, find_own_bodies
 from tests.lidar_slam.test_odometry_check import checked
 from tests.methods.slam_sd import hall
 
@@ -96,3 +96,20 @@ def test_walls_beside_a_robot_that_stands_for_half_of_the_log_are_no_body() -> N
     near = replace(scan, ranges_m=readonly(np.minimum(scan.ranges_m, 0.6), np.float32))
     still = [replace(near, stamp_ns=scan.stamp_ns - k) for k in range(len(events), 0, -1)]
     assert not find_own_bodies([*still, *(e for e in events if isinstance(e, LaserScan))])
+
+
+@pytest.mark.parametrize("lidars", [("laser",), ("front", "rear")])
+def test_a_load_that_comes_later_is_found_by_each_lidar_that_sees_it(lidars: tuple[str, ...]) -> None:
+    rng, later, found = np.random.default_rng(5), LaterBodies(), []
+    for k, scan in enumerate([*scans(rng, None), *scans(rng, slice(100, 112))]):
+        for lidar in lidars:
+            body = later.found_in(replace(scan, frame_id=lidar), 0.3 * k)
+            found += [] if body is None else [(k, body.beams.frame_id)]
+    assert [lidar for _, lidar in found[: len(lidars)]] == list(lidars)
+    assert all(60 < k < 85 for k, _ in found[: len(lidars)])
+
+
+def test_beside_a_straight_drive_a_wall_is_no_load() -> None:
+    later = LaterBodies()
+    given = scans(np.random.default_rng(6), slice(100, 112))
+    assert all(later.found_in(scan, 0.01 * k) is None for k, scan in enumerate(given))

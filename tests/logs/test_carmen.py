@@ -14,6 +14,7 @@ from gridslam.logs import LogConfig, open_log
 from gridslam.logs.carmen.lines import beam_angles
 from gridslam.logs.convert import convert_log
 from tests.logs.mutations import sample_carmen
+from tests.small_log import wall_ranges
 
 FLASER = "FLASER 3 1.0 2.0 3.0 0.5 0.1 0.2 0.5 0.1 0.2 {time} host 0.5"
 ODOM = "ODOM 9 9 0 0.25 0.5 0 {time} host 0.5"
@@ -205,3 +206,18 @@ def test_an_empty_list_of_topics_leaves_the_odometry_out(tmp_path: Path) -> None
     chosen = LogConfig.model_validate({"topics": {"odom": []}})
     with open_log(written(tmp_path, FLASER.format(time=1)), chosen, ["scan", "odom"]) as log:
         assert not any(isinstance(e, Odometry) for e in log.events())
+
+
+def test_the_width_of_a_laser_that_says_none_follows_from_the_turns(tmp_path: Path) -> None:
+    bearings = np.radians(np.linspace(-135.0, 135.0, 541))
+    lines = []
+    for k in range(40):
+        yaw = 0.15 * k
+        ranges = " ".join(f"{r:.2f}" for r in wall_ranges(1.0, 0.5, yaw + bearings))
+        lines.append(f"FLASER 541 {ranges} 1.0 0.5 {yaw:.4f} 1.0 0.5 {yaw:.4f} {1000 + k} host 0")
+    with open_log(written(tmp_path, *lines), kinds=["scan", "odom"]) as log:
+        (first, *_) = (e for e in log.events() if isinstance(e, LaserScan))
+        assert any("by the robot's turns they are 270 degrees wide" in line for line in log.problems)
+        assert log.has_findings
+    assert first.angle_min_rad == pytest.approx(math.radians(-135.0))
+    assert first.angle_increment_rad == pytest.approx(math.radians(0.5))

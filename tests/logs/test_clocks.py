@@ -84,3 +84,37 @@ def test_scans_without_odometry_at_their_time_are_an_error_with_both_spans() -> 
 def test_a_partial_overlap_is_noted_and_a_full_one_is_not() -> None:
     assert "covers 40% of the scans" in overlap(ARRIVALS - 7 * S, ARRIVALS)[0]
     assert not overlap(ARRIVALS, ARRIVALS[20:])
+
+
+@pytest.mark.parametrize("kind", ["scan", "odom"])
+def test_stamps_that_say_nothing_now_and_then_are_filled_in(kind: str) -> None:
+    stamps = ARRIVALS - DELAY
+    stamps[::2] = 0
+    (found,), counts = repaired(stream(kind, stamps))
+    assert (found == ARRIVALS - DELAY).all()
+    assert "50 stamps are 0" in counts.problems[0]
+    assert counts.has_findings
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        np.full(100, START),  # all the same
+        ARRIVALS // S * S,  # whole seconds
+        ARRIVALS // S * S + ARRIVALS % S // 1000,  # microseconds as nanoseconds
+        START + (ARRIVALS - START) // (4 * S // 10) * (4 * S // 10),  # bursts of four
+    ],
+)
+def test_stamps_that_are_no_times_are_replaced(stamps: np.ndarray) -> None:
+    (found,), counts = repaired(stream("scan", stamps))
+    assert len(set(np.diff(found))) == 1
+    assert len(counts.problems) == 1
+    with pytest.raises(LogError, match="row_stamps"):
+        repaired(stream("scan", ARRIVALS // S * S, None))
+
+
+def test_arrivals_in_bursts_leave_even_stamps_alone() -> None:
+    bursts = START + (ARRIVALS - START) // S * S + DELAY
+    (found,), counts = repaired(stream("scan", ARRIVALS, bursts))
+    assert (found == ARRIVALS).all()
+    assert not counts.problems

@@ -319,3 +319,12 @@ def test_a_stream_without_rows_is_an_empty_stream(tmp_path: Path) -> None:
     with open_log(folder(tmp_path, scan=SCAN, odom=ODOM)) as log:
         assert [e for e in log.events() if not isinstance(e, Transform)] == []
         assert {info.kind: info.count for info in log.streams} == {"scan": 0, "odom": 0}
+
+
+def test_a_table_of_its_own_is_read_by_the_layout_of_the_config(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t;x;y;th\n1;2;3;0.5\n2;3;3;0.5\n")
+    columns = {"stamp": "t", "yaw": "th"}
+    layout = {"streams": [{"kind": "odom", "file": "run.csv", "delimiter": ";", "columns": columns}]}
+    with open_log(tmp_path / "run.csv", LogConfig.model_validate({"csv": layout}), ["odom"]) as log:
+        assert [e.x_m for e in log.events() if isinstance(e, Odometry)] == [2.0, 3.0]
+        assert list(log.input_hashes()) == ["run.csv"]

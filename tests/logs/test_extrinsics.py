@@ -16,7 +16,10 @@ from gridslam.logs.config import ExtrinsicsConfig, LogConfig
 from gridslam.logs.extrinsics import mount, usable
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
+from tests.logs.ros_samples import odometry, scan, tf, transform, write_mcap
 from tests.small_log import write_small_log
+
+S = 10**9
 
 angle = st.floats(-3.1, 3.1)
 length = st.floats(-5.0, 5.0)
@@ -121,3 +124,34 @@ def test_extrinsics_of_a_frame_that_the_log_lacks_are_an_error(tmp_path: Path) -
     folder = write_small_log(tmp_path / "log")
     with pytest.raises(ConfigError, match=r"log\.extrinsics\.lasr: the log has no such frame; .* laser"):
         open_log(folder, LogConfig(extrinsics={"lasr": ExtrinsicsConfig(x=1.0)}))
+
+
+@pytest.mark.parametrize("other", [("base_link", (0.1, 0.0, 0.0)), ("camera", (0.0, 0.0, 0.0))])
+def test_transforms_of_a_lidar_that_contradict_each_other_are_refused_and_the_advice_works(
+    tmp_path: Path, other: tuple[str, tuple[float, float, float]]
+) -> None:
+    messages = [
+        ("/tf_static", tf(transform(0, "base_link", "laser", (0.25, 0.0, 0.0)))),
+        ("/tf_static", tf(transform(0, other[0], "laser", other[1]))),
+        ("/odom", odometry(S)),
+        ("/scan", scan(S)),
+    ]
+    path = write_mcap(tmp_path / "a.mcap", messages)
+    with pytest.raises(ConfigError, match=r"contradict each other.*log: \{extrinsics: \{laser: \{x: 0.0"):
+        open_log(path, kinds=["scan", "odom"])
+    config = LogConfig.model_validate({"extrinsics": {"laser": {"x": 0.0, "y": 0.0, "yaw": 0.0}}})
+    with open_log(path, config, ["scan", "odom"]) as log:
+        assert log.sensor_extrinsics[0].translation_m == (0.0, 0.0, 0.0)
+
+
+def test_a_transform_that_is_repeated_contradicts_nothing(tmp_path: Path) -> None:
+    fixed = ("/tf_static", tf(transform(0, "base_link", "laser", (0.25, 0.0, 0.0))))
+    path = write_mcap(tmp_path / "a.mcap", [fixed, fixed, ("/odom", odometry(S)), ("/scan", scan(S))])
+    with open_log(path, kinds=["scan", "odom"]) as log:
+        assert not log.has_findings
+
+
+def test_scans_in_a_frame_that_stands_still_are_refused(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", [("/odom", odometry(S)), ("/scan", scan(S, frame="odom"))])
+    with pytest.raises(ConfigError, match="is in odom, which does not move with the robot"):
+        open_log(path, kinds=["scan", "odom"])

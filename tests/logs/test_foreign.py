@@ -13,11 +13,11 @@ from gridslam.logs.open import open_log
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5, which is not read: write its data sets, for example with h5py"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5 that cannot be read"),
         ("a.zip", b"PK\x03\x04" + bytes(99), "unpack it"),
         ("a.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "a MAT-file"),
         ("a.pcap", b"\xd4\xc3\xb2\xa1" + bytes(99), "replay them with the lidar's driver"),
-        ("laser.csv", b"time,r0,r1,r2\n1,2,3,4\n", "a table alone: put it into a folder of CSV files"),
+        ("laser.csv", b"time,r0,r1,r2\n1,2,3,4\n", "a table alone: name its columns in the config"),
         ("laser.txt", b"1.5 2.0 3.0 4.0\n", "a table alone"),
         ("letter.txt", b"Dear all,\n", "no log of a known format"),
         ("empty.csv", b"", "empty; readable are"),

@@ -23,7 +23,7 @@ EXAMPLES = [
 
 
 def test_every_example_is_valid() -> None:
-    assert len(EXAMPLES) == 4
+    assert len(EXAMPLES) == 5
     for example in EXAMPLES:
         if "log" in example:
             LogConfig.model_validate(example["log"])

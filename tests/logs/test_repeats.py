@@ -38,3 +38,9 @@ def test_a_clock_that_was_set_back_repeats_nothing(tmp_path: Path) -> None:
 def test_a_conversion_keeps_both_passes(tmp_path: Path) -> None:
     with open_log(looped(tmp_path / "a.mcap", 0)) as log:
         assert sum(isinstance(e, LaserScan) for e in log.events()) == 20
+
+
+def test_a_looped_playback_of_scans_alone_is_read_once(tmp_path: Path) -> None:
+    messages = [("/scan", scan(i * S)) for _ in range(2) for i in range(10, 20)]
+    with open_log(write_mcap(tmp_path / "a.mcap", messages), kinds=["scan"]) as log:
+        assert sum(isinstance(e, LaserScan) for e in log.events()) == 10

@@ -157,7 +157,7 @@ def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
     stamp = parse_stamp(words[-3].decode("ascii", "replace"))
     if stamp is None:
         return SkipReason.BAD_STAMP
-    start, _, resolution, range_max = parse_numbers(words[2:6])
+    start, width, resolution, range_max = parse_numbers(words[2:6])
     ranges = readonly(parse_numbers(words[9 : count + 9]), np.float32)
     tail = parse_numbers(words[-14:-3]) if has_poses else [0.0] * 11
     if not math.isfinite(sum(tail)):
@@ -168,7 +168,7 @@ def _robot_laser(words: list[bytes], has_poses: bool) -> LaserLine | SkipReason:
         laser_pose=(tail[0], tail[1], tail[2]),
         robot_pose=(tail[3], tail[4], tail[5]) if has_poses else None,
         velocity=(tail[6], tail[7]),
-        geometry=(start, resolution, range_max),
+        geometry=(start, resolution or width / max(count - 1, 1), range_max),
     )
 
 

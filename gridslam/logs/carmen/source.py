@@ -18,6 +18,7 @@ import numpy as np
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32
 from gridslam.core.texts import parse_number
+from gridslam.core.turned_pairs import TurnedPairs
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import (
     LASERS,
@@ -39,6 +40,8 @@ from gridslam.logs.text import TextLines, packing_of
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
 SICK_BEAMS = (90, 91, 180, 181, 360, 361, 720, 721)  # of the lasers of these logs, 180 degrees wide
 MIN_BEAMS = 60  # fewer are left of thinned scans, of whatever laser
+USUAL_WIDTHS_DEG, USUAL_STEPS_DEG = (180.0, 190.0, 240.0, 270.0), (0.25, 0.5, 1.0)
+MIN_WIDTH_DEG = 90.0
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
 # A largest reading that makes up this share of all readings is no distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
@@ -59,6 +62,7 @@ class _LaserIndex:
     offset_varies: bool = False
     has_poses: bool = True
     beams: int = 0  # of the first line without angles of its own
+    turned: TurnedPairs = field(default_factory=TurnedPairs)
     stamps: array[int] = field(default_factory=lambda: array("q"))
 
 
@@ -81,6 +85,7 @@ class CarmenSource:
         self._scan_of: dict[bytes, int] = {}
         self._odometry_of: dict[bytes, int] = {}
         self._range_max: dict[bytes, float] = {}
+        self._width_deg: dict[bytes, float | None] = {}
         named = config.topics.get("odom")
         self._odometry_topic = named if isinstance(named, str) else None
         self._index()
@@ -171,15 +176,9 @@ class CarmenSource:
                 "scan", word.decode(), "CARMEN " + word.decode(), stamps_ns=index.stamps, frames={frame: None}
             )
         )
-        if (
-            index.beams >= MIN_BEAMS
-            and index.beams not in SICK_BEAMS
-            and self._config.field_of_view_deg is None
-        ):
-            self.message_counts.note(
-                f"{word.decode()}: lines of {index.beams} beams hold no angles: taken as 180 degrees wide; "
-                f"for another lidar set log.carmen.field_of_view_deg ({index.beams - 1} for beams at 1 degree)"
-            )
+        self._width_deg[word] = self._config.field_of_view_deg
+        if index.beams >= MIN_BEAMS and self._config.field_of_view_deg is None:
+            self._find_width(word, index)
         piled = index.at_largest >= max(10, _MIN_PILED_FRACTION * index.readings)
         found = index.largest if piled else DEFAULT_RANGE_MAX_M
         self._range_max[word] = as_float32(self._config.range_max_m or found)
@@ -191,6 +190,24 @@ class CarmenSource:
             return  # where the laser sits is not known: `Log` says so
         pose = (x, y, 0.0), rotations.from_euler(0.0, 0.0, yaw)
         self.static_edges.append(Transform(0, "base_link", frame, *pose, is_static=True))
+
+    def _find_width(self, word: bytes, index: _LaserIndex) -> None:
+        """Find the field of view of a laser whose lines hold no angles, by the robot's turns, and say what is taken."""
+        _, assumed = beam_angles(index.beams)
+        intervals = index.beams - 1
+        others = [math.radians(width) / intervals for width in _widths_deg(index.beams)]
+        step = index.turned.better_step(index.beams, assumed, others)
+        what = f"{word.decode()}: lines of {index.beams} beams hold no angles"
+        if step is not None:
+            found = self._width_deg[word] = math.degrees(step * intervals)
+            self.message_counts.find(
+                f"{what}: by the robot's turns they are {found:.4g} degrees wide; log.carmen.field_of_view_deg sets another width"
+            )
+        elif index.beams not in SICK_BEAMS:
+            self.message_counts.find(
+                f"{what}: taken as 180 degrees wide; for another lidar set log.carmen.field_of_view_deg "
+                f"({index.beams - 1} for beams at 1 degree)"
+            )
 
     def _add_odometry(self, found: dict[bytes, _LaserIndex], odom: array[int]) -> None:
         """Add the odometry: that of the main laser's lines, or ODOM lines if there is no laser or the config names them."""
@@ -225,7 +242,7 @@ class CarmenSource:
             angle_min, increment, range_max = laser.geometry
             range_max = self._config.range_max_m or range_max
         else:
-            angle_min, increment = beam_angles(count, self._config.field_of_view_deg)
+            angle_min, increment = beam_angles(count, self._width_deg[word])
             range_max = self._range_max[word]
         return LaserScan(
             laser.stamp_ns,
@@ -236,6 +253,16 @@ class CarmenSource:
             range_min_m=0.0,
             range_max_m=as_float32(range_max),
         )
+
+
+def _widths_deg(beams: int) -> list[float]:
+    """Usual angles (deg) from the first to the last of the beams: those of models, of whole circles, and of usual steps."""
+    widths = [
+        *USUAL_WIDTHS_DEG,
+        360.0 * (beams - 1) / beams,
+        *(step * (beams - 1) for step in USUAL_STEPS_DEG),
+    ]
+    return [width for width in widths if MIN_WIDTH_DEG <= width <= 360.0]
 
 
 def _batches(lines: Iterable[tuple[int, bytes]]) -> Iterator[list[tuple[int, bytes]]]:
@@ -263,8 +290,10 @@ def _note_laser(index: _LaserIndex, laser: LaserLine) -> None:
         index.largest, index.at_largest = largest, 0
     if largest == index.largest:
         index.at_largest += int(np.count_nonzero(laser.ranges == largest))
-    if laser.geometry is None and not index.beams:
-        index.beams = len(laser.ranges)
+    if laser.geometry is None:
+        index.beams = index.beams or len(laser.ranges)
+        if laser.robot_pose is not None:
+            index.turned.add(laser.robot_pose, laser.ranges)
     if index.offset_varies:
         return
     if laser.robot_pose is None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from gridslam.core.messages import Odometry, Transform, canonical_yaw
+from gridslam.core.messages import Odometry, Transform
 from gridslam.logs.csv.fields import number_field
 from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.row import Row
 from gridslam.logs.ros.encoded import Encoded, single_message, with_header, write_planar_pose
 from gridslam.logs.ros.fields import frame_name, valid_head, yaw_of_orientation
-from gridslam.logs.rotations import yaw_of
+from gridslam.logs.rotations import heading_of
 from gridslam.logs.skips import SkipReason
 
 _NO_COVARIANCE = (0.0,) * 36
@@ -53,14 +53,14 @@ def from_pose_stamped(message: Any, topic: str) -> Odometry:
 def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Odometry:
     """Odometry from a decoded foxglove.PoseInFrame; its velocities are unknown (NaN)."""
     position, q = message.pose.position, message.pose.orientation
-    yaw = canonical_yaw(yaw_of((float(q.w), float(q.x), float(q.y), float(q.z))))
+    yaw = heading_of((float(q.w), float(q.x), float(q.y), float(q.z)))
     return Odometry(stamp_ns, frame, float(position.x), float(position.y), yaw)
 
 
 def from_transform(transform: Transform) -> Odometry:
     """Odometry from a transform T_odom_base; its velocities are unknown (NaN)."""
     x, y, _ = transform.translation_m
-    yaw = canonical_yaw(yaw_of(transform.quat_wxyz))
+    yaw = heading_of(transform.quat_wxyz)
     return Odometry(
         transform.stamp_ns, transform.frame_id, x, y, yaw, child_frame_id=transform.child_frame_id
     )

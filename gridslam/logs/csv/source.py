@@ -1,10 +1,10 @@
-"""A folder of CSV files as a source of streams."""
+"""Tables as a source of streams: a folder of CSV files, or the data sets of an HDF5 file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from pydantic import ValidationError
 
@@ -20,28 +20,51 @@ from gridslam.logs.csv.table import CsvTable
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip
 from gridslam.logs.streams import RecordedStream
+from gridslam.logs.text import TextLines
 
 LAYOUT_FILE = "log.yaml"
-LOG_ENDINGS = (".mcap", ".db3", ".bag", ".clf", ".clf.gz", ".clf.bz2", ".log", ".log.gz", ".log.bz2")
+LOG_ENDINGS = (
+    ".mcap",
+    ".db3",
+    ".bag",
+    ".h5",
+    ".hdf5",
+    ".clf",
+    ".clf.gz",
+    ".clf.bz2",
+    ".log",
+    ".log.gz",
+    ".log.bz2",
+)
 _MAX_NAMED = 5
 
+OpenTable: TypeAlias = Callable[[CsvStream], tuple[Path, Iterable[tuple[int, bytes]]]]  # its place, its lines
 
-class CsvSource:
-    """One stream per file, by log.yaml (in the folder, or given by the config) or by the default file names."""
 
-    format = "CSV folder"
+class TableSource:
+    """Tables as streams. `open_table` gives the lines of one, `files` are those that are read, `layout` says what they hold."""
+
     compression = "none"
     order: Literal["recorded", "stamp"] = "recorded"
 
-    def __init__(self, folder: Path, config: LogConfig) -> None:
-        self.message_counts = MessageCounts()
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        layout: CsvLayout,
+        open_table: OpenTable,
+        message_counts: MessageCounts,
+        files: Sequence[Path],
+    ) -> None:
+        self.format = name
+        self.message_counts = message_counts
         self.streams: list[RecordedStream] = []
         self.static_edges: list[Transform] = []
-        self.files: list[Path] = []
+        self.files = list(files)
+        self._path = path
         self._tables: list[CsvTable] = []
-        layout = self._layout(folder, config)
-        for stream in layout.streams if "streams" in layout.model_fields_set else _found_streams(folder):
-            self._add(folder, stream, config.limits.line_mb << 20)
+        for stream in layout.streams:
+            self._add(stream, open_table)
         self.base_frame = layout.base_frame
         self._add_extrinsics(layout)
 
@@ -56,28 +79,9 @@ class CsvSource:
             if event is not None:
                 yield index, event
 
-    def _layout(self, folder: Path, config: LogConfig) -> CsvLayout:
-        if isinstance(config.csv, CsvLayout):
-            return config.csv
-        path = config.csv or folder / LAYOUT_FILE
-        if config.csv is None and not path.is_file():
-            return CsvLayout()
-        if config.csv is None and path_inside(folder, LAYOUT_FILE) is None:
-            raise LogError(f"{path}: a link that leads out of the log's folder; put a copy in its place")
-        if path.parent == folder:
-            self.files.append(path)
-        try:
-            return CsvLayout.model_validate(read_yaml(path))
-        except ValidationError as error:
-            raise config_error(error, CsvLayout, str(path)) from None
-
-    def _add(self, folder: Path, stream: CsvStream, line_limit_bytes: int) -> None:
-        path = path_inside(folder, stream.file)
-        if path is None:
-            raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
-        if not path.is_file():
-            raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
-        table = CsvTable(folder, path, stream, self.message_counts, line_limit_bytes)
+    def _add(self, stream: CsvStream, open_table: OpenTable) -> None:
+        path, lines = open_table(stream)
+        table = CsvTable(self._path, path, stream, self.message_counts, lines)
         stamps, frames = table.index()
         child = (stream.child_frame or "base_link") if stream.kind == "odom" else ""
         detail = ""
@@ -91,7 +95,7 @@ class CsvSource:
                 stream.kind, topic, "CSV", detail=detail, stamps_ns=stamps, frames=frames, child_frame=child
             )
         )
-        if path not in self.files:
+        if path.is_file() and path not in self.files:
             self.files.append(path)
 
     def _add_extrinsics(self, layout: CsvLayout) -> None:
@@ -101,6 +105,58 @@ class CsvSource:
             self.static_edges.append(
                 Transform(0, m.parent or base, frame, (m.x, m.y, m.z), rotation, is_static=True)
             )
+
+
+def open_csv_folder(folder: Path, config: LogConfig) -> TableSource:
+    """One stream per file, by log.yaml (in the folder, or given by the config) or by the default file names."""
+    counts = MessageCounts()
+    files = [config.csv] if isinstance(config.csv, Path) and config.csv.parent == folder else []
+    layout = given_layout(config) or CsvLayout()
+    if config.csv is None and (own := folder / LAYOUT_FILE).is_file():
+        if path_inside(folder, LAYOUT_FILE) is None:
+            raise LogError(f"{own}: a link that leads out of the log's folder; put a copy in its place")
+        layout, files = _read_layout(own), [own]
+    if "streams" not in layout.model_fields_set:
+        layout = layout.model_copy(update={"streams": _found_streams(folder)})
+
+    def open_table(stream: CsvStream) -> tuple[Path, TextLines]:
+        path = path_inside(folder, stream.file)
+        if path is None:
+            raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
+        if not path.is_file():
+            raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
+        return path, TextLines(path, counts, config.limits.line_mb << 20)
+
+    return TableSource("CSV folder", folder, layout, open_table, counts, files)
+
+
+def open_hdf5(path: Path, config: LogConfig) -> TableSource:
+    """One stream per group or data set of an HDF5 file, by the layout of the config or by groups named like kinds."""
+    from gridslam.logs.csv.hdf5_rows import Hdf5Rows, datasets_of, streams_of
+
+    datasets = datasets_of(path)
+    layout = given_layout(config) or CsvLayout()
+    if "streams" not in layout.model_fields_set:
+        layout = layout.model_copy(update={"streams": streams_of(path, datasets)})
+
+    def open_table(stream: CsvStream) -> tuple[Path, Hdf5Rows]:
+        return path / stream.file.strip("/"), Hdf5Rows(path, stream, datasets)
+
+    return TableSource("HDF5", path, layout, open_table, MessageCounts(), [path])
+
+
+def given_layout(config: LogConfig) -> CsvLayout | None:
+    """The layout of tables that the config gives, or names by its path."""
+    if config.csv is None or isinstance(config.csv, CsvLayout):
+        return config.csv
+    return _read_layout(config.csv)
+
+
+def _read_layout(path: Path) -> CsvLayout:
+    try:
+        return CsvLayout.model_validate(read_yaml(path))
+    except ValidationError as error:
+        raise config_error(error, CsvLayout, str(path)) from None
 
 
 def _found_streams(folder: Path) -> list[CsvStream]:

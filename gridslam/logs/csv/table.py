@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from gridslam.core.errors import LogError
@@ -16,7 +16,6 @@ from gridslam.logs.csv.row import Row, TableColumns
 from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
-from gridslam.logs.text import TextLines
 
 _FACTORS: dict[str, Callable[[float], float]] = {
     "m": float,
@@ -51,7 +50,7 @@ class CsvTable:
         path: Path,
         stream: CsvStream,
         message_counts: MessageCounts,
-        line_limit_bytes: int,
+        lines: Iterable[tuple[int, bytes]],
     ) -> None:
         self.stream = stream
         self.path = path
@@ -67,7 +66,7 @@ class CsvTable:
             frame_falls_back=stream.frame is None,
         )
         self._message_counts = message_counts
-        self._lines = TextLines(path, message_counts, line_limit_bytes)
+        self._lines = lines
         self._is_indexing = False
         self._unreadable = array("q")  # lines where events begin that the index has found unreadable
         self._width = 0

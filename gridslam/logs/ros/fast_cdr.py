@@ -6,21 +6,20 @@ else goes the general way.
 
 from __future__ import annotations
 
-import math
 import struct
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
-from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform, canonical_yaw
+from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform
 from gridslam.core.stamps import NS_PER_S, join_stamp
 from gridslam.logs.codecs.imu import measured, rate_or_zero
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.ros.cdr import CdrReader
 from gridslam.logs.ros.fields import frame_name
 from gridslam.logs.ros.joints import JointState
-from gridslam.logs.rotations import yaw_of
+from gridslam.logs.rotations import heading_of
 
 _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id
 _SCAN = struct.Struct(
@@ -98,8 +97,7 @@ def odometry(data: bytes) -> Odometry:
     at += -(at - 4) % 8
     x, y, _, qx, qy, qz, qw = _POSE.unpack_from(data, at)
     vx, _, _, _, _, wz = _TWIST.unpack_from(data, at + _POSE.size + _COVARIANCE)
-    is_set = qw or qx or qy or qz
-    yaw = canonical_yaw(yaw_of((qw, qx, qy, qz))) if is_set else math.nan
+    yaw = heading_of((qw, qx, qy, qz))
     frame = frame_text(data[16 : 15 + length] if length else b"")
     return Odometry(
         seconds * NS_PER_S + nanoseconds,

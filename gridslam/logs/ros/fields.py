@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from gridslam.core.messages import canonical_yaw
 from gridslam.core.stamps import join_stamp
-from gridslam.logs.rotations import yaw_of
+from gridslam.logs.rotations import heading_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
@@ -36,6 +34,7 @@ def valid_head(message: Any) -> tuple[int, str]:
 
 
 def yaw_of_orientation(orientation: Any) -> float:
-    """Canonical yaw (rad) of a geometry_msgs/Quaternion; NaN where it is zero, which means that it was never set."""
-    quaternion = (orientation.w, orientation.x, orientation.y, orientation.z)
-    return canonical_yaw(yaw_of(quaternion)) if any(quaternion) else math.nan
+    """Canonical yaw (rad) of a geometry_msgs/Quaternion; NaN where it is no rotation, as zeros that were never set."""
+    return heading_of(
+        (float(orientation.w), float(orientation.x), float(orientation.y), float(orientation.z))
+    )

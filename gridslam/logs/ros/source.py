@@ -51,7 +51,7 @@ class RosSource:
         self.files = files
         self.message_counts = message_counts
         self.streams: list[RecordedStream] = []
-        self._static: dict[str, Transform] = {}
+        self._static: dict[str, list[Transform]] = {}  # by child: of each the first and the last that differs
         self._container = container
         self._config = config
         self._decoders: dict[int, ChannelDecoder] = {}
@@ -63,8 +63,8 @@ class RosSource:
 
     @property
     def static_edges(self) -> list[Transform]:
-        """The last static transform to each frame."""
-        return list(self._static.values())
+        """The last static transform to each frame; before it the first one, where that says something else."""
+        return list(chain.from_iterable(self._static.values()))
 
     @property
     def message_count(self) -> int:
@@ -179,12 +179,20 @@ class RosSource:
         is_static = decoder.topic.endswith("tf_static")
         for transform in decoder.transforms(data, is_static):
             if is_static:
-                self._static[transform.child_frame_id] = transform
+                self._index_static(transform)
             elif transform.stamp_ns < 0:
                 self._skip(decoder, SkipReason.BAD_STAMP, number)
             else:
                 self._index_moving(decoder, transform, number)
         return _SKIPPED if is_static else _TRANSFORMS
+
+    def _index_static(self, transform: Transform) -> None:
+        """Keep a static transform; of several to one child the first, and the last that says something else."""
+        known = self._static.setdefault(transform.child_frame_id, [])
+        if known and _says_the_same(known[0], transform):
+            known[0] = transform
+        else:
+            known[1 if known else 0 :] = [transform]
 
     def _index_moving(self, decoder: ChannelDecoder, transform: Transform, number: int) -> None:
         """Enter a transform of /tf into the stream of its two frames."""
@@ -243,6 +251,14 @@ class RosSource:
                 return index
         self.streams.append(RecordedStream(*key))
         return len(self.streams) - 1
+
+
+def _says_the_same(a: Transform, b: Transform) -> bool:
+    """Whether two transforms to one child have the same parent, and poses that differ by no more than noise."""
+    one, other = normalise(a.quat_wxyz), normalise(b.quat_wxyz)
+    if a.frame_id != b.frame_id or one is None or other is None:
+        return a.frame_id == b.frame_id and one is other
+    return is_same((a.translation_m, one), (b.translation_m, other))
 
 
 def _event(decoder: ChannelDecoder, data: bytes, servos: Servos) -> Event | Skip:

@@ -133,7 +133,7 @@ def _by_time(parts: list[_Part], message_counts: MessageCounts) -> list[_Part]:
     known = [span[0] for span in spans if span is not None]
     if len(known) < len(parts) or sorted(known) == known:
         return parts
-    message_counts.note("the parts of the recording are named in another order than recorded: sorted by time")
+    message_counts.find("the parts of the recording are named in another order than recorded: sorted by time")
     return [part for _, part in sorted(zip(known, parts, strict=True), key=lambda pair: pair[0])]
 
 

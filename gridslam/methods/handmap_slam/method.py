@@ -106,6 +106,7 @@ class HandmapSlam:
         self.process_at_once()
         for placed in self._scan_tracker.flush():
             self._add_scan(placed)
+        self._scan_tracker.refuse_without_readings()
         key_scans = self._scan_tracker.key_scans
         if not key_scans:
             return RunResult(Trajectory.empty(), counters=self._counters())

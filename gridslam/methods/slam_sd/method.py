@@ -126,6 +126,7 @@ class SlamSd:
             self._process(event)
         for placed in self._tracker.flush():
             self._process_scan(placed)
+        self._tracker.refuse_without_readings()
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
         self._objects.finish(self._filter.best_trajectory)
