@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.logs.imu_gravity import vertical_by_gravity
+from gridslam.logs.imu_readings import MAX_GAP_S, ImuReadings, OdometryReference, Stamps
+
 Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 MIN_MEASURED = 0.9  # of the readings: an orientation or acceleration that is there less often is none
 MAX_NORM_ERROR = 0.02  # of a quaternion
@@ -28,29 +30,7 @@ MAX_MOUNT_TILT_RAD = math.radians(15.0)  # of the IMU on the robot beyond its kn
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
 # Tilts of 95 % of the readings below these change no scan by more than its noise, or are that of the estimate itself.
 MIN_SWAY_RAD, MIN_SWAY_BY_GRAVITY_RAD = math.radians(0.6), math.radians(1.2)
-GRAVITY_WINDOW_S = 10.0  # over which the specific force is averaged: a robot's accelerations cancel out
 UPSIDE_DOWN = "it is upside down, and no transform to the base says so"
-MAX_GAP_S = 0.2  # a longer gap between readings says nothing of the tilt within
-
-
-@dataclass(frozen=True, slots=True)
-class ImuReadings:
-    """`stamps_ns` int64 `(n,)`, ascending; quaternions w, x, y, z `(n, 4)`, turn rates `(n, 3)` (rad/s) and specific forces
-    `(n, 3)` (m/s^2) in the sensor's frame, NaN where not measured.
-    """
-
-    stamps_ns: Stamps
-    quats: Floats
-    rates: Floats
-    forces: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class YawReference:
-    """Headings `(n,)` (rad) of the odometry at `stamps_ns` `(n,)`."""
-
-    stamps_ns: Stamps
-    yaws: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +57,7 @@ class UntrustedImuError(Exception):
     """The IMU does not know the vertical; the message says why."""
 
 
-def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: YawReference | None) -> Verticals:
+def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> Verticals:
     """The verticals by the orientation, or by the specific force where there is no orientation that can be trusted.
 
     Raises UntrustedImuError.
@@ -94,7 +74,9 @@ def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: YawReferen
         remarks.append(f"its orientation is not used: {error}")
         up, by_gravity = None, True
     if up is None:
-        up = _by_gravity(readings, forces, remarks)
+        if forces is None or not readings.rates[:, :2].any():
+            raise UntrustedImuError(remarks.pop() if remarks else "")
+        up = vertical_by_gravity(readings, forces, R_base_imu, odometry)
         up = up * _gravity_sense(up, R_base_imu, yaw_sense)
     up = up @ R_base_imu.T
     if np.median(up[:, 2]) < 0.0:  # both axes of NED point down, and no extrinsics say so
@@ -162,7 +144,7 @@ def _specific_forces(forces: Floats) -> Floats | None:
     return None
 
 
-def _yaw_sense(readings: ImuReadings, R_base_imu: Floats, odometry: YawReference | None) -> int:
+def _yaw_sense(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> int:
     """1 where the IMU turns as the odometry does, -1 where it turns the other way, 0 where neither is certain."""
     if odometry is None or len(odometry.yaws) < 2:
         return 0
@@ -205,47 +187,6 @@ def _with_sense(
     if not points_up:
         raise UntrustedImuError(UPSIDE_DOWN)
     return up
-
-
-def _by_gravity(readings: ImuReadings, forces: Floats | None, remarks: list[str]) -> Floats:
-    """The vertical `(n, 3)` in the sensor's frame: the specific force averaged in a frame that the turn rates keep still.
-
-    Raises UntrustedImuError.
-    """
-    if forces is None or not readings.rates[:, :2].any():
-        raise UntrustedImuError(remarks.pop() if remarks else "")
-    times = (readings.stamps_ns - readings.stamps_ns[0]) * 1e-9
-    rates = readings.rates - np.median(readings.rates, axis=0) * (1.0, 1.0, 0.0)  # without bias
-    still = _integrated(rates, np.diff(times, prepend=times[0]))
-    turned = np.einsum("nij,nj->ni", still, forces)
-    first = np.searchsorted(times, times - 0.5 * GRAVITY_WINDOW_S)
-    after = np.searchsorted(times, times + 0.5 * GRAVITY_WINDOW_S, side="right")
-    mean = turned
-    for _ in range(2):  # what is near in time counts most
-        sums = np.concatenate([np.zeros((1, 3)), np.cumsum(mean, axis=0)])
-        mean = (sums[after] - sums[first]) / (after - first)[:, None]
-    up = np.einsum("nji,nj->ni", still, mean)
-    return np.asarray(up / np.maximum(np.linalg.norm(up, axis=1), 1e-9)[:, None])
-
-
-def _integrated(rates: Floats, steps_s: Floats) -> Floats:
-    """Rotations `(n, 3, 3)` of the sensor since the first reading, by its turn rates `(n, 3)` over the steps `(n,)`."""
-    from scipy.spatial.transform import Rotation
-
-    quats = np.empty((len(rates), 4))  # x, y, z, w
-    w, x, y, z = 1.0, 0.0, 0.0, 0.0
-    turns = (0.5 * rates * np.minimum(steps_s, MAX_GAP_S)[:, None]).tolist()
-    for k, (a, b, c) in enumerate(turns):
-        w, x, y, z = (
-            w - x * a - y * b - z * c,
-            x + w * a + y * c - z * b,
-            y + w * b + z * a - x * c,
-            z + w * c + x * b - y * a,
-        )
-        size = math.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = w / size, x / size, y / size, z / size
-        quats[k] = x, y, z, w
-    return np.asarray(Rotation.from_quat(quats).as_matrix())
 
 
 def _gravity_sense(up: Floats, R_base_imu: Floats, yaw_sense: int) -> float:

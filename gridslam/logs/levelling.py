@@ -14,12 +14,10 @@ from gridslam.core.messages import Imu, LaserScan, Odometry, Transform, readonly
 from gridslam.logs import extrinsics, rotations
 from gridslam.logs.codecs import odometry as odometry_codec
 from gridslam.logs.config import LogConfig
+from gridslam.logs.imu_readings import MAX_GAP_S, ImuReadings, OdometryReference
 from gridslam.logs.imu_tilt import (
-    MAX_GAP_S,
-    ImuReadings,
     UntrustedImuError,
     Verticals,
-    YawReference,
     verticals_of,
 )
 from gridslam.logs.message_counts import MessageCounts
@@ -154,11 +152,11 @@ def _imus(source: Source, config: LogConfig) -> list[int]:
 
 def _read(
     source: Source, imus: Sequence[int], odometry: Sequence[int]
-) -> tuple[dict[int, ImuReadings], YawReference | None]:
+) -> tuple[dict[int, ImuReadings], OdometryReference | None]:
     """The readings of each IMU that measures more than turn rates, and the odometry's headings, in a pass of its own."""
     stamps = {i: array("q") for i in imus}
     values = {i: array("d") for i in imus}
-    yaw_stamps, yaws = array("q"), array("d")
+    yaw_stamps, yaws, positions = array("q"), array("d"), array("d")
     wanted = frozenset([*imus, *odometry])
     schedule = [i for i in sorted(wanted) for _ in source.streams[i].stamps_ns]
     restamped = {i: iter(source.streams[i].stamps_ns) for i in wanted}
@@ -180,8 +178,10 @@ def _read(
             if np.isfinite(pose.yaw_rad) and (not yaw_stamps or stamp_ns > yaw_stamps[-1]):
                 yaw_stamps.append(stamp_ns)
                 yaws.append(pose.yaw_rad)
+                positions.extend((pose.x_m, pose.y_m))
     found = {i: _readings(stamps[i], values[i]) for i in imus if measures and len(stamps[i]) > 2}
-    return found, YawReference(np.array(yaw_stamps, np.int64), np.array(yaws)) if yaws else None
+    path = np.array(positions).reshape(-1, 2)
+    return found, OdometryReference(np.array(yaw_stamps, np.int64), np.array(yaws), path) if yaws else None
 
 
 def _row(imu: Imu) -> list[float]:

@@ -76,7 +76,7 @@ RECORDINGS = {
     "d7g_cut.mcap": (0.006, "end of file"),
     "d7i_ros1msg.mcap": (0.006, ""),
     "d8e_tf_only_2011.bag": (0.006, ""),
-    "h1_flaser271_270deg.clf": (NOT_MEASURED_M, "log.carmen.field_of_view_deg (270"),
+    "h1_flaser271_270deg.clf": (0.03, "by the robot's turns they are 270 degrees wide"),
     "h7_rawlaser.clf": (0.04, "laser is placed on base_link by its motion"),
     "i1_pointcloud2_only.mcap": (0.03, "serve as scans"),
 }

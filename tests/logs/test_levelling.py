@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from gridslam.core.messages import Imu, LaserScan, PointCloud, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.config import CloudConfig
-from gridslam.logs.imu_tilt import ImuReadings, UntrustedImuError, Verticals, YawReference, verticals_of
+from gridslam.logs.imu_readings import ImuReadings, OdometryReference
+from gridslam.logs.imu_tilt import UntrustedImuError, Verticals, verticals_of
 from gridslam.logs.levelling import LevelBand, Tilt, level_scan
 from gridslam.logs.rotations import from_euler
 from gridslam.logs.virtual_scan import virtual_lidar
@@ -39,7 +40,7 @@ def sway(times: Floats) -> Rotation:
 TIMES = PERIOD_S * np.arange(2000)
 ATTITUDE = sway(TIMES)
 UP = ATTITUDE.inv().apply([0.0, 0.0, 1.0])
-ODOMETRY = YawReference((TIMES * S).astype(np.int64), 0.5 * TIMES)
+ODOMETRY = OdometryReference((TIMES * S).astype(np.int64), 0.5 * TIMES, np.zeros((len(TIMES), 2)))
 
 
 def readings(attitude: Rotation = ATTITUDE, up: Floats = UP) -> ImuReadings:
