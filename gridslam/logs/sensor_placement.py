@@ -56,6 +56,8 @@ def place_sensors(
     _refuse_unknown_frames(streams, tree, config)
     _refuse_registered(streams, selection, config)
     extrinsics.refuse_several_places(edges, lidar_frames, base, config.extrinsics)
+    if for_a_method:
+        _refuse_unknown_base(streams, tree, config)
     needed = _frames_in_use(streams, selection, tree, config)
     fixed = extrinsics.mount(
         [frame for frame in dict.fromkeys(needed) if frame not in moving],
@@ -167,6 +169,16 @@ def _refuse_registered(
                 f"log.topics.scan: {stream.label} is in {still[0]}, which does not move with the robot: another program put it "
                 "there already. Record what the lidar itself sends, or name its topic: log: {topics: {scan: TOPIC}}"
             )
+
+
+def _refuse_unknown_base(streams: Sequence[RecordedStream], tree: extrinsics.Tree, config: LogConfig) -> None:
+    """Raises ConfigError: the config names a base frame that neither a transform nor an odometry of the log knows."""
+    of_robots = {stream.child_frame for stream in streams} - {""}
+    known = of_robots | tree.keys() | {parent for parent, _ in tree.values()}
+    if config.base_frame is None or config.base_frame in known or not of_robots or config.extrinsics:
+        return
+    has = ", ".join(sorted(known)[:8])
+    raise ConfigError(f"log.base_frame: the log has no frame {config.base_frame!r}; its frames are: {has}")
 
 
 def _virtual_lidars(

@@ -50,7 +50,7 @@ def rows() -> Iterator[Row]:
     statuses = [judged(*pair) for pair in islice(pairs(right), PAIRS)]
     said = sum(status != "complete" for status in statuses)
     say(f"right maps that are doubted: {', '.join(doubted) or 'none'} (of {len(right)})")
-    yield Row("wrong_maps.said", said, f"of {len(statuses)}")
+    yield Row("wrong_maps.said", said / len(statuses), f"of {len(statuses)}")
     yield Row("wrong_maps.false_alarms", len(doubted), f"of {len(right)}")
 
 

@@ -155,3 +155,14 @@ def test_scans_in_a_frame_that_stands_still_are_refused(tmp_path: Path) -> None:
     path = write_mcap(tmp_path / "a.mcap", [("/odom", odometry(S)), ("/scan", scan(S, frame="odom"))])
     with pytest.raises(ConfigError, match="is in odom, which does not move with the robot"):
         open_log(path, kinds=["scan", "odom"])
+
+
+def test_a_base_frame_that_the_log_lacks_is_an_error_for_a_method(tmp_path: Path) -> None:
+    folder = write_small_log(tmp_path / "log")
+    config = LogConfig(base_frame="base_footprnt")
+    with pytest.raises(
+        ConfigError, match=r"log\.base_frame: the log has no frame 'base_footprnt'; .* base_link"
+    ):
+        open_log(folder, config, ("scan", "odom"))
+    open_log(folder, config).close()  # a conversion keeps what was recorded
+    open_log(folder, LogConfig(base_frame="base_link"), ("scan", "odom")).close()

@@ -31,6 +31,7 @@ LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized,
 LOCALIZED_MASS = (
     0.99  # if the main cluster has this weight: the robot is elsewhere with a probability below 1 %
 )
+UNTRUSTED_WEIGHT = 0.7  # of a confidence of a pose that is not confirmed: about as many such poses are right
 LOST_CONFIDENCE = 0.3  # below it the status is lost
 
 
@@ -62,8 +63,9 @@ class Assessment:
     beside_ratio: float = 0.0
 
     def without_trust(self) -> Assessment:
-        """The assessment as long as another place explains the last scans about as well: not localized."""
-        return replace(self, status="uncertain") if self.status == "localized" else self
+        """The assessment as long as another place may explain the scans about as well: not localized, and less confident."""
+        status = "uncertain" if self.status == "localized" else self.status
+        return replace(self, status=status, confidence=UNTRUSTED_WEIGHT * self.confidence)
 
 
 @dataclass(frozen=True, slots=True)
