@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.maps.occupancy import OccupancyGrid, refuse_noise
+from gridslam.maps.occupancy import OccupancyGrid, refuse_noise, values_under
 
 Mask = Callable[[NDArray[np.float32]], NDArray[np.bool_]]
 
@@ -79,16 +79,6 @@ def log_loss(
         total -= float(np.log(np.where(true[known] > OCCUPIED_FROM, clipped, 1.0 - clipped)).sum())
         count += len(clipped)
     return (total / count if count else float("nan")), count
-
-
-def sample(grid: OccupancyGrid, points_xy: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Probabilities `(n,)` of the cells that contain the points `(n, 2)` (m, map frame); NaN outside the grid."""
-    cells = grid.geometry.cells(points_xy)
-    rows, cols = grid.probability.shape
-    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
-    values = np.full(len(cells), np.nan, np.float32)
-    values[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
-    return values
 
 
 def wall_points(grid: OccupancyGrid) -> NDArray[np.float64]:
@@ -162,9 +152,8 @@ def _on_cells_of(
     """Strips of the true map, each with the built map's probabilities at the centres of its cells."""
     T_built_truth = se2.inverse(T_truth_built)
     for first, strip in _strips(truth):
-        cells = np.indices(strip.shape, dtype=np.int64).reshape(2, -1).T + np.array([first, 0], np.int64)
-        centres = se2.transform_points(T_built_truth, truth.geometry.centres(cells))
-        yield strip, sample(built, centres).reshape(strip.shape)
+        part = slice(first, first + len(strip)), slice(0, strip.shape[1])
+        yield strip, values_under(built, T_built_truth, truth.geometry, part)
 
 
 def _nearest(points: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.float64]:

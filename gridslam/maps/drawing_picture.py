@@ -104,8 +104,12 @@ def _pixels(image: Image.Image) -> NDArray[np.uint8]:
     """
     if image.mode.startswith(("I", "F")):
         values = np.asarray(image, dtype=np.float64)
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        scaled = (np.nan_to_num(values, nan=low) - low) * (255.0 / max(high - low, 1e-9))
+        known = values[np.isfinite(values)]
+        low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+        if low > high:
+            low = high = 0.0
+        finite = np.nan_to_num(values, nan=low, posinf=high, neginf=low)
+        scaled = (finite - low) * (255.0 / max(high - low, 1e-9))
         return np.asarray(np.rint(scaled).astype(np.uint8))
     if image.mode in ("1", "L") and "transparency" not in image.info:
         return np.array(image.convert("L"))

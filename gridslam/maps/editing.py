@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
-from gridslam.maps.occupancy import GridGeometry, OccupancyGrid, marked_cells
+from gridslam.maps.occupancy import GridGeometry, OccupancyGrid, marked_cells, values_under
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -185,13 +185,8 @@ def _resampled_parts(
     (first_row, first_col), (end_row, end_col) = low.tolist(), high.tolist()
     block = max(BLOCK_CELLS // max(end_col - first_col, 1), 1)
     for first in range(first_row, end_row, block):
-        size = min(block, end_row - first), end_col - first_col
-        at = np.indices(size, dtype=np.int64).reshape(2, -1).T + np.array([first, first_col])
-        cells = grid.geometry.cells(se2.transform_points(T_old_new, geometry.centres(at)))
-        inside = (cells >= 0).all(axis=1) & (cells[:, 0] < rows) & (cells[:, 1] < cols)
-        flat = np.full(len(at), np.nan, np.float32)
-        flat[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
-        yield (slice(first, first + size[0]), slice(first_col, end_col)), flat.reshape(size)
+        part = slice(first, min(first + block, end_row)), slice(first_col, end_col)
+        yield part, values_under(grid, T_old_new, geometry, part)
 
 
 def _frame_around(points: Floats, cell_m: float) -> tuple[GridGeometry, tuple[int, int]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core import poses as se2
 from gridslam.core.errors import MapError
 
 # Looked at one by one; the walls of 400 m x 400 m of offices at 5 cm are a tenth of that.
@@ -67,3 +68,32 @@ def refuse_noise(shape: tuple[int, ...], count: int, what: str) -> None:
             f"a map of {shape[1]} x {shape[0]} cells has at least {count} {what} cells; the limit is {MAX_MARKED_CELLS}: "
             "cut a part out of it with `gridslam maps crop`"
         )
+
+
+def values_under(
+    grid: OccupancyGrid, T_grid_other: NDArray[np.float64], other: GridGeometry, part: tuple[slice, slice]
+) -> NDArray[np.float32]:
+    """Probabilities of the map's cells under the centres of some rows and columns of another grid; NaN outside the map.
+
+    Where the axes of both are parallel, rows and columns are looked up apart, which takes a tenth of the time.
+    """
+    rows, cols = (np.arange(s.start, s.stop) for s in part)
+    shape = grid.probability.shape
+    values = np.full((len(rows), len(cols)), np.nan, np.float32)
+    if not values.size:
+        return values
+    if T_grid_other[2] or grid.geometry.yaw_rad or other.yaw_rad:
+        at = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1).reshape(-1, 2)
+        cells = grid.geometry.cells(se2.transform_points(T_grid_other, other.centres(at)))
+        inside = ((cells >= 0) & (cells < shape)).all(axis=1)
+        values.ravel()[inside] = grid.probability[cells[inside, 0], cells[inside, 1]]
+        return values
+    in_column = np.stack([rows, np.full_like(rows, cols[0])], axis=1)
+    in_row = np.stack([np.full_like(cols, rows[0]), cols], axis=1)
+    row, col = (
+        grid.geometry.cells(se2.transform_points(T_grid_other, other.centres(cells)))[:, axis]
+        for axis, cells in enumerate((in_column, in_row))
+    )
+    has_row, has_col = (row >= 0) & (row < shape[0]), (col >= 0) & (col < shape[1])
+    values[np.ix_(has_row, has_col)] = grid.probability[np.ix_(row[has_row], col[has_col])]
+    return values
