@@ -18,15 +18,12 @@ PictureOutput = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="PNG", help="Draw the measured curves and the fit.")
 ]
 FitSeed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random start cells and directions.")]
-Samples = Annotated[int, typer.Option("--samples", min=1, max=100_000_000, help="Number of random walks.")]
+Samples = Annotated[int, typer.Option("--samples", min=1, max=5_000_000, help="Number of random walks.")]
 OccupiedFrom = Annotated[
     float,
     typer.Option("--occupied-from", metavar="P", min=0.0, max=1.0, help="Cells above this are occupied."),
 ]
 Replace = Annotated[bool, typer.Option("--force", help="Replace an existing picture.")]
-
-
-MAX_CELLS = 25_000_000  # of a map, which takes some 40 bytes for each
 
 
 def run(
@@ -46,7 +43,7 @@ def run(
 
     if output is not None and output.exists() and not force:
         raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
-    fit = fit_correlation(load_any_map(map_path, MAX_CELLS), seed, samples, occupied_from)
+    fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
     if output is not None:
         from gridslam.report.run_length_plot import correlation_picture
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.errors import MapError
-from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.occupancy import OccupancyGrid, nth_cells
 
 Floats = NDArray[np.float64]
 
@@ -29,21 +29,9 @@ def draw_free_poses(
     free: NDArray[np.bool_], occupancy: OccupancyGrid, count: int, rng: np.random.Generator
 ) -> Floats:
     """Poses `(count, 3)` in the map frame, uniform over the free cells and all headings."""
-    cells = _nth_cells(free, rng.integers(0, int(free.sum()), count))
+    cells = nth_cells(free, rng.integers(0, int(free.sum()), count))
     geometry = occupancy.geometry
     within = (rng.random((count, 2)) - 0.5) * geometry.resolution_m
     rotation = np.array([0.0, 0.0, geometry.yaw_rad])
     xy = geometry.centres(cells) + se2.transform_points(rotation, within)
     return np.column_stack([xy, rng.uniform(-np.pi, np.pi, count)])
-
-
-def _nth_cells(marked: NDArray[np.bool_], numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The cells `(n, 2)` that `argwhere` would have at these places `(n,)`; a list of all would take more memory than the map."""
-    ends = np.cumsum(marked.sum(axis=1))
-    rows = np.searchsorted(ends, numbers, side="right")
-    cols = np.empty(len(numbers), np.int64)
-    for row in np.unique(rows):
-        chosen = rows == row
-        first = ends[row - 1] if row else 0
-        cols[chosen] = np.flatnonzero(marked[row])[numbers[chosen] - first]
-    return np.column_stack([rows, cols])

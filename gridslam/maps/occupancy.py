@@ -61,6 +61,19 @@ def marked_cells(mask: NDArray[np.bool_], what: str = "wall") -> NDArray[np.int6
     return np.argwhere(mask)
 
 
+def nth_cells(marked: NDArray[np.bool_], numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells `(n, 2)` that `argwhere` would have at these places `(n,)`; a list of all would take more memory than the map."""
+    ends = np.cumsum(np.count_nonzero(marked, axis=1))
+    rows = np.searchsorted(ends, numbers, side="right")
+    cols = np.empty(len(numbers), np.int64)
+    order = np.argsort(rows, kind="stable")
+    for chosen in np.split(order, np.flatnonzero(np.diff(rows[order])) + 1):
+        if len(chosen):
+            row = rows[chosen[0]]
+            cols[chosen] = np.flatnonzero(marked[row])[numbers[chosen] - (ends[row - 1] if row else 0)]
+    return np.column_stack([rows, cols])
+
+
 def refuse_noise(shape: tuple[int, ...], count: int, what: str) -> None:
     """Raise MapError where a map `(rows, cols)` has at least `count` such cells, which are more than MAX_MARKED_CELLS."""
     if count > MAX_MARKED_CELLS:

@@ -24,7 +24,7 @@ from scipy import optimize
 from gridslam.core.errors import MethodError
 from gridslam.core.random import random_stream
 from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
-from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.occupancy import OccupancyGrid, nth_cells
 
 Floats = NDArray[np.float64]
 
@@ -92,10 +92,10 @@ def fit_correlation(
 
     Raises MethodError: the map has no occupied or no free cells, or nothing but single known cells.
     """
-    state = np.where(occupancy.probability > occupied_from, 1, 0).astype(np.int8)
-    state[np.isnan(occupancy.probability)] = UNKNOWN
-    known = np.argwhere(state != UNKNOWN)
-    ratio = float((state == 1).sum() / max(len(known), 1))
+    state = (occupancy.probability > occupied_from).view(np.int8)
+    np.copyto(state, UNKNOWN, where=np.isnan(occupancy.probability))
+    known = state != UNKNOWN
+    ratio = float(np.count_nonzero(state == 1) / max(int(np.count_nonzero(known)), 1))
     if not 0.0 < ratio < 1.0:
         raise MethodError(
             f"the map has no {'free' if ratio else 'occupied'} cells (P {'<=' if ratio else '>'} {occupied_from:g}): "
@@ -122,10 +122,10 @@ def fit_correlation(
 
 
 def _sample(
-    state: NDArray[np.int8], known: NDArray[np.int64], seed: int, samples: int, diagonals: bool
+    state: NDArray[np.int8], known: NDArray[np.bool_], seed: int, samples: int, diagonals: bool
 ) -> _Runs:
     rng = random_stream(seed, "correlation")
-    starts = known[rng.integers(len(known), size=samples)]
+    starts = nth_cells(known, rng.integers(int(np.count_nonzero(known)), size=samples))
     directions = np.array(STRAIGHT + DIAGONAL if diagonals else STRAIGHT)
     steps = directions[rng.integers(len(directions), size=samples)]
     length, changed = follow_runs(state, starts, steps)
