@@ -167,14 +167,14 @@ def localize(
 ) -> FinishedRun:
     """Localize along a log on a map (a map_server YAML or wean.dat): what `gridslam localize` does, without writing.
 
-    Where `map_path` is a run directory with a session, the layer, table and picture `disagreement` show where the place differs
-    from it. Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
+    Where `map_path` is a run directory with a session, or its session.npz, the layer, table and picture `disagreement` show where
+    the place differs from it. Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
     """
     loaded = load_config(config, (), seed, settings)
     given_map = None if map_path is None else Path(map_path)
-    folder = given_map if given_map is not None and given_map.is_dir() else None
-    session = None if folder is None else _session_in(folder)
-    given_map = given_map if folder is None else folder / "map.yaml"
+    session = None
+    if given_map is not None and (given_map.is_dir() or given_map.suffix == ".npz"):
+        session, given_map = _session_and_map(given_map)
     contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
     run = run_localize(
         loaded,
@@ -191,11 +191,12 @@ def localize(
     return FinishedRun(run)
 
 
-def _session_in(folder: Path) -> Session:
-    """The session of a run directory. Raises InputError: there is none."""
+def _session_and_map(path: Path) -> tuple[Session, Path]:
+    """The session of a run directory, or in its file, and the map beside it. Raises InputError: there is no session."""
     from gridslam.lidar_slam.sessions.session_file import FILE_NAME, load_session
 
-    return load_session(folder / FILE_NAME)
+    file = path / FILE_NAME if path.is_dir() else path
+    return load_session(file), file.with_name("map.yaml")
 
 
 def simulate(world: AnyPath, log: AnyPath, *, overrides: Sequence[str] = (), force: bool = False) -> Path:

@@ -1,7 +1,7 @@
 """Several drives as one map: a recorded log cut into drives, places that change between drives, and the cost of continuing.
 
 Four changing places of each kind; GRIDSLAM_SESSIONS_SEEDS=20 in the environment runs 20. Parts by
-`python -m tests.benchmarks.bench_sessions aces` (or wean_hall, tagged, cost), or `... office FIRST END` for some seeds.
+`python -m tests.benchmarks.bench_sessions aces` (or wean_hall, tagged, known, cost), or `... office FIRST END` for some seeds.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from gridslam.evaluation.relations import relation_errors
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import read_session
 from gridslam.methods.base import RunResult
+from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.method import IspaceMcl
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
 from gridslam.simulation.places.build import place_document
@@ -39,6 +41,7 @@ SEEDS = range(int(os.environ.get("GRIDSLAM_SESSIONS_SEEDS", "4")))
 KINDS: tuple[Kind, ...] = ("office", "corridors")
 TAGGED = ("sd-corridor-long", "sd-corridor-long-moved", "sd-corridor-long")
 COST_TRAVEL_M, COST_RUNS = 80.0, 3
+KNOWN_SEEDS, KNOWN_TRAVEL_M = (0, 1), 50.0
 COMPARED = 1, 7  # the second and the eighth drive: the first continues nothing
 OVERLAP = 0.06  # of the log, on each side of a cut
 
@@ -164,6 +167,24 @@ def _tagged_corridor() -> Iterator[Row]:
     yield Row("sessions.tagged.right", min(right), "of 24")
 
 
+def _known_change() -> Iterator[Row]:
+    """Localization in a changed place, on the map from before the change, and on that of the session that has seen it."""
+    for seed in KNOWN_SEEDS:
+        drives = drives_of("office", seed, number=2, travel_m=KNOWN_TRAVEL_M)
+        events = list(recorded({**drives.worlds[1], "seed": 7000 + seed}, []))
+        for name, result in zip(("unknown", "known"), drives.results, strict=True):
+            assert result.occupancy is not None
+            method = IspaceMcl(IspaceMclConfig(), seed, result.occupancy)
+            for event in events:
+                method.process(event)
+            found = method.result()
+            localized = found.measures["localization"]["localized_fraction"]  # type: ignore[index]
+            confidence = float(np.mean(found.series["confidence"].values))
+            say(f"office {seed}, change {name}: localized {localized:.2f}, mean confidence {confidence:.2f}")
+            yield Row(f"sessions.{name}_change.localized.{seed}", localized, "of scans")
+            yield Row(f"sessions.{name}_change.confidence.{seed}", confidence, "")
+
+
 def _cost() -> Iterator[Row]:
     """CPU time and memory of what a drive costs beyond its own tracking, when it is the first to the eighth.
 
@@ -211,6 +232,7 @@ PARTS = {
     "wean_hall": _changed_hall,
     "changed": _changed_places,
     "tagged": _tagged_corridor,
+    "known": _known_change,
     "cost": _cost,
 }
 

@@ -41,7 +41,7 @@ CLEARANCE_M = 0.45  # of the route
 class Drives:
     """The results of three drives, each continuing those before it, and of each alone; the truth of all, and the pieces.
 
-    `static` are points `(n, 2)` of the walls that stand in all drives.
+    `static` are points `(n, 2)` of the walls that stand in all drives, `worlds` the documents of the worlds.
     """
 
     results: list[RunResult]
@@ -50,11 +50,12 @@ class Drives:
     appeared: list[list[Floats]]  # corners (4, 2) of the pieces that are new in drive k
     vanished: list[list[Floats]]
     static: Floats
+    worlds: list[dict[str, Any]]
 
 
-def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
+def drives_of(kind: Kind, seed: int, number: int = 3, travel_m: float = TRAVEL_M) -> Drives:
     """Drives through a place of which a fifth of the furniture changes each time."""
-    document = place_document(kind, seed, TRAVEL_M)
+    document = place_document(kind, seed, travel_m)
     rng = np.random.default_rng(seed)
     route = _route(document["robot"])
     walls = [*document["walls"]]
@@ -67,7 +68,7 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
         | set(rng.permutation(leaves)[round(CHANGED_RATIO * len(leaves)) :].tolist())
         for _ in range(number)
     ]
-    results, alone, truths = [], [], []
+    results, alone, truths, worlds = [], [], [], []
     session = None
     for k, missing in enumerate(absent):
         world = {
@@ -75,6 +76,7 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
             "seed": 1000 * seed + k,
             "walls": [w for i, w in enumerate(walls) if i not in missing],
         }
+        worlds.append(world)
         truth: list[tuple[int, float, float, float]] = []
         events = list(recorded(world, truth))
         own = _mapped(events, None, f"drive {k + 1}")
@@ -91,7 +93,8 @@ def drives_of(kind: Kind, seed: int, number: int = 3) -> Drives:
     new = [set[int]()] + [absent[k - 1] - absent[k] for k in range(1, number)]
     gone = [set[int]()] + [absent[k] - absent[k - 1] for k in range(1, number)]
     static = np.concatenate([dense(a, b) for a, b in _sides(document["walls"])])
-    return Drives(results, alone, truths, [corners(c) for c in new], [corners(c) for c in gone], static)
+    changed = [corners(c) for c in new], [corners(c) for c in gone]
+    return Drives(results, alone, truths, *changed, static, worlds)
 
 
 def _route(robot: dict[str, object]) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.api import localize, map_log
-from gridslam.core.errors import ConfigError, InputError
+from gridslam.core.errors import ConfigError, InputError, MapError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.convert import convert_log
 from gridslam.logs.open import open_log
@@ -52,6 +52,13 @@ def test_localizing_in_a_session_shows_where_the_place_differs(halves: list[Path
     assert found.tables["disagreement"].columns[0] == "state"
     with pytest.raises(InputError, match=r"session.npz: cannot be read"):
         localize(halves[0], tmp_path, "ispace-mcl")
+    alone = tmp_path / "session.npz"
+    alone.write_bytes((run / "session.npz").read_bytes())
+    with pytest.raises(MapError, match="no such map"):
+        localize(halves[0], alone, "ispace-mcl")
+    alone.write_bytes(b"nothing")
+    with pytest.raises(InputError, match="not a session"):
+        localize(halves[0], alone, "ispace-mcl")
 
 
 def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -> None:
