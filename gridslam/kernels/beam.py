@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.raycast import Ray, cast
+from gridslam.kernels.raycast import RAYS_EACH, Ray, cast
 from gridslam.kernels.threads import run_in_ranges
 
 
@@ -43,7 +43,8 @@ def sum_over_ranges(
     """
     n = poses.shape[0]
     sums = np.empty(n)
-    run_in_ranges(_sum_over_ranges, n, (boxes, table, beams, poses, sums))
+    smallest = RAYS_EACH // max(len(beams.bearings), 1) + 1
+    run_in_ranges(_sum_over_ranges, n, (boxes, table, beams, poses, sums), smallest)
     return sums
 
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.angles import cos_sin
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.raycast import Ray, cast
+from gridslam.kernels.raycast import RAYS_EACH, Ray, cast
 from gridslam.kernels.threads import run_in_ranges
 
+POINTS_EACH = 100_000  # that a range of poses has at least
 _BLOCK = 256  # poses; their working arrays fit into the fastest cache
 
 
@@ -50,7 +51,8 @@ def sum_over_points(
     """Sums `(n,)` of table[field] under the points `(m, 2)`, in the robot's frame, for poses `(n, 3)` (x, y in cells, yaw)."""
     n = poses.shape[0]
     sums = np.empty(n)
-    run_in_ranges(_sum_over_points, n, (field, table, points, poses, sums))
+    smallest = POINTS_EACH // max(len(points), 1) + 1
+    run_in_ranges(_sum_over_points, n, (field, table, points, poses, sums), smallest)
     return sums
 
 
@@ -151,7 +153,8 @@ def sum_over_beams(
     """
     n = poses.shape[0]
     sums = np.empty(n)
-    run_in_ranges(_sum_over_beams, n, (walls, table, beams, poses, sums))
+    smallest = RAYS_EACH // max(len(beams.endpoints), 1) + 1
+    run_in_ranges(_sum_over_beams, n, (walls, table, beams, poses, sums), smallest)
     return sums
 
 

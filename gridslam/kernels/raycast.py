@@ -20,6 +20,7 @@ from gridslam.kernels.threads import run_in_ranges
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 _NEVER = 1e300
 _LARGEST = 255
+RAYS_EACH = 4000  # that a range of poses has at least
 FLAT = 4  # of the boxes for flat and steep rays: the longer side over the shorter one
 
 
@@ -166,7 +167,7 @@ def cast_rays(
     """
     n, b = poses.shape[0], bearings.shape[0]
     ranges = np.empty((n, b), np.float32)
-    run_in_ranges(_cast_rays, n, (boxes, poses, bearings, max_range, ranges))
+    run_in_ranges(_cast_rays, n, (boxes, poses, bearings, max_range, ranges), RAYS_EACH // max(b, 1) + 1)
     return ranges
 
 

@@ -21,19 +21,21 @@ RANGES_PER_THREAD = 8  # so that threads end at about the same time although ite
 _count = int(vars(numba.config)["NUMBA_NUM_THREADS"])  # the number of cores, or NUMBA_NUM_THREADS
 
 
-def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...]) -> None:
+def run_in_ranges(kernel: Any, count: int, arguments: tuple[Any, ...], smallest: int = 1) -> None:
     """Call kernel(first, last, *arguments) for ranges that together cover the items 0..count - 1, on all threads.
+
+    A range has at least `smallest` items, where there are as many: handing one to a thread takes some 50 us.
 
     The kernel writes the results of each item into arguments, and reads nothing that it writes for another item; so
     they do not depend on the number of threads. A signal that comes meanwhile on several threads ends the work at the next range.
     """
-    threads = min(_count, count)
+    parts = min(max(count // smallest, 1), _count * RANGES_PER_THREAD)
+    threads = min(_count, parts)
     if threads <= 1:
         kernel(0, count, *arguments)
         return
     if not kernel.signatures:
         kernel(0, 0, *arguments)  # compiles or loads it, on this thread
-    parts = min(count, threads * RANGES_PER_THREAD)
     bounds = [count * part // parts for part in range(parts + 1)]
     pool = _pool(os.getpid(), threads)
     futures = [pool.submit(kernel, first, last, *arguments) for first, last in pairwise(bounds)]

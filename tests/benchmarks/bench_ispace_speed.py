@@ -70,10 +70,10 @@ def round_rows() -> Iterator[Row]:
     step = np.array([0.2, 0.0, 0.02])
     yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
     occupied = occupied_cells(grid, 0.65)
-    field, caster = distance_field(occupied, grid.geometry, 2.0), range_caster(occupied, grid.geometry)
+    field = distance_field(occupied, grid.geometry, 2.0)
     beams, nothing = scan(rng), np.zeros((0, 2))
     for name in WEIGHTS:
-        weigh = log_weight_of(name, field, caster)
+        weigh = log_weight_of(name, field, occupied)
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
         yield Row(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)

@@ -6,16 +6,16 @@ part of the detections is missed, and some frames have one where nothing moves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core import poses as se2
 from gridslam.core.messages import DepthImage, Event, Image, Odometry, readonly
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.sensors.background import DepthBackground
 from gridslam.sensors.fixed_camera import FloorDetections
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.simulation.route import drive_route
@@ -56,14 +56,41 @@ class SeenDrive:
 class SeeingCamera:
     """Stands in for a camera with a background model: the pixels of its images are the number of the frame."""
 
-    coverage: FloorCells
+    true_coverage: FloorCells
+    place: Floats
+    error: Floats = field(default_factory=lambda: np.zeros(3))  # pose by which its extrinsics are given wrong
     frames: list[FloorDetections] = field(default_factory=list)
-    depth: DepthBackground = field(default_factory=lambda: DepthBackground(0.1, 0.1))
+    bumped_at: int | None = None  # frame from which on `bump` is its error
+    bump: Floats = field(default_factory=lambda: np.zeros(3))
     is_moved: bool = False
+    _correction: Floats = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def coverage(self) -> FloorCells:
+        """The cells that it covers, by its extrinsics."""
+        if not (self.error.any() or self._correction.any()):
+            return self.true_coverage
+        return FloorCells.containing(self._placed(self.true_coverage.centres, self.error), CELL_M)
+
+    def correct(self, pose: Floats) -> None:
+        """Take the camera as moved by a pose `(3,)` from where its extrinsics have it."""
+        self._correction = pose
 
     def detect(self, pixels: NDArray[np.uint8], depth_m: NDArray[np.float32]) -> FloorDetections:
         """The detections of the frame whose number the pixels are."""
-        return self.frames[int(pixels.view(np.int32)[0, 0])]
+        number = int(pixels.view(np.int32)[0, 0])
+        is_bumped = self.bumped_at is not None and number >= self.bumped_at
+        seen = self.frames[number]
+        return replace(seen, points=self._placed(seen.points, self.bump if is_bumped else self.error))
+
+    def floor_error(self, position: Floats, error: Floats) -> tuple[float, float]:
+        """How far a position `(2,)` on the floor is placed off (m) by the given extrinsics, and by the corrected ones."""
+        given = se2.transform_points(se2.inverse(error), position[None])[0]
+        corrected = self._placed(position[None], error)[0]
+        return float(np.hypot(*(given - position))), float(np.hypot(*(corrected - position)))
+
+    def _placed(self, points: Floats, error: Floats) -> Floats:
+        return se2.transform_points(se2.compose(self._correction, se2.inverse(error)), points)
 
 
 def drive_through(world: WorldConfig) -> SeenDrive:
@@ -74,8 +101,11 @@ def drive_through(world: WorldConfig) -> SeenDrive:
     floor = FloorCells.containing(grid.geometry.centres(np.argwhere(grid.probability < 0.3)), CELL_M).unique()
     covers = is_in_view(world, floor.centres)
     names = [camera.name for camera in world.fixed_cameras]
-    cameras = {name: SeeingCamera(floor.select(seen)) for name, seen in zip(names, covers, strict=True)}
     places = np.array([(c.extrinsics.x, c.extrinsics.y) for c in world.fixed_cameras])
+    cameras = {
+        name: SeeingCamera(floor.select(seen), place)
+        for name, seen, place in zip(names, covers, places, strict=True)
+    }
     events: list[Event] = []
     truth: list[Odometry] = []
     for event, is_truth in drive_route(simulator):
@@ -89,7 +119,7 @@ def drive_through(world: WorldConfig) -> SeenDrive:
         for k, name in enumerate(names):
             if len(truth) > WARM_UP and (len(truth) + k) % FRAME_EVERY == 0:
                 events += frame(cameras[name], name, event.stamp_ns)
-                cameras[name].frames.append(seen_by(cameras[name].coverage, places[k], objects, rng))
+                cameras[name].frames.append(seen_by(cameras[name].true_coverage, places[k], objects, rng))
     stamps = np.array([pose.stamp_ns for pose in truth], np.int64)
     poses = np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in truth])
     return SeenDrive(events, Trajectory(stamps, poses), grid, cameras)

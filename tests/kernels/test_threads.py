@@ -22,11 +22,12 @@ def _squares(first: int, last: int, values: NDArray[np.float64], out: NDArray[np
 
 @pytest.mark.parametrize("number", [1, 2, 5])
 @pytest.mark.parametrize("count", [0, 1, 7, 1000])
-def test_every_item_is_done_once(number: int, count: int) -> None:
+@pytest.mark.parametrize("smallest", [1, 300])
+def test_every_item_is_done_once(number: int, count: int, smallest: int) -> None:
     values = np.arange(float(count))
     out = np.zeros(count)
     with on_threads(number):
-        run_in_ranges(_squares, count, (values, out))
+        run_in_ranges(_squares, count, (values, out), smallest)
     np.testing.assert_array_equal(out, values**2)
 
 

@@ -11,6 +11,9 @@ from gridslam.sensors.pose_search import PoseHypotheses
 
 TRACKED_FRACTION = 0.3  # fraction of the particles that continue as they are when hypotheses get particles
 
+MAX_OVERLOOKED = (
+    0.5  # weight of all overlooked hypotheses over that of the tracked pose: new scans decide between them
+)
 _MIN_RELATIVE_WEIGHT = 1e-4  # hypotheses with less than this of the best one's likelihood get no particles
 _PARTICLES_EACH = 50  # about a hypothesis that had none
 _PARTICLE_STD = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
@@ -27,10 +30,10 @@ def with_overlooked(
     if not likely.any():
         return None
     new = PoseHypotheses(overlooked.poses[likely], overlooked.scores[likely])
-    weights = mass * np.exp(new.scores - score)
+    weight = mass * min(float(np.exp(new.scores - score).sum()), MAX_OVERLOOKED)
     added = sample_hypotheses(new, _PARTICLES_EACH * len(new.poses), rng)
     poses = np.concatenate([particles.poses, added.poses])
-    joined = np.r_[particles.weights, added.weights * weights.sum()]
+    joined = np.r_[particles.weights, added.weights * weight]
     return Particles(poses, joined / joined.sum())
 
 

@@ -36,6 +36,7 @@ from gridslam.methods.ispace_mcl.environment import (
     all_moving,
 )
 from gridslam.methods.ispace_mcl.initial_particles import initial_particles
+from gridslam.methods.ispace_mcl.lasting_walls import lasting_walls
 from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, TrackedPose
 from gridslam.methods.ispace_mcl.search_schedule import SearchSchedule
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
@@ -71,9 +72,10 @@ class Localizer:
         free = free_cells(occupancy, advanced.free_threshold)
         occupied = occupied_cells(occupancy, advanced.occupied_threshold)
         field = distance_field(occupied, occupancy.geometry, FIELD_MAX_DISTANCE_M)
-        caster = range_caster(occupied, occupancy.geometry)
+        walls = lasting_walls(occupied, occupancy.geometry.resolution_m)
+        caster = range_caster(walls, occupancy.geometry)
         visibility = VisibilityField(field, caster, BLOCKED_TOLERANCE_M, GRAZING_SLACK_M)
-        self._log_weight = log_weight_of(config.weight, field, caster)
+        self._log_weight = log_weight_of(config.weight, field, occupied)
         self._monitor = ConfidenceMonitor(
             InlierLimits(advanced.min_inlier_ratio, advanced.good_inlier_ratio), visibility
         )

@@ -44,8 +44,8 @@ JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
 CHECK_MEMORY_MB = 500.0
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
-STATIONARY_UPDATES = (
-    3  # updates without motion: the first scans help the search, more of the same view add no evidence
+FIRST_UPDATES = (
+    3  # scans that count without motion: they help the search, more of the same view add no evidence
 )
 
 
@@ -77,7 +77,7 @@ class IspaceMcl:
         self._counters: Counter[str] = Counter()
         self._updated_at: Floats | None = None  # T_odom_base of the last update
         self._update: FilterUpdate | None = None
-        self._stationary = 0
+        self._standing = 0  # scans without motion since the start, or since the odometry has jumped
         self._beam_count: int | None = None
         self._stamp_ns = 0
         self._pose: Floats | None = None
@@ -207,15 +207,15 @@ class IspaceMcl:
 
     def _is_update_due(self, placed: PlacedScan) -> bool:
         if self._updated_at is None or placed.odometry_jumped:
+            self._standing = 0
             return True
         step = se2.between(self._updated_at, placed.odometry)
         advanced = self._config.advanced
         moved = float(np.hypot(step[0], step[1])) >= advanced.update_distance_m
         if moved or abs(float(step[2])) >= advanced.update_angle_rad:
-            self._stationary = 0
             return True
-        self._stationary += 1
-        return self._stationary <= STATIONARY_UPDATES
+        self._standing += 1
+        return self._standing <= FIRST_UPDATES
 
     def _weigh(self, placed: PlacedScan) -> None:
         frame = placed.scan.frame_id

@@ -59,7 +59,10 @@ MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a
 CHANGED_SCORE = (
     -2.5
 )  # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
-SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it gets particles
+SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...
+SWITCH_UNEXPLAINED = (
+    0.1  # ... and of what the hypothesis leaves unexplained: on an aged map the best of many is so by chance
+)
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it ...
 DOUBT_LOG_ODDS = (
     3.0  # lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
@@ -185,8 +188,9 @@ class Relocalizer:
         by_scans, explained = with_kidnapping(scores[:, 1:], scores[:, 0], prices[:-1])
         mass = _mass_near(others, tracked.particles)
         found = PoseHypotheses(others, with_filter(by_scans, own_score, mass / tracked.belief.mass))
-        lead = own_score - found.scores.max(initial=-np.inf)
-        if lead < -SWITCH_LOG_ODDS:
+        best = float(found.scores.max(initial=-np.inf))
+        lead = own_score - best
+        if -lead > SWITCH_LOG_ODDS - SWITCH_UNEXPLAINED * best:
             particles = mixture(tracked.particles, own_score, found, count, rng)
             scans = int(explained[np.argmax(found.scores)])
             return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 RETRY_M = 1.0  # travel between searches while the robot is lost or uncertain
 CHECK_M = 4.0  # travel after which the window is full, and a pose can be confirmed: until then it is compared ever later
-RECHECK_M = 25.0  # travel between comparisons while the robot is localized
+RECHECK_M = 25.0  # travel to the next comparison while the robot is localized; each that confirms the pose doubles it ...
+MAX_RECHECK_M = 100.0  # ... up to this
 WORSE_RATIO = 0.1  # a drop of the inlier ratio below its mean from which a confirmed pose is compared after CHECK_M already
 MEAN_TRAVEL_M = 5.0  # over which the inlier ratio is averaged
 
@@ -30,6 +31,7 @@ class SearchSchedule:
         )
         self._travel_m = 0.0  # since the start, or since all trust was withdrawn
         self._is_confirmed = False  # by a window that was full
+        self._recheck_m = RECHECK_M
         self._mean_inlier_ratio = 0.0
         self._agrees_less = False  # with the map than over the last metres
         self.is_trusted = has_start
@@ -62,7 +64,7 @@ class SearchSchedule:
         if status != "localized":
             return self._since_search_m >= RETRY_M
         if self._is_confirmed:
-            return self._since_search_m >= (CHECK_M if self._agrees_less else RECHECK_M)
+            return self._since_search_m >= (CHECK_M if self._agrees_less else self._recheck_m)
         return self._since_search_m >= min(max(0.5 * self._travel_m, RETRY_M), CHECK_M)
 
     def searched(self) -> None:
@@ -74,7 +76,9 @@ class SearchSchedule:
         self.is_trusted = is_confirmed
         if not is_confirmed:
             self.prior_log_odds *= 0.5
-        self._is_confirmed = is_confirmed and self._travel_m >= CHECK_M
+        was_confirmed, self._is_confirmed = self._is_confirmed, is_confirmed and self._travel_m >= CHECK_M
+        again_m = min(2.0 * self._recheck_m, MAX_RECHECK_M)
+        self._recheck_m = again_m if was_confirmed and self._is_confirmed else RECHECK_M
 
     def doubt(self) -> None:
         """Withdraw all trust, as after a jump of the odometry, or when a scan does not continue the one before it."""

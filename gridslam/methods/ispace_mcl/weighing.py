@@ -11,7 +11,7 @@ from gridslam.methods.ispace_mcl.config import LidarWeightName
 from gridslam.sensors.beam_model import BeamMixture, BeamModel, range_difference_log_likelihood
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import DistanceField, log_likelihood_table
-from gridslam.sensors.range_caster import RangeCaster
+from gridslam.sensors.range_caster import range_caster
 
 Floats = NDArray[np.float64]
 LogWeight = Callable[
@@ -41,14 +41,15 @@ MIXTURE_BEAM_WEIGHT = (
 RANGE_DIFFERENCE_STD_M = 0.5  # sigma of the paper's eq. 4, which the paper does not state
 
 
-def log_weight_of(name: LidarWeightName, field: DistanceField, caster: RangeCaster) -> LogWeight:
-    """The function that returns the log-weights of poses on a map, which is given as a distance field and for ray casting.
+def log_weight_of(name: LidarWeightName, field: DistanceField, occupied: NDArray[np.bool_]) -> LogWeight:
+    """The function that returns the log-weights of poses on a map of occupied cells `(rows, cols)`.
 
     On the likelihood field, a beam that ends where the fixed cameras detect a moving object counts as half explained. The
     robot's own body needs no exception, because no beam ends in it. The other two models ignore the cameras.
     """
     if name == "likelihood-field":
         return likelihood_field_weight(field)
+    caster = range_caster(occupied, field.geometry)
     if name == "beam":
         model = BeamModel(caster, MIXTURE)
         return lambda beams, poses, moving: MIXTURE_BEAM_WEIGHT * model.log_likelihood(beams, poses)

@@ -17,6 +17,7 @@ from gridslam.core import poses as se2
 from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
 from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.methods.ispace_mcl.environment import CameraObservation
+from gridslam.sensors.pose_search import climb
 from gridslam.sensors.visibility import BeamSegments
 
 Floats = NDArray[np.float64]
@@ -38,6 +39,13 @@ _MATCH_POINTS = 90
 _MIN_MATCH_POINTS = 20
 _MIN_SCORE = 60.0  # of 255
 _MAX_POINTS = 360
+# How far the odometry is trusted against the match: a fixed part and parts that grow with travel and rotation ...
+_ODOMETRY_M, _ODOMETRY_PER_M = 0.02, 0.1
+_ODOMETRY_RAD, _ODOMETRY_RAD_PER_RAD, _ODOMETRY_RAD_PER_M = 0.02, 0.1, 0.05
+_MATCH_WEIGHT = (
+    40.0  # ... and the log-likelihood of a perfect match: of fewer than all points, whose errors are common
+)
+_STEPS = ((0.1, 0.03), (0.1, 0.02), (0.05, 0.02), (0.05, 0.01), (0.025, 0.01), (0.025, 0.005))  # m, rad
 # Search window of a match: a fixed part and parts that grow with the odometry's travel and rotation.
 _SEARCH_M, _SEARCH_PER_M = 0.15, 0.3
 _SEARCH_RAD, _SEARCH_RAD_PER_RAD, _SEARCH_RAD_PER_M = 0.06, 0.3, 0.3
@@ -192,7 +200,32 @@ def matched_step(before: Floats, after: Floats, step: Floats) -> Floats:
         SearchWindow(window_m, _YAW_STEP_RAD, yaw_steps),
         _MIN_SCORE,
     )
-    return step if score < 0.0 else np.asarray(found)
+    return step if score < 0.0 else _drawn_to_odometry(field, origin, moving, step, np.asarray(found))
+
+
+def _drawn_to_odometry(
+    field: NDArray[np.uint8], origin: Floats, points: Floats, step: Floats, found: Floats
+) -> Floats:
+    """The step `(3,)` that agrees best with the points `(m, 2)` on the other scan's image and with the odometry step.
+
+    Along a corridor all steps match about as well, and the match alone prefers those that are too short.
+    """
+    travel_m, rotation_rad = float(np.hypot(step[0], step[1])), abs(float(step[2]))
+    std_m = _ODOMETRY_M + _ODOMETRY_PER_M * travel_m
+    std_rad = _ODOMETRY_RAD + _ODOMETRY_RAD_PER_RAD * rotation_rad + _ODOMETRY_RAD_PER_M * travel_m
+    std = np.array([std_m, std_m, std_rad])
+
+    def score(steps: Floats) -> Floats:
+        moved = np.stack([se2.transform_points(tried, points) for tried in steps])
+        cols, rows = np.moveaxis(np.floor((moved - origin) / _CELL_M).astype(np.int64), 2, 0)
+        match = field[rows.clip(0, len(field) - 1), cols.clip(0, len(field) - 1)].mean(axis=1) / 255.0
+        return np.asarray(_MATCH_WEIGHT * match - 0.5 * np.sum(((steps - step) / std) ** 2, axis=1))
+
+    steps = np.stack([found, step])
+    scores = score(steps)
+    for step_m, step_rad in _STEPS:
+        steps, scores = climb(score, steps, scores, step_m, step_rad)
+    return np.asarray(steps[scores.argmax()])
 
 
 def _likelihood_image(points: Floats) -> tuple[NDArray[np.uint8], Floats]:
