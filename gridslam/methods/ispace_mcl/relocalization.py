@@ -61,9 +61,13 @@ CHANGED_SCORE = (
 )  # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...
 SWITCH_UNEXPLAINED = (
-    0.1  # ... and of what the hypothesis leaves unexplained: on an aged map the best of many is so by chance
+    0.1  # ... and more by this for what it leaves unexplained: the best of many leads by chance
 )
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it ...
+CONFIRM_UNEXPLAINED = (
+    0.7  # ... and more by this for what it leaves unexplained beyond MEAN_SCORE a scan: the map has aged
+)
+MEAN_SCORE = -0.7
 DOUBT_LOG_ODDS = (
     3.0  # lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
 )
@@ -194,8 +198,11 @@ class Relocalizer:
             particles = mixture(tracked.particles, own_score, found, count, rng)
             scans = int(explained[np.argmax(found.scores)])
             return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)
-        is_confirmed = lead > CONFIRM_LOG_ODDS and _is_clear(scores, own_score - by_scans)
-        if is_confirmed and tracked.belief.mass > DECIDED_MASS:
+        leads = lead > CONFIRM_LOG_ODDS
+        unexplained = max(MEAN_SCORE * len(past) - float(scores[:, 0].sum()), 0.0)
+        is_enough = lead > CONFIRM_LOG_ODDS + CONFIRM_UNEXPLAINED * unexplained
+        is_confirmed = is_enough and _is_clear(scores, own_score - by_scans)
+        if leads and tracked.belief.mass > DECIDED_MASS:
             return Comparison(None, is_confirmed)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
         return Comparison(

@@ -6,7 +6,7 @@ wrong pose in a place that looks alike agrees with the map too.
 
 from __future__ import annotations
 
-RETRY_M = 1.0  # travel between searches while the robot is lost or uncertain
+RETRY_M = 1.0  # travel between searches while the robot is lost or uncertain, or is not confirmed any more
 CHECK_M = 4.0  # travel after which the window is full, and a pose can be confirmed: until then it is compared ever later
 RECHECK_M = 25.0  # travel to the next comparison while the robot is localized; each that confirms the pose doubles it ...
 MAX_RECHECK_M = 100.0  # ... up to this
@@ -16,6 +16,9 @@ MEAN_TRAVEL_M = 5.0  # over which the inlier ratio is averaged
 START_LOG_ODDS = 3.0  # in favour of a start pose
 LOG_ODDS_PER_M = 1.0  # that a trusted pose gains by a metre of travel while it agrees with the map
 LOST_LOG_ODDS_PER_M = 3.0  # that it loses by a metre of travel while lost
+DOUBTED_LOG_ODDS = (
+    1.0  # of a pose that is not trusted any more, above which it is compared again soon: they halve each time
+)
 MAX_LOG_ODDS = 10.0  # that it can have before a comparison
 
 
@@ -65,6 +68,8 @@ class SearchSchedule:
             return self._since_search_m >= RETRY_M
         if self._is_confirmed:
             return self._since_search_m >= (CHECK_M if self._agrees_less else self._recheck_m)
+        if self.prior_log_odds > DOUBTED_LOG_ODDS and not self.is_trusted:
+            return self._since_search_m >= RETRY_M
         return self._since_search_m >= min(max(0.5 * self._travel_m, RETRY_M), CHECK_M)
 
     def searched(self) -> None:

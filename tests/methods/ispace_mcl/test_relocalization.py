@@ -155,3 +155,24 @@ def test_a_scan_that_is_replaced_leaves_its_observations_to_the_next_one():
         window.add(np.array([x, 0.0, 0.0]), np.zeros(2), np.ones((3, 2)), seen)
     (carried,) = [seen for scan in window.past(2) for seen in scan.observations]
     np.testing.assert_allclose(carried.T_now_then, [-0.9, 0.0, 0.0])
+
+
+def test_along_a_corridor_the_odometry_says_how_far_and_the_scans_how_far_aside():
+    rng = np.random.default_rng(3)
+
+    def corridor(pose):  # two walls 2.2 m apart, seen up to 8 m by evenly spaced beams
+        angles = np.linspace(-3.14, 3.14, 240)
+        across = np.sin(angles + pose[2])
+        ranges = np.where(across > 0.0, 1.1 - pose[1], -1.1 - pose[1]) / across
+        points = np.column_stack([np.cos(angles), np.sin(angles)]) * ranges[:, None]
+        return points[ranges < 8.0] + rng.normal(0.0, 0.01, (int((ranges < 8.0).sum()), 2))
+
+    travel = []
+    for _ in range(6):
+        before, after = np.zeros(3), np.array([0.4, rng.normal(0.0, 0.05), rng.normal(0.0, 0.05)])
+        guess = after + np.array([0.0, 0.04, 0.03])
+        found = matched_step(corridor(before), corridor(after), guess)
+        travel.append(found[0])
+        assert abs(found[1] - after[1]) < 0.03
+        assert abs(found[2] - after[2]) < 0.015
+    assert np.mean(travel) == pytest.approx(0.4, abs=0.03)
