@@ -109,12 +109,15 @@ def edges_of(pixels: NDArray[np.uint8]) -> Image:
 def square_means(depth_m: Depth, moving: Mask) -> Image:
     """Mean depths of squares of `CELL_PX`; NaN where too few pixels are known and still."""
     rows, cols = (size // CELL_PX for size in depth_m.shape)
-    known = np.isfinite(depth_m) & ~moving
-    parts = [np.where(known, depth_m, np.float32(0.0)), known.astype(np.float32)]
-    shape = (rows, CELL_PX, cols, CELL_PX)
-    total, count = (p[: rows * CELL_PX, : cols * CELL_PX].reshape(shape).sum(axis=(1, 3)) for p in parts)
-    enough = count >= MIN_KNOWN * CELL_PX**2
-    return np.where(enough, total / np.maximum(count, 1.0), np.float32(np.nan)).astype(np.float32)
+    known = np.isfinite(depth_m[: rows * CELL_PX, : cols * CELL_PX])
+    known &= ~moving[: rows * CELL_PX, : cols * CELL_PX]
+    depths = np.where(known, depth_m[: rows * CELL_PX, : cols * CELL_PX], np.float32(0.0))
+    total, count = (
+        cv2.resize(part, (cols, rows), interpolation=cv2.INTER_AREA)
+        for part in (depths, known.astype(np.float32))
+    )
+    enough = count >= MIN_KNOWN
+    return np.where(enough, total / np.maximum(count, MIN_KNOWN), np.float32(np.nan)).astype(np.float32)
 
 
 def _widened(mask: Mask) -> Mask:
