@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from itertools import islice
 from pathlib import Path
 
 from gridslam.core.errors import MethodError
 from gridslam.methods.base import RunResult
 from gridslam.runs.run_counts import Counts
 
-MAX_REASONS = 4  # of skipped messages in a message
+MAX_REASONS, MAX_WHERE = 4, 160  # of skipped messages in a message, and characters that say where
+ADVICE = {
+    "no_partner": "the pictures of a pair must be of one size and at most 5 ms apart: synchronise the cameras",
+    "unknown_encoding": "record the pictures in an encoding of the page on formats",
+    "bad_angles": "angle_min, angle_max and angle_increment must give the beams' angles in radians",
+    "bad_range_limits": "range_max must be above range_min",
+    "no_coordinates": "the clouds need the fields x, y and z",
+}
 
 
-def refuse_empty_result(method: str, log_path: Path, result: RunResult, counts: Counts) -> None:
-    """Raises MethodError: the result has no pose, or a map without cells; the message names the commonest skip reasons."""
+def refuse_empty_result(
+    method: str, log_path: Path, result: RunResult, counts: Counts, problems: Sequence[str] = ()
+) -> None:
+    """Raises MethodError: the result has no pose, or a map without cells; the message names the commonest skip reasons.
+
+    `problems` are what the log is said to have; of the skipped messages the first place, and what to do, are added.
+    """
     is_empty_map = result.occupancy is not None and not result.occupancy.probability.size
     if len(result.trajectory) and not is_empty_map:
         return
     lacking = "a map without cells" if len(result.trajectory) else "no pose"
     reasons = _reasons(counts)
     why = f"skipped: {reasons}" if reasons else "none of its messages could be used"
+    places = (line.partition(", first at ")[2] for line in problems if line.startswith("skipped"))
+    why += "".join(f"; first at {place[:MAX_WHERE]}" for place in islice(places, 1))
+    why += "".join(f"; {advice}" for reason, advice in ADVICE.items() if f".{reason}" in reasons)
     raise MethodError(
         f"{log_path}: {method} found {lacking} ({why}); `gridslam info` shows the streams of the log"
     )

@@ -146,7 +146,7 @@ def _run(
         interrupted = fed.stopped or stop()
         counts = merge_counts(log.counters, result.counters)
         if not interrupted:
-            refuse_empty_result(config.method_name, log_path, result, counts)
+            refuse_empty_result(config.method_name, log_path, result, counts, log.problems)
         missing = set(entry.input_names) - further.keys()
         unused = unused_streams(counts)
         is_lossy = log.is_lossy or not missing.issuperset(unused)
