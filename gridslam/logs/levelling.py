@@ -14,6 +14,7 @@ from gridslam.core.messages import Imu, LaserScan, Odometry, Transform, readonly
 from gridslam.logs import extrinsics, rotations
 from gridslam.logs.codecs import odometry as odometry_codec
 from gridslam.logs.config import LogConfig
+from gridslam.logs.imu_lag import imu_lag_s
 from gridslam.logs.imu_readings import MAX_GAP_S, ImuReadings, OdometryReference
 from gridslam.logs.imu_tilt import (
     UntrustedImuError,
@@ -72,14 +73,23 @@ def find_tilt(
         stream = source.streams[index]
         frame = next(iter(stream.frames), selection.base_frame)
         mount = _mount(frame, tree, config, selection.base_frame)
+        R_base_imu = rotation_matrix((mount or rotations.IDENTITY)[1])
+        lag_s = imu_lag_s(of_imu, R_base_imu, odometry)
+        if lag_s:
+            of_imu = replace(of_imu, stamps_ns=of_imu.stamps_ns - round(lag_s * 1e9))
         try:
-            found = verticals_of(of_imu, rotation_matrix((mount or rotations.IDENTITY)[1]), odometry)
+            found = verticals_of(of_imu, R_base_imu, odometry)
         except UntrustedImuError as error:
             if str(error):
                 message_counts.find(f"{stream.label}: not used to level the scans: {error}")
             continue
         if found.is_level:
             return None
+        if lag_s:
+            message_counts.find(
+                f"{stream.label}: by the odometry's turns its stamps are {abs(lag_s):.2f} s "
+                f"{'late' if lag_s > 0.0 else 'early'}: undone where it levels the scans"
+            )
         covered = _covered(source, selection, found)
         if covered < MIN_COVERED:
             message_counts.note(

@@ -475,6 +475,7 @@ KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "odometry_mirrored": (odometry(lambda o: replace(o, yaw_rad=-o.yaw_rad)), "ordinary"),
     "swaying_8": (lambda d, p: swaying(d, p, 8.0), "ordinary"),
     "swaying_cloud_4": (lambda d, p: swaying(d, p, is_cloud=True), "ordinary"),
+    "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
 }
 MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "cloud_untimed": (lambda d, p: clouds(d, p, is_timed=False), "ordinary"),
@@ -484,7 +485,6 @@ MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
         "ordinary_narrow",
     ),
     "swaying_unknown": (lambda d, p: swaying(d, p, imu=""), "ordinary"),
-    "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
     "swaying_about_lidar": (lambda d, p: swaying(d, p, is_about_lidar=True), "ordinary"),
     "swaying_about_lidar_8": (lambda d, p: swaying(d, p, 8.0, is_about_lidar=True), "ordinary"),
     "swaying_lidar_8_unknown": (lambda d, p: swaying(d, p, 8.0, imu="", is_about_lidar=True), "ordinary"),

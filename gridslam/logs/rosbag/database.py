@@ -52,7 +52,11 @@ class DatabaseFile:
                 self._read_topics(database)
         except _DAMAGE as error:
             raise _interrupt_or(
-                LogError(f"{path}: not a readable rosbag2 database ({error})"), error
+                LogError(
+                    f"{path}: not a readable rosbag2 database ({error}); "
+                    f"`sqlite3 {path.name} .recover | sqlite3 saved.db3` may save what is left"
+                ),
+                error,
             ) from error
 
     def messages(self) -> Iterator[tuple[int, bytes]]:

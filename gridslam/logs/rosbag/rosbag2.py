@@ -173,7 +173,10 @@ def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCou
                 folder, Path(name).name
             )  # older recorders wrote the folder's name before the file's
         if path is None or not path.is_file():
-            raise LogError(f"{folder / _METADATA}: {short(name)} is no file in this folder")
+            raise LogError(
+                f"{folder / _METADATA}: {short(name)} is no file in this folder: put it there, or take it "
+                "out of relative_file_paths to do without it"
+            )
         found[path] = None
     if len(found) < len(names):
         message_counts.note(
