@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
+from gridslam.core.stamps import END_NS
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
 from gridslam.lidar_slam.sessions.drawn_file import MAX_CELLS as MAX_DRAWN_CELLS
@@ -25,6 +26,7 @@ from gridslam.lidar_slam.sessions.object_records import records_in
 from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session, offsets
 from gridslam.lidar_slam.sessions.stored_scans import (
     CHUNK_SCANS,
+    MAX_POINT_M,
     RETURN_BYTES,
     SURFACE_BYTES,
     StoredScans,
@@ -40,6 +42,13 @@ MAX_SCAN_POINTS = 100_000
 MAX_HEAD_BYTES = 1 << 22
 MAX_KEY_SCANS = 300_000  # each takes 1 KB besides its points
 MAX_POSE_M = 1e6
+MAX_INFORMATION = 1e15  # of an edge: m, rad to a thirtieth of a micron
+LIMITS = {
+    "key.pose": MAX_POSE_M,
+    "scan.track": MAX_POSE_M,
+    "key.viewpoint": MAX_POINT_M,
+    "drive.range_m": MAX_POSE_M,
+}
 EDGES = ("loops", "visits", "landmarks")
 SCHEMA = {  # of all arrays but those of edges: type, columns
     "drive.scans": ("<i8", 0),
@@ -186,10 +195,12 @@ def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
         raise ValueError(f"a key scan claims to hold more than {MAX_SCAN_POINTS} points")
     if keys > MAX_KEY_SCANS:
         raise ValueError(f"it has {keys} key scans; the limit is {MAX_KEY_SCANS}")
-    if np.abs(arrays["key.pose"]).max(initial=0.0) > MAX_POSE_M:
-        raise ValueError("a pose is out of range")
-    if np.abs(arrays["scan.track"]).max(initial=0.0) > MAX_POSE_M:
-        raise ValueError("a pose is out of range")
+    for name, limit in LIMITS.items():
+        if np.abs(arrays[name]).max(initial=0.0) > limit:
+            raise ValueError(f"{name} is out of range")
+    stamps = arrays["scan.stamp_ns"]
+    if len(stamps) and not (stamps.min() >= 0 and stamps.max() < END_NS):
+        raise ValueError("a stamp is out of range")
 
 
 def _total(counts: NDArray[np.generic]) -> int:
@@ -249,6 +260,8 @@ def _edges(a: Arrays, name: str, n_keys: int) -> Edges:
     if len(nodes) and not (nodes.min() >= 0 and nodes.max() < n_keys):
         raise ValueError(f"{name}: an edge without a key scan")
     information = unpacked(a[f"{name}.information"])
+    if np.abs(information).max(initial=0.0) > MAX_INFORMATION:
+        raise ValueError(f"{name}: an information is out of range")
     if len(information) and np.linalg.eigvalsh(information)[:, 0].min() < -1e-6 * np.abs(information).max():
         raise ValueError(f"{name}: an information matrix is not positive")
     motion = a[f"{name}.motion"]

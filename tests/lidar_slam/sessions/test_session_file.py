@@ -11,6 +11,7 @@ import pytest
 
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.graph.relative_covariance import packed
 from gridslam.lidar_slam.sessions import drawn_file, session_file
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
@@ -123,6 +124,7 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
     poses[3, 0] = np.nan
     keys = session.drives[0].keys.copy()
     keys[5] = 10_000
+    edges = packed(session.constraints.visits.information)
     for content, reason in (
         (changed(session, head=head), "version 99"),
         (changed(session, head=None), "no readable head"),
@@ -130,6 +132,11 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
         (changed(session, points=None), "points is missing"),
         (changed(session, key__pose=poses), "not finite"),
         (changed(session, key__pose=session.poses[:-1]), "do not fit"),
+        (changed(session, key__viewpoint=np.full((len(keys), 2), 1e300)), "key.viewpoint is out of range"),
+        (changed(session, key__pose=np.full((len(keys), 3), 1e7)), "key.pose is out of range"),
+        (changed(session, drive__range_m=np.array([1e300])), "drive.range_m is out of range"),
+        (changed(session, scan__stamp_ns=session.drives[0].stamps_ns - 2**62), "a stamp is out of range"),
+        (changed(session, visits__information=np.full_like(edges, 1e300)), "an information is out of range"),
         (changed(session, key__scan=keys), "none of its drive's scans"),
         (changed(session, key__returns=-np.ones(len(keys), np.int64)), "out of range"),
         (changed(session, points=np.zeros(9, np.uint8)), "do not fit"),
