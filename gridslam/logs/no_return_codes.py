@@ -6,7 +6,7 @@ read exactly, far beyond all others, and in scan after scan, is none of them.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
@@ -16,7 +16,9 @@ from gridslam.core.messages import LaserScan
 
 MIN_BEAMS = 5  # of a scan that read the code
 GAP = 0.95  # no reading lies between this fraction of the code and the code: walls that end there have readings before it
-MIN_SCANS = 8  # in which the same number was the largest
+MIN_SCANS = 8  # in which the same number was the largest, and half of the last KEPT_SCANS
+KEPT_SCANS = 40  # that differ: a robot that stands sees the same end of a corridor again and again
+CHANGED_M, MIN_CHANGED = 0.1, 0.5  # scans differ where this fraction of the readings has changed
 
 
 class NoReturnCodes:
@@ -24,7 +26,10 @@ class NoReturnCodes:
 
     def __init__(self, scans: Iterable[LaserScan] = ()) -> None:
         self.known: float | None = None
-        self._seen: Counter[float] = Counter()
+        self._seen: deque[float] = deque(
+            maxlen=KEPT_SCANS
+        )  # of scans that differ the code they show, 0 for none
+        self._last: NDArray[np.float32] | None = None  # readings of the last of these
         for scan in scans:
             self.add(scan.ranges_m, scan.range_max_m)
 
@@ -32,14 +37,31 @@ class NoReturnCodes:
         """Take in the readings of a scan."""
         if self.known is not None:
             return
-        inside = ranges_m[np.isfinite(ranges_m) & ((ranges_m < range_max_m) | (range_max_m == 0.0))]
-        if len(inside) <= MIN_BEAMS:
+        if self._last is not None and not _differ(ranges_m, self._last):
             return
-        largest = float(inside.max())
-        if np.count_nonzero(inside > GAP * largest) != np.count_nonzero(inside == largest):
-            return
-        if np.count_nonzero(inside == largest) < MIN_BEAMS:
-            return
-        self._seen[largest] += 1
-        if self._seen[largest] >= MIN_SCANS:
-            self.known = largest
+        self._last = ranges_m
+        code = _largest_of_many(
+            ranges_m[np.isfinite(ranges_m) & ((ranges_m < range_max_m) | (range_max_m == 0.0))]
+        )
+        self._seen.append(code)
+        if code and self._seen.count(code) >= max(MIN_SCANS, len(self._seen) // 2):
+            self.known = code
+
+
+def _largest_of_many(inside: NDArray[np.float32]) -> float:
+    """The largest of a scan's readings, if many beams read it and nothing comes near it; else 0."""
+    if len(inside) <= MIN_BEAMS:
+        return 0.0
+    largest = float(inside.max())
+    count = int(np.count_nonzero(inside == np.float32(largest)))
+    is_alone = np.count_nonzero(inside > GAP * largest) == count
+    return largest if is_alone and count >= MIN_BEAMS else 0.0
+
+
+def _differ(ranges_m: NDArray[np.float32], others_m: NDArray[np.float32]) -> bool:
+    """Whether most readings of two scans differ; scans of other beams do."""
+    if len(ranges_m) != len(others_m):
+        return True
+    both = np.isfinite(ranges_m) & np.isfinite(others_m)
+    changed = np.abs(ranges_m[both] - others_m[both]) > CHANGED_M
+    return bool(len(changed)) and float(changed.mean()) > MIN_CHANGED

@@ -83,6 +83,12 @@ def test_a_number_that_is_the_largest_in_scan_after_scan_is_no_return(limit: flo
     assert len(lines) == 1 and "12 m in scan after scan" in lines[0]
 
 
+def test_what_a_robot_that_stands_sees_again_and_again_is_no_code() -> None:
+    ranges = scan().ranges_m.copy()
+    ranges[20:30] = 12.0
+    assert repaired([scan(ranges_m=ranges)] * 20)[1] == []
+
+
 def test_a_wall_that_is_far_for_a_while_is_no_code() -> None:
     given = []
     for k in range(12):
