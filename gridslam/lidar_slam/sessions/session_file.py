@@ -40,6 +40,7 @@ MAX_FILE_BYTES = MAX_UNPACKED_BYTES = 1 << 28  # without the points, which are u
 MAX_POINT_BYTES = 1 << 29  # of these, unpacked: some 100,000 key scans
 MAX_SCAN_POINTS = 100_000
 MAX_HEAD_BYTES = 1 << 22
+MIN_KEY_BYTES = 50  # of the file for a key scan, of which the poses alone take more
 MAX_KEY_SCANS = 300_000  # each takes 1 KB besides its points
 MAX_POSE_M = 1e6
 MAX_INFORMATION = 1e15  # of an edge: m, rad to a thirtieth of a micron
@@ -122,6 +123,8 @@ def read_session(content: bytes, name: str) -> Session:
         arrays = read_npz(io.BytesIO(content), MAX_UNPACKED_BYTES)
         head = _head(arrays.pop("head", None))
         _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **(DRAWN_SCHEMA if head["drawn"] else {})})
+        if MIN_KEY_BYTES * len(arrays["key.pose"]) > len(content):
+            raise ValueError(f"it claims to hold {len(arrays['key.pose'])} key scans in {len(content)} bytes")
         if len(head["logs"]) != len(arrays["drive.keys"]):
             raise ValueError("a drive has no log")
         return _session(arrays, head)

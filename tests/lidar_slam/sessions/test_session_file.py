@@ -156,6 +156,9 @@ def test_objects_and_bombs_are_refused(session: Session, monkeypatch: pytest.Mon
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("head.npy", bytes(2 << 20))
+    monkeypatch.setattr(session_file, "MIN_KEY_BYTES", 1 << 20)
+    with pytest.raises(InputError, match=r"it claims to hold \d+ key scans in"):
+        read_session(session_bytes(session), "session.npz")
     monkeypatch.setattr(session_file, "MAX_UNPACKED_BYTES", 1 << 20)
     with pytest.raises(InputError, match="its arrays take 2097152 bytes; the limit is 1048576"):
         read_session(buffer.getvalue(), "session.npz")
