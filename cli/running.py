@@ -166,9 +166,8 @@ def summary(run: Run, document: dict[str, Any], output: Path) -> list[tuple[str,
                 f"{ape['trans']['rmse']:.3f} m, {ape['rot']['rmse']:.2f} deg (rmse against ground truth)",
             )
         )
-    measures = (
-        document["measures"] if run.config.method_name in BUILT_IN else {}
-    )  # a package's own mean anything
+    # A package's own measures mean anything
+    measures = document["measures"] if run.config.method_name in BUILT_IN else {}
     if (sensors := sensor_summary(measures.get("motion", {}))) is not None:
         rows.append(("sensors", sensors))
     consistency = measures.get("map_consistency")

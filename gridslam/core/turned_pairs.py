@@ -15,18 +15,15 @@ from numpy.typing import NDArray
 Pose = tuple[float, float, float]
 Readings = NDArray[np.float32]
 
-MIN_TURN_RAD, MAX_TURN_RAD = (
-    0.1,
-    0.5,
-)  # between the scans of a pair: several beams, and most of the view in common
+# Between the scans of a pair: several beams, and most of the view in common
+MIN_TURN_RAD, MAX_TURN_RAD = 0.1, 0.5
 MAX_MOVE_M = 0.1  # in between: readings change by no more
 MIN_PAIRS, MAX_PAIRS = 20, 300
 MIN_COMMON_BEAMS = 20
 NEAR_M = 20.0  # readings beyond are left out: the laser may mean no return
 FLOOR_M = 0.02  # noise of a reading, added to differences
-MAX_COST_RATIO = (
-    0.8  # of another step to the assumed one: right ones have 0.55 to 0.75, wrong ones on public logs 0.93
-)
+# Of another step to the assumed one: right ones have 0.55 to 0.75, wrong ones on public logs 0.93
+MAX_COST_RATIO = 0.8
 
 
 class TurnedPairs:

@@ -27,9 +27,8 @@ TRAJECTORY, MAP, LAYERS, OBJECTS, REPORT = (
 )  # fmt: skip
 _TEXT_ENDINGS = frozenset({".tum", ".txt", ".csv", ""})
 _HEAD_BYTES = 1 << 16
-MAX_EVALUATED_CELLS = (
-    64_000_000  # of a map, 400 m x 400 m at 5 cm; a result and its layer, and the truth, take 1 GB
-)
+# Of a map, 400 m x 400 m at 5 cm; a result and its layer, and the truth, take 1 GB
+MAX_EVALUATED_CELLS = 64_000_000
 MAX_LAYER_BYTES = 4 * MAX_EVALUATED_CELLS + (1 << 12)
 
 

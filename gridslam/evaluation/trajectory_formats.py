@@ -42,12 +42,8 @@ COLUMN_NAMES = {
     "qz": ("qz", "orientation.z", "q_z", "rot_z", "q_rs_z"),
 }
 QUATERNION = ("qw", "qx", "qy", "qz")
-_UNIT_OF_DIGITS = (
-    (18, "ns"),
-    (15, "us"),
-    (12, "ms"),
-    (0, "s"),
-)  # smallest number of digits of a whole number, and its unit
+# Smallest number of digits of a whole number, and its unit
+_UNIT_OF_DIGITS = ((18, "ns"), (15, "us"), (12, "ms"), (0, "s"))
 
 
 def read_poses(path: Path) -> PoseSeries:

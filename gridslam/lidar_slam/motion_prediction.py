@@ -25,9 +25,8 @@ Floats = NDArray[np.float64]
 TRANSLATION_FLOOR_M, ACCELERATION_MPS2, MAX_TRANSLATION_STD_M = 0.02, 2.0, 0.8
 ROTATION_FLOOR_RAD, ACCELERATION_RADPS2, MAX_ROTATION_STD_RAD = 0.02, 5.0, 1.6
 GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
-MIN_INLIER_RATIO = (
-    0.4  # a match with fewer inliers may be wrong: the robot counts as lost, and the search widens
-)
+# A match with fewer inliers may be wrong: the robot counts as lost, and the search widens
+MIN_INLIER_RATIO = 0.4
 MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
 FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
 LEARNED_STEPS = 200  # over which the velocity's changes are averaged

@@ -14,9 +14,8 @@ from gridslam.core.trajectory import Trajectory
 Floats = NDArray[np.float64]
 
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
-FAR_LAGS_S: Floats = (
-    np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
-)  # where no near one fits
+# Where no near one fits
+FAR_LAGS_S: Floats = np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
 MIN_LAG_S = 0.05  # of a fault, and at least the period of the odometry: between its poses motion is not known
 YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
@@ -27,9 +26,8 @@ POSSIBLE_Z_SCORE = 2.0  # lags whose differences are larger by less than this ma
 MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
 MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
 MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
-MAX_SCALE_IQR = (
-    0.2  # relative; where the ratio varies more, matching has slid along a corridor or wheels have slipped
-)
+# Relative; where the ratio varies more, matching has slid along a corridor or wheels have slipped
+MAX_SCALE_IQR = 0.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,9 +21,8 @@ USUAL_RATIOS = (0.5, 2.0)
 MIN_DIFFERENCE = 0.05  # relative, of another step
 MAX_RATIO_OF_CONTRADICTED = 0.95  # of the costs of two steps that one message states
 MAX_SWEEP_RAD = 2.0 * math.pi * 1.05
-COMPARED_SCANS = (
-    60  # those with most rotation, matched with either step: odometry may turn too much or too little as well
-)
+# Those with most rotation, matched with either step: odometry may turn too much or too little as well
+COMPARED_SCANS = 60
 MIN_GAIN = 0.05  # of the inlier ratio with the other step
 
 

@@ -20,10 +20,8 @@ Floats = NDArray[np.float64]
 
 MIN_YAW_RATE_RADPS = 0.3  # of scans that are compared: slower turns hardly distort a scan
 MIN_TURNING_SCANS = 40
-FIRST_FRACTION, FRACTIONS = (
-    0.25,
-    (0.5, 0.75, 1.0),
-)  # of the period; the others only where the first is better than no motion
+# Of the period; the others only where the first is better than no motion
+FIRST_FRACTION, FRACTIONS = 0.25, (0.5, 0.75, 1.0)
 CORRELATED_SCANS = 4  # neighbours match well or badly together
 MIN_Z_SCORE = 2.5  # of the better match, in standard deviations of its mean
 MIN_GAIN = 0.005  # in the mean inlier ratio

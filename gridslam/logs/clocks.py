@@ -23,9 +23,8 @@ MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry cove
 TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # whose stamps place the robot
 MIN_STAMPS = 20  # fewer show no regularity
 MAX_EQUAL = 0.6  # fraction of stamps that are the one before: beyond it they are too coarse for times
-MIN_SET_NS = (
-    1000 * NS_PER_S
-)  # the smallest other stamp beside which a zero was not set: simulated clocks begin at 0
+# The smallest other stamp beside which a zero was not set: simulated clocks begin at 0
+MIN_SET_NS = 1000 * NS_PER_S
 MAX_UNSET = 0.1  # fraction of zeros that are skipped where nothing replaces them
 # Stamps come in bursts where their steps are as uneven as this, relative to their mean and to the steps of the arrivals.
 MIN_UNEVENNESS, MIN_UNEVENNESS_RATIO = 0.3, 4.0

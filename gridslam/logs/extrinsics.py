@@ -13,9 +13,8 @@ from gridslam.logs.config import ExtrinsicsConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
 
-MAX_TILT_COS = (
-    0.5  # of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
-)
+# Of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
+MAX_TILT_COS = 0.5
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 

@@ -33,9 +33,8 @@ from gridslam.logs.streams import Source
 from gridslam.logs.virtual_scan import VirtualLidar
 from gridslam.logs.wheel_turns import WheelTurns
 
-PEEKED_SCANS = (
-    60  # at the beginning of a stream, by which it is judged before the first scan is given to a method
-)
+# At the beginning of a stream, by which it is judged before the first scan is given to a method
+PEEKED_SCANS = 60
 
 FileStates: TypeAlias = list[tuple[int, int]]  # size and time of change of each file
 

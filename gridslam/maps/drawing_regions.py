@@ -15,9 +15,8 @@ from gridslam.maps.drawing_marks import Marks, marks_of
 
 Mask = NDArray[np.bool_]
 
-THIN_RATIO = (
-    3.0  # a colour is that of the strokes if its widest area is narrower by this factor than the other's
-)
+# A colour is that of the strokes if its widest area is narrower by this factor than the other's
+THIN_RATIO = 3.0
 SPECKLE_PX = 4  # largest size of specks of either colour, which are compression noise
 # Half widths of gaps to the outside that are closed, tried in order.
 LEAK_WIDTHS_PX = (0, 1, 2, 3, 4, 6, 8, 11, 15, 20)

@@ -11,9 +11,8 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-_STANDING_M = (
-    0.01  # below this the direction of a step is noise, and all of its turning counts as the second turn
-)
+# Below this the direction of a step is noise, and all of its turning counts as the second turn
+_STANDING_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,11 +22,8 @@ START_PX = 4.0  # radius of the point at which a curve starts
 MAX_LABEL_PX = 330  # of a name in the legend
 MIN_SCALE_SPAN = 1e-3  # of the values of a scale of colours: smaller differences are all of one colour
 GRID_COLOUR, GRID_PX = "#d5d9df", 0.7
-SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = (
-    14,
-    14,
-    60,
-)  # width of the scale of colours, its distance and its texts
+# Width of the scale of colours, its distance and its texts
+SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = 14, 14, 60
 
 
 @dataclass(frozen=True, slots=True)

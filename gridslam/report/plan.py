@@ -35,10 +35,8 @@ END = "\n}"  # of an indented JSON document
 MAX_PICTURE_CELLS = 1_000_000
 UNKNOWN_SHADE = 0.18
 BORDER_M = 1.5
-MAX_FOOTPRINTS_ACROSS, MAX_POINTS_ACROSS = (
-    200,
-    1000,
-)  # on the longer side of the picture, which has some 800 pixels
+# On the longer side of the picture, which has some 800 pixels
+MAX_FOOTPRINTS_ACROSS, MAX_POINTS_ACROSS = 200, 1000
 MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
 
 

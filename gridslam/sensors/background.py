@@ -10,9 +10,8 @@ Mask = NDArray[np.bool_]
 Depth = NDArray[np.float32]
 
 _RATE_FARTHER = 0.1  # learning rate of the depth background where a reading lies behind it
-_RATE_NEARER = (
-    0.002  # and where it lies before it: slow, so that people do not become background but new furniture does
-)
+# And where it lies before it: slow, so that people do not become background but new furniture does
+_RATE_NEARER = 0.002
 
 
 class ColourBackground:

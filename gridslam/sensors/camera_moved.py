@@ -16,19 +16,15 @@ from gridslam.sensors.background import Depth, Mask
 Image = NDArray[np.float32]
 
 FRAMES = 10  # in a row that must differ: people who pass near the camera hide what stands still for a moment
-CELL_PX = (
-    16  # depths are compared by the means of squares of this size: noise of single readings is averaged out
-)
+# Depths are compared by the means of squares of this size: noise of single readings is averaged out
+CELL_PX = 16
 MIN_KNOWN = 0.25  # fraction of a square's pixels that must have a depth and show no moving object
-DEPTH_MARGIN_M, DEPTH_MARGIN_RATIO = (
-    0.03,
-    0.015,
-)  # by which a square's depth differs: in metres, and of the depth
+# By which a square's depth differs: in metres, and of the depth
+DEPTH_MARGIN_M, DEPTH_MARGIN_RATIO = 0.03, 0.015
 MAX_DIFFERING = 0.3  # fraction of the squares; furniture that was moved covers less
 EDGE_COLS = 160  # width of the image in which edges are compared
-MIN_EDGE_SCORE = (
-    0.3  # correlation of the edges of successive frames, below which they are noise, and say nothing
-)
+# Correlation of the edges of successive frames, below which they are noise, and say nothing
+MIN_EDGE_SCORE = 0.3
 MAX_CHANGED = 0.5  # fraction of the image that is near to changed colours without a moving object
 MAX_EDGE_LOSS = 0.75  # a correlation with the reference below this fraction of the usual one differs
 EDGE_LIMIT = 3.0  # of the mean: stronger edges count as this, so that a few of them do not decide

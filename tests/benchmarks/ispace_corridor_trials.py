@@ -26,10 +26,8 @@ from tests.benchmarks.ispace_corridors import is_in_view, world_of
 from tests.benchmarks.ispace_trials import CONFIGS
 from tests.benchmarks.seen_corridor import SeenDrive, drive_through
 
-WRONG_M, WRONG_FOR_S = (
-    1.0,
-    2.0,
-)  # a pose farther off must not be called localized, least of all for longer than this
+# A pose farther off must not be called localized, least of all for longer than this
+WRONG_M, WRONG_FOR_S = 1.0, 2.0
 CALIBRATED_M = 0.5  # a pose that is called localized should be nearer than this
 
 

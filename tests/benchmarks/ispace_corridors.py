@@ -19,10 +19,8 @@ Floats = NDArray[np.float64]
 LENGTHS_M, WIDTHS_M = (30.0, 100.0), (2.0, 2.8)
 BAYS_M, BAY_WIDTH_M, BAY_DEPTHS_M = (3.0, 6.0), 1.0, (0.2, 0.4)  # period, width and depth of the bays
 COVERAGE = (0.3, 1.0)  # of the floor by the cameras' views
-NEAREST_M, VIEW_M = (
-    1.5,
-    7.0,
-)  # before a camera, the corridor is in its view from there on, and over this length
+# Before a camera, the corridor is in its view from there on, and over this length
+NEAREST_M, VIEW_M = 1.5, 7.0
 PEOPLE = (2, 8)
 LEGS_M = (8.0, 25.0)
 ROBOT_MPS = 0.5

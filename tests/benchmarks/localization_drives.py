@@ -30,9 +30,8 @@ Floats = NDArray[np.float64]
 BOXES = 40  # new in a changed place
 BOX_SIZE_M = (0.4, 1.2)
 ASIDE_M = (0.9, 2.5)  # of a box from the route
-WHOLE_TRAVEL_M = (
-    150.0  # of the route that a drive is the beginning of: wheels are made for the drift over 100 m
-)
+# Of the route that a drive is the beginning of: wheels are made for the drift over 100 m
+WHOLE_TRAVEL_M = 150.0
 AROUND_M = 12.0
 KINDS: tuple[Kind, ...] = ("office", "corridors")
 

@@ -18,9 +18,8 @@ from tests.benchmarks.wing_buildings import Building, CentreLine, Part, Room, de
 
 Floats = NDArray[np.float64]
 
-WING_STRETCH = (
-    0.26  # of the logarithm: parts are stretched by up to 30 % either way, along u and v for themselves
-)
+# Of the logarithm: parts are stretched by up to 30 % either way, along u and v for themselves
+WING_STRETCH = 0.26
 PIECE_STRETCH = 0.12  # of the logarithm, from room to room
 SHEAR = 0.08  # slope of v over u between two borders
 ROTATION = 0.15  # of a part against the one before, rad

@@ -28,16 +28,12 @@ Floats = NDArray[np.float64]
 
 FRAME_EVERY, CELL_M = 5, 0.1  # of the true poses, which come ten times a second; size of a floor cell
 WARM_UP = 25  # true poses until the cameras know their backgrounds
-MISSED, FALSE = (
-    0.1,
-    0.02,
-)  # fractions of the objects in view that are missed, and of the frames with a false detection
+# Fractions of the objects in view that are missed, and of the frames with a false detection
+MISSED, FALSE = 0.1, 0.02
 ROBOT_RADIUS_M, PERSON_RADIUS_M = 0.25, 0.22
 ROBOT_M2, PERSON_M2 = 0.2, 0.6  # surface that is seen of them
-SHADOW_M, SHADOW_PER_M = (
-    0.5,
-    2.0,
-)  # length of a person's shadow under a camera, and its growth with the distance
+# Length of a person's shadow under a camera, and its growth with the distance
+SHADOW_M, SHADOW_PER_M = 0.5, 2.0
 HIDES_WITHIN_M = 10.0  # a person farther from a camera hides nothing in its view
 SIDE_POINTS, POINT_STD_M = 12, 0.03
 

@@ -25,19 +25,13 @@ from gridslam.lidar_slam.loop_closure.segments import Segments
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FIRST_STD_M, MAX_STD_M = (
-    0.5,
-    40.0,
-)  # uncertainty up to which loops are searched for: doubled when nothing is left
+# Uncertainty up to which loops are searched for: doubled when nothing is left
+FIRST_STD_M, MAX_STD_M = 0.5, 40.0
 MAX_ROUNDS = 60
-QUERY_SPACING, TARGET_SPACING = (
-    4,
-    6,
-)  # segments between the searches of one round: one loop tells of its neighbours
-TRIED_QUERY, TRIED_TARGET = (
-    2,
-    3,
-)  # segments from an earlier search, within which another one would find the same
+# Segments between the searches of one round: one loop tells of its neighbours
+QUERY_SPACING, TARGET_SPACING = 4, 6
+# Segments from an earlier search, within which another one would find the same
+TRIED_QUERY, TRIED_TARGET = 2, 3
 TRIED_RATIO = 0.6  # unless the uncertainty has shrunk to this fraction: what was ambiguous may not be now
 
 MIN_SCORE = 0.5
@@ -45,12 +39,8 @@ MIN_EXPLAINED = 0.5
 MAX_CONTRADICTED = 0.15
 MAX_RIVAL_RATIO = 0.95  # of the rival's score to the match's; above it the match is not used
 DISTINCT_RIVAL_RATIO = 0.85  # up to which one of several matches that agree must be
-SURE_RIVAL_RATIO, SURE_SCORE, SURE_EXPLAINED, SURE_CONTRADICTED = (
-    0.75,
-    0.7,
-    0.7,
-    0.08,
-)  # of a match that stands alone
+# Of a match that stands alone
+SURE_RIVAL_RATIO, SURE_SCORE, SURE_EXPLAINED, SURE_CONTRADICTED = 0.75, 0.7, 0.7, 0.08
 MAX_DEPARTURE = 2.5  # standard deviations of a match from where it was expected: what lies beyond is more often a look-alike
 MEANINGFUL_STD_RATIO = 0.5  # agreement counts where it was expected to this fraction of the uncertainty
 

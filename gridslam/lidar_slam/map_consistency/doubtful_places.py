@@ -28,9 +28,8 @@ REASONS: dict[Kind, str] = {
     "strain": "the path departs by {:.1f} m from what scan matching measured",
     "loop": "a loop closure is missed by {:.2f} m",
 }
-EVEN_EVIDENCE_M = (
-    1.2  # metres of contradicted wall times the gain of a displacement at which the doubt is 0.5
-)
+# Metres of contradicted wall times the gain of a displacement at which the doubt is 0.5
+EVEN_EVIDENCE_M = 1.2
 MIN_WALL_M = 1.0  # smaller contradictions are not looked into
 AGREEING_WITHIN_M = 40.0  # between two contradictions that one passage can have caused
 AGREEING_M = 0.6  # of their displacements: a step of the search and a half

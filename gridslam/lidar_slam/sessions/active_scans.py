@@ -20,9 +20,8 @@ Floats = NDArray[np.float64]
 
 LATER_DRIVES = 2  # that were in the place of a key scan: it adds little to what they saw
 NEAR_M = 1.5  # of the same place
-NEAR_RAD = (
-    np.pi / 3
-)  # ... with this difference of the headings at most: many lidars see only what is before the robot
+# ... with this difference of the headings at most: many lidars see only what is before the robot
+NEAR_RAD = np.pi / 3
 
 
 def active_keys(session: Session) -> list[Bools]:

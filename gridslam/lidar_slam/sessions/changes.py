@@ -23,26 +23,20 @@ Kind = Literal["appeared", "vanished"]
 
 SURFACE_RATIO = 0.4  # of hits to all that is said of a cell, on a surface that stands
 SOMETIMES_RATIO = 0.08  # and in a cell that was not always free: glass, people, poses that are not exact
-SURE_HITS, SURE_MISSES = (
-    2,
-    3,
-)  # scans that met a surface, and that looked through it, in one cell of a place
+# Scans that met a surface, and that looked through it, in one cell of a place
+SURE_HITS, SURE_MISSES = 2, 3
 MIN_HITS, MIN_MISSES = 1, 2  # and all others
 MAX_POSE_ERROR_M = 0.1
 # A changed place reaches this far beyond the cells that contradict each other by more than an error of the poses, as far as cells
 # hang together with it: the side of a box that meets a wall, and what few beams met.
 GROWN_M = 0.3
-GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = (
-    0.25,
-    0.2,
-)  # at least met, at most met by the other drive, in the cell itself
+# At least met, at most met by the other drive, in the cell itself
+GROWN_SURFACE_RATIO, GROWN_FREE_RATIO = 0.25, 0.2
 # Poses may be wrong by more where two drives overlap little. Around a place the surfaces of both are compared at offsets up to
 # this one; if another offset than none explains many more of them, the drives are displaced here by it.
 MAX_DISPLACED_M, AROUND_M = 0.3, 3.0
-DISPLACED_RATIO, DISPLACED_GAIN = (
-    0.6,
-    0.15,
-)  # of the surfaces that the offset explains, and more than without it
+# Of the surfaces that the offset explains, and more than without it
+DISPLACED_RATIO, DISPLACED_GAIN = 0.6, 0.15
 JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15

@@ -42,9 +42,8 @@ MIN_AGREEING = 3  # parts of the drive that put it in one place
 MANY_AGREEING, MANY_LEAD = 6, 3.0  # then none of them has to be distinct, as a corridor looks alike all along
 MIN_LEAD = 2.0  # times the parts that agree on any other place
 MAX_CHANGED = 0.25  # of a part's points may lie in free space of the map where doors and furniture have changed in between ...
-MIN_AGREEING_CHANGED = (
-    4  # ... if this number of parts agree, at least `MANY_LEAD` times those on any other place
-)
+# ... if this number of parts agree, at least `MANY_LEAD` times those on any other place
+MIN_AGREEING_CHANGED = 4
 SHORT_DRIVE_SEGMENTS = 9  # in a shorter drive too few parts can agree: one must be beyond doubt
 CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
 MARGIN_M = 10.0

@@ -18,9 +18,8 @@ from gridslam.logs.ros.fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20
-DISTORTION_COLUMNS = (
-    14  # of a table: the coefficients of OpenCV's longest model; further ones are in one text column
-)
+# Of a table: the coefficients of OpenCV's longest model; further ones are in one text column
+DISTORTION_COLUMNS = 14
 
 
 def unusable_reason(info: CameraInfo) -> SkipReason | None:

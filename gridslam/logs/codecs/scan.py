@@ -16,9 +16,8 @@ from gridslam.logs.ros.encoded import Encoded, single_message, with_header
 from gridslam.logs.ros.fields import valid_head
 from gridslam.logs.skips import SkipReason
 
-_WIDEST_SWEEP_RAD = (
-    2.0 * math.pi * 1.05
-)  # some lidars overlap their own sweep a little; none goes round twice
+# Some lidars overlap their own sweep a little; none goes round twice
+_WIDEST_SWEEP_RAD = 2.0 * math.pi * 1.05
 
 
 def unusable_reason(scan: LaserScan) -> SkipReason | None:

@@ -44,9 +44,8 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
 _HEADER_BYTES = 100
-_MAX_EXPANSION = (
-    1000  # of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
-)
+# Of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
+_MAX_EXPANSION = 1000
 _ALWAYS_UNPACKED = 64 << 20
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
 _MAX_OTHER_RECORDS = 1000  # of one chunk, which should hold schemas, channels and messages only

@@ -14,9 +14,8 @@ from gridslam.maps.picture import ink
 from gridslam.maps.picture.ink import Canvas, Colour
 from gridslam.maps.picture.window import MapWindow
 
-TEXT_RATIO = (
-    1 / 44
-)  # height of the text to the width of the sheet: legible where a phone shows the sheet on its width
+# Height of the text to the width of the sheet: legible where a phone shows the sheet on its width
+TEXT_RATIO = 1 / 44
 MIN_TEXT_PX, MAX_TEXT_PX = 14, 44
 TICK_TEXTS = 5.0  # smallest distance of ticks, in text heights
 ROWS_AT_ONCE = 256  # that are copied to a sheet: Pillow's copy of all would take more memory than the canvas

@@ -33,9 +33,8 @@ Floats = NDArray[np.float64]
 NO_GOAL, FRONTIERS = -1, -2  # goals other than an observation point
 PERIOD_S = 0.8  # between two plans of the path
 RESCALE_RATIO = 1.03  # change of a scale after which the planning grid is built again
-GOAL_RADIUS_M = (
-    0.5 * ARRIVAL_M
-)  # the path ends well inside the arrival distance, so that the robot does not stop short
+# The path ends well inside the arrival distance, so that the robot does not stop short
+GOAL_RADIUS_M = 0.5 * ARRIVAL_M
 PROGRESS_M = 0.3  # by which the path must get shorter to count as progress
 BLOCKED_S = 10.0  # without an open path for this time, an observation point is given up
 PROGRESS_S = 45.0  # and without progress for this time

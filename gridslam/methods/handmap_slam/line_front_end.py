@@ -28,9 +28,8 @@ Floats = NDArray[np.float64]
 
 MIN_LINE_M = 2.5  # shorter lines of the scan do not correct the heading: they may lie on curves
 MAX_CORRECTION_RAD = 0.05  # of the heading at one scan, since the drawing may be deformed
-MAX_LINE_DISTANCE_M = (
-    1.5  # between a line of the scan and the drawn line it corresponds to, metres of the world
-)
+# Between a line of the scan and the drawn line it corresponds to, metres of the world
+MAX_LINE_DISTANCE_M = 1.5
 
 # Search for the heading in the drawing's distance field, where the scan has no lines.
 FIELD_POINTS = 90

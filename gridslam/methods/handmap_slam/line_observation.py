@@ -31,9 +31,8 @@ NO_RETURN = 0.999  # of the maximum range: simulated beams longer than this hit 
 MIN_LENGTH_M = 0.8  # of a line of the scan
 PARALLEL_RAD = 0.26  # lines whose directions differ by less may correspond
 MAX_DISTANCE_M = 8.0  # from the robot to a line, as drawn or as observed
-MIN_COSINE = (
-    0.5  # of a beam to a line's normal: with an uncertain pose, grazing beams show nothing about the line
-)
+# Of a beam to a line's normal: with an uncertain pose, grazing beams show nothing about the line
+MIN_COSINE = 0.5
 SIGMA_M = 0.5  # of eq. 1, metres of the world
 OBSERVED_PROBABILITY = 0.3  # f above this: the line is observed
 

@@ -28,9 +28,8 @@ MAX_SCANS = 60
 SCAN_SPACING_M = 0.4  # distance between scans that are kept
 FORGET_M = 10.0  # scans taken farther away than this are not used
 MAX_SURFACE_GAP_M = 0.4  # gaps between neighbouring endpoints up to this length are closed
-MIN_HIT_RATIO = (
-    0.15  # surfaces per passing beam of a blocked cell; below are outliers and people who have left
-)
+# Surfaces per passing beam of a blocked cell; below are outliers and people who have left
+MIN_HIT_RATIO = 0.15
 MIN_PASSED = 2  # beams through a free cell
 STAND_OFF_CELLS = 1.5  # the last cells of a beam before a surface are not free
 MIN_BEAMS_WITHOUT_RETURN = 4  # neighbouring beams without return that show free space; fewer are lost beams

@@ -16,9 +16,8 @@ Floats = NDArray[np.float64]
 WALL_TOLERANCE_M = 0.25  # a beam that ends nearer to a wall agrees with the map
 BLOCKED_TOLERANCE_M = 0.4  # unless a wall lies farther than this before its endpoint
 GRAZING_SLACK_M = 0.3  # a beam whose endpoint becomes visible when moved aside by this much grazes a wall
-DISPLACED_M = (
-    0.1  # a beam that ends farther than this behind a wall, and at no other, shows the wall elsewhere
-)
+# A beam that ends farther than this behind a wall, and at no other, shows the wall elsewhere
+DISPLACED_M = 0.1
 # A beam at a wall that ends farther than this, and than some cells, from it ends beside it. On right maps up to 24 % of them do
 # (99 of 100 scans of three recorded logs; the median in two crowds is 5 %), on two maps of other places 43 and 77 %.
 BESIDE_M, BESIDE_CELLS = 0.08, 1.6
@@ -28,9 +27,8 @@ OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
 HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
 SMOOTHING = 0.7  # weight of the past in the running mean of the inlier ratio: a mean over about three updates
 LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized,
-LOCALIZED_MASS = (
-    0.99  # if the main cluster has this weight: the robot is elsewhere with a probability below 1 %
-)
+# If the main cluster has this weight: the robot is elsewhere with a probability below 1 %
+LOCALIZED_MASS = 0.99
 UNTRUSTED_WEIGHT = 0.7  # of a confidence of a pose that is not confirmed: about as many such poses are right
 LOST_CONFIDENCE = 0.3  # below it the status is lost
 

@@ -30,9 +30,8 @@ MIN_LOCALIZED_SCANS = 10  # from which that mean says something
 # Median inlier ratio of the scans that were not localized, from which the map fits and only the place is undecided: 1.0 in a
 # corridor that looks alike all along, about 0.7 on a map of another place.
 FITTING_RATIO = 0.9
-MAX_JUMPS = (
-    1  # between places where the robot was localized: one when it is carried, or found after a first error
-)
+# Between places where the robot was localized: one when it is carried, or found after a first error
+MAX_JUMPS = 1
 
 
 class History(Protocol):

@@ -20,12 +20,10 @@ Floats = NDArray[np.float64]
 _CUTOFF = 4.0  # bandwidths: beyond them the kernel is taken as 0
 _FAR = 1e-3  # nearness below which the past of an object does not matter
 _PAST_CUTOFF_M = 2.0  # distance at which an object's past position cannot be the robot's
-_EXCHANGED = (
-    0.1  # that a track changed from a person to the robot: one hides behind the other, or leaves the view ...
-)
-_EXCHANGED_GROWTH = (
-    2.0  # ... which each frame since then makes likelier, in which it agrees with the robot's path
-)
+# That a track changed from a person to the robot: one hides behind the other, or leaves the view ...
+_EXCHANGED = 0.1
+# ... which each frame since then makes likelier, in which it agrees with the robot's path
+_EXCHANGED_GROWTH = 2.0
 _MIN_WEIGHT = 1e-300
 _SAME_MOMENT_M = 0.05  # frames between which the robot moves less are taken as simultaneous
 DENSITY_BANDWIDTH_M = 0.5  # kernel of the paper's densities; smaller ones lose the robot in a missed frame

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gridslam.core.messages import DepthImage, Image
 
 PAIR_TOLERANCE_S = 0.02  # colour and depth of one frame; most drivers stamp both alike
-ALONE_AFTER = (
-    3  # images of one kind without any of the other, after which a camera counts as one that has no others
-)
+# Images of one kind without any of the other, after which a camera counts as one that has no others
+ALONE_AFTER = 3
 
 
 @dataclass(frozen=True, slots=True)

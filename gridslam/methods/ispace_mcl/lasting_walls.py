@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 FURNITURE_M = 2.5  # a connected piece of the map that is shorter and narrower may be furniture, or a door that is open now
-MIN_WALL_RATIO = (
-    0.3  # of the occupied cells; with less in walls the map consists of pieces, and each may be of a wall
-)
+# Of the occupied cells; with less in walls the map consists of pieces, and each may be of a wall
+MIN_WALL_RATIO = 0.3
 LARGE_CELLS = 10_000_000  # of a map whose pieces are not looked for: that would take 100 MB and more
 
 

@@ -44,9 +44,8 @@ JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
 CHECK_MEMORY_MB = 500.0
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
-FIRST_UPDATES = (
-    3  # scans that count without motion: they help the search, more of the same view add no evidence
-)
+# Scans that count without motion: they help the search, more of the same view add no evidence
+FIRST_UPDATES = 3
 
 
 class IspaceMcl:

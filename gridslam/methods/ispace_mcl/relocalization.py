@@ -56,24 +56,19 @@ CLIMB_BEAMS = 100  # of these, by which a pose climbs to its maximum; all of the
 MIN_BEAMS = 10  # with fewer, nothing is searched for
 PAST_BEAMS = 30  # of each scan over which a hypothesis is traced back
 MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a place may have changed ...
-CHANGED_SCORE = (
-    -2.5
-)  # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
+# ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
+CHANGED_SCORE = -2.5
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...
-SWITCH_UNEXPLAINED = (
-    0.1  # ... and more by this for what it leaves unexplained: the best of many leads by chance
-)
+# ... and more by this for what it leaves unexplained: the best of many leads by chance
+SWITCH_UNEXPLAINED = 0.1
 CONFIRM_LOG_ODDS = 2.0  # lead of the tracked pose that confirms it ...
-CONFIRM_UNEXPLAINED = (
-    0.7  # ... and more by this for what it leaves unexplained beyond MEAN_SCORE a scan: the map has aged
-)
+# ... and more by this for what it leaves unexplained beyond MEAN_SCORE a scan: the map has aged
+CONFIRM_UNEXPLAINED = 0.7
 MEAN_SCORE = -0.7
-DOUBT_LOG_ODDS = (
-    3.0  # lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
-)
-CONFIRM_BY_SCANS_LOG_ODDS = (
-    1.0  # ... and by the scans of the window alone: the filter counts alike scans for too much
-)
+# Lead of a hypothesis over the last metres from which nothing else confirms the tracked pose
+DOUBT_LOG_ODDS = 3.0
+# ... and by the scans of the window alone: the filter counts alike scans for too much
+CONFIRM_BY_SCANS_LOG_ODDS = 1.0
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
 BESIDE_M = 1.5  # the path drifts as much over the window: its older scans cannot tell two poses apart that are as near

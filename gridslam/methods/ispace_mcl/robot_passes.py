@@ -26,9 +26,8 @@ PASS_STD_M = 0.12  # of a detection about the robot: its visible side changes, a
 PRIOR_STD = np.array([0.1, 0.1, 0.07, 0.1])  # m, m, rad, m
 NEAR_SIDE_M = 0.15
 MIN_CHI2 = 16.3  # of a correction that is applied: a right camera has more in one of a thousand cases (three degrees of freedom)
-MIN_MOVE_M = (
-    0.25  # off what the earlier detections say, by the median of the last MIN_PASSES: the camera was moved
-)
+# Off what the earlier detections say, by the median of the last MIN_PASSES: the camera was moved
+MIN_MOVE_M = 0.25
 MAX_OFF_M = 1.0  # of an object from the robot's pose, of which the robot may be seen there
 ROUNDS = 5  # of reweighting, by which a person beside the robot loses its weight
 

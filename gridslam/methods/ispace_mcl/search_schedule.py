@@ -16,9 +16,8 @@ MEAN_TRAVEL_M = 5.0  # over which the inlier ratio is averaged
 START_LOG_ODDS = 3.0  # in favour of a start pose
 LOG_ODDS_PER_M = 1.0  # that a trusted pose gains by a metre of travel while it agrees with the map
 LOST_LOG_ODDS_PER_M = 3.0  # that it loses by a metre of travel while lost
-DOUBTED_LOG_ODDS = (
-    1.0  # of a pose that is not trusted any more, above which it is compared again soon: they halve each time
-)
+# Of a pose that is not trusted any more, above which it is compared again soon: they halve each time
+DOUBTED_LOG_ODDS = 1.0
 MAX_LOG_ODDS = 10.0  # that it can have before a comparison
 
 

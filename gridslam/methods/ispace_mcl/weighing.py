@@ -18,9 +18,8 @@ LogWeight = Callable[
     [Beams, Floats, Floats], Floats
 ]  # of a scan, poses (n, 3) and moving objects (k, 2): log-weights (n,)
 
-ENDPOINT_STD_M = (
-    0.15  # of a beam's endpoint about a wall: lidar noise, map cells and pose error within a cell
-)
+# Of a beam's endpoint about a wall: lidar noise, map cells and pose error within a cell
+ENDPOINT_STD_M = 0.15
 RANDOM_WEIGHT = 0.1  # weight of beams that anything may cause, people above all
 FIELD_BEAM_WEIGHT = 0.15  # power of a beam's likelihood: neighbouring beams have common errors
 MOVING_RADIUS_M = 0.3  # a beam that ends nearer to a detection of the fixed cameras is half explained
@@ -34,9 +33,8 @@ MIXTURE = BeamMixture(
     short_decay_per_m=0.2,
     bin_m=0.05,
 )
-MIXTURE_BEAM_WEIGHT = (
-    0.05  # power of a beam's likelihood; lower than for the field, as ranges err more in common
-)
+# Power of a beam's likelihood; lower than for the field, as ranges err more in common
+MIXTURE_BEAM_WEIGHT = 0.05
 
 RANGE_DIFFERENCE_STD_M = 0.5  # sigma of the paper's eq. 4, which the paper does not state
 

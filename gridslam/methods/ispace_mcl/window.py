@@ -42,9 +42,8 @@ _MAX_POINTS = 360
 # How far the odometry is trusted against the match: a fixed part and parts that grow with travel and rotation ...
 _ODOMETRY_M, _ODOMETRY_PER_M = 0.02, 0.1
 _ODOMETRY_RAD, _ODOMETRY_RAD_PER_RAD, _ODOMETRY_RAD_PER_M = 0.02, 0.1, 0.05
-_MATCH_WEIGHT = (
-    40.0  # ... and the log-likelihood of a perfect match: of fewer than all points, whose errors are common
-)
+# ... and the log-likelihood of a perfect match: of fewer than all points, whose errors are common
+_MATCH_WEIGHT = 40.0
 _STEPS = ((0.1, 0.03), (0.1, 0.02), (0.05, 0.02), (0.05, 0.01), (0.025, 0.01), (0.025, 0.005))  # m, rad
 # Search window of a match: a fixed part and parts that grow with the odometry's travel and rotation.
 _SEARCH_M, _SEARCH_PER_M = 0.15, 0.3

@@ -43,9 +43,8 @@ Floats = NDArray[np.float64]
 
 NEIGHBOUR_NS = 20_000_000_000  # objects read within this time of each other may explain the same beams
 SILENCE_RADIUS_M = 3.0  # a tag farther from the robot is not expected to be read
-GONE_LOG_PROBABILITY = (
-    -8.0
-)  # of the silent rounds if the object still stood there, below which the scans are asked
+# Of the silent rounds if the object still stood there, below which the scans are asked
+GONE_LOG_PROBABILITY = -8.0
 
 
 class ObjectTracker:

@@ -30,9 +30,8 @@ MATCHING_POINTS = 80  # of a key scan, at most: each is matched in every particl
 INFORMATION_WEIGHT = 0.05  # of a scan's match: the errors of neighbouring points are not independent
 LIKELIHOOD_WEIGHT = 0.01  # power of the scan likelihood in a particle's weight, for the same reason
 MAX_EVIDENCE = 1.0  # one observation of objects lowers a log weight by at most this
-MAX_SCAN_EVIDENCE = (
-    0.2  # and one scan by this: key scans see the same walls for metres, and other particles still search
-)
+# And one scan by this: key scans see the same walls for metres, and other particles still search
+MAX_SCAN_EVIDENCE = 0.2
 RESAMPLING_RATIO = 0.5  # particles are resampled when N_eff falls below this fraction of their number
 REDRAWING_DISTANCE_M = 0.1  # a map is redrawn when the path of the scans in it moves farther
 MIN_DEFORMATION_M = 0.03  # smaller corrections move the last pose only

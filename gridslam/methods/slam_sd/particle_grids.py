@@ -25,9 +25,8 @@ SIGMA_M = 0.06  # standard deviation of an endpoint about a surface: range noise
 MAX_CORRESPONDENCE_M = 0.3
 RANDOM_RATIO = 0.1  # of readings that no surface explains
 MAX_ITERATIONS = 8
-MIN_CORRESPONDENCE_RATIO = (
-    0.5  # of `min_inlier_ratio`: with fewer correspondences no match is possible any more
-)
+# Of `min_inlier_ratio`: with fewer correspondences no match is possible any more
+MIN_CORRESPONDENCE_RATIO = 0.5
 ENDPOINT_MODEL = EndpointModel(SIGMA_M, MAX_CORRESPONDENCE_M, RANDOM_RATIO)
 
 

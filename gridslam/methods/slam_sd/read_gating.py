@@ -13,9 +13,8 @@ from gridslam.methods.slam_sd.tag_visits import TagVisit
 
 Floats = NDArray[np.float64]
 
-SAME_PLACE_RANGES = (
-    2.0  # visits whose key scans are closer than this many antenna ranges may read the same object
-)
+# Visits whose key scans are closer than this many antenna ranges may read the same object
+SAME_PLACE_RANGES = 2.0
 
 
 class ReadGate:

@@ -15,9 +15,8 @@ from gridslam.sensors.stereo_head import MATCHED, UNKNOWN, ColumnSettings, measu
 Floats = NDArray[np.float64]
 
 BIN_PX = 4  # columns of pixels in a ray
-MIN_MATCHED_RATIO = (
-    0.25  # bins with a smaller fraction of matched pixels give no evidence, not even of free space
-)
+# Bins with a smaller fraction of matched pixels give no evidence, not even of free space
+MIN_MATCHED_RATIO = 0.25
 MAX_HEIGHT_M = 1.0  # upper limit of the obstacle heights whose mean places the cells of a ray
 
 

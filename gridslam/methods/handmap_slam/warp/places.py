@@ -24,14 +24,11 @@ EDGE_M = 2.0  # places this close that see each other are neighbours
 MAX_PLACES = 4000
 BEAMS = 72
 VIEW_M = 8.0
-MAX_UNKNOWN_M = (
-    0.15  # neighbours see each other if the ray between them ends no earlier than this before the other
-)
+# Neighbours see each other if the ray between them ends no earlier than this before the other
+MAX_UNKNOWN_M = 0.15
 OCCUPIED = 0.5
-OPEN_MARGIN_M, OPEN_FRACTIONS = (
-    0.2,
-    np.array([0.35, 0.65, 0.9]),
-)  # of points before a surface, and where between
+# Of points before a surface, and where between
+OPEN_MARGIN_M, OPEN_FRACTIONS = 0.2, np.array([0.35, 0.65, 0.9])
 
 
 @dataclass(frozen=True)
