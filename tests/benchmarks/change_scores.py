@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import find_alignment
-from gridslam.evaluation.map_errors import sample
 from gridslam.maps.occupancy import OccupancyGrid
 from tests.benchmarks.changed_worlds import CELL_M, Drives, dense
+from tests.benchmarks.map_samples import sample
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

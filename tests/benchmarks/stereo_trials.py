@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import t as student
 
-from gridslam.evaluation.map_errors import intersection_over_union, log_loss, sample
+from gridslam.evaluation.map_errors import intersection_over_union, log_loss
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import RayReader, StereoRays
 from gridslam.runs.run_config import load_run_config
+from tests.benchmarks.map_samples import sample
 from tests.benchmarks.stereo_drives import StereoDrive, drive_of, with_false_matches
 from tests.benchmarks.stereo_models import BayesModel, InverseSensorModel, MapModel
 from tests.benchmarks.stereo_rooms import (

@@ -104,10 +104,11 @@ def run_start(cache: Path | None, repository: Path = REPOSITORY) -> str:
 
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file of the smallest kernel's machine code, the only one in a folder where its cache looks."""
+    """The file of the smallest kernel's machine code for this CPU, the only one in a folder where its cache looks."""
     start.start()
     kernel: Any = start._same
-    (file,) = Path(kernel._cache.cache_path).glob("_same-*.code")
+    key = kernel._cache._key(kernel.signatures[0], kernel.targetctx.codegen())
+    file = Path(kernel._cache.cache_path) / kernel._cache._name(key)
     monkeypatch.setattr(kernel._cache, "_folders", (tmp_path,))
     monkeypatch.setattr(MachineCodeCache, "complaint", None)
     return Path(shutil.copy(file, tmp_path))

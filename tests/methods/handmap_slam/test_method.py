@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, MethodError
 from gridslam.core.messages import LaserScan, Odometry, readonly
 from gridslam.maps.drawing import Drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
@@ -130,16 +130,16 @@ def test_scans_without_returns_are_counted_and_tracking_continues():
     assert position_errors(result).max() < 0.1
 
 
-def test_a_log_of_empty_scans_gives_no_map_and_no_traceback():
+def test_a_log_of_empty_scans_is_refused_in_one_line():
     method = HandmapSlam(HandmapSlamConfig(start=START), 0, drawing=hall_drawing())
     for event in events()[:100]:
         if isinstance(event, LaserScan):
             event = replace(event, ranges_m=readonly(np.full(len(event.ranges_m), np.nan), np.float32))
         method.process(event)
     assert method.drawing_pose is None
-    result = method.result()
-    assert result.counters["scan.empty"] == result.counters["used.scan"] > 0
-    assert result.tables["lines"].rows == []
+    with pytest.raises(MethodError, match="none of the 48 scans has a reading") as refused:
+        method.result()
+    assert "\n" not in str(refused.value)
 
 
 def test_no_events_give_an_empty_result():
