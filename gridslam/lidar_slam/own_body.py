@@ -20,7 +20,8 @@ MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in v
 # Views differ where more than this fraction of the ranges have changed by more than so much.
 CHANGED_M, MIN_CHANGED_FRACTION = 0.1, 0.5
 MIN_VIEWS, MAX_VIEWS = 15, 60  # that differ
-CHECKED_VIEWS = 5  # a body that comes later is looked for whenever so many more views differ: sooner takes a tenth of a run
+# New views after which a body that comes later is looked for again: at each it would take a tenth of a run.
+CHECKED_VIEWS = 5
 MIN_ROTATION_RAD = 4.0  # of the robot meanwhile: beside a straight drive a wall looks like a body
 MAX_BODY_FRACTION = 0.5  # of the beams: a lidar that sees more near it stands in a narrow place
 EDGE_BEAMS, EDGE_M = 2, 0.15  # readings beside a body that mix it with what is behind
