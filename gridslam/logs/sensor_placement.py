@@ -54,9 +54,9 @@ def place_sensors(
             f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
         )
     _refuse_unknown_frames(streams, tree, config)
-    _refuse_registered(streams, selection, config)
     extrinsics.refuse_several_places(edges, lidar_frames, base, config.extrinsics)
-    if for_a_method:
+    if for_a_method:  # a conversion keeps what was recorded
+        _refuse_registered(streams, selection, config)
         _refuse_unknown_base(streams, tree, config)
     needed = _frames_in_use(streams, selection, tree, config)
     fixed = extrinsics.mount(
@@ -160,10 +160,11 @@ def _refuse_registered(
     streams: Sequence[RecordedStream], selection: StreamSelection, config: LogConfig
 ) -> None:
     """Raises ConfigError: clouds or scans are in a frame that does not move with the robot, registered by another program."""
-    fixed = {frame for i, kind in selection.kind_of.items() if kind == "odom" for frame in streams[i].frames}
+    of_odometry = {f for i, kind in selection.kind_of.items() if kind == "odom" for f in streams[i].frames}
+    fixed = WORLD_FRAMES | (of_odometry - {""})  # a message without a frame says nothing
     for index, kind in selection.kind_of.items():
         stream = streams[index]
-        still = [f for f in stream.frames if f in fixed | WORLD_FRAMES and f not in config.extrinsics]
+        still = [f for f in stream.frames if f in fixed and f not in config.extrinsics]
         if kind == "scan" and still and still[0] != selection.base_frame:
             raise ConfigError(
                 f"log.topics.scan: {stream.label} is in {still[0]}, which does not move with the robot: another program put it "

@@ -155,6 +155,7 @@ def test_scans_in_a_frame_that_stands_still_are_refused(tmp_path: Path) -> None:
     path = write_mcap(tmp_path / "a.mcap", [("/odom", odometry(S)), ("/scan", scan(S, frame="odom"))])
     with pytest.raises(ConfigError, match="is in odom, which does not move with the robot"):
         open_log(path, kinds=["scan", "odom"])
+    open_log(path).close()  # a conversion keeps what was recorded
 
 
 def test_a_base_frame_that_the_log_lacks_is_an_error_for_a_method(tmp_path: Path) -> None:
@@ -166,3 +167,11 @@ def test_a_base_frame_that_the_log_lacks_is_an_error_for_a_method(tmp_path: Path
         open_log(folder, config, ("scan", "odom"))
     open_log(folder, config).close()  # a conversion keeps what was recorded
     open_log(folder, LogConfig(base_frame="base_link"), ("scan", "odom")).close()
+
+
+def test_odometry_and_scans_without_frames_are_not_taken_for_registered_ones(tmp_path: Path) -> None:
+    nameless = odometry(S)
+    nameless.header.frame_id = ""
+    path = write_mcap(tmp_path / "a.mcap", [("/odom", nameless), ("/scan", scan(S, frame=""))])
+    with open_log(path, kinds=["scan", "odom"]) as log:
+        assert {topic for topic, _ in log.events_by_topic()} >= {"/odom", "/scan"}
