@@ -97,7 +97,7 @@ class ScanTracker:
     def motion_notes(self) -> list[str]:
         """Lines for people about sensors of motion that contradict the scans, and about scans without readings."""
         empty = self._counters["scan.empty"]
-        if empty < MANY_EMPTY * len(self.stamps_ns):
+        if not empty or empty < MANY_EMPTY * len(self.stamps_ns):
             return self._predictor.notes
         return [
             *self._predictor.notes,

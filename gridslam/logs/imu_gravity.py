@@ -60,17 +60,13 @@ def _bias(still: Floats, steps_s: Floats, forces: Floats) -> Floats:
     """
     gravity = forces.mean(axis=0)
     upward = np.einsum("nji,nj->i", still, forces)
-    across = np.linalg.svd(upward[None])[2][
-        1:
-    ].T  # two directions (3, 2) across the vertical, in the sensor's frame
-    turned = (
-        np.cumsum(still * steps_s[:, None, None], axis=0) @ across
-    )  # what constant rates about these have become
+    # Two directions (3, 2) across the vertical, in the sensor's frame, and what constant rates about these have become.
+    across = np.linalg.svd(upward[None])[2][1:].T
+    turned = np.cumsum(still * steps_s[:, None, None], axis=0) @ across
     x, y, z = gravity.tolist()
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    columns = np.concatenate([np.broadcast_to(np.eye(3), still.shape), -cross @ turned], axis=2).reshape(
-        -1, 5
-    )
+    columns = np.concatenate([np.broadcast_to(np.eye(3), still.shape), -cross @ turned], axis=2)
+    columns = columns.reshape(-1, 5)
     found, *_ = np.linalg.lstsq(columns.T @ columns, columns.T @ forces.ravel(), rcond=None)
     return np.asarray(across @ found[3:])
 

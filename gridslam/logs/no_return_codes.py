@@ -26,9 +26,8 @@ class NoReturnCodes:
 
     def __init__(self, scans: Iterable[LaserScan] = ()) -> None:
         self.known: float | None = None
-        self._seen: deque[float] = deque(
-            maxlen=KEPT_SCANS
-        )  # of scans that differ the code they show, 0 for none
+        # Of scans that differ the code that they show, 0 for none.
+        self._seen: deque[float] = deque(maxlen=KEPT_SCANS)
         self._last: NDArray[np.float32] | None = None  # readings of the last of these
         for scan in scans:
             self.add(scan.ranges_m, scan.range_max_m)

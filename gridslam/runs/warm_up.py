@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gridslam.kernels.free_space import Profiles, testimony_of_shifts
 from gridslam.kernels.machine_code_cache import MachineCodeCache
+from gridslam.lidar_slam.map_consistency.observations import SECTORS, TOLERANCES
 from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
@@ -96,8 +98,9 @@ def part_names() -> list[str]:
         *names[:1],
         "plan",
         *names[1:],
-        *(["simulate"] if find_spec("shapely") else []),
-    ]  # of the extra `sim`
+        "contradictions",
+        *(["simulate"] if find_spec("shapely") else []),  # of the extra `sim`
+    ]
 
 
 def warm_up_part(part: str) -> None:
@@ -106,6 +109,8 @@ def warm_up_part(part: str) -> None:
         _plan()
     elif part == "simulate":
         _simulate()
+    elif part == "contradictions":
+        _contradictions()
     else:
         method, command = part.split()
         if command == "map":
@@ -159,6 +164,19 @@ def _simulate() -> None:
     simulator = Simulator(WorldConfig.model_validate(ROOM), Path())
     for _ in range(100):
         simulator.step(1.0, 1.0)
+
+
+def _contradictions() -> None:
+    """Ask a scan about a displaced point, as in maps that contradict themselves, which that of the scripted log does not."""
+    nothing = np.zeros((1, SECTORS), np.float32)
+    testimony_of_shifts(
+        np.zeros((1, 2)),
+        np.zeros((1, 2)),
+        poses=np.zeros((1, 3)),
+        viewpoints=np.zeros((1, 2)),
+        profiles=Profiles(nothing, nothing),
+        limits=TOLERANCES,
+    )
 
 
 def _result(method: Method) -> RunResult:

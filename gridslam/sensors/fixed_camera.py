@@ -116,9 +116,8 @@ class FixedCamera:
     def correct(self, pose: Floats) -> None:
         """Take the camera as moved by a pose `(3,)` (m, m, rad) of the map frame from where the given extrinsics have it."""
         self.pinhole = self._given.moved(pose)
-        self.coverage = FloorCells(
-            np.zeros((0, 2), np.int64), self.parameters.cell_m
-        )  # found with the next frame
+        # Found with the next frame.
+        self.coverage = FloorCells(np.zeros((0, 2), np.int64), self.parameters.cell_m)
 
     def detect(self, pixels: NDArray[np.uint8] | None, depth_m: Depth | None) -> FloorDetections | FrameSkip:
         """The moving points of a frame, or the reason why the frame has none."""

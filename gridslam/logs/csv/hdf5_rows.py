@@ -40,9 +40,8 @@ def datasets_of(path: Path) -> dict[str, tuple[int, ...]]:
     found: dict[str, tuple[int, ...]] = {}
 
     def visit(name: str, item: Any) -> bool | None:
-        if (
-            not isinstance(item, h5py.Dataset) or item.is_virtual or item.external
-        ):  # what leads out of the file
+        leads_out = isinstance(item, h5py.Dataset) and (item.is_virtual or item.external)  # of the file
+        if leads_out or not isinstance(item, h5py.Dataset):
             return None
         for field in item.dtype.names or ("",):
             shape = item.shape + (item.dtype[field].shape if field else ())

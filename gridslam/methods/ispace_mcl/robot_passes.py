@@ -1,7 +1,7 @@
 """The error of a fixed camera's extrinsics, from the robot's own passes through its view.
 
-While the robot is localized by its lidar, a camera should detect it where it is. A camera that is told to stand or to look a
-little elsewhere detects it beside its place, always in the same manner. On the floor every small error of the six extrinsics
+While the robot is localized by its lidar, a camera should detect it where it is. A camera whose given extrinsics are a
+little wrong detects it beside its place, always in the same manner. On the floor every small error of the six extrinsics
 shows as a shift and a rotation about the camera: what a wrong pitch or roll does to points of about the same height is a shift.
 """
 
@@ -49,7 +49,7 @@ class Correction:
 
 
 class RobotPasses:
-    """Detections of the robot by a camera that is told to be at `place` `(2,)`, beside the robot's positions."""
+    """Detections of the robot by a camera whose given extrinsics place it at `(2,)`, beside the robot's positions."""
 
     def __init__(self, place: Floats) -> None:
         self._place = place

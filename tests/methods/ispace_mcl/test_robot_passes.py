@@ -14,7 +14,7 @@ PLACE = np.array([2.0, 1.0])
 def detections(
     pose: np.ndarray, rng: np.random.Generator, count: int = 40
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Detections by a camera that is told to be elsewhere than it is by `pose` `(3,)`, and the robot's positions."""
+    """Detections by a camera whose given extrinsics are off by `pose` `(3,)`, and the robot's positions."""
     pairs = []
     for k in range(count):
         robot = PLACE + np.array([1.5 + 0.35 * (k % 16), 0.8 * np.sin(0.7 * k)])
