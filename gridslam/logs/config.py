@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.core.stamps import END_S
-from gridslam.logs.csv.layout import CsvLayout
+from gridslam.logs.csv_layout import CsvLayout
 from gridslam.logs.kinds import EVENT_KINDS, OLDER_NAMES
 
 if TYPE_CHECKING:

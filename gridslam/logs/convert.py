@@ -11,7 +11,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.files import refuse_to_replace
 from gridslam.core.messages import Event, StereoPair, Transform
 from gridslam.core.stamps import END_S, NS_PER_S
-from gridslam.logs.cameras import camera_of
+from gridslam.logs.encoding.cameras import camera_of
 from gridslam.logs.kinds import KINDS, TRUTH_TOPIC, WITHOUT_TABLE
 from gridslam.logs.log import Log
 from gridslam.logs.streams import StreamInfo

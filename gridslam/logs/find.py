@@ -7,8 +7,8 @@ import logging
 from pathlib import Path
 
 from gridslam.core.errors import LogError
-from gridslam.logs.csv.layout import default_files
 from gridslam.logs.csv.source import LOG_ENDINGS
+from gridslam.logs.csv_layout import default_files
 from gridslam.logs.datasets.open import open_dataset
 from gridslam.logs.rosbag.parts import numbered_files, recorded_parts, why_several
 

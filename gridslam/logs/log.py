@@ -14,17 +14,17 @@ from gridslam.core.plain_files import sha256_of
 from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
-from gridslam.logs import ordering
-from gridslam.logs.clocks import check_overlap, restamp
 from gridslam.logs.config import LogConfig
-from gridslam.logs.disorder import note_disorder
 from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order import ordering
+from gridslam.logs.order.clocks import check_overlap, restamp
+from gridslam.logs.order.disorder import note_disorder
+from gridslam.logs.order.repeats import is_looped, without_repeats
+from gridslam.logs.placement.sensor_placement import place_sensors
+from gridslam.logs.placement.several_sensors import note_choice
 from gridslam.logs.playback import events_of, file_states, true_pose_of
-from gridslam.logs.repeats import is_looped, without_repeats
 from gridslam.logs.selection import select_streams
-from gridslam.logs.sensor_placement import place_sensors
-from gridslam.logs.several_sensors import note_choice
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import Source, StreamInfo
 from gridslam.logs.tum import read_trajectory

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gridslam.core.messages import Event
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded
 from gridslam.logs.skips import SkipReason
 
 FromRos = Callable[[Any, str], Event]  # (decoded message, topic)

@@ -20,18 +20,18 @@ from gridslam.core.messages import (
     Transform,
 )
 from gridslam.core.stamps import END_NS
-from gridslam.logs import ordering
+from gridslam.logs.checks.depth_units import DepthUnits
+from gridslam.logs.checks.plausibility import ScanPlausibility
+from gridslam.logs.checks.scan_units import CloudUnits
+from gridslam.logs.checks.wheel_turns import WheelTurns
 from gridslam.logs.codecs import odometry
-from gridslam.logs.depth_units import DepthUnits
 from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.plausibility import ScanPlausibility
-from gridslam.logs.scan_units import CloudUnits
+from gridslam.logs.order import ordering
+from gridslam.logs.placement.virtual_scan import VirtualLidar
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
 from gridslam.logs.streams import Source
-from gridslam.logs.virtual_scan import VirtualLidar
-from gridslam.logs.wheel_turns import WheelTurns
 
 # At the beginning of a stream, by which it is judged before the first scan is given to a method
 PEEKED_SCANS = 60

@@ -15,13 +15,13 @@ from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.config import LogConfig
 from gridslam.logs.convert import topic_of
+from gridslam.logs.encoding.cdr import CdrWriter
+from gridslam.logs.encoding.encoded import Encoded
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.log import Log
 from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.open import open_log
-from gridslam.logs.ros.cdr import CdrWriter
 from gridslam.logs.ros.encode import encode
-from gridslam.logs.ros.encoded import Encoded
 from gridslam.methods import registry
 from gridslam.methods.base import PlacedObject
 from gridslam.report.viewer_messages import CUBE, MAP_FRAME, TEXT, marker, occupancy_grid, path, pose_array

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encoded import Encoded
+from gridslam.logs.encoding.cdr import CdrWriter
+from gridslam.logs.encoding.encoded import Encoded
 from gridslam.maps.map_server import cells_of_grid
 from gridslam.maps.occupancy import OccupancyGrid
 

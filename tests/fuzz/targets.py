@@ -21,7 +21,7 @@ from gridslam.evaluation.files import read_relations, read_trajectory
 from gridslam.evaluation.object_files import read_objects
 from gridslam.evaluation.run_files import read_probability
 from gridslam.logs.config import LogConfig, LogLimits
-from gridslam.logs.csv.pictures import read_floats
+from gridslam.logs.encoding.csv_pictures import read_floats
 from gridslam.logs.open import open_log
 from gridslam.maps.drawing import load_drawing
 from gridslam.maps.load import load_any_map

@@ -18,8 +18,8 @@ from PIL import Image
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Image as ImageEvent
-from gridslam.logs.cameras import MAX_PIXELS
-from gridslam.logs.image_encodings import unpacked
+from gridslam.logs.encoding.cameras import MAX_PIXELS
+from gridslam.logs.encoding.image_encodings import unpacked
 from gridslam.logs.open import open_log
 from gridslam.simulation import floor_plan as plans
 from gridslam.simulation.floor_plan import plan_segments

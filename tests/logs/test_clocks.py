@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import LogError
-from gridslam.logs.clocks import check_overlap, restamp
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order.clocks import check_overlap, restamp
 from gridslam.logs.streams import RecordedStream
 
 S = 10**9

@@ -13,9 +13,9 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import ExtrinsicsConfig, LogConfig
-from gridslam.logs.extrinsics import mount, usable
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
+from gridslam.logs.placement.extrinsics import mount, usable
 from tests.logs.ros_samples import odometry, scan, tf, transform, write_mcap
 from tests.small_log import write_small_log
 

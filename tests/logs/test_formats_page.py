@@ -12,7 +12,7 @@ import pytest
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.core.messages import LaserScan, Odometry, Range, as_float32
 from gridslam.logs import LogConfig, open_log
-from gridslam.logs.csv.layout import CsvLayout
+from gridslam.logs.csv_layout import CsvLayout
 from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.skips import SkipReason
 

@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 
 from gridslam.core.messages import DepthImage, Image
 from gridslam.logs import open_log
-from gridslam.logs.image_encodings import RawImage, compressed_depth, compressed_pixels, pixels_of
+from gridslam.logs.encoding.image_encodings import RawImage, compressed_depth, compressed_pixels, pixels_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 from tests.logs.ros_samples import header, make, write_mcap
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gridslam.logs.imu_gravity import vertical_by_gravity
-from gridslam.logs.imu_readings import ImuReadings, OdometryReference
+from gridslam.logs.imu.gravity import vertical_by_gravity
+from gridslam.logs.imu.readings import ImuReadings, OdometryReference
 
 S = 10**9
 TIMES = np.arange(0.0, 60.0, 0.01)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gridslam.logs.imu_lag import imu_lag_s
-from gridslam.logs.imu_readings import ImuReadings, OdometryReference
+from gridslam.logs.imu.lag import imu_lag_s
+from gridslam.logs.imu.readings import ImuReadings, OdometryReference
 
 S = 10**9
 TIMES = np.arange(0.0, 40.0, 0.01)

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from gridslam.core.messages import Imu, LaserScan, PointCloud, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.config import CloudConfig
-from gridslam.logs.imu_readings import ImuReadings, OdometryReference
-from gridslam.logs.imu_tilt import UntrustedImuError, Verticals, verticals_of
-from gridslam.logs.levelling import LevelBand, Tilt, level_scan
+from gridslam.logs.imu.readings import ImuReadings, OdometryReference
+from gridslam.logs.imu.tilt import UntrustedImuError, Verticals, verticals_of
+from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan
+from gridslam.logs.placement.virtual_scan import virtual_lidar
 from gridslam.logs.rotations import from_euler
-from gridslam.logs.virtual_scan import virtual_lidar
 from gridslam.logs.write import write_log
 from gridslam.sensors.lidar_beams import beams_of, extrinsics_of
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gridslam.logs import ordering
+from gridslam.logs.order import ordering
 
 Streams = dict[int, list[int]]
 streams = st.dictionaries(st.integers(0, 3), st.lists(st.integers(0, 40), max_size=12), max_size=4)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import LaserScan
+from gridslam.logs.checks.plausibility import ScanPlausibility
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.plausibility import ScanPlausibility
 
 STAMPS = [k * 100_000_000 for k in range(20)]  # ten scans a second
 STEP = math.pi / 180

@@ -14,8 +14,8 @@ from gridslam.logs.codecs import cloud as codec
 from gridslam.logs.config import CloudConfig, LogConfig
 from gridslam.logs.convert import convert_log
 from gridslam.logs.open import open_log
+from gridslam.logs.placement.virtual_scan import BEAMS, virtual_lidar
 from gridslam.logs.skips import UnusableMessageError
-from gridslam.logs.virtual_scan import BEAMS, virtual_lidar
 from gridslam.logs.write import write_log
 
 S = 1_000_000_000

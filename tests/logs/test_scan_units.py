@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import LaserScan, PointCloud
+from gridslam.logs.checks.plausibility import ScanPlausibility
+from gridslam.logs.checks.scan_units import CloudUnits, in_radians, range_unit
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.plausibility import ScanPlausibility
-from gridslam.logs.scan_units import CloudUnits, in_radians, range_unit
 
 STEP = math.pi / 180
 STAMPS = [k * 100_000_000 for k in range(20)]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import WheelTicks
+from gridslam.logs.checks.wheel_turns import WheelTurns
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.wheel_turns import WheelTurns
 
 LEFT = np.concatenate([np.linspace(0.0, 40.0, 200), np.linspace(40.0, -10.0, 250)])
 RIGHT = 0.3 - 0.7 * LEFT

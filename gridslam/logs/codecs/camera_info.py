@@ -9,12 +9,12 @@ import numpy as np
 
 from gridslam.core.messages import CameraInfo, readonly
 from gridslam.core.texts import parse_numbers
-from gridslam.logs.cameras import camera_of
-from gridslam.logs.csv.fields import name_field, number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import plain_name, valid_head
+from gridslam.logs.encoding.cameras import camera_of
+from gridslam.logs.encoding.csv_fields import name_field, number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import PointCloud, readonly
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 # sensor_msgs/PointField: datatype -> numpy's letter and size

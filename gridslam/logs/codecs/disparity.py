@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import Disparity, as_float32, readonly
-from gridslam.logs.cameras import camera_of, depth_of
 from gridslam.logs.codecs.image import write_picture
-from gridslam.logs.csv.fields import name_field, single_field
-from gridslam.logs.csv.pictures import PictureWriter, read_floats
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.encoding.cameras import camera_of, depth_of
+from gridslam.logs.encoding.csv_fields import name_field, single_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter, read_floats
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 

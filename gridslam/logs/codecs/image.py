@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import Image, StereoPair, readonly
-from gridslam.logs.cameras import camera_of
-from gridslam.logs.csv.fields import name_field
-from gridslam.logs.csv.pictures import PictureWriter, read_pixels
-from gridslam.logs.csv.row import Row
-from gridslam.logs.image_encodings import RawImage, compressed_pixels, pixels_of
-from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
-from gridslam.logs.ros.foxglove_fields import base64_bytes
+from gridslam.logs.encoding.cameras import camera_of
+from gridslam.logs.encoding.cdr import CdrWriter
+from gridslam.logs.encoding.csv_fields import name_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter, read_pixels
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.foxglove_fields import base64_bytes
+from gridslam.logs.encoding.image_encodings import RawImage, compressed_pixels, pixels_of
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.stereo import is_raw
 
 

@@ -6,11 +6,11 @@ import math
 from typing import Any, TypeVar
 
 from gridslam.core.messages import Imu
-from gridslam.logs.csv.fields import number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.encoding.csv_fields import number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.skips import SkipReason
 
 _NOT_MEASURED = (-1.0, *(0.0,) * 8)  # sensor_msgs/Imu: a covariance that starts with -1 says "not measured"

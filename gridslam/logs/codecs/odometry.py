@@ -6,11 +6,11 @@ import math
 from typing import Any
 
 from gridslam.core.messages import Odometry, Transform
-from gridslam.logs.csv.fields import number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header, write_planar_pose
-from gridslam.logs.ros.fields import frame_name, valid_head, yaw_of_orientation
+from gridslam.logs.encoding.csv_fields import number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header, write_planar_pose
+from gridslam.logs.encoding.ros_fields import frame_name, valid_head, yaw_of_orientation
 from gridslam.logs.rotations import heading_of
 from gridslam.logs.skips import SkipReason
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import AbsolutePose, readonly
-from gridslam.logs.csv.fields import number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header, write_planar_pose
-from gridslam.logs.ros.fields import valid_head, yaw_of_orientation
+from gridslam.logs.encoding.csv_fields import number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header, write_planar_pose
+from gridslam.logs.encoding.ros_fields import valid_head, yaw_of_orientation
 from gridslam.logs.skips import SkipReason
 
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y, yaw among x, y, z, roll, pitch, yaw

@@ -8,11 +8,11 @@ from typing import Any
 
 from gridslam.core.messages import Range, as_float32
 from gridslam.logs.codecs.wheels import joint_state
-from gridslam.logs.csv.fields import name_field, number_field, single_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.encoding.csv_fields import name_field, number_field, single_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.skips import SkipReason
 
 _INFRARED = 1  # sensor_msgs/Range: radiation_type

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from gridslam.core.messages import LaserScan, as_float32, readonly
-from gridslam.logs.csv.fields import single_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import valid_head
+from gridslam.logs.encoding.csv_fields import single_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import valid_head
 from gridslam.logs.skips import SkipReason
 
 # Some lidars overlap their own sweep a little; none goes round twice

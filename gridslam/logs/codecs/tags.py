@@ -9,11 +9,11 @@ import numpy as np
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import TagInventory, as_float32
-from gridslam.logs.csv.fields import name_field, single_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
-from gridslam.logs.ros.fields import plain_name, valid_head
+from gridslam.logs.encoding.csv_fields import name_field, single_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.ros_fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
 

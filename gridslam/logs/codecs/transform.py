@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 from gridslam.core.messages import Transform
-from gridslam.logs.csv.fields import name_field, number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encoded import Encoded, single_message
-from gridslam.logs.ros.fields import frame_name, head
+from gridslam.logs.encoding.cdr import CdrWriter
+from gridslam.logs.encoding.csv_fields import name_field, number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message
+from gridslam.logs.encoding.ros_fields import frame_name, head
 from gridslam.logs.skips import SkipReason
 
 FARTHEST_M = 1e9  # from frame to frame: chains of such steps still have finite numbers

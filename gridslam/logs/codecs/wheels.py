@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from gridslam.core.messages import Range, WheelTicks
-from gridslam.logs.csv.fields import number_field
-from gridslam.logs.csv.pictures import PictureWriter
-from gridslam.logs.csv.row import Row
-from gridslam.logs.ros.cdr import CdrWriter
-from gridslam.logs.ros.encoded import Encoded, single_message, with_header
+from gridslam.logs.encoding.cdr import CdrWriter
+from gridslam.logs.encoding.csv_fields import number_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
+from gridslam.logs.encoding.csv_row import Row
+from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
 from gridslam.logs.skips import SkipReason
 
 

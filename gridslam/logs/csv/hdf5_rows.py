@@ -13,7 +13,7 @@ import numpy as np
 
 from gridslam.config.errors import short
 from gridslam.core.errors import LogError
-from gridslam.logs.csv.layout import CsvStream
+from gridslam.logs.csv_layout import CsvStream
 from gridslam.logs.kinds import CSV_KINDS
 
 MAX_DATASETS = 1000  # of a file: more are no log of a robot

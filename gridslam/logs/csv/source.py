@@ -14,9 +14,9 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv.layout import CsvLayout, CsvStream, default_files
-from gridslam.logs.csv.row import path_inside
 from gridslam.logs.csv.table import CsvTable
+from gridslam.logs.csv_layout import CsvLayout, CsvStream, default_files
+from gridslam.logs.encoding.csv_row import path_inside
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip
 from gridslam.logs.streams import RecordedStream

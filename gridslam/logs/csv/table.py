@@ -11,8 +11,8 @@ from pathlib import Path
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
 from gridslam.core.stamps import END_NS, NS_PER_S, parse_stamp
-from gridslam.logs.csv.layout import CsvStream
-from gridslam.logs.csv.row import Row, TableColumns
+from gridslam.logs.csv_layout import CsvStream
+from gridslam.logs.encoding.csv_row import Row, TableColumns
 from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError

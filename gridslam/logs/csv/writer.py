@@ -18,9 +18,9 @@ from gridslam.core.files import check_name, identity_of, partial_folder, put_fol
 from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
 from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.core.texts import is_storable
-from gridslam.logs.csv.fields import name_field
-from gridslam.logs.csv.pictures import PictureWriter
 from gridslam.logs.csv.source import LAYOUT_FILE
+from gridslam.logs.encoding.csv_fields import name_field
+from gridslam.logs.encoding.csv_pictures import PictureWriter
 from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, Transform, readonly
-from gridslam.logs.csv.pictures import read_pixels
 from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     image_stream,
@@ -24,6 +23,7 @@ from gridslam.logs.datasets.tables import (
     stamps_of,
     truth_stream,
 )
+from gridslam.logs.encoding.csv_pictures import read_pixels
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, Image, Odometry, canonical_yaw, readonly
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.texts import is_number, parse_number
-from gridslam.logs.csv.pictures import read_pixels
-from gridslam.logs.csv.row import path_inside
 from gridslam.logs.datasets.source import DatasetStream
+from gridslam.logs.encoding.csv_pictures import read_pixels
+from gridslam.logs.encoding.csv_row import path_inside
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 from gridslam.logs.stereo import is_raw
 

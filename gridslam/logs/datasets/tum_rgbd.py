@@ -16,8 +16,6 @@ from gridslam.core.errors import LogError
 from gridslam.core.files import real_path
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Transform, readonly
 from gridslam.core.plain_files import read_plain_file
-from gridslam.logs.cameras import opened_picture
-from gridslam.logs.csv.pictures import read_pixels
 from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     MAX_BYTES,
@@ -30,6 +28,8 @@ from gridslam.logs.datasets.tables import (
     stamps_of,
     truth_stream,
 )
+from gridslam.logs.encoding.cameras import opened_picture
+from gridslam.logs.encoding.csv_pictures import read_pixels
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import Literal
 
 from gridslam.core.files import identity_of, partial_file, put_file, remove_left_over
 from gridslam.core.messages import Event, Odometry
+from gridslam.logs.encoding.encoded import Encoded
 from gridslam.logs.kinds import TRUTH_TOPIC
 from gridslam.logs.ros.encode import encode
-from gridslam.logs.ros.encoded import Encoded
 from gridslam.logs.ros.types import ros2_types
 
 _CHUNK_BYTES = 1 << 20

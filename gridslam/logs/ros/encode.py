@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event
 from gridslam.core.stamps import END_NS
+from gridslam.logs.encoding.cdr import check_text
+from gridslam.logs.encoding.encoded import Encoded
 from gridslam.logs.kinds import kind_of_event
-from gridslam.logs.ros.cdr import check_text
-from gridslam.logs.ros.encoded import Encoded
 
 
 def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:

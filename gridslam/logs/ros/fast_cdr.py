@@ -16,8 +16,8 @@ from gridslam.core.messages import Imu, LaserScan, Odometry, Range, Transform
 from gridslam.core.stamps import NS_PER_S, join_stamp
 from gridslam.logs.codecs.imu import measured, rate_or_zero
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
-from gridslam.logs.ros.cdr import CdrReader
-from gridslam.logs.ros.fields import frame_name
+from gridslam.logs.encoding.cdr import CdrReader
+from gridslam.logs.encoding.ros_fields import frame_name
 from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import heading_of
 

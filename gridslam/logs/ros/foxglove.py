@@ -12,9 +12,9 @@ from typing import Any
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.codecs import depth
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
+from gridslam.logs.encoding.foxglove_fields import stamp_ns_of
+from gridslam.logs.encoding.ros_fields import frame_name
 from gridslam.logs.kinds import foxglove_converter
-from gridslam.logs.ros.fields import frame_name
-from gridslam.logs.ros.foxglove_fields import stamp_ns_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 

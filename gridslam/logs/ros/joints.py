@@ -9,7 +9,7 @@ import numpy as np
 
 from gridslam.core.messages import Transform, WheelTicks
 from gridslam.logs.config import WheelsConfig
-from gridslam.logs.ros.fields import head, plain_name
+from gridslam.logs.encoding.ros_fields import head, plain_name
 from gridslam.logs.rotations import yaw_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 

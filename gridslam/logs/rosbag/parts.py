@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from gridslam.core.errors import LogError
-from gridslam.logs.csv.row import path_inside
+from gridslam.logs.encoding.csv_row import path_inside
 from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rosbag.database import DatabaseFile

@@ -10,7 +10,7 @@ from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.csv.row import path_inside
+from gridslam.logs.encoding.csv_row import path_inside
 from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Container, Schema

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gridslam.core.poses import quaternion_of_yaw
-from gridslam.logs.ros.cdr import CdrWriter
+from gridslam.logs.encoding.cdr import CdrWriter
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.logs.imu_gravity import vertical_by_gravity
-from gridslam.logs.imu_readings import MAX_GAP_S, ImuReadings, OdometryReference, Stamps
+from gridslam.logs.imu.gravity import vertical_by_gravity
+from gridslam.logs.imu.readings import MAX_GAP_S, ImuReadings, OdometryReference, Stamps
 
 Floats = NDArray[np.float64]
 

@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import Imu, LaserScan, Odometry, Transform, readonly
-from gridslam.logs import extrinsics, rotations
+from gridslam.logs import rotations
 from gridslam.logs.codecs import odometry as odometry_codec
 from gridslam.logs.config import LogConfig
-from gridslam.logs.imu_lag import imu_lag_s
-from gridslam.logs.imu_readings import MAX_GAP_S, ImuReadings, OdometryReference
-from gridslam.logs.imu_tilt import (
+from gridslam.logs.imu.lag import imu_lag_s
+from gridslam.logs.imu.readings import MAX_GAP_S, ImuReadings, OdometryReference
+from gridslam.logs.imu.tilt import (
     UntrustedImuError,
     Verticals,
     verticals_of,
 )
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.placement import extrinsics
 from gridslam.logs.rotations import Quaternion, Rigid
 from gridslam.logs.selection import StreamSelection
 from gridslam.logs.streams import Source

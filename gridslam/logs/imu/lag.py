@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.logs.imu_readings import ImuReadings, OdometryReference
+from gridslam.logs.imu.readings import ImuReadings, OdometryReference
 
 Floats = NDArray[np.float64]
 

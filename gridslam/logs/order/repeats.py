@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event
-from gridslam.logs.clock_steps import MIN_STEP_NS, clock_epochs
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order.clock_steps import MIN_STEP_NS, clock_epochs
 from gridslam.logs.streams import RecordedStream
 
 MIN_REPEATED = 0.5  # fraction of the stamps after a jump back that were there before to the nanosecond

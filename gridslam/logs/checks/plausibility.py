@@ -11,9 +11,9 @@ import numpy as np
 
 from gridslam.core.messages import LaserScan, as_float32, readonly
 from gridslam.core.stamps import NS_PER_S
+from gridslam.logs.checks.no_return_codes import NoReturnCodes
+from gridslam.logs.checks.scan_units import in_metres, in_radians, range_unit
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.no_return_codes import NoReturnCodes
-from gridslam.logs.scan_units import in_metres, in_radians, range_unit
 
 CODE_FRACTION = 0.97  # a reading this near to range_max that comes again and again is a code for no return
 CODE_BEAMS = 5  # a code is the largest reading of a scan, on at lower this many beams

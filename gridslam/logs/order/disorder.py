@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gridslam.logs import ordering
-from gridslam.logs.clock_steps import clock_epochs
 from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order import ordering
+from gridslam.logs.order.clock_steps import clock_epochs
 from gridslam.logs.selection import StreamSelection
 from gridslam.logs.streams import RecordedStream
 

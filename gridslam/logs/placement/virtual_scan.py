@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, PointCloud, Transform, as_float32, readonly
 from gridslam.logs.config import CloudConfig
-from gridslam.logs.levelling import Tilt
+from gridslam.logs.placement.levelling import Tilt
 from gridslam.logs.rotations import IDENTITY
 
 Floats = NDArray[np.float64]

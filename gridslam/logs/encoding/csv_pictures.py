@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gridslam.core.files import write_atomic
 from gridslam.core.numpy_files import damage_as_value_error
-from gridslam.logs.cameras import opened_picture
-from gridslam.logs.image_encodings import unpacked
+from gridslam.logs.encoding.cameras import opened_picture
+from gridslam.logs.encoding.image_encodings import unpacked
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 _MAX_BYTES = 1 << 28

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.logs import rotations
-from gridslam.logs.levelling import LevelBand, Tilt, level_scan, middle_ns
+from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan, middle_ns
 from gridslam.logs.rotations import Quaternion, Rigid
 from gridslam.logs.streams import RecordedStream, Source
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gridslam.core.errors import ConfigError
-from gridslam.logs import extrinsics
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.placement import extrinsics
 from gridslam.logs.selection import StreamSelection
 from gridslam.logs.streams import RecordedStream
 

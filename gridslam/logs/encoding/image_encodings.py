@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.logs.cameras import opened_picture
+from gridslam.logs.encoding.cameras import opened_picture
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 Pixels = NDArray[np.uint8]

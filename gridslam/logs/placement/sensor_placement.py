@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Transform
-from gridslam.logs import extrinsics
 from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS
-from gridslam.logs.levelling import Tilt, find_tilt
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.moving_mount import MovingMount, moving_mounts
+from gridslam.logs.placement import extrinsics
+from gridslam.logs.placement.levelling import Tilt, find_tilt
+from gridslam.logs.placement.moving_mount import MovingMount, moving_mounts
+from gridslam.logs.placement.several_sensors import refuse_unknown_places
+from gridslam.logs.placement.virtual_scan import VirtualLidar, virtual_lidar
 from gridslam.logs.rotations import Rigid
 from gridslam.logs.selection import StreamSelection
-from gridslam.logs.several_sensors import refuse_unknown_places
 from gridslam.logs.streams import RecordedStream, Source
-from gridslam.logs.virtual_scan import VirtualLidar, virtual_lidar
 
 WORLD_FRAMES = frozenset({"map", "odom", "world", "camera_init"})  # names of frames that stand still
 

@@ -1,0 +1,1 @@
+"""Messages that contradict themselves: found, repaired where that is certain, and named."""

@@ -1,0 +1,1 @@
+"""What codecs of all kinds are made of: CDR, rows of CSV, pictures, common fields."""

@@ -1,0 +1,1 @@
+"""IMU messages: turning rates, gravity, and the lag of their clock."""

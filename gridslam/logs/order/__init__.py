@@ -1,0 +1,1 @@
+"""Stamps: clocks, steps of a clock, order of messages, repeats."""

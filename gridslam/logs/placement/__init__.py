@@ -1,0 +1,1 @@
+"""Where sensors are mounted, and what they see once that is known."""
