@@ -13,13 +13,13 @@ class ScanConfig(StrictModel):
     min_range_m: float = Field(
         0.05,
         ge=0.0,
-        description="Shortest range in metres that is used; raise it to ignore parts of the robot in view.",
+        description="Shortest range in metres that is used. Raise it to ignore parts of the robot in view.",
     )
     max_range_m: float = Field(
         40.0,
         gt=0.0,
-        description="Longest range in metres that is used, if the log's range_max is not shorter; "
-        "lower it for a lidar that is unreliable far away.",
+        description="Longest range in metres that is used, if the log's range_max is not shorter. Lower it for a lidar "
+        "that is unreliable far away.",
     )
 
 
@@ -29,24 +29,24 @@ class OdometryConfig(StrictModel):
     translation_per_m: float = Field(
         0.2,
         ge=0.0,
-        description="Standard deviation of the odometry's translation per metre travelled; "
-        "raise it for wheels that slip: scan matching then searches farther.",
+        description="Standard deviation of the odometry's translation in metres per metre travelled. Raise it for "
+        "wheels that slip: scan matching then searches farther.",
     )
     rotation_per_rad: float = Field(
         0.5,
         ge=0.0,
-        description="Standard deviation of the odometry's rotation per radian turned; "
-        "raise it for a poor gyro: scan matching then searches a wider range of headings.",
+        description="Standard deviation of the odometry's rotation in rad per rad turned. Raise it for a poor gyro: "
+        "scan matching then searches a wider range of headings.",
     )
     max_speed_mps: float = Field(
         5.0,
         gt=0.0,
-        description="Top speed of the robot in m/s; odometry that moves faster is treated as a jump of its frame.",
+        description="Speed in m/s above which odometry counts as a jump of its frame. Raise it for a faster robot.",
     )
     max_yaw_rate_radps: float = Field(
         10.0,
         gt=0.0,
-        description="Top yaw rate of the robot in rad/s; odometry that turns faster is treated as a jump of its frame.",
+        description="Yaw rate in rad/s above which odometry counts as a jump of its frame. Raise it for a faster robot.",
     )
 
 
@@ -56,7 +56,7 @@ class MapConfig(StrictModel):
     resolution_m: float = Field(
         0.05,
         gt=0.0,
-        description="Cell size of the map in metres; smaller cells need more memory and show more detail.",
+        description="Size of a map cell in metres. Lower it for more detail; it needs more memory.",
     )
 
 
@@ -69,7 +69,8 @@ class PoseGraphConfig(StrictModel):
     resolution_m: float | None = Field(
         None,
         gt=0.0,
-        description="Cell size in metres of the map drawn from the optimised trajectory; if absent, map.resolution_m.",
+        description="Cell size in metres of the map drawn from the optimised trajectory. Absent: map.resolution_m. "
+        "Lower it for more detail; it needs more memory.",
     )
 
 
@@ -79,12 +80,14 @@ class LoopClosureConfig(StrictModel):
     translation_drift_m: float = Field(
         0.02,
         gt=0.0,
-        description="Standard deviation in metres of the tracked position after one metre of travel, growing with the square "
-        "root of the travel; raise it if loops are missed: they are searched for in wider windows, which takes longer.",
+        description="Standard deviation in metres of the tracked position after one metre of travel, growing with the "
+        "square root of the travel. Raise it if loops are missed: they are searched for in wider windows, "
+        "which takes longer.",
     )
     rotation_drift_rad: float = Field(
         0.003,
         gt=0.0,
-        description="Standard deviation in radians of the tracked heading after one metre of travel, growing with the square "
-        "root of the travel; raise it if loops are missed: they are searched for in wider windows, which takes longer.",
+        description="Standard deviation in rad of the tracked heading after one metre of travel, growing with the "
+        "square root of the travel. Raise it if loops are missed: they are searched for in wider windows, "
+        "which takes longer.",
     )

@@ -17,26 +17,51 @@ if TYPE_CHECKING:
 else:
     StreamKind = Literal[EVENT_KINDS]
 
+MAX_HEIGHT_M = 1000.0  # above or below the base; higher numbers are mistaken units
+
 
 class ExtrinsicsConfig(StrictModel):
     """T_base_sensor: the pose of a sensor on the robot (rotated by roll, then pitch, then yaw about fixed axes)."""
 
-    x: float = Field(0.0, description="forward of the base, m")
-    y: float = Field(0.0, description="left of the base, m")
-    yaw: float = Field(0.0, description="counter-clockwise, rad")
-    z: float = Field(0.0, description="above the base, m")
-    roll: float = Field(0.0, description="rad")
-    pitch: float = Field(0.0, description="rad")
+    x: float = Field(
+        0.0,
+        description="Position forward of the base, in metres.",
+    )
+    y: float = Field(
+        0.0,
+        description="Position left of the base, in metres.",
+    )
+    yaw: float = Field(
+        0.0,
+        description="Rotation about z, counter-clockwise, in rad.",
+    )
+    z: float = Field(
+        0.0,
+        description="Height above the base, in metres.",
+    )
+    roll: float = Field(
+        0.0,
+        description="Rotation about x, in rad.",
+    )
+    pitch: float = Field(
+        0.0,
+        description="Rotation about y, in rad; positive tilts the sensor's view downwards.",
+    )
 
 
 class CarmenConfig(StrictModel):
     """What CARMEN's FLASER lines leave out."""
 
     field_of_view_deg: float | None = Field(
-        None, gt=0.0, le=360.0, description="from first to last beam; absent: by beam count"
+        None,
+        gt=0.0,
+        le=360.0,
+        description="Angle from the first to the last beam, in degrees. Absent: derived from the number of beams.",
     )
     range_max_m: float | None = Field(
-        None, gt=0.0, description="readings from here on are no return; absent: found in the log"
+        None,
+        gt=0.0,
+        description="Range in metres from which on readings mean no return. Absent: found in the log.",
     )
 
 
@@ -45,13 +70,18 @@ class CloudConfig(StrictModel):
 
     min_height_m: float | None = Field(
         None,
-        description="Lower end of the band, z in the base frame (m). Absent: 0.2 where the sensor stands at least "
-        "0.3 m above the base, else 0.3 m below the sensor. Raise it where ground returns appear as walls.",
+        ge=-MAX_HEIGHT_M,
+        le=MAX_HEIGHT_M,
+        description="Lower end of the band: z in the base frame, in metres. Absent: 0.2 where the sensor stands at "
+        "least 0.3 m above the base, else 0.3 m below the sensor. Raise it if ground returns appear as "
+        "walls.",
     )
     max_height_m: float | None = Field(
         None,
-        description="Upper end of the band, z in the base frame (m). Absent: 1.8, or 0.3 m above the sensor. "
-        "Lower it where ceilings or lintels appear as walls.",
+        ge=-MAX_HEIGHT_M,
+        le=MAX_HEIGHT_M,
+        description="Upper end of the band: z in the base frame, in metres. Absent: 1.8, or 0.3 m above the sensor. "
+        "Lower it if ceilings or lintels appear as walls.",
     )
 
     @model_validator(mode="after")
@@ -63,18 +93,36 @@ class CloudConfig(StrictModel):
 
 
 class WheelsConfig(StrictModel):
-    """Names of the wheel joints in JointState messages; absent: those with `wheel` and the side."""
+    """Names of the wheel joints in JointState messages."""
 
-    left: str | None = None
-    right: str | None = None
+    left: str | None = Field(
+        None, description="Name of the left wheel's joint. Absent: the one with `wheel` and `left` in it."
+    )
+    right: str | None = Field(
+        None, description="Name of the right wheel's joint. Absent: the one with `wheel` and `right` in it."
+    )
 
 
 class LogLimits(StrictModel):
     """Guards against damaged and hostile files."""
 
-    chunk_mb: int = Field(512, gt=0, description="largest record or unpacked chunk of a log, MiB")
-    line_mb: int = Field(16, gt=0, description="longest line of a text log, MiB")
-    reorder_mb: int = Field(512, gt=0, description="memory for messages that wait for earlier ones, MiB")
+    chunk_mb: int = Field(
+        512,
+        gt=0,
+        description="Largest record or unpacked chunk of a log, in MiB. Raise it for a log that is refused as too "
+        "large; it needs more memory.",
+    )
+    line_mb: int = Field(
+        16,
+        gt=0,
+        description="Longest line of a text log, in MiB. Raise it if longer lines are left out; it needs more memory.",
+    )
+    reorder_mb: int = Field(
+        512,
+        gt=0,
+        description="Largest memory of the messages that wait for earlier ones, in MiB. Raise it if messages come out "
+        "of order.",
+    )
 
 
 class LogConfig(StrictModel):
@@ -82,14 +130,15 @@ class LogConfig(StrictModel):
 
     topics: dict[StreamKind, str | list[str]] = Field(
         default_factory=dict,
-        description="topic of each stream; needed where a log has two of one type; [] leaves the kind out",
+        description="Topic of each kind of stream; needed where a log has two of one kind. [] leaves the kind out.",
     )
     truth: str | None = Field(
         None,
         description="Topic of the true pose; no method reads it. Absent: /ground_truth where the log has it.",
     )
     order: Literal["recorded", "stamp"] | None = Field(
-        None, description="within a stream: as recorded (default), or sorted by stamp"
+        None,
+        description="Order of the messages of a stream: as recorded, or sorted by stamp. Absent: as recorded.",
     )
     start_s: float | None = Field(
         None,
@@ -103,9 +152,13 @@ class LogConfig(StrictModel):
         le=END_S,
         description="Seconds after the log's start up to which it is used. Absent: to the end.",
     )
-    base_frame: str | None = Field(None, description="absent: the odometry's child frame, else base_link")
+    base_frame: str | None = Field(
+        None,
+        description="Frame of the robot's base. Absent: the odometry's child frame, else base_link.",
+    )
     extrinsics: dict[str, ExtrinsicsConfig] = Field(
-        default_factory=dict, description="by sensor frame; wins over tf_static"
+        default_factory=dict,
+        description="Poses of sensors on the robot by sensor frame; they take precedence over tf_static.",
     )
     cloud: CloudConfig = CloudConfig()
     sweep_s: float | None = Field(
@@ -118,7 +171,8 @@ class LogConfig(StrictModel):
     wheels: WheelsConfig = WheelsConfig()
     carmen: CarmenConfig = CarmenConfig()
     csv: CsvLayout | Path | None = Field(
-        None, description="layout of a CSV folder: given here, or the path of a log.yaml"
+        None,
+        description="Layout of a CSV folder, given here or as the path of a log.yaml.",
     )
     limits: LogLimits = LogLimits()
 

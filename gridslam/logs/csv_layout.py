@@ -48,44 +48,51 @@ UNITS_OF: dict[str, frozenset[str]] = {
 class FrameExtrinsics(StrictModel):
     """Pose of a frame: x, y, z (m) and either roll, pitch, yaw (rad) or a quaternion w, x, y, z."""
 
-    x: float = 0.0
-    y: float = 0.0
-    z: float = 0.0
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    quat_wxyz: tuple[float, float, float, float] | None = None
-    parent: str | None = Field(None, description="absent: the base frame")
+    x: float = Field(0.0, description="Position along the parent's x axis, in metres.")
+    y: float = Field(0.0, description="Position along the parent's y axis, in metres.")
+    z: float = Field(0.0, description="Position along the parent's z axis, in metres.")
+    roll: float = Field(0.0, description="Rotation about x, in rad.")
+    pitch: float = Field(0.0, description="Rotation about y, in rad.")
+    yaw: float = Field(0.0, description="Rotation about z, in rad.")
+    quat_wxyz: tuple[float, float, float, float] | None = Field(
+        None, description="Rotation as a quaternion w, x, y, z, instead of roll, pitch and yaw."
+    )
+    parent: str | None = Field(None, description="Name of the parent frame. Absent: the base frame.")
 
 
 class RowStamps(StrictModel):
     """Stamps of a table without a time column: `start_s + row * period_s`."""
 
-    start_s: float = Field(0.0, ge=0.0, lt=END_S)
-    period_s: float = Field(ge=1.0 / NS_PER_S, lt=END_S)
+    start_s: float = Field(0.0, ge=0.0, lt=END_S, description="Stamp of the first row in seconds.")
+    period_s: float = Field(ge=1.0 / NS_PER_S, lt=END_S, description="Time between two rows in seconds.")
 
 
 class CsvStream(StrictModel):
     """One CSV file as one stream. The columns' own names are in the table of message kinds."""
 
-    kind: CsvKind
-    file: str = Field(min_length=1, description="path inside the folder")
-    topic: str | None = Field(None, description="name for log.topics; absent: the file's name")
-    columns: dict[str, str] = Field(default_factory=dict, description="our name: the file's name")
-    units: dict[str, Unit] = Field(default_factory=dict, description="our name: the file's unit")
+    kind: CsvKind = Field(description="Kind of the messages.")
+    file: str = Field(min_length=1, description="Path of the file inside the folder.")
+    topic: str | None = Field(None, description="Name of the stream for log.topics. Absent: the file's name.")
+    columns: dict[str, str] = Field(
+        default_factory=dict, description="Name of a column in the file, by its name in the table of kinds."
+    )
+    units: dict[str, Unit] = Field(
+        default_factory=dict, description="Unit of a column in the file, by its name in the table of kinds."
+    )
     constants: dict[str, float | str] = Field(
-        default_factory=dict, description="our name: one value for every row, in the file's unit"
+        default_factory=dict,
+        description="One value for every row, in the file's unit, for a column that the file does not have.",
     )
     invalid: list[float] = Field(
-        default_factory=list, description="range readings, in the file's unit, that mean no return"
+        default_factory=list, description="Range readings, in the file's unit, that mean no return."
     )
     invalid_from: float | None = Field(
-        None, description="range readings from here on, in the file's unit, mean no return"
+        None, description="Range reading, in the file's unit, from which on readings mean no return."
     )
-    row_stamps: RowStamps | None = Field(None, description="for a file without a time column")
-    frame: str | None = Field(None, description="frame_id of the messages; absent: by kind")
-    child_frame: str | None = Field(None, description="odometry's child frame; absent: base_link")
-    delimiter: str = Field(",", min_length=1, max_length=1)
+    row_stamps: RowStamps | None = Field(None, description="Stamps of a file without a time column.")
+    frame: str | None = Field(None, description="Frame of the messages. Absent: that of the kind.")
+    child_frame: str | None = Field(None, description="Child frame of odometry. Absent: base_link.")
+    delimiter: str = Field(",", min_length=1, max_length=1, description="Character between two columns.")
 
     @field_validator("kind", mode="before")
     @classmethod
@@ -116,10 +123,14 @@ class CsvStream(StrictModel):
 class CsvLayout(StrictModel):
     """A folder of CSV files. Without `streams`: the files with the default names."""
 
-    version: Literal[1] = 1
-    base_frame: str | None = None
-    streams: list[CsvStream] = Field(default_factory=list)
-    extrinsics: dict[str, FrameExtrinsics] = Field(default_factory=dict)
+    version: Literal[1] = Field(1, description="Version of this format.")
+    base_frame: str | None = Field(
+        None, description="Frame of the robot's base. Absent: the odometry's child frame, else base_link."
+    )
+    streams: list[CsvStream] = Field(default_factory=list, description="The files with their kinds.")
+    extrinsics: dict[str, FrameExtrinsics] = Field(
+        default_factory=dict, description="Poses of frames on the robot by frame."
+    )
 
     @model_validator(mode="before")
     @classmethod

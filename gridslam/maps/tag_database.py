@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
@@ -39,9 +39,11 @@ MAX_COORDINATE = 1e6  # m or degrees, of a closed door
 class ObjectTag(StrictModel):
     """A tag on an object: its position (m) and the direction of its normal (degrees) in the object's own frame."""
 
-    id: str = Field(min_length=1)
-    position: Point = (0.0, 0.0)
-    facing_deg: float = 0.0
+    id: str = Field(min_length=1, description="Name of the tag in the log's reads.")
+    position: Point = Field((0.0, 0.0), description="Position in the object's frame: x, y in metres.")
+    facing_deg: float = Field(
+        0.0, description="Direction of the tag's normal in the object's frame, counter-clockwise in degrees."
+    )
 
 
 class TaggedObject(StrictModel):
@@ -51,12 +53,24 @@ class TaggedObject(StrictModel):
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
-    id: str = Field(min_length=1)
-    category: str = Field(min_length=1, alias="class")
-    footprint: Annotated[tuple[Point, ...], Field(min_length=3, max_length=100)]
-    tags: Annotated[tuple[ObjectTag, ...], Field(min_length=1)]
-    hinge: Point | None = None
-    closed_pose: tuple[float, float, float] | None = None
+    id: str = Field(min_length=1, description="Name of the object in tables and pictures.")
+    category: str = Field(
+        min_length=1, alias="class", description="Class of the object, such as bin or door."
+    )
+    footprint: tuple[Point, ...] = Field(
+        min_length=3,
+        max_length=100,
+        description="Corners of the object in the plane of the lidar, in its own frame: x, y in metres.",
+    )
+    tags: tuple[ObjectTag, ...] = Field(min_length=1, description="Tags on the object.")
+    hinge: Point | None = Field(
+        None,
+        description="Point about which a door's leaf rotates, in its frame: x, y in metres. Absent: no door.",
+    )
+    closed_pose: tuple[float, float, float] | None = Field(
+        None,
+        description="Pose of a closed door in the map: x, y in metres, yaw in degrees. Absent: its position is estimated.",
+    )
 
     @property
     def is_door(self) -> bool:
@@ -83,8 +97,8 @@ class TaggedObject(StrictModel):
 class TagDatabase(StrictModel):
     """The tagged objects of a place."""
 
-    version: Annotated[int, Field(ge=1, le=1)] = 1
-    objects: tuple[TaggedObject, ...] = ()
+    version: int = Field(1, ge=1, le=1, description="Version of this format.")
+    objects: tuple[TaggedObject, ...] = Field((), description="The tagged objects.")
 
     @model_validator(mode="after")
     def _check_ids(self) -> TagDatabase:

@@ -37,10 +37,10 @@ class OutputConfig(StrictModel):
 class MadeWith(StrictModel):
     """Versions recorded in run.yaml; results are reproducible byte for byte with these versions."""
 
-    gridslam: str = ""
-    python: str = ""
-    libraries: dict[str, str] = Field(default_factory=dict)
-    machine: str = ""
+    gridslam: str = Field("", description="Version of gridslam.")
+    python: str = Field("", description="Version of Python.")
+    libraries: dict[str, str] = Field(default_factory=dict, description="Versions of the libraries by name.")
+    machine: str = Field("", description="Architecture and operating system.")
 
 
 class RunConfig(StrictModel, Generic[MethodConfig]):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import pytest
 import yaml
 from pydantic import Field
@@ -13,7 +15,7 @@ from gridslam.runs.run_config import load_run_config, validate_run_config
 class Advanced(StrictModel):
     """Rarely changed."""
 
-    gain: float = Field(0.5, description="Gain of the filter, 0 to 1. Higher values follow the data faster.")
+    gain: float = Field(0.5, description="Gain of the filter. Higher values follow the data faster.")
 
 
 class Filter(StrictModel):
@@ -38,7 +40,7 @@ def test_the_short_form_leaves_out_advanced_keys_and_says_so() -> None:
 def test_the_long_form_holds_every_key_with_its_description() -> None:
     text = annotated_yaml(Config(), with_advanced=True)
     assert yaml.safe_load(text)["filter"]["advanced"] == {"gain": 0.5}
-    assert "# Gain of the filter, 0 to 1. Higher values follow the data faster.\n" in text
+    assert "# Gain of the filter. Higher values follow the data faster.\n" in text
 
 
 def test_a_key_without_a_value_is_a_comment() -> None:
@@ -54,3 +56,39 @@ def test_what_is_printed_reads_back_as_the_same_configuration(name: str) -> None
     config = load_run_config(name)
     document = yaml.safe_load(annotated_yaml(config, with_advanced=True))
     assert validate_run_config(document, name) == config
+
+
+class Sensor(StrictModel):
+    """A sensor."""
+
+    range_m: float = Field(description="Longest range.", gt=0.0, le=30.0)
+
+
+class Robot(StrictModel):
+    sensors: dict[str, Sensor] = Field(default_factory=dict, description="By name.")
+    std: tuple[Annotated[float, Field(ge=0.0)], Annotated[float, Field(ge=0.0)]] = Field(
+        (0.1, 0.2), description="Noise."
+    )
+    mode: Literal["fast", "exact"] = Field("fast", description="Mode.")
+    size: int | None = Field(None, ge=16, le=512, multiple_of=16, description="Size. Absent: any.")
+
+
+def test_ranges_are_those_that_are_checked_and_the_default_is_named_where_another_value_is_shown() -> None:
+    lines = [" ".join(line.split()) for line in annotated_yaml(Robot(mode="exact", size=32)).splitlines()]
+    assert "std: [0.1, 0.2] # Noise. [each >= 0]" in lines
+    assert "mode: exact # Mode. [fast or exact; default: fast]" in lines
+    assert "size: 32 # Size. Absent: any. [16 to 512, multiple of 16; default: absent]" in lines
+
+
+def test_a_default_that_a_section_has_in_its_method_is_not_the_class_s() -> None:
+    class Method(StrictModel):
+        sensor: Sensor = Sensor(range_m=5.0)
+
+    assert "[> 0, <= 30]" in annotated_yaml(Method())
+    assert "[> 0, <= 30; default: 5.0]" in annotated_yaml(Method(sensor=Sensor(range_m=7.0)))
+
+
+def test_the_long_form_says_what_entries_of_a_mapping_consist_of() -> None:
+    entry = "#   range_m: Longest range. [> 0, <= 30]"
+    assert entry in annotated_yaml(Robot(), with_advanced=True).splitlines()
+    assert entry not in annotated_yaml(Robot())

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from gridslam.config.base import StrictModel
+from gridslam.config.base import NotNegative, Positive, StrictModel
 from gridslam.lidar_slam.config import (
     LoopClosureConfig,
     MapConfig,
@@ -27,8 +27,8 @@ class DrawingInputConfig(StrictModel):
         0.3,
         ge=0.0,
         le=10.0,
-        description="Gaps in the drawn strokes up to this length are closed, in drawing units (0.1 per pixel); "
-        "raise it for sloppy drawings: above the width of a door it closes doors.",
+        description="Length of gaps in the drawn strokes up to which they are closed, in drawing units (0.1 per pixel). "
+        "Raise it for sloppy drawings; above the width of a door it closes doors.",
     )
 
 
@@ -39,17 +39,19 @@ class LocalizationConfig(StrictModel):
         5000,
         ge=50,
         le=100_000,
-        description="Number of particles after the start; more are slower and lose the robot less often.",
+        description="Number of particles after the start. Raise it if the robot is lost; it costs time.",
     )
     scale: float | None = Field(
         None,
         gt=0.0,
-        description="Scale of the drawing in drawing units (0.1 per pixel) per metre; if absent, it is estimated.",
+        description="Scale of the drawing in drawing units (0.1 per pixel) per metre. Absent: estimated. Raise it if "
+        "the place is smaller than it was drawn.",
     )
-    scale_range: tuple[float, float] = Field(
+    scale_range: tuple[Positive, Positive] = Field(
         (0.25, 4.0),
-        description="Smallest and largest scale considered if none is given, in drawing units per metre; "
-        "a wider range is searched more coarsely.",
+        description="Smallest and largest scale considered if none is given, in drawing units per metre. Lower it for a "
+        "place much larger than it was drawn, raise it for a smaller one; a wider range is searched more "
+        "coarsely.",
     )
     separate_scales: bool = Field(
         True,
@@ -58,8 +60,8 @@ class LocalizationConfig(StrictModel):
     sigma_m: float = Field(
         0.3,
         gt=0.0,
-        description="Standard deviation in metres of walls from where they are drawn; "
-        "raise it for inaccurate drawings: the pose in the drawing becomes less certain.",
+        description="Standard deviation in metres of walls from where they are drawn. Raise it for inaccurate drawings; "
+        "the pose in the drawing becomes less certain.",
     )
 
     @model_validator(mode="after")
@@ -81,47 +83,49 @@ class ExplorationConfig(StrictModel):
     max_speed_mps: float = Field(
         0.6,
         gt=0.0,
-        description="Top speed in m/s; higher speeds need more room to brake.",
+        description="Top speed in m/s. Lower it to brake in less room.",
     )
     view_range_m: float = Field(
         6.0,
         gt=0.0,
-        description="Distance in metres up to which walls count as visible from an observation point; "
-        "raise it to visit fewer points.",
+        description="Distance in metres up to which walls count as visible from an observation point. Raise it to visit "
+        "fewer points.",
     )
     inflation_radius_m: float = Field(
         0.7,
         gt=0.0,
-        description="Distance in metres to obstacles and walls below which paths cost more; "
-        "raise it to keep farther from them.",
+        description="Distance in metres to obstacles and walls below which paths cost more. Raise it to keep farther "
+        "from them.",
     )
 
 
 class HandmapAdvancedConfig(StrictModel):
     """Settings that are rarely changed."""
 
-    start_std: tuple[float, float, float] = Field(
+    start_std: tuple[NotNegative, NotNegative, NotNegative] = Field(
         (0.5, 0.5, 0.15),
-        description="Standard deviations of a given start: x, y in drawing units, yaw in rad; "
-        "raise them if the start is only roughly known.",
+        description="Standard deviations of a given start: x and y in drawing units, yaw in rad. Raise them if the "
+        "start is only roughly known.",
     )
     aspect_std: float = Field(
         0.15,
         gt=0.0,
-        description="Relative standard deviation of each of two separate scales about their mean; "
-        "raise it (0.4) where width and height of the drawing are out of proportion.",
+        description="Standard deviation of each of two separate scales about their mean, as a fraction of it. Raise it "
+        "(0.4) where width and height of the drawing are out of proportion.",
     )
     revisit_fraction: float = Field(
         0.1,
         ge=0.0,
         lt=1.0,
-        description="Fraction of the particles placed at the earlier pose in the drawing when the robot returns to a place; "
-        "0: none, as in the paper; raise it if the robot loses its place after loops. Only with one scale, or with lines.",
+        description="Fraction of the particles placed at the earlier pose in the drawing when the robot returns to a "
+        "place; 0: none, as in the paper. Raise it if the robot loses its place after loops. Only with one "
+        "scale, or with lines.",
     )
     memory_limit_mb: float = Field(
         1024.0,
         gt=0.0,
-        description="Largest memory of the maps in MB; a run that needs more ends with an error.",
+        description="Largest memory of the maps in MB; a run that needs more ends with an error. Raise it for large or "
+        "fine maps.",
     )
     odometry: OdometryConfig = OdometryConfig()
     loop_closure: LoopClosureConfig = LoopClosureConfig()
@@ -134,8 +138,8 @@ class HandmapSlamConfig(StrictModel):
     name: Literal["handmap-slam"] = "handmap-slam"
     start: tuple[float, float, float] | None = Field(
         None,
-        description="Start pose in the drawing: x, y in drawing units (0.1 per pixel) from the lower left corner, yaw in rad; "
-        "if absent, the whole drawing is searched.",
+        description="Start pose in the drawing: x, y in drawing units (0.1 per pixel) from the lower left corner, yaw "
+        "in rad. Absent: the whole drawing is searched.",
     )
     front_end: Literal["surfaces", "lines"] = Field(
         "surfaces",

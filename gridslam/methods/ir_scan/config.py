@@ -6,17 +6,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from gridslam.config.base import StrictModel
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+from gridslam.config.base import NotNegative, Positive, StrictModel
 
 
 class RangerLimits(StrictModel):
-    """Valid range of one ranger, m; replaces the limits in the log."""
+    """Valid range of one ranger; replaces the limits in the log."""
 
-    min_m: NotNegative
-    max_m: Positive
+    min_m: NotNegative = Field(
+        description="Range in metres up to which readings are dropped. Raise it if the ranger sees the robot itself."
+    )
+    max_m: Positive = Field(
+        description="Range in metres from which on readings are dropped. Lower it for a ranger that is unreliable far away."
+    )
 
 
 class WheelConfig(StrictModel):
@@ -24,9 +25,13 @@ class WheelConfig(StrictModel):
 
     wheel_radius_m: Positive | None = Field(
         None,
-        description="Wheel radius, m. With wheel_base_m the log's wheel angles are used; without both, its odometry.",
+        description="Wheel radius in metres. With wheel_base_m the log's wheel angles are used; without both, its "
+        "odometry.",
     )
-    wheel_base_m: Positive | None = Field(None, description="Distance between the two wheels, m.")
+    wheel_base_m: Positive | None = Field(
+        None,
+        description="Distance between the two wheels in metres.",
+    )
     use_gyro: bool = Field(
         True, description="Correct the yaw of wheels or odometry by the gyro; false ignores the gyro."
     )
@@ -43,21 +48,28 @@ class ReadingsConfig(StrictModel):
 
     neighbour_m: Positive = Field(
         0.05,
-        description="The paper's T, m: neighbouring readings that differ by less support each other. Raise it for long "
-        "ranges and coarse steps; more wild readings are used then.",
+        description="The paper's T, in metres: neighbouring readings that differ by less support each other. Raise it "
+        "for long ranges and coarse steps; more wild readings are used then.",
     )
     limits: dict[str, RangerLimits] = Field(
         default_factory=dict,
-        description="Valid range of single rangers by sensor name, {min_m, max_m}; others have the log's limits.",
+        description="Valid range of single rangers, by sensor name; the others have the log's limits.",
     )
     noise_m: Positive = Field(
         0.004,
-        description="Standard deviation of a reading at zero range, m. Higher values weigh readings less.",
+        description="Standard deviation of a reading at zero range, in metres. Raise it for a poor sensor: its readings "
+        "then weigh less.",
     )
     noise_per_m2: NotNegative = Field(
-        0.015, description="Standard deviation that the square of the range adds to a reading, m per m2."
+        0.015,
+        description="Standard deviation that the square of the range adds to a reading, in metres per m2. Raise it "
+        "where far readings are poor: they then weigh less.",
     )
-    bearing_rad: NotNegative = Field(0.006, description="Standard deviation of a servo's angle, rad.")
+    bearing_rad: NotNegative = Field(
+        0.006,
+        description="Standard deviation of a servo's angle, in rad. Raise it for a servo with play: far readings of "
+        "slanted walls then weigh less.",
+    )
 
 
 class MatchingConfig(StrictModel):
@@ -72,7 +84,8 @@ class MatchingConfig(StrictModel):
         10,
         ge=0,
         le=200,
-        description="Shifts tried to each side, cells, 0 to 200. Higher values allow worse odometry and cost time.",
+        description="Number of cells by which a scan is shifted to each side. Raise it for worse odometry; the time "
+        "grows with its square.",
     )
 
 
@@ -99,31 +112,36 @@ class AdvancedMatching(StrictModel):
     """Details of the match. The paper leaves min_inlier_ratio, tie_sigmas and delay_stops open; 0 is its literal reading."""
 
     rotation_rad: NotNegative = Field(
-        0.06, description="search: rotations tried to each side, rad. Higher values allow worse odometry."
+        0.06,
+        description="search: largest rotation tried to each side, in rad. Raise it for worse odometry; it costs time.",
     )
     min_points: int = Field(
-        10, ge=1, description="Number of reliable readings below which a scan is not matched."
+        10,
+        ge=1,
+        description="Number of reliable readings below which a scan is not matched. Raise it if short scans are matched "
+        "wrongly; they then keep the odometry.",
     )
     max_position_std_m: Positive = Field(
         0.04,
-        description="search: a match is refused as ambiguous when the position's standard deviation over the window "
-        "exceeds this, m.",
+        description="search: standard deviation of the position over the window, in metres, above which a match is "
+        "refused as ambiguous. Raise it to accept less certain matches.",
     )
     min_inlier_ratio: float = Field(
         0.3,
         ge=0.0,
         le=1.0,
-        description="shift: smallest fraction of readings on occupied cells at which a scan counts as matched, 0 to 1.",
+        description="shift: smallest fraction of readings on occupied cells at which a scan counts as matched. Raise it "
+        "if scans are matched to wrong walls.",
     )
     tie_sigmas: NotNegative = Field(
         2.5,
-        description="shift: two shifts tie when their sums differ by at most this many standard errors of the "
-        "difference; the smallest shift wins. 0: only equal sums tie.",
+        description="shift: number of standard errors of the difference up to which two sums tie; the smallest shift "
+        "wins. Raise it to trust the odometry more; 0: only equal sums tie.",
     )
     delay_stops: int = Field(
         10,
         ge=0,
-        description="shift, mapping: number of stops after which a scan enters the map. Higher values keep recent "
+        description="shift, mapping: number of stops after which a scan enters the map. Raise it to keep recent "
         "odometry errors out of the map that is matched against.",
     )
 
@@ -133,26 +151,33 @@ class AdvancedMotion(StrictModel):
 
     forward_std_m: Positive = Field(
         0.012,
-        description="Standard deviation along the path after 1 m, m; grows with the root of the distance.",
+        description="Standard deviation along the path after 1 m, in metres; grows with the root of the distance. Raise "
+        "it for wheels that slip: odometry then weighs less.",
     )
     lateral_std_m: Positive = Field(
         0.003,
-        description="Standard deviation across the path after 1 m, m; grows with the root of the distance.",
+        description="Standard deviation across the path after 1 m, in metres; grows with the root of the distance. "
+        "Raise it for a robot that drifts sideways: odometry then weighs less.",
     )
     yaw_std_per_m_rad: Positive = Field(
         0.06,
-        description="Standard deviation of the wheels' yaw after 1 m, rad; grows with the root of the distance.",
+        description="Standard deviation of the wheels' yaw after 1 m, in rad; grows with the root of the distance. "
+        "Raise it for uneven floors: the wheels' yaw then weighs less.",
     )
     yaw_std_per_rad_rad: Positive = Field(
         0.03,
-        description="Standard deviation of the wheels' yaw after 1 rad, rad; grows with the root of the rotation.",
+        description="Standard deviation of the wheels' yaw after 1 rad, in rad; grows with the root of the rotation. "
+        "Raise it for wheels that slip in turns: their yaw then weighs less.",
     )
     gyro_std_rad: Positive = Field(
         0.001,
-        description="Standard deviation of the gyro's yaw after 1 s, rad; grows with the root of the time.",
+        description="Standard deviation of the gyro's yaw after 1 s, in rad; grows with the root of the time. Raise it "
+        "for a noisy gyro: its yaw then weighs less.",
     )
     gyro_bias_std_radps: NotNegative = Field(
-        0.02, description="Standard deviation of the gyro's bias at the start, rad/s."
+        0.02,
+        description="Standard deviation of the gyro's bias at the start, in rad/s. Raise it for a gyro with a large "
+        "bias: the gyro weighs less until the bias is known.",
     )
 
 
@@ -160,11 +185,14 @@ class IrScanAdvancedConfig(StrictModel):
     """Settings that rarely need a change."""
 
     memory_limit_mb: Positive = Field(
-        512.0, description="Memory of one grid, MB, at which the run ends with an error."
+        512.0,
+        description="Largest memory of one grid in MB; a run that needs more ends with an error. Raise it for large or "
+        "fine maps.",
     )
     start_std: tuple[NotNegative, NotNegative, NotNegative] = Field(
         (0.05, 0.05, 0.03),
-        description="localize: standard deviations of the start pose: x (m), y (m), yaw (rad).",
+        description="localize: standard deviations of the start pose: x (m), y (m), yaw (rad). Raise them if the start "
+        "is only roughly known.",
     )
     matching: AdvancedMatching = AdvancedMatching()
     motion: AdvancedMotion = AdvancedMotion()
@@ -175,10 +203,12 @@ class IrScanConfig(StrictModel):
 
     name: Literal["ir-scan"] = "ir-scan"
     start: tuple[float, float, float] | None = Field(
-        None, description="Pose of the first moment in the map: x (m), y (m), yaw (rad); absent: the origin."
+        None,
+        description="Pose of the first moment in the map: x (m), y (m), yaw (rad). Absent: the origin.",
     )
     resolution_m: Annotated[float, Field(gt=0.0005, le=1.0)] = Field(
-        0.01, description="Size of a map cell, m, 0.0005 to 1. Higher values are faster and coarser."
+        0.01,
+        description="Size of a map cell in metres. Raise it for a faster run and a coarser map.",
     )
     motion: WheelConfig = WheelConfig()
     readings: ReadingsConfig = ReadingsConfig()

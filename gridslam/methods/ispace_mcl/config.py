@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from gridslam.config.base import StrictModel
+from gridslam.config.base import NotNegative, StrictModel
 
 LidarWeightName = Literal["likelihood-field", "beam", "range-difference"]
 CameraWeightName = Literal["detection", "density", "density-as-printed"]
@@ -18,12 +18,12 @@ class ParticleCountConfig(StrictModel):
     min: int = Field(
         1000,
         ge=10,
-        description="Smallest number of particles. A higher number follows more hypotheses, at more time.",
+        description="Smallest number of particles. Raise it to follow more hypotheses; it costs time.",
     )
     max: int = Field(
         10_000,
         ge=10,
-        description="Largest number of particles, also the number at the start. A higher number helps on large maps.",
+        description="Largest number of particles, also the number at the start. Raise it for large maps; it costs time.",
     )
 
 
@@ -33,22 +33,23 @@ class OdometryNoiseConfig(StrictModel):
     alpha1: float = Field(
         0.1,
         ge=0.0,
-        description="Rotation noise caused by rotation, rad^2/rad^2. Raise it when headings drift in turns.",
+        description="Rotation noise caused by rotation, in rad^2/rad^2. Raise it when headings drift in turns.",
     )
     alpha2: float = Field(
         0.01,
         ge=0.0,
-        description="Rotation noise caused by translation, rad^2/m^2. Raise it when headings drift on straight drives.",
+        description="Rotation noise caused by translation, in rad^2/m^2. Raise it when headings drift on straight "
+        "drives.",
     )
     alpha3: float = Field(
         0.03,
         ge=0.0,
-        description="Translation noise caused by translation, m^2/m^2. Raise it when distances are wrong.",
+        description="Translation noise caused by translation, in m^2/m^2. Raise it when distances are wrong.",
     )
     alpha4: float = Field(
         0.005,
         ge=0.0,
-        description="Translation noise caused by rotation, m^2/rad^2. Raise it when the robot shifts while it turns.",
+        description="Translation noise caused by rotation, in m^2/rad^2. Raise it when the robot shifts while it turns.",
     )
 
 
@@ -58,12 +59,14 @@ class LocalizationScanConfig(StrictModel):
     beams: int = Field(
         60,
         ge=3,
-        description="Largest number of beams that weight the particles, evenly from the scan. More beams cost more time.",
+        description="Largest number of beams that weight the particles, evenly from the scan. Raise it for a more "
+        "accurate pose; it costs time.",
     )
     max_range_m: float = Field(
         30.0,
         gt=0.0,
-        description="Readings beyond this range (m) count as no return, even if the sensor's range_max is larger.",
+        description="Range in metres beyond which readings count as no return, even if the sensor's range_max is "
+        "larger. Lower it for a lidar that is unreliable far away.",
     )
 
 
@@ -72,8 +75,8 @@ class GlobalSearchConfig(StrictModel):
 
     enabled: bool = Field(
         True,
-        description="Search the whole map at the start, while lost, and now and then. Off: without `start` particles begin "
-        "uniformly over free space, and a lost robot is not found again.",
+        description="Whether the whole map is searched at the start, while lost, and now and then. Off: without `start` "
+        "particles begin uniformly over free space, and a lost robot is not found again.",
     )
 
 
@@ -81,7 +84,8 @@ class FixedCamerasConfig(StrictModel):
     """RGB-D cameras that are fixed in the room."""
 
     enabled: bool = Field(
-        True, description="Use the fixed cameras of the log. Off: the onboard sensor alone."
+        True,
+        description="Whether the fixed cameras of the log are used. Off: the onboard sensor alone.",
     )
 
 
@@ -89,63 +93,83 @@ class AdvancedLocalizationConfig(StrictModel):
     """Settings that few logs need."""
 
     min_range_m: float = Field(
-        0.1, ge=0.0, description="Readings below this range (m) are dropped: they show the robot itself."
+        0.1,
+        ge=0.0,
+        description="Range in metres below which readings are dropped. Raise it if the sensor sees the robot itself.",
     )
     occupied_threshold: float = Field(
-        0.65, gt=0.0, lt=1.0, description="Smallest occupancy probability at which a map cell is a wall."
+        0.65,
+        gt=0.0,
+        lt=1.0,
+        description="Smallest occupancy probability at which a map cell is a wall. Raise it if doubtful cells of the "
+        "map are taken for walls.",
     )
     free_threshold: float = Field(
         0.3,
         gt=0.0,
         lt=1.0,
-        description="Largest occupancy probability at which the robot may stand in a map cell.",
+        description="Largest occupancy probability at which the robot may stand in a map cell. Lower it to keep "
+        "particles off doubtful cells.",
     )
     resample_below: float = Field(
         0.5,
         gt=0.0,
         le=1.0,
-        description="Resample when the effective sample size falls below this fraction of the particles. 1: after every scan.",
+        description="Fraction of the particles; when the effective sample size falls below it, they are resampled. "
+        "Raise it to resample more often, which loses hypotheses; 1: after every scan.",
     )
     slip_fraction: float = Field(
         0.05,
         ge=0.0,
         le=1.0,
-        description="Fraction of the particles that move with three times the odometry noise. Raise it for wheels that slip.",
+        description="Fraction of the particles that move with three times the odometry noise. Raise it for wheels that "
+        "slip.",
     )
     max_speed_mps: float = Field(
         5.0,
         gt=0.0,
-        description="Odometry that moves faster than this (m/s) has jumped; its frame then starts anew.",
+        description="Speed in m/s above which odometry has jumped; its frame then starts anew. Raise it for a faster "
+        "robot.",
     )
     update_distance_m: float = Field(
         0.2,
         ge=0.0,
-        description="Travel (m) after which a scan weights the particles again. Lower values cost more time.",
+        description="Travel in metres after which a scan weights the particles again. Lower it to use more scans; it "
+        "costs time.",
     )
     update_angle_rad: float = Field(
-        0.15, ge=0.0, description="Rotation (rad) after which a scan weights the particles again."
+        0.15,
+        ge=0.0,
+        description="Rotation in rad after which a scan weights the particles again. Lower it to use more scans; it "
+        "costs time.",
     )
     min_inlier_ratio: float = Field(
         0.55,
         ge=0.0,
         le=1.0,
-        description="Ratio of beams that agree with the map at which the confidence is 0. Lower it for maps that differ from "
-        "the place.",
+        description="Ratio of beams that agree with the map at which the confidence is 0. Lower it for maps that differ "
+        "from the place.",
     )
     good_inlier_ratio: float = Field(
         0.8,
         gt=0.0,
         le=1.0,
-        description="Ratio of beams that agree with the map at which the confidence is full. Lower it for maps that differ "
-        "from the place.",
+        description="Ratio of beams that agree with the map at which the confidence is full. Lower it for maps that "
+        "differ from the place.",
     )
     depth_min_height_m: float = Field(
         0.1,
-        description="In a log without a lidar, the onboard depth camera replaces it: lowest height (m) above the floor at which "
-        "depths count as walls.",
+        ge=-100.0,
+        le=100.0,
+        description="In a log without a lidar, the onboard depth camera replaces it: lowest height above the floor, in "
+        "metres, at which depths count as walls. Raise it if the floor appears as walls.",
     )
     depth_max_height_m: float = Field(
-        1.0, gt=0.0, description="Largest height (m) above the floor at which onboard depths count as walls."
+        1.0,
+        gt=0.0,
+        le=100.0,
+        description="Largest height above the floor, in metres, at which onboard depths count as walls. Lower it if "
+        "things above the map's walls appear as walls.",
     )
     camera_root_frame: str = Field(
         "map",
@@ -172,9 +196,9 @@ class IspaceMclConfig(StrictModel):
         None,
         description="Pose of the robot at the first scan in the map frame: x (m), y (m), yaw (rad). Absent: anywhere.",
     )
-    start_std: tuple[float, float, float] = Field(
+    start_std: tuple[NotNegative, NotNegative, NotNegative] = Field(
         (0.3, 0.3, 0.15),
-        description="Standard deviations of `start` in x (m), y (m) and yaw (rad). Larger values search a larger area.",
+        description="Standard deviations of `start`: x (m), y (m), yaw (rad). Raise them to search a larger area.",
     )
     weight: LidarWeightName = Field(
         "likelihood-field",

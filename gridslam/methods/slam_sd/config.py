@@ -22,21 +22,21 @@ class FilterConfig(StrictModel):
 
     run: Literal["needed", "always"] = Field(
         "needed",
-        description="When particles are used: 'needed' if there are tags or pose_graph.enabled is false, as loop closure "
-        "does not use them otherwise; 'always' to see them in the report all the same: it takes longer.",
+        description="When particles are used. needed: if there are tags or pose_graph.enabled is false, as loop closure "
+        "does not use them otherwise. always: to see them in the report; it takes longer.",
     )
     window_key_scans: int = Field(
         60,
         ge=0,
-        description="Number of later key scans after which a key scan enters the particles' maps; "
-        "raise it if particles match against what the front end has used already.",
+        description="Number of later key scans after which a key scan enters the particles' maps. Raise it if particles "
+        "match against what the front end has used already.",
     )
     min_inlier_ratio: float = Field(
         0.6,
         gt=0.0,
         le=1.0,
-        description="Smallest fraction of points on known surfaces at which a scan counts as matched to a particle's map; "
-        "raise it where places look alike.",
+        description="Smallest fraction of points on known surfaces at which a scan counts as matched to a particle's "
+        "map. Raise it where places look alike.",
     )
 
 
@@ -57,22 +57,24 @@ class SlamSdConfig(StrictModel):
         30,
         ge=1,
         le=1000,
-        description="Number of particles; raise it where loops are long and places look alike: time and memory grow with it.",
+        description="Number of particles. Raise it where loops are long and places look alike; time and memory grow "
+        "with it.",
     )
     key_distance_m: float = Field(
         0.25,
         gt=0.0,
-        description="Travel in metres after which a scan becomes a key scan; raise it to save time and memory.",
+        description="Travel in metres after which a scan becomes a key scan. Raise it to save time and memory.",
     )
     key_rotation_rad: float = Field(
         0.25,
         gt=0.0,
-        description="Rotation in radians after which a scan becomes a key scan; raise it to save time and memory.",
+        description="Rotation in rad after which a scan becomes a key scan. Raise it to save time and memory.",
     )
     memory_limit_mb: float = Field(
         1024.0,
         gt=0.0,
-        description="Largest memory of the maps in 10^6 bytes; a run that needs more ends with an error.",
+        description="Largest memory of the maps in MB; a run that needs more ends with an error. Raise it for large or "
+        "fine maps.",
     )
     scan: ScanConfig = ScanConfig()
     map: MapConfig = MapConfig()

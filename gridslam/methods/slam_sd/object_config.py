@@ -17,7 +17,8 @@ class AntennaConfig(StrictModel):
         2.0,
         gt=0.0,
         le=20.0,
-        description="Distance in metres at which half of the rounds read a tag that faces the antenna on its axis.",
+        description="Distance in metres at which half of the rounds read a tag that faces the antenna on its axis. "
+        "Raise it for a stronger antenna: objects are then looked for farther away.",
     )
 
 
@@ -25,24 +26,26 @@ class ObjectsConfig(StrictModel):
     """Poses of tagged objects."""
 
     database: TagDatabase | None = Field(
-        None, description="The tag database itself, instead of the file given with --tags."
+        None,
+        description="The tag database itself, instead of the file given with --tags: the tagged objects of the place.",
     )
     estimation: Literal["joint", "paper"] = Field(
         "joint",
-        description="joint: objects that explain the same beams are estimated together, doors hinge in walls, and doors that "
-        "were passed unread are looked for at the end. paper: each object on its own, its first poses drawn uniformly "
-        "over the antenna's detection area.",
+        description="How objects are estimated. joint: those that explain the same beams together, doors hinge in "
+        "walls, and doors that were passed unread are looked for at the end. paper: each object on its own, "
+        "its first poses drawn uniformly over the antenna's detection area.",
     )
     particles: int = Field(
         1000,
         ge=50,
         le=100_000,
-        description="Number of poses in the filter of an object; lower it for speed, raise it for long-range antennas.",
+        description="Number of poses in the filter of an object. Raise it for long-range antennas; it costs time.",
     )
     min_reads: int = Field(
         2,
         ge=1,
-        description="Smallest number of reads during a visit that is believed; raise it where false reads come in bursts.",
+        description="Smallest number of reads during a visit that is believed. Raise it where false reads come in "
+        "bursts.",
     )
     antenna: AntennaConfig = AntennaConfig()
 
@@ -58,31 +61,37 @@ class ObjectEvidenceConfig(StrictModel):
     antenna_softness: float = Field(
         0.12,
         gt=0.0,
-        description="Width of the edge of the antenna's range, as a fraction of the range; raise it for a gradual edge.",
+        description="Width of the edge of the antenna's range, as a fraction of the range. Raise it for a gradual edge.",
     )
     detection_probability: float = Field(
-        0.93, gt=0.0, lt=1.0, description="Probability of a read well within the antenna's range."
+        0.93,
+        gt=0.0,
+        lt=1.0,
+        description="Probability of a read well within the antenna's range. Lower it for a reader that misses tags: a "
+        "round without a read then says less.",
     )
     false_read_probability: float = Field(
         0.003,
         gt=0.0,
         lt=0.5,
-        description="Probability of a read from outside the antenna's range; raise it for a reader with many false reads.",
+        description="Probability of a read from outside the antenna's range. Raise it for a reader with many false "
+        "reads.",
     )
     min_log_likelihood_ratio: float = Field(
         10.0,
-        description="Smallest log likelihood ratio of the scans with and without an object at which it enters the map; "
-        "raise it if objects appear where there are none.",
+        ge=0.0,
+        description="Smallest log likelihood ratio of the scans with and without an object at which it enters the map. "
+        "Raise it if objects appear where there are none.",
     )
     move_probability: float = Field(
         0.02,
         gt=0.0,
         lt=1.0,
-        description="Probability that an object is moved between two visits; raise it where things move often.",
+        description="Probability that an object is moved between two visits. Raise it where things move often.",
     )
     footprint_margin_m: float = Field(
         0.06,
         gt=0.0,
-        description="Distance in metres from a footprint up to which endpoints belong to the object; "
-        "raise it for footprints that are known less exactly.",
+        description="Distance in metres from a footprint up to which endpoints belong to the object. Raise it for "
+        "footprints that are known less exactly.",
     )

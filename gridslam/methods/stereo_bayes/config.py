@@ -8,6 +8,8 @@ from pydantic import Field
 
 from gridslam.config.base import StrictModel
 
+MAX_HEIGHT_M = 100.0  # above or below the floor; higher numbers are mistaken units
+
 
 class DisparityConfig(StrictModel):
     """From image pairs to disparities; a disparity stream of the log is used unchanged."""
@@ -17,19 +19,32 @@ class DisparityConfig(StrictModel):
         ge=16,
         le=512,
         multiple_of=16,
-        description="Largest disparity searched for, px, 16 to 512. Higher values measure nearer obstacles and cost time.",
+        description="Largest disparity searched for, in px. Raise it to measure nearer obstacles; it costs time.",
     )
 
 
 class ObservationConfig(StrictModel):
     """From disparities to one measurement per ray, the observation o of eq. 2."""
 
-    low_m: float = Field(0.15, description="Height above the floor, m, below which points are floor.")
-    high_m: float = Field(1.8, description="Height above the floor, m, above which points are ceiling.")
+    low_m: float = Field(
+        0.15,
+        ge=-MAX_HEIGHT_M,
+        le=MAX_HEIGHT_M,
+        description="Height above the floor, in metres, below which points are floor. Raise it if the floor appears as "
+        "obstacles; lower obstacles are missed then.",
+    )
+    high_m: float = Field(
+        1.8,
+        ge=-MAX_HEIGHT_M,
+        le=MAX_HEIGHT_M,
+        description="Height above the floor, in metres, above which points are ceiling. Lower it if ceilings or lintels "
+        "appear as obstacles.",
+    )
     sigma_px: float = Field(
         0.6,
         gt=0.0,
-        description="Standard deviation of a disparity, px. Higher values blur the map along the rays.",
+        description="Standard deviation of a disparity, in px. Raise it for poor images; the map is then blurred along "
+        "the rays.",
     )
 
 
@@ -40,7 +55,7 @@ class CorrelationConfig(StrictModel):
         0.978,
         ge=0.0,
         lt=1.0,
-        description="Correlation of cells 5 cm apart, 0 to 1. Near 1 for large obstacles; 0 for independent cells.",
+        description="Correlation of cells 5 cm apart. Raise it (towards 1) for large obstacles; 0: independent cells.",
     )
 
 
@@ -48,7 +63,8 @@ class MotionSourceConfig(StrictModel):
     """The motion in the pose filter (paper section 1)."""
 
     motion: Literal["auto", "odometry", "visual"] = Field(
-        "auto", description="Source of the motion; auto: odometry if the log has it, else visual odometry."
+        "auto",
+        description="Source of the motion. auto: odometry if the log has it, else visual odometry.",
     )
 
 
@@ -56,7 +72,8 @@ class AdvancedDisparity(StrictModel):
     """The matcher of image pairs."""
 
     matcher: Literal["sgbm", "bm"] = Field(
-        "sgbm", description="OpenCV's semi-global matching, or the faster block matching."
+        "sgbm",
+        description="Matcher of image pairs: OpenCV's semi-global matching (sgbm), or its faster block matching (bm).",
     )
 
 
@@ -65,41 +82,55 @@ class AdvancedObservation(StrictModel):
 
     pick: Literal["nearest", "dominant"] = Field(
         "nearest",
-        description="Which disparity of a bin counts: nearest: the largest that fills min_height_m; dominant: the most "
+        description="Disparity of a bin that counts. nearest: the largest that fills min_height_m. dominant: the most "
         "frequent, as in the paper.",
     )
     min_height_m: float = Field(
         0.12,
         gt=0.0,
-        description="Smallest height of an obstacle, m. Higher values ignore more false matches.",
+        description="Smallest height of an obstacle in metres. Raise it to ignore more false matches; flat obstacles "
+        "are missed then.",
     )
     p_none: float = Field(
-        0.1, gt=0.0, lt=1.0, description="Probability that an obstacle is not matched, 0 to 1."
+        0.1,
+        gt=0.0,
+        lt=1.0,
+        description="Probability that an obstacle is not matched. Raise it for surfaces without texture: a ray without "
+        "a match then counts less as free.",
     )
-    p_false: float = Field(0.05, gt=0.0, lt=1.0, description="Probability of a false match, 0 to 1.")
+    p_false: float = Field(
+        0.05,
+        gt=0.0,
+        lt=1.0,
+        description="Probability of a false match. Raise it for repeating textures: a match then counts less as an "
+        "obstacle.",
+    )
 
 
 class AdvancedCorrelation(StrictModel):
     """Extensions beyond the paper. mode fixed, behind each_frame and across_rays 0 are the paper's."""
 
     mode: Literal["fixed", "adaptive"] = Field(
-        "fixed", description="adaptive: estimate r0 from the map while it grows; fixed: use r0."
+        "fixed",
+        description="Whether the correlation is r0 (fixed) or is estimated from the map while it grows (adaptive).",
     )
     behind: Literal["each_frame", "once"] = Field(
         "each_frame",
-        description="What is expected behind a surface counts with every frame, as in the paper, or only once.",
+        description="How often the cells expected behind a surface count: with every frame, as in the paper "
+        "(each_frame), or only once (once).",
     )
     behind_m: float = Field(
         0.2,
         ge=0.0,
-        description="behind once: distance behind a surface, m, at which cells count as hidden; nearer ones may belong "
-        "to the surface.",
+        description="behind once: distance behind a surface, in metres, from which cells count as hidden; nearer ones "
+        "may belong to the surface. Raise it where depths are inaccurate.",
     )
     across_rays: float = Field(
         0.0,
         ge=0.0,
         le=1.0,
-        description="Strength of the coupling between neighbouring rays, from 0 (none) to 1 (as r0 implies).",
+        description="Strength of the coupling between neighbouring rays: none (0) to as r0 implies (1). Raise it for "
+        "smooth surfaces, whose rays then support each other.",
     )
 
 
@@ -110,11 +141,14 @@ class AdvancedMap(StrictModel):
         0.3,
         gt=0.0,
         le=1.0,
-        description="Cells are unknown if no ray reached them with this probability, 0 to 1. Higher values leave more "
-        "cells unknown.",
+        description="Smallest probability that a ray reached a cell at which the cell is known. Raise it to leave "
+        "doubtful cells unknown.",
     )
     surface_m: float = Field(
-        0.12, gt=0.0, description="Thickness of obstacles in the map, m; cells farther behind are unknown."
+        0.12,
+        gt=0.0,
+        description="Thickness of obstacles in the map in metres; cells farther behind are unknown. Raise it where "
+        "depths are inaccurate.",
     )
 
 
@@ -124,20 +158,24 @@ class AdvancedPose(StrictModel):
     translation_std_m: float = Field(
         0.04,
         ge=0.0,
-        description="Standard deviation of odometry after 1 m, m; grows with the root of the distance.",
+        description="Standard deviation of the odometry's position after 1 m, in metres; grows with the root of the "
+        "distance. Raise it for wheels that slip: absolute poses then weigh more.",
     )
     rotation_std_rad: float = Field(
         0.06,
         ge=0.0,
-        description="Standard deviation of the yaw after 1 rad, rad; grows with the root of the rotation.",
+        description="Standard deviation of the odometry's yaw after 1 rad, in rad; grows with the root of the rotation. "
+        "Raise it for wheels that slip in turns: absolute poses then weigh more.",
     )
     rotation_std_per_m_rad: float = Field(
         0.04,
         ge=0.0,
-        description="Standard deviation of the yaw after 1 m, rad; grows with the root of the distance.",
+        description="Standard deviation of the odometry's yaw after 1 m, in rad; grows with the root of the distance. "
+        "Raise it for uneven floors: absolute poses then weigh more.",
     )
     blur: bool = Field(
-        True, description="Average the likelihoods over the pose's distribution; false uses its mean."
+        True,
+        description="Whether the likelihoods are averaged over the pose's distribution; false uses its mean.",
     )
 
 
@@ -157,34 +195,53 @@ class StereoBayesConfig(StrictModel):
     name: Literal["stereo-bayes"] = "stereo-bayes"
     likelihood: Literal["chain", "occlusion", "independent"] = Field(
         "chain",
-        description="chain: correlated cells that occlude each other, the paper's proposal; occlusion: independent cells "
-        "that occlude each other; independent: the conventional model.",
+        description="Likelihood of a frame. chain: correlated cells that occlude each other, the paper's proposal. "
+        "occlusion: independent cells that occlude each other. independent: the conventional model.",
     )
     resolution_m: float = Field(
-        0.05, gt=0.0, description="Size of a map cell, m. Higher values are faster and coarser."
+        0.05,
+        gt=0.0,
+        description="Size of a map cell in metres. Raise it for a faster run and a coarser map.",
     )
-    max_range_m: float = Field(10.0, gt=0.0, description="Length of a ray, m. Higher values cost time.")
-    min_range_m: float = Field(0.3, ge=0.0, description="Range at which a ray starts, m.")
+    max_range_m: float = Field(
+        10.0,
+        gt=0.0,
+        description="Length of a ray in metres. Raise it to map farther obstacles; it costs time.",
+    )
+    min_range_m: float = Field(
+        0.3,
+        ge=0.0,
+        description="Range in metres at which a ray starts. Raise it if the robot's own parts appear in the map.",
+    )
     prior: float = Field(
-        0.3, gt=0.0, lt=1.0, description="Probability of occupancy of an unknown cell, 0 to 1."
+        0.3,
+        gt=0.0,
+        lt=1.0,
+        description="Probability that an unknown cell is occupied. Lower it where most of the space is free: obstacles "
+        "then need more evidence.",
     )
     frame_weight: float = Field(
         1.0,
         gt=0.0,
         le=1.0,
-        description="Power of the likelihoods of a frame, 0 to 1. Lower values where the errors of successive frames are "
-        "alike; the map then changes more slowly.",
+        description="Exponent of the likelihoods of a frame. Lower it where the errors of successive frames are alike; "
+        "the map then changes more slowly.",
     )
     robot_radius_m: float = Field(
         0.2,
         gt=0.0,
-        description="Radius of the robot, m; passages too narrow for it are closed in obstacles.csv.",
+        description="Radius of the robot in metres; passages too narrow for it are closed in obstacles.csv. Raise it to "
+        "close wider passages.",
     )
     camera: str = Field(
-        "", description="Name of the left camera if the log has several; empty: the only one."
+        "",
+        description="Name of the left camera if the log has several; empty: the only one.",
     )
     memory_limit_mb: float = Field(
-        512.0, gt=0.0, description="Memory of the map, MB, at which the run ends with an error."
+        512.0,
+        gt=0.0,
+        description="Largest memory of the map in MB; a run that needs more ends with an error. Raise it for large or "
+        "fine maps.",
     )
     disparity: DisparityConfig = DisparityConfig()
     observation: ObservationConfig = ObservationConfig()

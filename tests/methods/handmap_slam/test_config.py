@@ -1,43 +1,11 @@
-"""The settings of handmap-slam: few enough to read, each with a description that stands alone."""
+"""The paper's settings of handmap-slam, and a check of two settings together."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
-from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
-from gridslam.methods.handmap_slam.config import HandmapAdvancedConfig, HandmapSlamConfig
+from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.runs.run_config import load_run_config
-
-MAX_KEYS = 15
-
-
-def leaves(model: type[BaseModel], path: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Keys of a model and its sections, with their fields."""
-    for name, field in model.model_fields.items():
-        section = field.annotation
-        if isinstance(section, type) and issubclass(section, BaseModel):
-            yield from leaves(section, f"{path}{name}.")
-        else:
-            yield f"{path}{name}", field
-
-
-KEYS = {key: field for key, field in leaves(HandmapSlamConfig) if key != "name"}
-
-
-def test_there_are_at_most_15_keys_and_15_advanced_ones() -> None:
-    advanced = [key for key in KEYS if key.startswith("advanced.")]
-    assert len(advanced) <= MAX_KEYS
-    assert len(KEYS) - len(advanced) <= MAX_KEYS
-    assert len(advanced) == len(list(leaves(HandmapAdvancedConfig)))
-
-
-@pytest.mark.parametrize("key", KEYS)
-def test_every_key_has_a_description(key: str) -> None:
-    description = KEYS[key].description
-    assert description and description.endswith(".") and description[0].isupper()
 
 
 def test_the_paper_s_settings_switch_off_what_the_paper_does_not_have() -> None:
