@@ -71,7 +71,7 @@ def run(
     place, path = load_world(world, override or (), seed)
     document: dict[str, object] = {}
     if preview is not None:
-        from gridslam.simulation.preview import draw_world
+        from gridslam.report.world_picture import draw_world
 
         draw_world(place, path.parent, preview)
         document["preview"] = str(preview)

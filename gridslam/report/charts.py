@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.report.drawn_shapes import INK, Area, Disc, DrawnSheet, Shape, Stroke, Words, text_width
+from gridslam.maps.picture.ink import Canvas
+from gridslam.report.drawn_shapes import (
+    INK,
+    PNG_SCALE,
+    Area,
+    Disc,
+    DrawnSheet,
+    Raster,
+    Shape,
+    Stroke,
+    Words,
+    text_width,
+)
 from gridslam.report.plots import Axis, axis_of, plane_axes
 
 Floats = NDArray[np.float64]
 
-TEXT, TITLE = 12, 15  # heights of letters, px
+TEXT, TITLE, NOTE = 12, 15, 9  # heights of letters, px
 LINE_PX = 20  # of text
 MARGIN, TICK_PX = 12, 4
 X_TICK_PX, Y_TICK_PX = 90, 35  # between ticks, about
@@ -22,6 +34,7 @@ START_PX = 4.0  # radius of the point at which a curve starts
 MAX_LABEL_PX = 330  # of a name in the legend
 MIN_SCALE_SPAN = 1e-3  # of the values of a scale of colours: smaller differences are all of one colour
 GRID_COLOUR, GRID_PX = "#d5d9df", 0.7
+ROWS_AT_ONCE = 64  # of pixels behind the curves: all at once would take 100 bytes each
 # Width of the scale of colours, its distance and its texts
 SCALE_PX, SCALE_GAP_PX, SCALE_TEXT_PX = 14, 14, 60
 
@@ -57,7 +70,12 @@ class ColourScale:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves in axes; `is_plane`: x and y have the same scale; `from_zero`: the y axis starts at zero."""
+    """Curves in axes.
+
+    `is_plane`: x and y have the same scale; `from_zero`: the y axis starts at zero; `is_log`: y are logarithms to base 10, and
+    the axis has their powers. `backdrop` gives the colours `(n, 3)` of points `(n, 2)` behind the curves, `within` are points
+    `(k, 2)` that a plane shows besides the curves, and `notes` texts at points (x, y).
+    """
 
     curves: Sequence[Curve]
     x_label: str
@@ -67,6 +85,10 @@ class Chart:
     from_zero: bool = False
     scale: ColourScale | None = None
     legend: Sequence[Curve] = field(default_factory=tuple)
+    is_log: bool = False
+    backdrop: Callable[[Floats], Canvas] | None = None
+    within: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    notes: Sequence[tuple[float, float, str]] = ()
 
 
 def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
@@ -84,7 +106,7 @@ def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
 def _left_px(chart: Chart, width: int, height: int) -> float:
     """Where a chart's x axis begins: on the right of the numbers of its y axis."""
     _, y = _axes(chart, np.zeros(0), (MARGIN, width - MARGIN), (height, 0.0))
-    return MARGIN + 2 * TICK_PX + _widest(y, Y_TICK_PX)
+    return MARGIN + 2 * TICK_PX + _widest(_ticks(y, Y_TICK_PX, chart.is_log))
 
 
 def _chart(
@@ -105,9 +127,14 @@ def _chart(
     if chart.scale is not None:
         last -= SCALE_GAP_PX + SCALE_PX + SCALE_TEXT_PX
     x, y = _axes(chart, x_values, (left, last), (lower, upper))
+    if chart.backdrop is not None:
+        shapes.append(_raster(chart.backdrop, x, y))
     shapes += _frame(chart, x, y)
     for curve in chart.curves:
         shapes += _marks(curve, x, y)
+    for at_x, at_y, text in chart.notes:
+        at_px = x.at(np.array([at_x])), y.at(np.array([at_y]))
+        shapes.append(Words(float(at_px[0][0]) + START_PX, float(at_px[1][0]) - START_PX, text, NOTE))
     if chart.scale is not None:
         shapes += _colour_bar(chart.scale, last + SCALE_GAP_PX, upper, lower)
     return shapes, lower + 2 * LINE_PX + TICK_PX
@@ -119,16 +146,32 @@ def _axes(
     """The axes of a chart between positions on the sheet; that of x ends where its values end, unless they are all the same."""
     y = np.concatenate([curve.y for curve in chart.curves] or [np.zeros(0)])
     if chart.is_plane:
-        x = np.concatenate([curve.x for curve in chart.curves])
-        return plane_axes(np.stack([x, y], axis=1), x_px, y_px)
+        x = np.concatenate([curve.x for curve in chart.curves] or [np.zeros(0)])
+        points = np.concatenate([np.stack([x, y], axis=1), chart.within])
+        return plane_axes(points, x_px, y_px)
     across, up = axis_of(x_values, *x_px), axis_of(y, *y_px)
     if len(x_values) and x_values.max() > x_values.min():
         across = Axis(float(x_values.min()), float(x_values.max()), *x_px)
     return across, Axis(0.0, up.high, *y_px) if chart.from_zero else up
 
 
-def _ticks(axis: Axis, spacing_px: float) -> list[tuple[float, str]]:
-    """Positions and texts of round values; all with as many digits as their step has."""
+def _raster(backdrop: Callable[[Floats], Canvas], x: Axis, y: Axis) -> Raster:
+    """The colours behind the curves of a plane, each at the middle of a pixel of the PNG."""
+    cols, rows = (round(abs(axis.last - axis.first) * PNG_SCALE) for axis in (x, y))
+    step = (x.high - x.low) / (x.last - x.first) / PNG_SCALE
+    along, up = x.low + step * (np.arange(cols) + 0.5), y.high - step * (np.arange(rows) + 0.5)
+    colours = [
+        backdrop(np.stack(np.meshgrid(along, band), axis=-1).reshape(-1, 2)).reshape(-1, cols, 3)
+        for band in np.array_split(up, -(-rows // ROWS_AT_ONCE))
+    ]
+    return Raster(x.first, y.last, np.concatenate(colours))
+
+
+def _ticks(axis: Axis, spacing_px: float, is_log: bool = False) -> list[tuple[float, str]]:
+    """Positions and texts of round values, as many digits as their step has; of logarithms, whole ones and their powers."""
+    if is_log:
+        powers = np.arange(np.ceil(axis.low), np.floor(axis.high) + 1.0)
+        return [(p, f"{10.0**v:g}") for p, v in zip(axis.at(powers).tolist(), powers.tolist(), strict=True)]
     ticks = axis.ticks(max(int(abs(axis.last - axis.first) / spacing_px), 2))
     step = float(ticks[1] - ticks[0]) if len(ticks) > 1 else 1.0
     digits = max(-int(np.floor(np.log10(step) + 1e-9)), 0)
@@ -136,20 +179,20 @@ def _ticks(axis: Axis, spacing_px: float) -> list[tuple[float, str]]:
     return [(p, f"{value + 0.0:.{digits}f}") for p, value in zip(at, ticks.tolist(), strict=True)]
 
 
-def _widest(axis: Axis, spacing_px: float) -> float:
+def _widest(ticks: Sequence[tuple[float, str]]) -> float:
     """The width of the widest number of an axis."""
-    return max((text_width(text, TEXT) for _, text in _ticks(axis, spacing_px)), default=0.0)
+    return max((text_width(text, TEXT) for _, text in ticks), default=0.0)
 
 
 def _frame(chart: Chart, x: Axis, y: Axis) -> list[Shape]:
     """Grid lines, numbers and names of both axes."""
     shapes: list[Shape] = []
     below, names = y.first + TICK_PX + LINE_PX - 4, y.first + TICK_PX + 2 * LINE_PX - 6
-    for at, text in _ticks(x, max(X_TICK_PX, 1.3 * _widest(x, X_TICK_PX))):
+    for at, text in _ticks(x, max(X_TICK_PX, 1.3 * _widest(_ticks(x, X_TICK_PX)))):
         shapes.append(Stroke(np.array([[at, y.last], [at, y.first]]), GRID_COLOUR, GRID_PX))
         half = 0.5 * text_width(text, TEXT)
         shapes.append(Words(min(max(at, half), x.last + TEXT - half), below, text, TEXT, "middle"))
-    for at, text in _ticks(y, Y_TICK_PX):
+    for at, text in _ticks(y, Y_TICK_PX, chart.is_log):
         shapes.append(Stroke(np.array([[x.first, at], [x.last, at]]), GRID_COLOUR, GRID_PX))
         shapes.append(Words(x.first - 2 * TICK_PX, at + 4, text, TEXT, "end"))
     corner = np.array([[x.first, y.last], [x.first, y.first], [x.last, y.first]])

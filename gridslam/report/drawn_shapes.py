@@ -1,4 +1,4 @@
-"""Lines, dots, areas and texts of a chart, written as SVG and painted as PNG.
+"""Lines, dots, areas, rasters and texts of a chart, written as SVG and painted as PNG.
 
 A plotting library would take longer to load than all charts of an evaluation take to draw.
 """
@@ -6,6 +6,7 @@ A plotting library would take longer to load than all charts of an evaluation ta
 from __future__ import annotations
 
 import io
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -69,7 +70,16 @@ class Words:
     anchor: Literal["start", "middle", "end"] = "start"
 
 
-Shape: TypeAlias = Stroke | Disc | Area | Words
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """Colours `(rows, cols, 3)` whose upper left corner is at (x, y), `PNG_SCALE` of them side by side to a pixel of the SVG."""
+
+    x: float
+    y: float
+    colours: ink.Canvas
+
+
+Shape: TypeAlias = Stroke | Disc | Area | Words | Raster
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +123,13 @@ def _element(shape: Shape) -> str:
             f'<rect x="{shape.x0:.1f}" y="{shape.y0:.1f}" width="{shape.x1 - shape.x0:.1f}" '
             f'height="{shape.y1 - shape.y0:.1f}" fill="{shape.colour}"/>'
         )
+    if isinstance(shape, Raster):
+        rows, cols = shape.colours.shape[:2]
+        data = b64encode(_png_bytes(Image.fromarray(shape.colours))).decode()
+        return (
+            f'<image x="{shape.x:.1f}" y="{shape.y:.1f}" width="{cols / PNG_SCALE:g}" height="{rows / PNG_SCALE:g}" '
+            f'href="data:image/png;base64,{data}"/>'
+        )
     return (
         f'<text x="{shape.x:.1f}" y="{shape.y:.1f}" font-size="{shape.size}" fill="{INK}" '
         f'text-anchor="{shape.anchor}">{escape(visible(shape.text))}</text>'
@@ -132,12 +149,21 @@ def png_of(drawing: DrawnSheet) -> bytes:
             at = shape.x * PNG_SCALE, shape.y * PNG_SCALE
             anchor = {"start": "ls", "middle": "ms", "end": "rs"}[shape.anchor]
             draw.text(at, visible(shape.text), fill=INK, font=_font(shape.size * PNG_SCALE), anchor=anchor)
+    return _png_bytes(picture)
+
+
+def _png_bytes(picture: Image.Image) -> bytes:
     file = io.BytesIO()
     picture.save(file, format="PNG", compress_level=PNG_LEVEL)
     return file.getvalue()
 
 
-def _paint(canvas: ink.Canvas, shape: Stroke | Disc | Area) -> None:
+def _paint(canvas: ink.Canvas, shape: Stroke | Disc | Area | Raster) -> None:
+    if isinstance(shape, Raster):
+        x, y = round(shape.x * PNG_SCALE), round(shape.y * PNG_SCALE)
+        rows, cols = shape.colours.shape[:2]
+        canvas[y : y + rows, x : x + cols] = shape.colours
+        return
     colour = _rgb(shape.colour)
     if isinstance(shape, Stroke):
         points = shape.points * PNG_SCALE

@@ -12,7 +12,8 @@ from gridslam.core import poses as se2
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.report.charts import Chart, ColourScale, Curve, draw_charts
+from gridslam.report.charts import Chart, Curve, draw_charts
+from gridslam.report.coloured_curves import coloured_curves
 from gridslam.report.drawn_shapes import DrawnSheet
 from gridslam.report.plots import thin_out
 
@@ -20,14 +21,6 @@ Floats = NDArray[np.float64]
 MAX_POINTS = 1000  # of a path
 TRUTH_COLOUR = "#555555"
 COLOURS = ("#1e6ec8", "#d9661f", "#2f9e44", "#c2255c", "#7048e8", "#0b8599", "#a17c00", "#e64980")
-ERROR_LEVELS = 24  # colours of a path
-# From dark violet over green to yellow, about as bright as they are far along: also read in grey.
-ERROR_COLOURS = np.array(
-    [
-        *((68, 1, 84), (71, 44, 122), (59, 81, 139), (44, 113, 142), (33, 144, 141)),
-        *((39, 173, 129), (92, 200, 99), (170, 220, 50), (253, 231, 37)),
-    ]
-)
 LENGTHS = 8  # lengths of sub-trajectories in the plot of relative errors
 SHORTEST, LONGEST = 0.02, 0.5  # of the path
 WIDTH, PLANE_HEIGHT, ERROR_HEIGHT, RELATIVE_HEIGHT = 760, 520, 170, 230  # px
@@ -79,28 +72,10 @@ def path_error_drawing(result: EvaluatedTrajectory) -> DrawnSheet:
     estimate, truth = result.pairs.estimate[keep], result.pairs.truth[keep]
     errors = absolute_errors(estimate, truth).translation_m
     true = Curve(truth[:, 0], truth[:, 1], TRUTH_COLOUR, "ground truth", width=0.8, is_dashed=True)
-    along = np.linspace(0.0, len(ERROR_COLOURS) - 1.0, ERROR_LEVELS)
-    rgb = [np.interp(along, np.arange(len(ERROR_COLOURS)), column) for column in ERROR_COLOURS.T]
-    colours = ["#{:02x}{:02x}{:02x}".format(*row) for row in np.rint(rgb).astype(int).T.tolist()]
-    scale = ColourScale(colours, float(errors.min()), float(errors.max()), "position error (m)")
-    pieces = [
-        Curve(points[:, 0], points[:, 1], colours[level], width=3.0)
-        for points, level in _pieces_of_equal_error(estimate[:, :2], errors, scale)
-    ]
+    pieces, scale = coloured_curves(estimate[:, :2], errors, "position error (m)")
     title = f"Position error along the path: {result.name}"
     chart = Chart([true, *pieces], "x (m)", "y (m)", title, is_plane=True, scale=scale, legend=[true])
     return draw_charts([chart], WIDTH, PLANE_HEIGHT)
-
-
-def _pieces_of_equal_error(points: Floats, errors: Floats, scale: ColourScale) -> list[tuple[Floats, int]]:
-    """The path as polylines of nearly equal error, and their levels: far fewer than one line for each step."""
-    width = scale.span / ERROR_LEVELS
-    level = np.minimum(((errors[:-1] - scale.low) / width).astype(np.int64), ERROR_LEVELS - 1)
-    if not len(level):  # one pose has no path
-        return []
-    starts = np.flatnonzero(np.r_[True, level[1:] != level[:-1]])
-    ends = np.r_[starts[1:], len(level)]
-    return [(points[first : last + 1], int(level[first])) for first, last in zip(starts, ends, strict=True)]
 
 
 def relative_drawing(results: Sequence[EvaluatedTrajectory]) -> DrawnSheet | None:

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import gridslam
 from gridslam.core.files import ANY, Identity, write_atomic
-from gridslam.core.poses import wrap_angle
+from gridslam.core.poses import transform_points, wrap_angle
 from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.maps.picture import ink
+from gridslam.maps.picture.ink import Canvas
 from gridslam.methods.base import Table
 from gridslam.planning.arcs_and_lines import PlannedPath
 from gridslam.planning.path import ArcLinePath, Segment
+from gridslam.report.charts import Chart, Curve, draw_charts
+from gridslam.report.coloured_curves import coloured_curves
 from gridslam.report.directory import REPORT_FORMAT, REPORT_NAME, new_run_directory
+from gridslam.report.drawn_shapes import png_of
 from gridslam.report.text_files import write_table
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Floats = NDArray[np.float64]
 
@@ -32,12 +33,13 @@ SEGMENT_COLUMNS = (
 )  # fmt: skip
 FOOTPRINT_SPACING_M = 0.5
 END = "\n}"  # of an indented JSON document
-MAX_PICTURE_CELLS = 1_000_000
-UNKNOWN_SHADE = 0.18
 BORDER_M = 1.5
-# On the longer side of the picture, which has some 800 pixels
+WIDTH_PX, HEIGHTS_PX = 760, (240, 760)
+# On the longer side of the picture
 MAX_FOOTPRINTS_ACROSS, MAX_POINTS_ACROSS = 200, 1000
-MAX_SIDE_IN, MIN_SIDE_IN = 9.0, 3.5
+START_COLOUR, GOAL_COLOUR, FOOTPRINT_COLOUR = "#1e9646", "#cd2d2d", "#8fb6e3"
+END_PX = 5.0  # radius of start and goal
+CIRCLE_POINTS = 33
 
 
 def plan_document(plan: PlannedPath, map_path: Path, spacing: float = SPACING) -> dict[str, Any]:
@@ -107,80 +109,50 @@ def _indented(document: dict[str, Any]) -> str:
 
 
 def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> bytes:
-    """A PNG of the map around the path, the path coloured by speed, and the robot's footprint along it."""
-    from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
-
+    """A PNG of the map around the path, the path coloured by speed, and the discs of the robot's footprint along it."""
     corners = np.array([[s.x, s.y] for s in path.segments])
     _, poses, speeds = path.sampled(max(SPACING, np.ptp(corners, axis=0).max() / MAX_POINTS_ACROSS))
-    low, high = poses[:, :2].min(axis=0) - BORDER_M, poses[:, :2].max(axis=0) + BORDER_M
-    extent = high - low
-    scale = MAX_SIDE_IN / extent.max()
-    width, height = np.maximum(extent * scale, MIN_SIDE_IN)
-    figure = Figure(figsize=(width + 1.2, height), dpi=90, layout="constrained")
-    axes = figure.add_subplot()
-    _draw_map(axes, occupancy, low, high)
-    _draw_robot(axes, path, discs, max(FOOTPRINT_SPACING_M, extent.max() / MAX_FOOTPRINTS_ACROSS))
-    lines = LineCollection(
-        list(np.stack([poses[:-1, :2], poses[1:, :2]], axis=1)),
-        array=np.abs(speeds[1:]),
-        cmap="plasma",
-        linewidths=2.5,
+    ends = np.stack([poses[:, :2].min(axis=0) - BORDER_M, poses[:, :2].max(axis=0) + BORDER_M])
+    extent = ends[1] - ends[0]
+    pieces, scale = coloured_curves(poses[:, :2], np.abs(speeds), "speed (m/s)")
+    dots = [
+        Curve(poses[[row], 0], poses[[row], 1], colour, point_px=END_PX)
+        for row, colour in ((0, START_COLOUR), (-1, GOAL_COLOUR))
+    ]
+    chart = Chart(
+        [
+            *_footprints(path, discs, max(FOOTPRINT_SPACING_M, extent.max() / MAX_FOOTPRINTS_ACROSS)),
+            *pieces,
+            *dots,
+        ],
+        "x (m)",
+        "y (m)",
+        f"{path.length_m:.2f} m in {path.time_s:.1f} s",
+        is_plane=True,
+        scale=scale,
+        backdrop=lambda points: _colours_at(occupancy, points),
+        within=ends,
     )
-    axes.add_collection(lines)
-    axes.plot(*poses[0, :2], "o", color="#1e9646", markersize=8)
-    axes.plot(*poses[-1, :2], "o", color="#cd2d2d", markersize=8)
-    figure.colorbar(lines, ax=axes, label="speed (m/s)", shrink=0.7)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.set_title(f"{path.length_m:.2f} m in {path.time_s:.1f} s", fontsize=10)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    height = int(np.clip(WIDTH_PX * extent[1] / extent[0], *HEIGHTS_PX))
+    return png_of(draw_charts([chart], WIDTH_PX, height))
 
 
-def _draw_map(axes: Axes, occupancy: OccupancyGrid, low: Floats, high: Floats) -> None:
-    """Draw the cells of the map between the corners `low` and `high` (m, map frame), every n-th of them if they are many."""
-    from matplotlib.transforms import Affine2D
-
-    geometry = occupancy.geometry
-    corners = np.array([low, [low[0], high[1]], high, [high[0], low[1]]])
-    cells = np.clip(geometry.cells(corners), 0, occupancy.probability.shape)
-    (r0, c0), (r1, c1) = cells.min(axis=0), np.minimum(cells.max(axis=0) + 1, occupancy.probability.shape)
-    step = math.ceil(max((r1 - r0) * (c1 - c0) / MAX_PICTURE_CELLS, 1.0) ** 0.5)
-    part = occupancy.probability[r0:r1:step, c0:c1:step]
-    shades = np.where(np.isnan(part), UNKNOWN_SHADE, part)
-    grid_to_map = (
-        Affine2D().scale(geometry.resolution_m).rotate(geometry.yaw_rad).translate(*geometry.origin_xy_m)
-    )
-    axes.imshow(
-        shades,
-        cmap="Greys",
-        vmin=0.0,
-        vmax=1.0,
-        origin="lower",
-        extent=(c0, c0 + part.shape[1] * step, r0, r0 + part.shape[0] * step),
-        interpolation="nearest",
-        transform=grid_to_map + axes.transData,
-    )
+def _colours_at(occupancy: OccupancyGrid, points: Floats) -> Canvas:
+    """Colours `(n, 3)` of the map at points `(n, 2)`: white where it is free, dark where there are walls, grey where unknown."""
+    cells = occupancy.geometry.cells(points)
+    inside = ((cells >= 0) & (cells < occupancy.probability.shape)).all(axis=1)
+    probability = np.full(len(points), np.nan, np.float32)
+    probability[inside] = occupancy.probability[cells[inside, 0], cells[inside, 1]]
+    blended = np.asarray(ink.FREE) + np.nan_to_num(probability)[:, None] * np.subtract(ink.WALL, ink.FREE)
+    return np.where(np.isnan(probability)[:, None], ink.UNKNOWN, blended).astype(np.uint8)
 
 
-def _draw_robot(axes: Axes, path: ArcLinePath, discs: Floats, spacing: float) -> None:
-    """Draw the discs every `spacing` m or rad of the path."""
-    from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Circle
-
+def _footprints(path: ArcLinePath, discs: Floats, spacing: float) -> list[Curve]:
+    """The outlines of the discs every `spacing` m or rad of the path."""
     _, poses, _ = path.sampled(spacing)
-    patches = []
-    for x, y, yaw in poses:
-        c, s = np.cos(yaw), np.sin(yaw)
-        patches += [Circle((x + c * ox - s * oy, y + s * ox + c * oy), radius) for ox, oy, radius in discs]
-    is_round = len(discs) == 1
-    axes.add_collection(
-        PatchCollection(
-            patches,
-            facecolor="#1e6ec8" if not is_round else "none",
-            edgecolor="#1e6ec8" if is_round else "none",
-            alpha=0.5 if is_round else 0.12,
-            linewidths=0.7,
-        )
-    )
+    bearing = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+    around = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    circles = [
+        transform_points(pose, radius * around + (x, y)) for pose in poses for x, y, radius in discs.tolist()
+    ]
+    return [Curve(at[:, 0], at[:, 1], FOOTPRINT_COLOUR, width=0.7) for at in circles]

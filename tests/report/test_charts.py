@@ -91,3 +91,26 @@ def test_charts_below_each_other_have_one_x_axis_and_long_names_keep_their_ends(
 def test_characters_that_hide_are_named_in_the_picture() -> None:
     chart = Chart([Curve(np.arange(2.0), np.arange(2.0), "#000000", "a\u202eb")], "x", "y", "a\x1bb")
     assert "\x1b" not in svg_of(draw_charts([chart], 300, 200))
+
+
+def test_what_lies_behind_the_curves_of_a_plane_is_at_its_place_in_both_formats() -> None:
+    def colours(points: np.ndarray) -> np.ndarray:
+        return np.where(points[:, :1] < 1.0, [200, 0, 0], [0, 0, 200]).astype(np.uint8)
+
+    curve = Curve(np.array([0.0, 3.0]), np.array([0.0, 1.0]), "#00ff00")
+    within = np.array([[0.0, -2.0], [0.0, 3.0]])
+    drawing = draw_charts(
+        [Chart([curve], "x (m)", "y (m)", is_plane=True, backdrop=colours, within=within)], 300, 200
+    )
+    line = next(s.points for s in drawing.shapes if isinstance(s, Stroke) and s.colour == "#00ff00")
+    image = np.asarray(Image.open(io.BytesIO(png_of(drawing))))
+    for x, colour in ((0.4, [200, 0, 0]), (1.4, [0, 0, 200])):
+        col, row = np.rint(PNG_SCALE * (line[0] + [x / 3.0 * (line[1, 0] - line[0, 0]), 9.0])).astype(int)
+        assert image[row, col].tolist() == colour
+    assert len(list(ET.fromstring(svg_of(drawing)).iter(f"{SVG}image"))) == 1
+
+
+def test_an_axis_of_logarithms_has_powers_of_ten() -> None:
+    curve = Curve(np.arange(4.0), np.array([0.0, -1.0, -2.0, -2.9]), "#000000")
+    drawing = draw_charts([Chart([curve], "x", "y", is_log=True)], 300, 200)
+    assert {"1", "0.1", "0.01"} <= {shape.text for shape in drawing.shapes if isinstance(shape, Words)}

@@ -19,7 +19,7 @@ from gridslam.logs import open_log, write_log
 from gridslam.logs.tum import read_trajectory
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import load_map
-from gridslam.simulation.preview import draw_world
+from gridslam.report.world_picture import draw_world
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import load_world, validate_world
 from tests.conftest import Program
