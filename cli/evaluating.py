@@ -1,4 +1,4 @@
-"""What `gridslam evaluate` does with its options: read, measure, print, write plots, answer gates."""
+"""The work of `gridslam evaluate`: read, measure, print, write plots, check gates."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SHORT_DIGITS = 4  # significant digits of the short table
 
 @dataclass(frozen=True, slots=True)
 class TruthOptions:
-    """Where the ground truth is."""
+    """Files and topic of the ground truth."""
 
     path: Path | None = None
     topic: str | None = None
@@ -40,7 +40,7 @@ class TruthOptions:
 
 @dataclass(frozen=True, slots=True)
 class MeasureOptions:
-    """How the measures are taken, as the options of the command state it."""
+    """Options of the command for the measures; None where the default depends on the input."""
 
     align: Align | None
     scale: bool

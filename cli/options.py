@@ -142,7 +142,7 @@ Inputs = Annotated[
 def reading_config(
     config: str | None, layout: Path | None, start_s: float | None = None, end_s: float | None = None
 ) -> LogConfig:
-    """How `info` and `convert` read a log: by the `log` section of a config, the layout of a CSV folder, and a span of time.
+    """Reading settings of `info` and `convert`: the `log` section of a config, changed by the other arguments.
 
     Raises ConfigError: the span ends before it starts.
     """

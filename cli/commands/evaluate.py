@@ -12,7 +12,7 @@ from ..options import AsJson, TruthTopic
 
 
 class AlignName(str, Enum):
-    """How the estimate is aligned with the ground truth."""
+    """Alignments of the estimate with the ground truth, as options of the command."""
 
     none = "none"
     se2 = "se2"
@@ -20,7 +20,7 @@ class AlignName(str, Enum):
 
 
 class SyncName(str, Enum):
-    """How poses are paired."""
+    """Pairings of estimated with true poses, as options of the command."""
 
     nearest = "nearest"
     interpolate = "interpolate"

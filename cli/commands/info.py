@@ -136,7 +136,7 @@ def _add_remarks_of_a_run(document: dict[str, Any], log: Log, events: int | None
 
 
 def _use(log: Log, method: MethodEntry) -> dict[str, Any]:
-    """What a run of the method takes of the log: labels of streams, and the kinds that it could take and the log lacks."""
+    """The streams of the log that a run of the method uses, and the kinds that it would use but the log lacks; for JSON."""
     used = [info for info in log.streams if info.used and info.count]
     present = {info.kind for info in used}
     missing = [kind for kind in method.uses if kind not in present]
@@ -149,7 +149,7 @@ def _use(log: Log, method: MethodEntry) -> dict[str, Any]:
 
 
 def _motion_by(present: Collection[str]) -> str:
-    """What predicts the motion between scans, given the kinds of streams that are used."""
+    """The prediction of the motion between scans, in words, given the kinds of the streams that are used."""
     if "odom" in present:
         return "odometry, once it agrees with the first scans; the scans decide"
     if "imu" in present:

@@ -68,7 +68,7 @@ def put_file(stream: IO[bytes], target: Path, before: Identity | None = ANY) -> 
 
 
 def identity_of(target: Path) -> Identity | None:
-    """What is at a path now, to notice later that another process has put something else there; None: nothing."""
+    """Identity of the file or folder at a path, by which a later replacement is noticed; None if nothing is there."""
     try:
         state = target.stat()
     except OSError:

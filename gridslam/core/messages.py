@@ -1,4 +1,4 @@
-"""What sensors say, whatever file it came from.
+"""Messages of sensors, independent of the file that they were read from.
 
 Every message carries `stamp_ns` (integer nanoseconds, never rounded) and `frame_id`. Arrays are read-only. The values
 of a message do not depend on the container it was read from: what ROS stores as float32 is kept to float32 precision
@@ -39,7 +39,7 @@ def as_float32(value: float) -> float:
 
 
 def readonly(values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
-    """A contiguous read-only array of the given type (a view where no conversion is needed)."""
+    """A contiguous read-only array of the given type and the same shape (a view where no conversion is needed)."""
     with np.errstate(over="ignore"):  # a double that is too large for a float32 is infinite
         array = np.ascontiguousarray(values, dtype=dtype).view()
     array.flags.writeable = False

@@ -69,7 +69,7 @@ def compose(T_a_b: ArrayLike, T_b_c: ArrayLike) -> Array:
 
 
 def inverse(T_a_b: ArrayLike) -> Array:
-    """T_b_a."""
+    """T_b_a, the inverse of T_a_b `(..., 3)`."""
     a = np.asarray(T_a_b, dtype=np.float64)
     if a.ndim == 1:
         return np.array(_inverse_one(a.tolist()))
@@ -80,7 +80,7 @@ def inverse(T_a_b: ArrayLike) -> Array:
 
 
 def between(T_m_a: ArrayLike, T_m_b: ArrayLike) -> Array:
-    """T_a_b: pose b seen from pose a."""
+    """T_a_b `(..., 3)`: pose b in the frame of pose a, given both `(..., 3)` in a frame m."""
     a = np.asarray(T_m_a, np.float64)
     b = np.asarray(T_m_b, np.float64)
     if a.ndim == 1 and b.ndim == 1:
@@ -98,7 +98,7 @@ def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> Array:
 
 
 def interpolate(pose_0: ArrayLike, pose_1: ArrayLike, fraction: ArrayLike) -> Array:
-    """Poses between two poses: position along the straight line, yaw along the shorter way; fraction in [0, 1]."""
+    """Poses `(..., 3)` at `fraction` (0 to 1) between two poses: on the straight line, yaw along the shorter rotation."""
     a = np.asarray(pose_0, dtype=np.float64)
     b = np.asarray(pose_1, dtype=np.float64)
     if a.ndim == 1 and b.ndim == 1 and isinstance(fraction, float):

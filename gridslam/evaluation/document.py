@@ -74,7 +74,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class EvaluationOptions:
-    """How the measures are taken."""
+    """Options of an evaluation: alignment, pairing of poses, length of relative motions, bounds of success."""
 
     align: Align = "none"
     with_scale: bool = False
@@ -89,7 +89,7 @@ class EvaluationOptions:
 
     @property
     def nearness(self) -> str:
-        """How near to each other stamps have to be, as the end of a sentence."""
+        """Condition on the stamps of paired poses, as the end of a sentence."""
         if self.sync == "interpolate" and self.max_difference_ns is None:
             return f"between poses of the other at most {self.max_gap_ns / 1e9:g} s apart"
         largest = DEFAULT_MAX_DIFFERENCE_NS if self.max_difference_ns is None else self.max_difference_ns

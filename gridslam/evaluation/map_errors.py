@@ -53,7 +53,7 @@ def wall_distances(
 def intersection_over_union(
     built: OccupancyGrid, truth: OccupancyGrid, T_truth_built: NDArray[np.float64]
 ) -> float:
-    """Intersection over union of the wall cells; NaN without any wall.
+    """Intersection over union of the wall cells of both maps, given T_truth_built `(3,)`; NaN without any wall.
 
     Each cell known in the true map is compared with the cell of the built map under its centre.
     """
@@ -70,6 +70,7 @@ def log_loss(
 ) -> tuple[float, int]:
     """Mean of -ln P(true state) over the cells known in both maps (NaN without any), and the number of these cells.
 
+    T_truth_built `(3,)` is the built map's frame in the true map's.
     Probabilities are clipped to [1e-6, 1 - 1e-6], so that a single wrong certainty does not make the loss infinite.
     """
     total, count = 0.0, 0
@@ -129,7 +130,7 @@ def _is_known_beside_unknown(p: NDArray[np.float32]) -> NDArray[np.bool_]:
 def _near_known(
     built: OccupancyGrid, T_truth_built: NDArray[np.float64], points: NDArray[np.float64], radius_m: float
 ) -> NDArray[np.bool_]:
-    """Which points `(n, 2)` of the truth's frame lie at most `radius_m` from the centre of a known cell.
+    """Mask `(n,)` of the points `(n, 2)` in the truth's frame that lie within `radius_m` of the centre of a known cell.
 
     The nearest is the cell in which the point lies, where that is known, and else one beside an unknown cell.
     """

@@ -66,7 +66,7 @@ def run_command_of(path: Path) -> str | None:
 
 
 def read_consistency(path: Path) -> dict[str, float | bool] | None:
-    """What the run says of its map's consistency, by the report of its directory; None where it says nothing."""
+    """Measures of map consistency in the report of a run directory; None where it has none."""
     measures = _report_of(path).get("measures")
     found = measures.get("map_consistency") if isinstance(measures, dict) else None
     if not isinstance(found, dict):
@@ -84,7 +84,7 @@ def _report_of(path: Path) -> dict[str, Any]:
 
 
 def truth_paths(path: Path) -> Paths:
-    """As `run_paths`, for ground truth: a folder without any of the files is taken as a log."""
+    """Files of the ground truth at a path, as `run_paths`; a folder without any of them is taken as a log."""
     if path.is_dir() and not any((path / name).is_file() for name in (TRAJECTORY, MAP, OBJECTS)):
         return Paths(trajectory=path)
     return run_paths(path)

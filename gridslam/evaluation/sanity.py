@@ -15,7 +15,7 @@ from gridslam.evaluation.remarks import no_pairs_hint, pair_remarks, series_rema
 def remarks_of(
     result: Result, truth: Truth, options: EvaluationOptions, document: dict[str, Any]
 ) -> list[str]:
-    """What a person should know before believing the measures of a document, one line each; often nothing."""
+    """Remarks on doubts about the measures of a document, one line each; often none."""
     remarks = [
         remark
         for series in (result.series, truth.series)

@@ -1,0 +1,1 @@
+"""Parts of particle filters: weights, resampling, KLD sampling, kernel densities."""

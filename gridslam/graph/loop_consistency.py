@@ -1,4 +1,4 @@
-"""Which loop closures agree with each other: pairwise consistency and its largest sets (Mangelson et al., ICRA 2018).
+"""Loop closures that agree with each other: pairwise consistency and its largest sets (Mangelson et al., ICRA 2018).
 
 Two loops from one passage of the trajectory to another say twice how the passages lie to each other. They agree when the
 difference is within what the graph allows for the paths between their ends and for the matches themselves.

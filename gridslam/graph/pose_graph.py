@@ -36,7 +36,7 @@ class Edges:
         return len(self.source)
 
     def select(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Edges:
-        """Some of the edges."""
+        """The edges of these rows: indices `(k,)` or a mask `(m,)`."""
         return Edges(
             self.source[rows],
             self.target[rows],

@@ -1,4 +1,4 @@
-"""How well a pose graph knows one node's pose relative to another's."""
+"""Covariances of one node's pose relative to another's in a pose graph."""
 
 from __future__ import annotations
 

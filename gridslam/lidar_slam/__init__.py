@@ -1,0 +1,1 @@
+"""Lidar SLAM shared by methods: scan tracking, loop closure, sessions, consistency of the map."""

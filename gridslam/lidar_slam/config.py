@@ -75,7 +75,7 @@ class PoseGraphConfig(StrictModel):
 
 
 class LoopClosureConfig(StrictModel):
-    """Where loops are searched for: as far as the trajectory may have drifted."""
+    """Drift of the tracked trajectory: the windows in which loops are searched for grow with it."""
 
     translation_drift_m: float = Field(
         0.02,

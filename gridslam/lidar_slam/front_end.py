@@ -76,7 +76,7 @@ class ScanMatch:
 
 
 class Tracking(Protocol):
-    """What follows the robot from scan to scan; its frame drifts relative to the map's."""
+    """Interface of a tracker, which follows the robot from scan to scan; its frame drifts relative to the map's."""
 
     @property
     def pose(self) -> Floats:
@@ -162,7 +162,7 @@ class FrontEnd:
         return np.asarray(se2.between(before.pose, last.pose) * ratio)
 
     def _other_predictions(self, odometry: Floats, predicted: Floats, steady: Floats) -> list[Floats]:
-        """Where the robot may be if the odometry has stuttered: in real logs it freezes and then catches up.
+        """Other poses `(3,)` to start from, for odometry that has stuttered: in real logs it freezes and then catches up.
 
         These are: the last velocity (right while the odometry is frozen), the odometry since several scans ago (right after it
         has caught up), and positions ahead and behind.

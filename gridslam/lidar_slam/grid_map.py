@@ -23,7 +23,10 @@ BYTES_PER_CELL = 5.0  # log-odds, which become the probability, and the number o
 
 
 class LastUpdates:
-    """Which scan has changed each cell of a grid last, in one byte a cell: scans are numbered from 1 to 255 again and again."""
+    """Number of the scan that changed each cell of a grid last, in one byte a cell.
+
+    Scans are numbered from 1 to 255, then the numbers are cleared and start again.
+    """
 
     def __init__(self, rows: int, cols: int) -> None:
         self._shape = rows, cols
@@ -84,7 +87,7 @@ def _bounds(scan: PreparedScan, pose: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def to_probability(log_odds: NDArray[np.float32]) -> NDArray[np.float32]:
-    """1 / (1 + exp(-log_odds)), computed in its place, as maps may be large; NaN stays NaN."""
+    """Probabilities 1 / (1 + exp(-log_odds)) `(rows, cols)`, written over the log-odds, as maps may be large; NaN stays NaN."""
     np.negative(log_odds, out=log_odds)
     np.exp(log_odds, out=log_odds)
     log_odds += 1.0

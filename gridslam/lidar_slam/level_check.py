@@ -19,7 +19,7 @@ MIN_STEPS = 40
 
 
 class Levelling(Enum):
-    """What a scan is levelled by: the tilt of the robot about its base, that of the lidar about itself, or nothing."""
+    """Tilt by which a scan is levelled: that of the robot about its base, that of the lidar about itself, or none."""
 
     BASE = "robot"
     LIDAR = "lidar"
@@ -64,7 +64,7 @@ class LevelledScans:
         return event
 
     def decided(self, events: Sequence[Event], build_tracker: Callable[[], ScanTracker]) -> LevelledScans:
-        """What gives the most even path over the scans among the events; by the base where they are too few."""
+        """The same with the tilt that gives the most even path over the scans among the events; `BASE` if these are too few."""
         if not self.mounts:
             return self
         uneven: dict[Levelling, float] = {}

@@ -33,7 +33,7 @@ LEARNED_STEPS = 200  # over which the velocity's changes are averaged
 CHANGE_STDS = 1.5  # the changes are not Gaussian: robots drive evenly and then stop
 MIN_TRANSLATION_STD_M = 0.01
 KEPT_SCANS = 16
-MAX_LOST_S = 5.0  # for so long: then the surroundings are new
+MAX_LOST_S = 5.0  # after that the surroundings are new
 GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
 MIN_COMPARED_STEPS = 20  # a source is judged by its errors once it has been compared this often
 # Root mean square changes of motion from scan to scan beyond which a path without odometry is doubted: those of recorded logs
@@ -42,7 +42,7 @@ MAX_CHANGE_M, MAX_CHANGE_RAD = 0.1, 0.15
 
 
 class MotionSource(Enum):
-    """What the motion since the last scan was predicted by."""
+    """Source of the predicted motion since the last scan."""
 
     ODOMETRY = "odometry"
     GYRO = "gyro_and_constant_velocity"
@@ -91,20 +91,20 @@ class PredictionErrors:
 
 
 class VelocityChange:
-    """How much the robot's speed changes from scan to scan, learned from matches that are certain in all directions."""
+    """Change of the robot's speed from scan to scan, learned from matches that are certain in all directions."""
 
     def __init__(self) -> None:
         self._steps = 0
         self._mean_square = 0.0  # (m/s)^2
 
     def add(self, difference_m: float, elapsed_s: float) -> None:
-        """Take in how far the robot was from where it would have been at constant velocity."""
+        """Take in a position's distance from its prediction at constant velocity over `elapsed_s`."""
         self._steps += 1
         weight = 1.0 / min(self._steps, LEARNED_STEPS)
         self._mean_square += weight * ((difference_m / elapsed_s) ** 2 - self._mean_square)
 
     def std_m(self, elapsed_s: float) -> float:
-        """Standard deviation of the translation after so long; infinite while little is known, and after a gap in the scans."""
+        """Standard deviation (m) of the translation over `elapsed_s`; infinite while little is known, or after a gap."""
         if self._steps < MIN_COMPARED_STEPS or elapsed_s > MAX_SCAN_GAP_S:
             return math.inf
         return MIN_TRANSLATION_STD_M + CHANGE_STDS * math.sqrt(self._mean_square) * elapsed_s
@@ -150,7 +150,7 @@ class MotionPredictor:
         source, step = self._step_without_odometry(placed.scan.stamp_ns, elapsed_s)
         if not step.any():
             return np.zeros(3)  # the last velocity is of too long ago
-        # The mean of two: an error of one matched step bends the next scan, and would come back with the other sign.
+        # The mean of two: an error of one matched step distorts the next scan, and would come back with the other sign.
         twist = 0.5 * (self._twist + self._twist_before)
         return np.array([twist[0], twist[1], step[2] / elapsed_s]) if source is MotionSource.GYRO else twist
 
@@ -201,7 +201,7 @@ class MotionPredictor:
         self._recent.append((placed, pose))
 
     def measures(self) -> dict[str, object]:
-        """How many scans each source predicted, and its errors, for the report."""
+        """Number of scans that each source predicted, and its errors, for the report."""
         return {
             source.value: {"predicted_scans": self._used[source], **self._errors[source].measures()}
             for source in MotionSource
@@ -229,7 +229,7 @@ class MotionPredictor:
 
     @property
     def doubt(self) -> str | None:
-        """Why the path cannot be trusted without another passage that confirms it; None: no reason."""
+        """The reason, in words, to distrust a path that no other passage confirms; None without one."""
         source = max(self._used, key=lambda source: self._used[source])
         errors = self._errors[source]
         if source is MotionSource.ODOMETRY or errors.steps < MIN_COMPARED_STEPS:

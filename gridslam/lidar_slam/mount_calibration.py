@@ -1,4 +1,4 @@
-"""Where a lidar sits on the robot, from the motions of both: for logs that do not say it."""
+"""Extrinsics of a lidar from the motions of the robot and of the lidar, for logs that lack them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def solve_mount(moved: Floats, matched: Floats) -> Floats | None:
 
 
 def assumed_mount(events: list[Event], frame_id: str) -> Transform | None:
-    """The static transform of a lidar that says nothing: at the robot's centre, facing forward."""
+    """The static transform of a lidar without extrinsics: at the robot's centre, facing forward."""
     for event in events:
         if isinstance(event, Transform) and event.is_static and event.child_frame_id == frame_id:
             says_nothing = event.translation_m[:2] == (0.0, 0.0) and event.quat_wxyz == (1.0, 0.0, 0.0, 0.0)

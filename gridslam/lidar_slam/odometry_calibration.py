@@ -32,7 +32,7 @@ MAX_SCALE_IQR = 0.2
 
 @dataclass(frozen=True, slots=True)
 class OdometryCorrection:
-    """What is wrong with odometry: it is `lag_s` late, its translation must be multiplied by `scale`, and its yaw be mirrored.
+    """Correction of odometry: it is `lag_s` late, its translation must be multiplied by `scale`, its yaw perhaps mirrored.
 
     `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `is_undecided`: more motion may show a lag.
     `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.

@@ -104,7 +104,7 @@ class OdometryCheck:
         self._early.clear()
 
     def measures(self) -> dict[str, object]:
-        """What was found, for the report."""
+        """The correction and the number of checked scans, for the report."""
         found = self.correction
         return {
             "checked_scans": self.checked_scans,

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is no farther from its lidar
 TOLERANCE_M = 0.03  # noise of near returns
 MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in view for a part of them
-# Views differ where more than this fraction of the ranges have changed by more than so much.
+# Two views differ where more than `MIN_CHANGED_FRACTION` of the ranges differ by more than `CHANGED_M`.
 CHANGED_M, MIN_CHANGED_FRACTION = 0.1, 0.5
 MIN_VIEWS, MAX_VIEWS = 15, 60  # that differ
 # New views after which a body that comes later is looked for again: at each it would take a tenth of a run.

@@ -18,7 +18,7 @@ BLOCK_VALUES = 1 << 18  # of four bytes
 
 
 class _Place(NamedTuple):
-    """Where a scan is kept: its block, the first of its values there, and what is not in the block."""
+    """Place of a packed scan: its block, the index of its first value there, and the parts that are not in the block."""
 
     block: int
     start: int

@@ -90,7 +90,7 @@ class ScanTracker:
 
     @property
     def motion_measures(self) -> dict[str, object]:
-        """What the motion between scans was predicted by, and how far that was off."""
+        """Sources of the predicted motion between scans, with their errors, for the report."""
         return self._predictor.measures()
 
     @property
@@ -128,7 +128,7 @@ class ScanTracker:
 
     @property
     def motion_doubt(self) -> str | None:
-        """Why the path cannot be trusted where no other passage confirms it; None: no reason."""
+        """The reason, in words, to distrust a path that no other passage confirms; None without one."""
         return self._predictor.doubt
 
     @property
@@ -237,7 +237,7 @@ class ScanTracker:
 
 
 def _readings_in_words(scan: LaserScan) -> str:
-    """What a scan without usable readings holds."""
+    """The readings of a scan without usable ones, in words."""
     readings = scan.ranges_m[np.isfinite(scan.ranges_m)]
     if not len(readings):
         return "one holds no number; a point cloud has no return in the band of log.cloud then"

@@ -1,4 +1,4 @@
-"""How far matching without odometry may have slipped where the surfaces leave the motion open: along corridors."""
+"""Uncertainty of matching without odometry along corridors, where the surfaces do not determine the motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a lidar's sweep takes and in which order its beams are taken, for drivers that leave this out or reverse the beams.
+"""Duration and direction of a lidar's sweep, for drivers that leave the times out or reverse the beams.
 
 While the robot turns, scans match best when its motion is undone with the true times of their beams.
 """
@@ -90,7 +90,7 @@ def find_sweep_time(
         return None
     stated_s = stated_sweep_s(scans)
     events = [e for e in events if not isinstance(e, Odometry)]
-    if stated_s:  # times that may be wrong have bent the path
+    if stated_s:  # times that may be wrong have distorted the path
         tracker = build_tracker()
         _track(tracker, events, 0.0)
     trials = _Trials(events, tracker, build_tracker)

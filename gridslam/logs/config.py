@@ -50,7 +50,7 @@ class ExtrinsicsConfig(StrictModel):
 
 
 class CarmenConfig(StrictModel):
-    """What CARMEN's FLASER lines leave out."""
+    """Field of view and maximum range of CARMEN's FLASER lines, which do not state them."""
 
     field_of_view_deg: float | None = Field(
         None,
@@ -126,7 +126,7 @@ class LogLimits(StrictModel):
 
 
 class LogConfig(StrictModel):
-    """How a log is read. Every field may be left out: streams are then found by their type."""
+    """Settings for reading a log. All are optional: without `topics`, streams are found by their type."""
 
     topics: dict[StreamKind, str | list[str]] = Field(
         default_factory=dict,

@@ -37,9 +37,9 @@ def convert_log(
 ) -> Conversion:
     """Write the streams of a log, including the truth; `as_rosbag2`: to a rosbag2 folder.
 
-    `start_s` and `end_s` count from the log's first stamp, both included. Extrinsics are always written.
-    Raises ConfigError for a topic that the log lacks, for a span that holds no message, and where the output exists;
-    with `force` where it is no log of its format, or the log that is read.
+    Where `topics` are given, only their streams are written.     `start_s` and `end_s` count from the log's first stamp, both
+    included. Extrinsics are always written. Raises ConfigError for a topic that the log lacks, for a span that holds no
+    message, and where the output exists; with `force` where it is no log of its format, or the log that is read.
     """
     refuse_to_replace(output, [log.path])
     for option, seconds in (("--start", start_s), ("--end", end_s)):

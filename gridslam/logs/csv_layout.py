@@ -1,4 +1,4 @@
-"""What `log.yaml` says about a folder of CSV files."""
+"""Models of `log.yaml`, which describes a folder of CSV files: its tables, columns, units and extrinsics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which logs a path means: the log itself, the matches of a pattern, or the recordings in a folder."""
+"""Expansion of a path into logs: the log itself, the matches of a pattern, or the recordings in a folder."""
 
 from __future__ import annotations
 

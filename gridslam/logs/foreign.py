@@ -23,7 +23,10 @@ _BY_BEGINNING = (
 
 
 def advice_for(path: Path, beginning: bytes) -> str | None:
-    """What a file is, by its first unpacked bytes, and how to get its data read; None for an unknown one."""
+    """Advice on a file of a known foreign format, recognised by its first unpacked bytes; None for other files.
+
+    The text names the format and the way to convert it.
+    """
     for magic, advice in _BY_BEGINNING:
         if beginning.startswith(magic):
             return advice

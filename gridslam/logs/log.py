@@ -172,12 +172,12 @@ class Log:
             yield event
 
     def events_by_topic(self) -> Iterator[tuple[str, Event]]:
-        """As `events`, each with the topic of its stream (static transforms: `/tf_static`)."""
+        """All pairs (topic, event), in the order of `events`; static transforms have the topic `/tf_static`."""
         for _, topic, event in self.events_by_stream():
             yield topic, event
 
     def events_by_stream(self, with_truth: bool = False) -> Iterator[tuple[str, str, Event]]:
-        """As `events`, each with the kind and the topic of its stream (static transforms: `tf`, `/tf_static`).
+        """All triples (kind, topic, event), in the order of `events`; static transforms have `tf` and `/tf_static`.
 
         `with_truth` adds the true poses, of kind `truth`, for writing the log anew.
         """

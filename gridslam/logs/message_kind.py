@@ -1,4 +1,4 @@
-"""What the program knows of one kind of stream: its schemas, its codecs, its checks."""
+"""Definition of one kind of stream: its schemas, codecs and checks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FromFoxglove = Callable[[int, str, Any, str], Event]  # (stamp_ns, frame, decode
 
 @dataclass(frozen=True, slots=True)
 class CsvTableKind:
-    """How a kind lies in a CSV table, whose first column is the stamp.
+    """CSV table of a message kind; the first column is the stamp.
 
     `rows_name_frames`: each row names its frame; else a table names one for all rows, as long as they agree.
     """

@@ -17,10 +17,10 @@ READABLE = (
 
 
 def open_log(path: str | Path, config: LogConfig | None = None, kinds: Collection[str] | None = None) -> Log:
-    """Open a log and survey it: afterwards its streams, their counts and most damage are known.
+    """Open a log and index it: afterwards its streams, their counts and most damage are known.
 
     `kinds` names the streams that will be used (`scan`, `odom`, ...); each of those that must be unique is
-    then chosen, by `config.topics` or because there is only one. Without it everything is delivered. Raises
+    then chosen, by `config.topics` or because there is only one. Without `kinds` all streams are played back. Raises
     LogError for a file that is no readable log, ConfigError for a choice that the config must make.
     """
     config = config or LogConfig()

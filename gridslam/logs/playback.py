@@ -53,13 +53,14 @@ def events_of(
     span_ns: tuple[int, int] = (0, END_NS),
     sweep_s: float | None = None,
 ) -> Iterator[tuple[str, str, Event]]:
-    """(kind, topic, event) of the streams in `kind_of`, merged by stamp; what cannot be used is counted.
+    """(kind, topic, event) of the streams in `kind_of`, merged by stamp.
 
-    `path` names the log in messages. `kind_of` gives, by index of the stream, the kind that it serves as, in order of
-    precedence at equal stamps. `by_stamp` sorts within a stream as well. At most `limit_bytes` of events wait for
-    earlier ones. `states` are those of the files when the log was opened. `lidars` make scans of point clouds, by the
-    clouds' frame; `with_repairs` removes contradictions within scans. The events of streams in `restamped` get the stamps that
-    the streams have. Events outside the stamps `span_ns` are left out. `sweep_s` is the time of a scan that says none.
+    `source` reads the log, and `path` names it in messages. Messages that cannot be used are counted in `message_counts`.
+    `kind_of` gives, by index of the stream, the kind that it serves as, in order of precedence at equal stamps. `by_stamp`
+    sorts within a stream as well. At most `limit_bytes` of events wait for earlier ones. `states` are those of the files when
+    the log was opened. `lidars` make scans of point clouds, by the clouds' frame; `with_repairs` removes contradictions within
+    scans. The events of streams in `restamped` get the stamps that the streams have. Events outside the stamps `span_ns` are
+    left out. `sweep_s` is the time of a scan that says none.
 
     Raises LogError: the files have changed since the log was opened.
     """
@@ -214,10 +215,9 @@ def _first_scans(source: Source, index: int) -> list[LaserScan]:
 
 
 def _converted(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:
-    """What an event becomes in a stream that serves as another kind.
+    """The event as the kind that its stream serves as; None if it only waits for its partner.
 
-    A transform and a true pose become odometry. An image becomes the stereo pair that it completes; None if it
-    completes none.
+    A transform and a true pose become odometry. An image becomes the stereo pair that it completes.
     """
     if isinstance(event, Transform):
         return odometry.from_transform(event)

@@ -9,7 +9,7 @@ from gridslam.logs.log import Log
 
 
 def require_streams(log: Log, needs: Collection[str]) -> None:
-    """Raise a LogError unless the log delivers every kind in `needs`; it lists what the log has.
+    """Raise a LogError unless the log has a used stream of every kind in `needs`; the message lists its streams.
 
     A need may name several kinds of which one will do: "scan|depth".
     """

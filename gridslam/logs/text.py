@@ -31,7 +31,7 @@ def open_unpacked(path: Path) -> BufferedIOBase:
 
 
 def open_ahead(path: Path) -> BufferedIOBase:
-    """As `open_unpacked`; what is packed is unpacked in a thread of its own."""
+    """A text log opened as by `open_unpacked`; a packed file is unpacked in a thread of its own."""
     stream = open_unpacked(path)
     if packing_of(path) == "none":
         return stream

@@ -52,7 +52,7 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How a drawing was read. Bool arrays `(rows, cols)` have row 0 at the bottom.
+    """Findings of reading a drawing. Bool arrays `(rows, cols)` have row 0 at the bottom.
 
     `ignored` are strokes taken for text, arrows and specks, `enclosed` is space within walls other than the free space;
     `texts`, `arrows`, `specks` and `gaps_closed` are numbers.

@@ -25,7 +25,7 @@ CLEAR_RATIO, FAINT_RATIO = 0.5, 0.3  # of the contrast of strokes
 
 
 def is_light_uneven(levels: Levels, dark: Mask, is_photograph: bool) -> bool:
-    """Whether many borders between dark and bright pixels have far less contrast than the two classes."""
+    """Whether many borders of the `dark` pixels (all arrays `(rows, cols)`) have far less contrast than the two classes."""
     border = (cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~dark
     if not border.any() or dark.all():
         return False
@@ -50,9 +50,10 @@ def in_even_light(levels: Levels) -> Levels:
 
 
 def strokes_in_even_light(levels: Levels) -> Mask:
-    """Which pixels are dark, in a picture whose paper is `PAPER_LEVEL`: strokes stand out from the noise of the paper.
+    """Mask `(rows, cols)` of the dark pixels of a picture whose paper is `PAPER_LEVEL`.
 
-    A stroke is followed from where it is clear to where it is faint. Bright strokes are found likewise; all but they is dark.
+    Strokes stand out from the noise of the paper; each is followed from where it is clear to where it is faint. Where the
+    strokes are bright, all other pixels are dark.
     """
     smooth = cv2.GaussianBlur(levels, (0, 0), SMOOTHING_PX).astype(np.float32)
     difference = PAPER_LEVEL - smooth

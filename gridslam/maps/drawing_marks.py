@@ -1,4 +1,4 @@
-"""What is drawn but is no wall: text, arrows and specks, as small parts that are not joined to walls.
+"""Recognition of drawn marks that are no walls: text, arrows and specks, small parts that are not joined to walls.
 
 Lengths are pixels, arrays are bool `(rows, cols)`. The *pen* is the usual width of the strokes, the *extent* of the drawing its
 longer side.
@@ -24,7 +24,7 @@ MAX_WORD_RATIO = 0.25
 MAX_ARROW_RATIO = 0.2
 SPECK_PENS = 1.5  # a speck's longer side
 SOLID_RATIO = 0.7  # of the bounding box covered; a letter covers less, a pillar more
-# Of the bounding box that is enclosed; a pillar's outline encloses more, a letter alone less.
+# Of the bounding box that is enclosed; a pillar's contour encloses more, a letter alone less.
 HOLLOW_RATIO = 0.4
 COMPACT_RATIO = 0.4  # shorter over longer side of a pillar
 STRAIGHT_PENS = 1.8  # width up to which a part is a straight line
@@ -38,7 +38,7 @@ ARROW_BINS = 14
 
 
 class Mark(IntEnum):
-    """What a part of the strokes is taken for."""
+    """Class of a connected part of the strokes."""
 
     wall = 0
     speck = 1
@@ -55,7 +55,7 @@ class DrawingScale(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """`ignored` pixels, and how many letters or words, arrows and specks they are."""
+    """`ignored` pixels `(rows, cols)`, and the numbers of letters or words, arrows and specks that they make up."""
 
     ignored: Mask
     texts: int = 0
@@ -91,7 +91,7 @@ def marks_of(strokes: Mask, closed: Mask) -> Marks:
 
 
 def _joined(labels: NDArray[np.int32], walls: Mask, closed: Mask) -> Mask:
-    """Which parts are walls, or joined to them in the closed strokes."""
+    """Mask `(n,)` of the parts that are walls, or joined to them in the closed strokes."""
     count, closed_labels = cv2.connectedComponents(closed.astype(np.uint8), connectivity=8)
     with_wall = np.zeros(count, np.bool_)
     with_wall[closed_labels[walls[labels]]] = True
@@ -108,7 +108,7 @@ def _pen_of(strokes: Mask) -> float:
 
 
 def _kinds(labels: NDArray[np.int32], boxes: Ints, is_joined: Mask, scale: DrawingScale) -> Ints:
-    """What each part is; part 0, the paper, counts as wall."""
+    """Class `(n,)` of each part, a `Mark`; part 0, the paper, counts as wall."""
     pen, extent = scale
     kinds = np.zeros(len(boxes), np.int64)
     long_side, short_side = boxes[:, 2:4].max(axis=1), boxes[:, 2:4].min(axis=1)
@@ -158,7 +158,7 @@ def _is_solid(shape: Mask) -> bool:
 
 
 def _is_letter(shape: Mask, pen: float) -> bool:
-    """Whether a part without neighbours is a letter: neither a straight line nor the outline of a pillar."""
+    """Whether a part without neighbours is a letter: neither a straight line nor the contour of a pillar."""
     return _enclosed_ratio(shape) < HOLLOW_RATIO and _breadth(np.argwhere(shape)) > STRAIGHT_PENS * pen
 
 

@@ -66,7 +66,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
 
 
 def is_photograph(pixels: NDArray[np.uint8]) -> bool:
-    """Whether a picture has the many levels of a photograph, not the few of a painted picture."""
+    """Whether pixels, `(rows, cols)` grey or `(rows, cols, 3)` RGB, are a photograph: of more levels than a drawn picture."""
     grey = pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     counts = np.sort(np.bincount(grey.ravel(), minlength=256))
     return bool(counts[-PAINTED_LEVELS:].sum() < PAINTED_RATIO * grey.size)

@@ -42,9 +42,10 @@ class Regions:
 
 
 def classes_of(levels: NDArray[np.uint8], is_photograph: bool = False) -> tuple[Mask, bool]:
-    """Which pixels are dark, by Otsu's threshold, with specks of compression removed; and whether the light was evened.
+    """Mask `(rows, cols)` of the dark pixels, and whether the light was evened.
 
-    In a photograph with uneven light, dark means darker than the paper around.
+    The pixels are divided by Otsu's threshold, without specks of compression.     In a photograph with uneven light, dark means
+    darker than the paper around.
     """
     dark = _darker_class(levels)
     is_uneven = is_light_uneven(levels, dark, is_photograph)
@@ -99,7 +100,7 @@ def regions_of(
 
 
 def _count_gaps(added: Mask, strokes: Mask) -> int:
-    """How many added parts join two strokes; others only fill notches."""
+    """Number of added parts that join two strokes; others only fill notches."""
     count, labels = cv2.connectedComponents(added.astype(np.uint8), connectivity=8)
     grown = cv2.dilate(labels.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int64)
     contacts, contact_labels = cv2.connectedComponents(

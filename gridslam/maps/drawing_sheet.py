@@ -70,7 +70,10 @@ def _best_sheet(levels: Bytes, areas: Iterator[NDArray[np.uint8]]) -> Floats | N
 
 
 def flattened(pixels: Bytes, corners: Floats) -> Bytes:
-    """The sheet seen from above, with its true proportions; its rim is replaced by the paper next to it."""
+    """The sheet seen from above, with its true proportions; its rim is replaced by the paper next to it.
+
+    `pixels` are `(rows, cols)` or `(rows, cols, 3)`; `corners` `(4, 2)` are the sheet's corners (x, y) in them.
+    """
     width, height = _size_of(corners, pixels.shape[:2])
     target = np.array([(0, 0), (width, 0), (width, height), (0, height)], np.float32) - np.float32(0.5)
     warp = cv2.getPerspectiveTransform(corners.astype(np.float32), target)

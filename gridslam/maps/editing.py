@@ -54,7 +54,10 @@ def _clipped(polygon: Floats, low: Floats, high: Floats) -> Floats:
 
 
 def crop_to_reachable(grid: OccupancyGrid, start_xy: Floats) -> OccupancyGrid:
-    """What can be reached from a free point (2,) over free cells, with the walls about it. Raises ConfigError: it is not free."""
+    """The part of a map that is reachable from a point (2,) over free cells, with the walls around it.
+
+    The point is in the map frame (m). Raises ConfigError: it is not free.
+    """
     row, col = grid.geometry.cells(start_xy[None])[0]
     rows, cols = grid.probability.shape
     if not (0 <= row < rows and 0 <= col < cols and grid.probability[row, col] <= FREE_UP_TO):
@@ -121,7 +124,7 @@ def wall_direction(grid: OccupancyGrid) -> float:
 
 
 def _alignment(points: Floats, yaw_rad: float, cell_m: float) -> float:
-    """How much the points gather in few rows and columns of axes that are turned by `yaw_rad`."""
+    """Score of a rotation `yaw_rad`: high if points `(n, 2)` gather in few rows and columns of axes rotated by it."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     turned = points @ np.array([[c, -s], [s, c]])
     total = 0.0
@@ -132,7 +135,10 @@ def _alignment(points: Floats, yaw_rad: float, cell_m: float) -> float:
 
 
 def moved(grid: OccupancyGrid, T_new_old: Floats) -> OccupancyGrid:
-    """The map in another frame, drawn anew on cells along its axes. Raises ConfigError: the map would be too large."""
+    """The map in another frame, given T_new_old `(3,)`, resampled on cells along its axes.
+
+    Raises ConfigError: the map would be too large.
+    """
     rows, cols = grid.probability.shape
     corners = np.array([(-0.5, -0.5), (-0.5, cols - 0.5), (rows - 0.5, -0.5), (rows - 0.5, cols - 0.5)])
     ends = se2.transform_points(T_new_old, grid.geometry.centres(corners))
@@ -143,7 +149,8 @@ def moved(grid: OccupancyGrid, T_new_old: Floats) -> OccupancyGrid:
 def merged(base: OccupancyGrid, other: OccupancyGrid, T_base_other: Floats) -> OccupancyGrid:
     """Both maps in the frame and at the resolution of the first one; where both know a cell their log-odds are added.
 
-    Raises ConfigError: the map would be too large.
+    T_base_other `(3,)` is the pose of the other map's frame in that of the first one.     Raises ConfigError: the map would be
+    too large.
     """
     ends = []
     for grid, pose in ((base, np.zeros(3)), (other, T_base_other)):

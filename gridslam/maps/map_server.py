@@ -208,9 +208,10 @@ def save_map(
     free_thresh: float | None = None,
     image_format: ImageFormat | None = None,
 ) -> Path:
-    """Write `base_path`.yaml and its image (.pgm, or .png in scale mode), and return the YAML's path.
+    """Write a map as `base_path`.yaml and its image, and return the YAML's path.
 
-    In trinary mode the thresholds (default 0.65 and 0.196) classify the cells; the YAML has 0.65 and 0.196, which belong to the
+    `image_format` is pgm or png; without it .pgm, or .png in scale mode. In trinary mode `occupied_thresh` and `free_thresh`
+    (probabilities, default 0.65 and 0.196) classify the cells; the YAML has 0.65 and 0.196, which belong to the
     three pixel values. In scale mode (default 1 and 0) the YAML has the given thresholds. Each file is written whole or not at
     all.
 

@@ -88,7 +88,8 @@ def values_under(
 ) -> NDArray[np.float32]:
     """Probabilities of the map's cells under the centres of some rows and columns of another grid; NaN outside the map.
 
-    Where the axes of both are parallel, rows and columns are looked up apart, which takes a tenth of the time.
+    T_grid_other `(3,)` is the other map's frame in that of `grid`, and `part` the rows and columns, the shape of the result.
+        Where the axes of both are parallel, rows and columns are looked up apart, which takes a tenth of the time.
     """
     rows, cols = (np.arange(s.start, s.stop) for s in part)
     shape = grid.probability.shape

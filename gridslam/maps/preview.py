@@ -55,7 +55,7 @@ MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where
 
 @dataclass(frozen=True, slots=True)
 class PathMarks:
-    """What is known about the n poses of a path, drawn on it.
+    """Marks on the n poses of a path: distrusted poses, uncertainty and loops.
 
     `is_untrusted` `(n,)`: the method does not believe these poses. `std_m` `(n,)`: standard deviation of the position, NaN where
     it is unknown. `loops` `(k, 2, 2)`: pairs of positions that loop closures join.
@@ -83,10 +83,11 @@ def render_map(
 ) -> Image.Image:
     """An RGB picture of the known part of the map, or all of it if `whole`, in the grid's axes (x to the right, y up).
 
-    Drawn on top: the trajectory with its start (green) and end (red) and its `marks`, `points` `(n, 2)` in the map frame
-    (red dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. Under all that,
-    cells that are no walls have the colours of `tints`, the last on top. A long map is divided into pieces, from left to right
-    or from bottom to top. The longer side has about 600 to 2300 pixels. The same input gives the same picture.
+    Drawn on top: the trajectory with its start (green) and end (red) and its `marks`, `points` `(n, 2)` in the map frame (red
+    dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. Under all that, cells
+    that are no walls have the colours of `tints`, the last on top. `title` is written above, and `with_grid` draws lines at the
+    ticks. A long map is divided into pieces, from left to right or from bottom to top. The longer side has about 600 to 2300
+    pixels. The same input gives the same picture.
     """
     path = _Path.of(trajectory, marks)
     windows = choose_windows(grid, path.xy, whole)
@@ -164,7 +165,7 @@ class _Path:
 
 @dataclass(frozen=True, slots=True)
 class _Layers:
-    """What is drawn over the cells."""
+    """Layers of a picture above the cells: path, points, particles and footprints."""
 
     path: _Path
     points: Floats

@@ -94,7 +94,7 @@ class TileStore:
         self._own(map_index)
 
     def redistribute(self, ancestors: NDArray[np.int64]) -> None:
-        """Resampling: map i becomes a copy of map ancestors[i]."""
+        """Resampling: map i becomes a copy of map ancestors[i]; `ancestors` `(maps,)`."""
         self.n_free = kernel.redistribute(self.directory, ancestors, self._tile_pool, self.n_free)
 
     def clear(self, map_index: int) -> None:

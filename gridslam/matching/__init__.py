@@ -1,0 +1,1 @@
+"""Matching of points: point-to-line ICP and line segments."""

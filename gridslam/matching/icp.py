@@ -37,10 +37,11 @@ def point_to_plane(
 ) -> IcpResult:
     """Register points `(m, 2)` of the present scan to `former` points `(n, 2)` with unit `normals` `(n, 2)` (zero: unknown).
 
-    Minimises sum ||n_i . (y_i - (R x_i + T))||^2 / sigma^2, with the `start` `(3,)` as prior of the given information
-    `(3, 3)`: what no wall decides, as the way along a bare corridor, stays where odometry has it. Without `solve_yaw` the
-    rotation is held, as in the paper, where it comes from lines. Few partners are told by `matches`; with none the
-    start is returned.
+    Minimises sum ||n_i . (y_i - (R x_i + T))||^2 / sigma^2 in at most `iterations`, with the `start` `(3,)` as prior of the
+    information `prior_information` `(3, 3)`: what no wall determines, as the position along a bare corridor, stays as the prior
+    has it. Without `solve_yaw` the rotation is held, as in the paper, where it comes from lines. `matches` of the result counts
+    the correspondences, which are at most `max_correspondence_m` (m) apart; with fewer than three the start is returned.
+    `sigma_m` (m) is the noise of a point.
     """
     flat = np.hypot(normals[:, 0], normals[:, 1]) > 0.5
     target, normals = former[flat], normals[flat]

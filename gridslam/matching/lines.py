@@ -57,7 +57,7 @@ class LineSegments:
 
 
 def difference_modulo_pi(a: Floats | float, b: Floats | float) -> Floats:
-    """a - b of directions, in [-pi/2, pi/2)."""
+    """Difference a - b (rad) of directions of lines, elementwise, in [-pi/2, pi/2)."""
     return np.asarray(np.mod(np.asarray(a) - b + 0.5 * np.pi, np.pi) - 0.5 * np.pi)
 
 
@@ -72,9 +72,10 @@ def ransac_lines(
 ) -> LineSegments:
     """Lines of a scan's points `(m, 2)`, the best supported first; each is fitted to its points by least squares.
 
-    One after the other the line with most points within the tolerance is taken, and its points with it (Fischler and Bolles
-    1981). A line ends where its points do, and where there is none for `gap_m`: what else lies in line with it is another wall,
-    or chance.
+    The line with most points within `tolerance_m` (m) is taken with its points, one after the other, up to `max_lines` of at
+    least `min_points` points; each is the best of `hypotheses` lines through pairs of points that `rng` draws (Fischler and
+    Bolles 1981). A line ends where its points do, and where there is none for `gap_m`: what else lies in line with it is
+    another wall, or chance.
     """
     left = points
     starts: list[Floats] = []
@@ -103,7 +104,7 @@ def ransac_lines(
 def _best_support(
     points: Floats, tolerance_m: float, hypotheses: int, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """The points `(m,)` near the best of `tries` lines through two random points each."""
+    """Mask `(m,)` of the points near the best of `hypotheses` lines through two random points each."""
     n = len(points)
     first = rng.integers(0, n, hypotheses)
     second = (first + rng.integers(1, n, hypotheses)) % n

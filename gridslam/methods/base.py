@@ -1,4 +1,4 @@
-"""What a method is to the rest of the program: events in, one result out."""
+"""Interface of a method to the rest of the program: events in, one result out."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Where the method believes the robot to be; particles `(n, 3)` when it keeps any."""
+    """The estimated pose `(3,)` in the map frame at a stamp; particles `(n, 3)` where the method keeps any."""
 
     stamp_ns: int
     pose: NDArray[np.float64]
@@ -76,7 +76,7 @@ class Doubt:
 
 
 def no_stamps() -> NDArray[np.int64]:
-    """An empty array of pairs of stamps."""
+    """An empty array `(0, 2)` of pairs of stamps."""
     return np.zeros((0, 2), np.int64)
 
 

@@ -1,4 +1,4 @@
-"""What a run says of its map's consistency: measures, the map with its doubtful places drawn on it, and the status."""
+"""Report of a map's consistency: measures, the map with its doubtful places drawn on it, and the status of the run."""
 
 from __future__ import annotations
 

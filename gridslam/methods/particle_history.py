@@ -38,7 +38,7 @@ class ParticleHistory:
 
     @property
     def snapshots(self) -> tuple[Snapshot, ...]:
-        """What was kept, in the order of the log; nothing for a method without particles."""
+        """The kept snapshots in the order of the log; none for a method without particles."""
         return tuple(self._kept)
 
     @property
@@ -61,7 +61,7 @@ class ParticleHistory:
         if estimate is None or estimate.particles is None or not len(estimate.particles):
             return
         if self._last_ns is not None and estimate.stamp_ns < self._last_ns + self._interval_ns:
-            return  # the event told nothing new
+            return  # it is too early for another snapshot
         self._last_ns = estimate.stamp_ns
         step = -(-len(estimate.particles) // self._max_particles)
         particles = np.asarray(estimate.particles[::step], dtype=np.float32)

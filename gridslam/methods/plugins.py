@@ -67,7 +67,7 @@ class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
             ) from error
         if not isinstance(entry, self._kind):
             raise ConfigError(
-                f"{_description(point)}: {point.value} is a {type(entry).__name__}, expected a {self._kind.__name__}"
+                f"{_description(point)}: {point.value} is of type {type(entry).__name__}, expected {self._kind.__name__}"
             )
         return entry
 

@@ -1,0 +1,1 @@
+"""Models of motion: odometry, wheels and gyro, absolute poses, visual odometry."""

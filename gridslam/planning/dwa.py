@@ -40,7 +40,7 @@ class DifferentialDrive:
 
 @dataclass(frozen=True, slots=True)
 class DwaSettings:
-    """How wheel speeds are chosen.
+    """Settings of the choice of wheel speeds.
 
     period_s: Time between commands.
     delay_s: Time until a command takes effect.

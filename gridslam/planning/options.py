@@ -1,4 +1,4 @@
-"""What a path planner has to know of the robot."""
+"""Options of a path planner: the robot and its obstacles."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ HALVINGS = 12  # of the interval that holds the width of the widest passage
 def blocked_pose(
     occupancy: OccupancyGrid, space: Space, name: str, pose: Floats, local: Floats
 ) -> MethodError:
-    """The error for a start or goal at which the robot cannot stand."""
+    """The error for a start or goal where the robot cannot stand: `pose` (3,) in the map frame, `local` (3,) in the space's."""
     where = f"{name} {pose[0]:g},{pose[1]:g}"
     row, col = space.cell(local)
     rows, cols = occupancy.probability.shape
@@ -58,7 +58,7 @@ def _blocked_cells_near(space: Space, local: Floats) -> NDArray[np.int64]:
 def no_path(
     occupancy: OccupancyGrid, space: Space, occupied_from: float, start: Floats, goal: Floats
 ) -> MethodError:
-    """The error for a start and a goal that obstacles or unknown cells separate."""
+    """The error for a start (3,) and a goal (3,), in the space's frame, that obstacles or unknown cells separate."""
     (sx, sy), (gx, gy) = space.to_map(np.array([start, goal]))[:, :2].tolist()
     pair = f"no path from {sx:g},{sy:g} to {gx:g},{gy:g}"
     width, narrowest = _widest_passage(space, start, goal)
@@ -77,7 +77,7 @@ def no_path(
 
 
 def unreachable_heading(which: str, pose: Floats, radius_m: float, reverse: bool) -> MethodError:
-    """The error for a pose with room for the robot, but not for the turns to its heading."""
+    """The error for a pose (3,) with room for the robot, but not for the arcs to its heading."""
     hint = "allow a smaller radius, turns on the spot" + ("" if reverse else ", or driving backwards")
     return MethodError(
         f"{which} {pose[0]:g},{pose[1]:g}: its heading {pose[2]:.3g} rad cannot be met by arcs of {radius_m:g} m or more; {hint}"

@@ -49,7 +49,7 @@ def plan_tour(distances: Floats, rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def tour_length(distances: Floats, order: NDArray[np.int64]) -> float:
-    """Length of an open tour."""
+    """Length of an open tour in the given order `(k,)`, by the distances `(k, k)` between places."""
     return float(distances[order[:-1], order[1:]].sum())
 
 

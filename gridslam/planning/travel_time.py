@@ -21,7 +21,7 @@ UNIT_LIMITS = DriveLimits(*[1.0] * 6)  # where only the geometry of a segment ma
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """What the robot can do: speed, v^2 / r and v / r on an arc, dv/dt, and the yaw acceleration of a turn on the spot.
+    """Limits of the robot: speed, v^2 / r and v / r on an arc, dv/dt, and the yaw acceleration of a turn on the spot.
 
     Raises ConfigError if a limit is not between MIN_LIMIT and MAX_LIMIT.
     """

@@ -104,7 +104,7 @@ def draw_charts(charts: Sequence[Chart], width: int, height: int) -> DrawnSheet:
 
 
 def _left_px(chart: Chart, width: int, height: int) -> float:
-    """Where a chart's x axis begins: on the right of the numbers of its y axis."""
+    """Pixel at which a chart's x axis begins: to the right of the numbers of its y axis."""
     _, y = _axes(chart, np.zeros(0), (MARGIN, width - MARGIN), (height, 0.0))
     return MARGIN + 2 * TICK_PX + _widest(_ticks(y, Y_TICK_PX, chart.is_log))
 

@@ -1,4 +1,4 @@
-"""What was understood of a drawing, as a picture and as a document."""
+"""Picture and JSON document of a drawing as it was read."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MAX_TICKS = 12
 
 
 def reading_document(path: Path, drawing: Drawing, drawn: DrawnMap) -> dict[str, object]:
-    """How the drawing was read, for JSON."""
+    """Findings of reading the drawing, for JSON."""
     reading = drawn.reading
     assert reading is not None
     return {

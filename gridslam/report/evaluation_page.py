@@ -51,7 +51,7 @@ def write_evaluation(
     answers: Sequence[str] = (),
     force: bool = False,
 ) -> None:
-    """Write the folder; it appears when it is complete.
+    """Write the folder `directory`; it appears when it is complete. An existing one is replaced with `force` only.
 
     `documents` are the measures (with `remarks`) of each result by name, `trajectories` those with a true trajectory `truth`,
     `output` is what evaluation.json holds, `answers` are the lines about gates.

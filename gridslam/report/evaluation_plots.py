@@ -102,7 +102,7 @@ def relative_drawing(results: Sequence[EvaluatedTrajectory]) -> DrawnSheet | Non
 
 
 def relative_errors_over_length(pairs: Pairs) -> tuple[Floats, Floats, Floats]:
-    """Lengths (m), and the mean and 95th percentile of the relative position error (m) of sub-trajectories that long."""
+    """Lengths (m), and the mean and 95th percentile of the relative position error (m) over them; `(k,)` each."""
     travel = travel_of(pairs.truth)
     if len(travel) < 3 or not travel[-1] > 0.0:
         return np.zeros(0), np.zeros(0), np.zeros(0)

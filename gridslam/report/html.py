@@ -80,7 +80,7 @@ def pictures(run: Run, folder: Path) -> Iterator[EmbeddedPicture]:
 
 
 def skipped_lines(counts: Counts) -> list[str]:
-    """What was not used and why, the most frequent first, in words."""
+    """Lines on the messages that were not used, with the reasons, the most frequent first."""
     ranked = sorted(counts.skipped_by_reason.items(), key=lambda item: (-item[1], item[0]))
     lines = []
     for key, number in ranked:

@@ -1,4 +1,4 @@
-"""What a run knows about its poses, for the pictures and lists of the report."""
+"""Marks on the poses of a run (distrusted ones, uncertainty, loops), for the pictures and lists of the report."""
 
 from __future__ import annotations
 

@@ -88,7 +88,11 @@ def write_plan(
     force: bool = False,
     before: Identity | None = ANY,
 ) -> None:
-    """Write path.csv, segments.csv, path.png and report.json; raises ConfigError as `new_run_directory` does."""
+    """Write the `plan` to `directory`: path.csv, segments.csv, path.png and report.json.
+
+    `occupancy` is the map read from `map_path`; `discs` `(d, 3)` cover the robot: centre x, y in its frame, and radius (m).
+    Raises ConfigError as `new_run_directory` does, which `force` and `before` are for.
+    """
     times, poses, speeds = plan.path.sampled(SPACING)
     rows = np.column_stack([times, poses[:, :2], wrap_angle(poses[:, 2]), speeds]).tolist()
     with new_run_directory(directory, force, before) as folder:
@@ -109,7 +113,10 @@ def _indented(document: dict[str, Any]) -> str:
 
 
 def plan_picture(path: ArcLinePath, occupancy: OccupancyGrid, discs: Floats) -> bytes:
-    """A PNG of the map around the path, the path coloured by speed, and the discs of the robot's footprint along it."""
+    """A PNG of the map around the path, the path coloured by speed, and the discs of the robot's footprint along it.
+
+    `discs` `(d, 3)` cover the robot: centre x, y in its frame, and radius (m).
+    """
     corners = np.array([[s.x, s.y] for s in path.segments])
     _, poses, speeds = path.sampled(max(SPACING, np.ptp(corners, axis=0).max() / MAX_POINTS_ACROSS))
     ends = np.stack([poses[:, :2].min(axis=0) - BORDER_M, poses[:, :2].max(axis=0) + BORDER_M])

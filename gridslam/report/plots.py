@@ -54,7 +54,7 @@ class Axis:
     last: float
 
     def at(self, values: Floats) -> Floats:
-        """Positions of values."""
+        """Positions (px) of values, elementwise."""
         return np.asarray(
             self.first + (values - self.low) * ((self.last - self.first) / (self.high - self.low))
         )
@@ -103,7 +103,10 @@ def plane_axes(points: Floats, x_px: tuple[float, float], y_px: tuple[float, flo
 
 
 def thin_out(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """At most MAX_POINTS finite points: minimum and maximum of each interval, so that peaks are kept."""
+    """At most `MAX_POINTS` finite points (times, values) `(k,)` of the `(n,)` given.
+
+    They are the minimum and maximum of each interval, so that peaks are kept.
+    """
     finite = np.isfinite(values) & np.isfinite(times_s)
     times, present = times_s[finite], values[finite]
     if len(times) <= MAX_POINTS:
@@ -127,7 +130,7 @@ def _kept(xy_m: Floats) -> NDArray[np.int64]:
 
 
 def axis_of(values: Floats, first: float, last: float) -> Axis:
-    """The axis of values, with some room above and below."""
+    """The axis of values `(n,)` between the pixels `first` and `last`, with some room above and below the values."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     room = 0.04 * (high - low)
     if not room > MIN_SPAN * max(abs(low), abs(high), MIN_SPAN):

@@ -48,7 +48,11 @@ def marker(
     body: CdrWriter, stamp_ns: int, space: str, number: int, kind: int, at: tuple[float, float, float, float],
     size: tuple[float, float, float], colour: Colour, text: str = "",
 ) -> None:  # fmt: skip
-    """Append a visualization_msgs/Marker without a lifetime limit; `at` is x, y, z (m), yaw (rad)."""
+    """Append a visualization_msgs/Marker without a lifetime limit to a message `body`.
+
+    `stamp_ns` is its stamp, `space` and `number` its namespace and id, `kind` its type; `at` is x, y, z (m), yaw (rad) in the map
+    frame, `size` its scale (m) along x, y, z. `text` is shown by markers of text.
+    """
     x, y, z, yaw = at
     add, forever = 0, (0, 0)
     body.header(stamp_ns, MAP_FRAME).text(space).numbers("i", (number, kind, add), 4)

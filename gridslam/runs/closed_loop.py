@@ -26,9 +26,12 @@ class WheelCommand(Protocol):
     """Speeds of the wheels along the ground."""
 
     @property
-    def left_mps(self) -> float: ...
+    def left_mps(self) -> float:
+        """Speed (m/s) of the left wheel."""
+
     @property
-    def right_mps(self) -> float: ...
+    def right_mps(self) -> float:
+        """Speed (m/s) of the right wheel."""
 
 
 class Explores(Protocol):

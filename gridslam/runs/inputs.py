@@ -1,4 +1,4 @@
-"""What a run is given besides the log: drawings, tag databases, sessions."""
+"""Inputs of a run besides the log: drawings, tag databases, sessions."""
 
 from __future__ import annotations
 

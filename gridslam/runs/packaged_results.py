@@ -22,7 +22,7 @@ _DOUBTS = ("lost", "inconsistent", "apart")
 
 
 def packaged_problems(result: RunResult) -> Iterator[str]:
-    """What is wrong with the parts of a result, in words that follow "the result"; the checks of all results come first."""
+    """Faults in the parts of a plug-in's result, in words that follow "the result"; they rely on the checks of all results."""
     for trajectory in (result.trajectory, *result.trajectories.values()):
         yield from _disorder(trajectory)
     yield from _repeated_files(result)

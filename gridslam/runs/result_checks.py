@@ -51,7 +51,7 @@ def unused_streams(counts: Counts) -> list[str]:
 
 
 def unused_stream_line(name: str, counts: Counts, missing_inputs: Collection[str]) -> str:
-    """What to say about an unused stream; an input of its name that the method takes and was not given is advised."""
+    """The line about an unused stream; it advises an input of the same name that the method takes and was not given."""
     line = (
         f"none of the {counts.streams[name].read} {name} messages was used ({_reasons(counts, f'{name}.')})"
     )

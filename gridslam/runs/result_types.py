@@ -44,9 +44,9 @@ def refuse_wrong_result(method: str, result: object, is_packaged: bool) -> None:
 
 
 def _problems(result: object, is_packaged: bool) -> Iterator[str]:
-    """What is wrong with a result, in words that follow "the result"; later checks rely on earlier ones."""
+    """Faults of a result, in words that follow "the result"; later checks rely on earlier ones."""
     if not isinstance(result, RunResult):
-        yield f"is a {type(result).__name__}, expected a RunResult"
+        yield f"is of type {type(result).__name__}, expected RunResult"
         return
     for kind, part_type in (_NAMED | _KEYED).items():
         parts = getattr(result, kind)
@@ -73,7 +73,7 @@ def _problems(result: object, is_packaged: bool) -> Iterator[str]:
 
 def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
     if not isinstance(trajectory, Trajectory):
-        yield f"has a {type(trajectory).__name__}, expected a Trajectory"
+        yield f"has a trajectory of type {type(trajectory).__name__}, expected Trajectory"
         return
     stamps, poses = np.asarray(trajectory.stamps_ns), np.asarray(trajectory.poses)
     if poses.dtype.kind not in "fiu" or (stamps.size and stamps.dtype.kind not in "iu"):
@@ -90,7 +90,7 @@ def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
 
 def _problems_of_map(grid: object) -> Iterator[str]:
     if not isinstance(grid, OccupancyGrid):
-        yield f"has a {type(grid).__name__}, expected an OccupancyGrid"
+        yield f"has a map of type {type(grid).__name__}, expected OccupancyGrid"
         return
     values = grid.probability
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind != "f":

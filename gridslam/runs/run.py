@@ -69,7 +69,7 @@ def run_map(
     stop: Stop,
     inputs: Mapping[str, Input] = NOTHING_MORE,
 ) -> Run:
-    """Map a log. `show` is told the progress often; when `stop` says so the run ends with what it has.
+    """Map a log. `show` is called with the progress often; once `stop` returns true the run ends with what it has.
 
     `inputs` are what the method's registry entry lists by name (a drawing, a tag database).
     Raises ConfigError: the method does not map. LogError: the log is unreadable or lacks a stream.
@@ -85,8 +85,9 @@ def run_localize(
     stop: Stop,
     inputs: Mapping[str, Input] = NOTHING_MORE,
 ) -> Run:
-    """Localize along a log on a map (map_server YAML or wean.dat); otherwise as `run_map`.
+    """Localize along the log at `log_path` on a map (map_server YAML or wean.dat at `map_path`).
 
+    `config`, `show`, `stop` and `inputs` are those of `run_map`.
     Raises MapError: the map is unreadable. ConfigError: there is none, and the method needs one.
     """
     if map_path is None:

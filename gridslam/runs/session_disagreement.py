@@ -1,4 +1,4 @@
-"""Where a place differs from the session that a log was localized in."""
+"""Disagreement of a log with the session in which it was localized: places that have changed."""
 
 from __future__ import annotations
 

@@ -79,18 +79,18 @@ def _distribute(parts: list[str], jobs: int, is_ready: Callable[[str], None]) ->
 
 
 def _be_quiet() -> None:
-    """Nothing of what a process that warms up has to say is about anything of the user's."""
+    """Silence the log of a process that warms up: its lines are not about any data of the user."""
     _logger.addHandler(logging.NullHandler())
 
 
 def _warm_up_part(part: str) -> list[str]:
-    """Why machine code could not be kept, if so."""
+    """Warm up one part; returns the reason why its machine code could not be kept, if any."""
     warm_up_part(part)
     return [MachineCodeCache.complaint] if MachineCodeCache.complaint else []
 
 
 def part_names() -> list[str]:
-    """What can be warmed up by itself; what takes longest comes first."""
+    """Names of the parts that are warmed up one by one; those that take longest come first."""
     names = [f"{name} map" for name, entry in BUILT_IN.items() if entry.mapper]
     names += [f"{name} explore" for name, entry in BUILT_IN.items() if entry.explorer]
     names += [f"{name} localize" for name, entry in BUILT_IN.items() if entry.localizer]

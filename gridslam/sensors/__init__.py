@@ -1,0 +1,1 @@
+"""Sensor models: lidar beams, infrared rangers, fixed cameras, stereo heads, RFID antennas."""

@@ -74,7 +74,7 @@ class DepthBackground:
         self.depth_m = np.where(np.isnan(known), depth_m, np.where(np.isnan(off), known, moved))
 
     def nearer(self, depth_m: Depth) -> Mask:
-        """Mask of the pixels with a reading before the background; False where the background is unknown."""
+        """Mask `(rows, cols)` of the depths before the background; False where the background is unknown."""
         if self.depth_m is None:
             return np.zeros(depth_m.shape, np.bool_)
         with np.errstate(invalid="ignore"):

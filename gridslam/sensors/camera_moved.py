@@ -93,7 +93,7 @@ class PlacementCheck:
 
 
 def edges_of(pixels: NDArray[np.uint8]) -> Image:
-    """The strength of edges in a smaller grey image."""
+    """Strength `(r, c)` of the edges of pixels, `(rows, cols)` or `(rows, cols, 3)`, in a smaller grey image."""
     rows, cols = pixels.shape[:2]
     size = (min(EDGE_COLS, cols), max(round(rows * min(EDGE_COLS / cols, 1.0)), 1))
     small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float32)

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class DetectionParameters:
-    """How moving objects are detected in the images of one camera."""
+    """Parameters of the detection of moving objects in the images of one camera."""
 
     history: int  # frames that the colour background remembers
     warm_up: int  # first frames, which only teach the background
@@ -120,7 +120,10 @@ class FixedCamera:
         self.coverage = FloorCells(np.zeros((0, 2), np.int64), self.parameters.cell_m)
 
     def detect(self, pixels: NDArray[np.uint8] | None, depth_m: Depth | None) -> FloorDetections | FrameSkip:
-        """The moving points of a frame, or the reason why the frame has none."""
+        """The moving points of a frame, or the reason why the frame has none.
+
+        `pixels` are `(rows, cols)` grey or `(rows, cols, 3)` RGB, `depth_m` `(rows, cols)`; either may be missing.
+        """
         p = self.parameters
         if self.is_moved:
             return FrameSkip.CAMERA_MOVED

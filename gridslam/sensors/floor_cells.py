@@ -19,7 +19,7 @@ CELLS_AT_ONCE = 1 << 18  # of a large map
 
 
 class Floor(Protocol):
-    """Where the robot may be."""
+    """Places where the robot may be, as floor cells."""
 
     def within(self, low: Floats, high: Floats) -> FloorCells:
         """The floor cells with centres in a box of the map frame from `low` `(2,)` to `high` `(2,)`, sorted by x, then y."""
@@ -93,7 +93,7 @@ class FreeFloor:
     size_m: float
 
     def within(self, low: Floats, high: Floats) -> FloorCells:
-        """As `Floor.within`."""
+        """Floor cells with centres in a box of the map frame, as `Floor.within`."""
         geometry, probability = self.occupancy.geometry, self.occupancy.probability
         shape = np.array(probability.shape)
         extent = geometry.centres(np.array([[r, c] for r in (-1, shape[0]) for c in (-1, shape[1])]))

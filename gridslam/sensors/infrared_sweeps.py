@@ -32,7 +32,7 @@ FRESH_RATIO = 0.1  # unless the next reading is this close to it
 
 @dataclass(frozen=True, slots=True)
 class SweepLimits:
-    """What ends a sweep: silence, motion of the robot, or a servo that reverses (a full circle ends a sweep as well)."""
+    """Limits that end a sweep: silence, motion of the robot, or a servo that reverses; a full circle ends it as well."""
 
     max_gap_s: float = 1.0
     max_travel_m: float = 0.005
@@ -191,7 +191,7 @@ class SweepAssembler:
 
 
 def is_stale(first_m: float, second_m: float, last_m: float | None) -> bool:
-    """Whether the first reading of a sweep is the last one of the sweep before, delivered again.
+    """Whether the first reading of a sweep repeats the last one of the sweep before, which the driver sent again.
 
     It is if it repeats that one to 1 % and differs from the next reading by more than 10 %.
     """

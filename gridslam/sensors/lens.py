@@ -49,7 +49,7 @@ class Lens:
         return np.asarray(points[:, 0], np.float64)
 
     def distorted(self, directions: Floats) -> Floats:
-        """Where the lens shows points with these directions `(n, 2)`; NaN for those far outside of the image."""
+        """Image positions `(n, 2)` of points with these directions `(n, 2)`; NaN for those far outside of the image."""
         with np.errstate(invalid="ignore"):
             inside = np.flatnonzero(np.hypot(*directions.T) <= self.max_radius)
         shown = np.full_like(directions, np.nan)

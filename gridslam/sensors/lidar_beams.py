@@ -82,7 +82,7 @@ def extrinsics_of(transform: Transform) -> LidarExtrinsics:
 
 
 def _projection(rotation: Floats, yaw: float, flipped: bool) -> Projection:
-    """What the horizontal plane sees of the plane of a lidar with this rotation `(3, 3)`, turned back by its yaw."""
+    """Projection of the plane of a lidar with this rotation `(3, 3)` onto the horizontal, without its yaw."""
     x_axis, y_axis = rotation[:2, 0], rotation[:2, 1] * (-1.0 if flipped else 1.0)
     c, s = np.cos(yaw), np.sin(yaw)
     found = Projection(

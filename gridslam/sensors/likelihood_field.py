@@ -31,7 +31,7 @@ class DistanceField:
 
     @property
     def distances_m(self) -> Floats:
-        """The distances (m) of the 256 byte values."""
+        """The distances `(256,)` (m) that the byte values stand for."""
         return np.arange(256, dtype=np.float64) * (self.max_distance_m / FAR)
 
     def table_sums(self, table: Table, points: Floats, poses: Floats) -> Floats:

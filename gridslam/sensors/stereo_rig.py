@@ -1,6 +1,7 @@
 """Calibration of a stereo head from its two camera_info, checked against its pictures, and the rectification of pairs.
 
-Faults are repaired where that is certain and told in `notes`; others are errors, because a wrong calibration gives a wrong map.
+Faults with a certain remedy are repaired and reported in `notes`; others are errors, because a wrong calibration gives a wrong
+map.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class DrivenRobot:
 
     @property
     def pose(self) -> NDArray[np.float64]:
-        """x, y, yaw (not wrapped)."""
+        """T_map_base `(3,)`: x, y (m), yaw (rad, not wrapped)."""
         return np.array([self.x, self.y, self.yaw])
 
     def step(self, left_radps: float, right_radps: float) -> None:

@@ -13,7 +13,7 @@ from gridslam.simulation.sensor_config import SensorExtrinsics
 
 
 def planar(extrinsics: SensorExtrinsics) -> NDArray[np.float64]:
-    """T_base_sensor in the plane: x, y (m), yaw (rad)."""
+    """T_base_sensor `(3,)` in the plane: x, y (m), yaw (rad)."""
     return np.array([extrinsics.x, extrinsics.y, math.radians(extrinsics.yaw_deg)])
 
 

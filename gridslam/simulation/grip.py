@@ -10,7 +10,7 @@ SPINNING = 0.5  # fraction of a wheel's travel that is lost while it spins
 
 
 class Grip:
-    """What is left of the wheels' travel, step by step."""
+    """Travel of the wheels over the ground, step by step, with random losses of grip."""
 
     def __init__(self, config: GripLosses, rng: np.random.Generator) -> None:
         self._config = config

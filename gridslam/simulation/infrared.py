@@ -70,7 +70,10 @@ class InfraredRangers:
 def read_ranges(
     config: Infrared, bearings: Array, pose: Array, scene: Scene, time_s: float, rng: np.random.Generator
 ) -> Array:
-    """Readings `(n,)` (m) at servo bearings `(n,)` (rad) of a robot that stands at `pose`."""
+    """Readings `(n,)` (m) at servo bearings `(n,)` (rad) of a robot that stands at `pose` `(3,)` in the scene at `time_s`.
+
+    `config` is the ranger; `rng` draws its noise.
+    """
     n = len(bearings)
     sensor = se2.compose(pose, planar(config.extrinsics))
     yaws = sensor[2] + bearings + math.radians(config.servo_deviation_deg) * rng.standard_normal(n)

@@ -47,7 +47,7 @@ MIN_OPEN_DEG = 5.0  # a door opened less is recorded as closed
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What was written: number of messages by kind, simulated time, distance driven, folder of the ground truth."""
+    """Summary of a recording: number of messages by kind, simulated time, distance driven, folder of the ground truth."""
 
     messages: dict[str, int]
     duration_s: float

@@ -64,7 +64,7 @@ class Scene:
         self._refresh()
 
     def tag_poses(self) -> dict[str, Array]:
-        """Pose of each tag by its id: x, y (m) and the direction of its normal (rad)."""
+        """Pose `(3,)` of each tag by its id: x, y (m) and the direction of its normal (rad)."""
         found = {}
         for obj in self.world.movable_objects:
             if obj.tag:
@@ -73,7 +73,7 @@ class Scene:
         return found
 
     def pose_of(self, obj: Door | MovableObject) -> Array:
-        """Present pose of a door's leaf (at the hinge) or of an object (at its centre)."""
+        """Present pose `(3,)` of a door's leaf (at the hinge) or of an object (at its centre) in the map frame."""
         if isinstance(obj, Door):
             return geometry.door_pose(obj, self.openings[obj.id])
         return geometry.radians(self.object_poses[obj.id])

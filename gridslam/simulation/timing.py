@@ -1,4 +1,4 @@
-"""When a sensor measures, and the stamps of its messages."""
+"""Measurement times of sensors, and the stamps of their messages."""
 
 from __future__ import annotations
 

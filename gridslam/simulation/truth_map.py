@@ -48,7 +48,7 @@ def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
 
 
 def reachable(free: NDArray[np.bool_], row: int, col: int) -> NDArray[np.bool_]:
-    """Mask of the free cells that are 4-connected to a start cell; empty if the start is outside or not free."""
+    """Mask `(rows, cols)` of the free cells 4-connected to a start cell; empty if the start is outside or not free."""
     import cv2
 
     rows, cols = free.shape

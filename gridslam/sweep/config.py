@@ -70,7 +70,7 @@ class LogEntry(StrictModel):
 
 
 class Evaluation(StrictModel):
-    """How the measures are taken: the options of `gridslam evaluate`."""
+    """Options of the measures, as of `gridslam evaluate`."""
 
     former_keys: ClassVar[Mapping[str, str]] = {"reach_m": "completeness_radius_m"}
 

@@ -138,7 +138,12 @@ def simulated(output: Path, name: str, seed: int) -> Path:
 def run_job(
     sweep: SweepConfig, folder: Path, output: Path, entry: LogEntry, settings: RunSettings, hashes: Hashes
 ) -> RunJob:
-    """The job of a run. Raises ConfigError or MapError: one of its files cannot be read."""
+    """The job of one run of a sweep: a log of the sweep with the settings of a run.
+
+    Paths are relative to `folder`, that of the sweep's file; simulated logs and results are in `output`. `entry` is the log,
+    `settings` name method, overrides and seed; `hashes` keeps those of files. Raises ConfigError or MapError: one of its files
+    cannot be read.
+    """
     if entry.world is None:
         log = folder / (entry.log or "")
         truth_folder = log.with_name(f"{log.name.removesuffix('.mcap')}.truth")

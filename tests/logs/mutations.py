@@ -27,7 +27,7 @@ WAITS = 20
 
 
 def sample_events(scans: int = SCANS, beams: int = BEAMS, seed: int = 0) -> Iterator[Event]:
-    """A extrinsics, then odometry and a scan ten times a second."""
+    """The extrinsics of a lidar, then odometry and a scan ten times a second."""
     random_numbers = np.random.default_rng(seed)
     start_ns = 1_700_000_000_123_456_789
     yield Transform(start_ns, "base_link", "laser", (0.2, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0), is_static=True)

@@ -58,7 +58,7 @@ def test_what_is_not_there_is_a_key_error() -> None:
     [
         ("added = added_method:ENTRY", "import no_such_module\n", "cannot be loaded .*no_such_module"),
         ("added = added_method:NOTHING", ENTRY, "cannot be loaded .*NOTHING"),
-        ("added = added_method:ENTRY", "ENTRY = 3\n", "is a int, expected a MethodEntry"),
+        ("added = added_method:ENTRY", "ENTRY = 3\n", "is of type int, expected MethodEntry"),
     ],
 )
 def test_a_bad_entry_is_an_error_that_names_the_package(
@@ -169,7 +169,7 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("files={'../evil': b''}", "files of the name '../evil'"),
         ("pictures={'a': 5}", "pictures that are no mapping"),
         ("tables=[1]", "tables that are no mapping"),
-        ("occupancy=5", "has a int, expected an OccupancyGrid"),
+        ("occupancy=5", "has a map of type int, expected OccupancyGrid"),
         ("occupancy=OccupancyGrid(np.full((2, 2), 5.0), GridGeometry(0.1, (0.0, 0.0)))", "above 1"),
         ("occupancy=OccupancyGrid(np.ones(4), GridGeometry(0.1, (0.0, 0.0)))", "no array of floats"),
         ("occupancy=OccupancyGrid(np.ones((2, 2)), GridGeometry(np.nan, (0.0, 0.0)))", "finite numbers"),
@@ -217,7 +217,7 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("doubt=5", "a doubt that is no Doubt"),
         ("doubt=Doubt('bad', 'so')", "a doubt that is no Doubt"),
         ("maps=type('M', (dict,), {'values': lambda self: 1 / 0})()", "ZeroDivisionError"),
-        ("none", "is a NoneType, expected a RunResult"),
+        ("none", "is of type NoneType, expected RunResult"),
         ("nan", "poses that are not finite"),
         ("stamp", "negative stamps"),
         ("../../evil", "maps of the name"),

@@ -28,7 +28,7 @@ Bools = NDArray[np.bool_]
 # Uncertainty up to which loops are searched for: doubled when nothing is left
 FIRST_STD_M, MAX_STD_M = 0.5, 40.0
 MAX_ROUNDS = 60
-# Segments between the searches of one round: one loop tells of its neighbours
+# Segments between the searches of one round: a loop that is found narrows the search of its neighbours
 QUERY_SPACING, TARGET_SPACING = 4, 6
 # Segments from an earlier search, within which another one would find the same
 TRIED_QUERY, TRIED_TARGET = 2, 3
@@ -72,10 +72,10 @@ def close_loops(
     clouds: SegmentClouds,
     first_query: int = 0,
 ) -> ClosedLoops:
-    """Find loops between segments of a length, and optimise the segments' poses, both from a start.
+    """Find loops between segments of `segment_m` (m) and optimise the segments' poses, both from a start.
 
-    `fixed` are the edges that hold whatever is found: the front end's motions and landmarks. Loops are searched for from the
-    segments from `first_query` on, to all before them.
+    `clouds` are the segments' points and beams.     `fixed` are the edges that hold whatever is found: the front end's motions
+    and landmarks. Loops are searched for from the segments from `first_query` on, to all before them.
     """
     closed = replace(start, poses=start.poses.copy())
     if len(fixed) + len(closed.accepted) >= len(segments):  # landmarks, beyond the chain
@@ -127,7 +127,7 @@ def _any_near(c: Candidate, others: Sequence[Candidate], target: int, query: int
 
 
 def _is_plausible(matches: LoopMatches) -> Bools:
-    """Which matches may be true."""
+    """Mask `(m,)` of the matches that are good enough to be compared with others."""
     return np.asarray(
         (matches.score >= MIN_SCORE)
         & (matches.explained >= MIN_EXPLAINED)
@@ -137,10 +137,10 @@ def _is_plausible(matches: LoopMatches) -> Bools:
 
 
 def is_supported(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> Bools:
-    """Which matches `(m,)` are accepted: sets that agree and hold a distinct one, and matches that are sure by themselves.
+    """Mask `(m,)` of the accepted matches: sets that agree with a distinct one among them, and matches that are sure alone.
 
-    Matches far from where the graph expects them are not. Where the right place was never mapped, only look-alikes are found,
-    and they agree with each other.
+    Matches far from where the graph expects them are rejected: where the right place was never mapped, only look-alikes are
+    found, and they agree with each other.
     """
     accepted = np.zeros(len(pool), np.bool_)
     if not len(pool):

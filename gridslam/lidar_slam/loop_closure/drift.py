@@ -1,4 +1,4 @@
-"""How the front end's errors grow along its track."""
+"""Growth of the front end's errors along its track."""
 
 from __future__ import annotations
 

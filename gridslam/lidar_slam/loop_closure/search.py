@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-MIN_TRAVEL_M = 25.0  # between the ends of a loop: shorter ones tell nothing that the front end has not used
+MIN_TRAVEL_M = 25.0  # between the ends of a loop: a shorter one adds nothing to what the front end has used
 VIEW_M = 4.0  # poses this close see the same walls, also in a corridor
 MIN_STD_M = 0.12  # what is known better is found by registration alone
 MAX_STDS = 2.5  # of the relative position, allowed for in the choice of candidates
@@ -47,7 +47,7 @@ REGISTRATION = Registration(
 )
 INFORMATION_WEIGHT = 0.03  # of a match: the errors of neighbouring points are not independent
 MIN_INFORMATION = np.diag([1e-2, 1e-2, 1.0])  # 10 m and 1 rad where the points determine nothing
-MATCH_STD_M, MATCH_STD_RAD = 0.03, 0.003  # of the best match: the submaps themselves are bent by as much
+MATCH_STD_M, MATCH_STD_RAD = 0.03, 0.003  # of the best match: the submaps themselves are distorted by as much
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class LoopMatches:
         return len(self.edges)
 
     def select(self, rows: Ints | Bools) -> LoopMatches:
-        """Some of the matches."""
+        """The matches of these rows: indices `(k,)` or a mask `(m,)`."""
         measures = (self.std_m, self.score, self.rival_score, self.explained, self.contradicted)
         return LoopMatches(self.edges.select(rows), *(measure[rows] for measure in measures))
 
@@ -114,9 +114,10 @@ def find_candidates(
     *,
     is_target: Bools,
 ) -> list[Candidate]:
-    """All candidates up to an uncertainty, the least uncertain first, given the segments' poses `(s, 3)`.
+    """All candidates with a standard deviation up to `max_std_m` (m), the least uncertain first.
 
-    Queries are the segments from `first_query` on, targets those that `is_target` `(s,)` names.
+    The segments have `poses` `(s, 3)`, the distances `travel_m` `(s,)` (m) driven up to them, and the edges of `graph`. Queries
+    are the segments from `first_query` on, targets those that `is_target` `(s,)` marks.
     """
     limits = CandidateLimits(
         MIN_TRAVEL_M,

@@ -111,7 +111,7 @@ def assess_map(
     loops: Edges | None = None,
     drift: DriftModel | None = None,
 ) -> MapConsistency:
-    """How consistent a map is, given its key scans, their final poses `(n, 3)` and the front end's `(n, 3)`.
+    """Consistency of a map, given its key scans, their final `poses` `(n, 3)` and those of the front end, `track` `(n, 3)`.
 
     `loops` are the accepted loop closures between the key scans, with the covariance of each match; `drift` is the front end's.
     """

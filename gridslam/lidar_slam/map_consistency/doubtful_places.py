@@ -52,7 +52,7 @@ class DoubtfulPlace:
 
     @property
     def reason(self) -> str:
-        """What is wrong, in words."""
+        """The fault, in words."""
         return REASONS[self.kind].format(self.size_m)
 
 
@@ -64,6 +64,7 @@ def doubt_of(value: float, even: float) -> float:
 def contradicted_places(
     found: Contradictions, observations: Observations, passages: Passages, stamps: NDArray[np.int64]
 ) -> list[DoubtfulPlace]:
+    """Places where scans contradict mapped walls, each with its doubt, given the `stamps` `(n,)` (ns) of the scans."""
     large = [place for place in found.places[:MAX_CONTRADICTIONS] if place.wall_m >= MIN_WALL_M]
     moved = [find_displacement(place, observations, passages) for place in large]
     evidence = agreeing_evidence(large, moved)
@@ -100,6 +101,7 @@ def agreeing_evidence(places: Sequence[Contradiction], moved: Sequence[Displacem
 def strained_places(
     strained: StrainedPath | None, poses: Floats, stamps: NDArray[np.int64]
 ) -> list[DoubtfulPlace]:
+    """The middle of the most strained part of the path, if any, given the scans' poses `(n, 3)` and stamps `(n,)` (ns)."""
     if strained is None:
         return []
     x, y = poses[strained.middle, :2].tolist()
@@ -112,6 +114,7 @@ def strained_places(
 def strained_loops(
     scans: Sequence[PreparedScan], poses: Floats, loops: Edges, residuals: Floats
 ) -> list[DoubtfulPlace]:
+    """The loop that is met worst, given the scans' poses `(n, 3)` and the normalised residuals `(m,)` of the loops."""
     worst = int(np.argmax(residuals))
     source, target = int(loops.source[worst]), int(loops.target[worst])
     x, y = poses[target, :2].tolist()

@@ -1,4 +1,4 @@
-"""What the scans of a finished map say about each other's points."""
+"""Comparison of the scans of a finished map: each one's points as free space or surfaces in the others."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 SECTORS = 256
-MAX_POINTS = 160  # of a scan that others are asked about
+MAX_POINTS = 160  # of a scan that are compared with others
 TOLERANCES = free_space.Tolerances(0.3, 0.01, 15.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """Scans at their poses `(n, 3)`, and points of them in the map frame `(m, 2)` with what other scans say of each.
+    """Scans at their poses `(n, 3)`, and points of them in the map frame `(m, 2)` with the observations of each by other scans.
 
     Scan i owns the points first[i]..first[i + 1]; `scan` `(m,)` are the points' scans.
     """
@@ -39,18 +39,21 @@ class Observations:
 
     @property
     def is_compared(self) -> Bools:
-        """Whether another passage says anything of a point, and its own passage does not see through it."""
+        """Mask `(m,)` of the points that another passage observes, and that their own passage does not see through."""
         said = self.testimony.free_by_others + self.testimony.occupied_by_others > 0
         return np.asarray(said & (self.testimony.free_by_own == 0))
 
     @property
     def is_contradicted(self) -> Bools:
-        """Whether most of the other passages that say anything see the point free."""
+        """Mask `(m,)` of the compared points that more of the other passages see free than occupied."""
         is_majority = self.testimony.free_by_others > self.testimony.occupied_by_others
         return np.asarray(self.is_compared & is_majority)
 
     def of_shifts(self, points: Floats, shifts: Floats, scans: Ints) -> tuple[Ints, Ints]:
-        """How often some of the scans see points `(k, 2)` free and occupied for each shift `(s, 2)` of the points."""
+        """Counts `(s,)` of points `(k, 2)` that the `scans` see free, and occupied, for each shift `(s, 2)` of the points.
+
+        Points and shifts are in the map frame (m); `scans` are rows.
+        """
         profiles = free_space.Profiles(self.profiles.nearest[scans], self.profiles.farthest[scans])
         free, occupied = free_space.testimony_of_shifts(
             points,
@@ -96,7 +99,7 @@ def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: 
 
 
 def _parts_of(scan: PreparedScan) -> tuple[Floats, Floats, Floats]:
-    """The viewpoint (2,) and the returns of a scan, and the points that others are asked about; the rest is not kept."""
+    """The viewpoint (2,) and the returns of a scan, and the points that are compared with others; the rest is not kept."""
     return scan.viewpoint, scan.returns, scan.subset(MAX_POINTS).points
 
 

@@ -1,4 +1,4 @@
-"""Which scans are asked about which: a few of other passages through the same place, and of the same passage."""
+"""Partners with which every scan is compared: a few of other passages through the same place, and of its own passage."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gridslam.kernels.free_space import Partners
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SPACING_M = 0.5  # of the scans that are looked at, along the path
-VIEW_M = 6.0  # scans are asked about each other up to this distance
+SPACING_M = 0.5  # along the path, of the scans that are compared
+VIEW_M = 6.0  # scans farther apart are not compared
 APART_M = 25.0  # of travel between two passages
-MAX_PASSAGES = 6  # that are asked about one scan
+MAX_PASSAGES = 6  # with which one scan is compared
 OWN_STEPS = (-8, -4, 4, 8)  # scans before and after, of the same passage
 
 
@@ -29,14 +29,14 @@ class Passages:
 
     @property
     def is_revisited(self) -> NDArray[np.bool_]:
-        """Whether any scan of another passage is asked about scan i `(n,)`."""
+        """Mask `(n,)` of the scans with a partner in another passage."""
         counts = np.zeros(len(self.travel_m), np.int64)
         scan = np.repeat(np.arange(len(counts)), np.diff(self.partners.first))
         np.add.at(counts, scan, self.partners.is_other)
         return np.asarray(counts > 0)
 
     def others(self, scan: int) -> Ints:
-        """The partners of a scan in other passages."""
+        """Indices `(k,)` of the partners of a scan in other passages."""
         rows = slice(self.partners.first[scan], self.partners.first[scan + 1])
         return self.partners.scan[rows][self.partners.is_other[rows]]
 

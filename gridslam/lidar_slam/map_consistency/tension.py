@@ -1,4 +1,4 @@
-"""Where a finished trajectory departs from what scan matching measured: strained paths, and loops that are not met."""
+"""Departures of a finished trajectory from the motions that scan matching measured: strained paths, loops not met."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Which key scans of earlier drives still say something that later drives do not: only they are matched and compared.
+"""Key scans of earlier drives that few later drives repeat: new drives are matched and compared with these alone.
 
-Where a robot drives along the same corridor every day, a new drive so meets the last days', and costs the same every day.
+A robot that drives along the same corridor every day is so compared with the last few days only, at the same cost every day.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _places(poses: Floats) -> Floats:
 
 
 def _later_drives(own: Floats, places: Floats, owners: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many different drives own the places near each of one's own `(k,)`."""
+    """Number `(k,)` of different drives with a place near each of one's own `(k, 4)`; `owners` are the drives of `places`."""
     if not len(places):
         return np.zeros(len(own), np.int64)
     near = cKDTree(places).query_ball_point(own, NEAR_M)

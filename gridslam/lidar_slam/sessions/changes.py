@@ -1,4 +1,4 @@
-"""What has changed between drives: cells that one saw occupied and the next one free, and the reverse, as coherent places.
+"""Changes between drives: coherent places whose cells one drive saw occupied and the next one free, or the reverse.
 
 A cell counts as changed where the two drives contradict each other beyond an error of the poses. Glass and people do not:
 they are seen free and occupied within one drive. A surface that is looked through only along directions in which it was never
@@ -76,7 +76,10 @@ class Change:
 def find_changes(
     before: Evidence, after: Evidence, earlier: PlacedScans, later: PlacedScans, frame: CellFrame, drive: int
 ) -> list[Change]:
-    """Changes from the earlier state of a place to that of drive number `drive`, ordered by place."""
+    """Changes from the earlier state of a place to that of drive number `drive`, ordered by place.
+
+    `before` and `after` are the evidence of the `earlier` and the `later` scans on the cells of `frame`.
+    """
     found = []
     comparisons: tuple[tuple[Kind, Evidence, Evidence, PlacedScans, PlacedScans], ...] = (
         ("vanished", before, after, earlier, later),
@@ -146,7 +149,7 @@ def _at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
 
 
 def dilated(mask: Bools, radius: int) -> Bools:
-    """The cells within a radius (cells) of those of a mask."""
+    """Mask `(rows, cols)` of the cells within a radius (cells) of those of a mask."""
     size = 2 * radius + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return cv2.dilate(mask.astype(np.uint8), disc).astype(np.bool_)

@@ -41,7 +41,7 @@ def frame_document(frame: CellFrame) -> dict[str, Any]:
 
 
 def drawn_arrays(drawn: DrawnState) -> Iterator[tuple[str, NDArray[np.generic]]]:
-    """All arrays by name."""
+    """Pairs (name, array) of a drawn map, as they are stored: the values of its known cells `(k,)`, and its changes."""
     known = ~np.isnan(drawn.log_odds)
     yield "drawn.known", np.packbits(known)
     yield "drawn.log_odds", drawn.log_odds[known]
@@ -60,7 +60,10 @@ def drawn_arrays(drawn: DrawnState) -> Iterator[tuple[str, NDArray[np.generic]]]
 
 
 def drawn_in(a: Arrays, document: Any, first_key: NDArray[np.int64]) -> DrawnState:
-    """The map from arrays of the right types. Raises ValueError: they do not fit each other or the drives."""
+    """The map from arrays of the right types, the reverse of `drawn_arrays`; drive d begins at key scan first_key[d] `(d + 1,)`.
+
+    Raises ValueError: the arrays do not fit each other or the drives.
+    """
     frame = _frame_in(document)
     size = frame.rows * frame.cols
     if len(a["drawn.known"]) != -(-size // 8):

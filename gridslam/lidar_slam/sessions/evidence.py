@@ -1,4 +1,4 @@
-"""What the scans of a drive say of every cell: how often it held an endpoint, how often a beam crossed it."""
+"""Evidence of a drive's scans for every cell: counts of endpoints in it and of beams across it."""
 
 from __future__ import annotations
 
@@ -86,20 +86,23 @@ class CellFrame:
         return GridGeometry(self.resolution_m, (x, y))
 
     def zeros(self) -> Floats32:
-        """A grid of zeros."""
+        """A grid `(rows, cols)` of zeros."""
         return np.zeros((self.rows, self.cols), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """How many scans had an endpoint in each cell within `MAX_RANGE_M`, and how many looked through it; float32 grids."""
+    """Numbers of scans with an endpoint in each cell within `MAX_RANGE_M`, and of those that looked through it.
+
+    Both are float32 `(rows, cols)`.
+    """
 
     hits: Floats32
     misses: Floats32
 
     @property
     def log_odds(self) -> Floats32:
-        """The log-odds of a map with this evidence alone."""
+        """Log-odds `(rows, cols)` of a map with this evidence alone."""
         summed = UPDATE.hit * self.hits + UPDATE.miss * self.misses
         return np.clip(summed, -UPDATE.limit, UPDATE.limit).astype(np.float32)
 
@@ -121,7 +124,7 @@ def collect_evidence(drive: PlacedScans, frame: CellFrame) -> Evidence:
 
 
 def insert_drive(values: Floats32, last: LastUpdates, drive: PlacedScans, frame: CellFrame) -> None:
-    """Add the scans of a drive to a grid of log-odds (NaN: unknown), as one map is drawn."""
+    """Add the scans of a drive to log-odds `(rows, cols)` (NaN: unknown); `last` holds the last scan in each cell."""
     for origin, endpoints in zip(drive.viewpoints, drive.endpoints, strict=True):
         log_odds.insert_scan_dense(
             values,

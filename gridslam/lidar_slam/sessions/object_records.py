@@ -1,4 +1,4 @@
-"""What a session keeps of tagged objects: every estimate of where one stood, with the drive's key scan that it is relative to."""
+"""Records of tagged objects in a session: all estimates of their poses, each relative to a key scan of its drive."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class ObjectRecords:
         return ObjectRecords(tuple(self.ids[r] for r in rows), *(getattr(self, c)[rows] for c in columns))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays of a session's file; the ids are in its head."""
+        """The arrays of a session's file by name, each with `n` rows as in `SCHEMA`; the ids are in the file's head."""
         is_known = np.isfinite(self.closed_yaw)
         return {
             "object.anchor": self.anchor,
@@ -97,7 +97,10 @@ class ObjectRecords:
 
 
 def records_in(arrays: Mapping[str, NDArray[Any]], ids: Sequence[str], n_keys: int) -> ObjectRecords:
-    """The records in a file's arrays. Raises ValueError: they do not fit each other, or an anchor is no key scan."""
+    """The records in a file's arrays with the names and shapes of `SCHEMA`, of a session of `n_keys` key scans.
+
+    Raises ValueError: they do not fit each other, or an anchor is no key scan.
+    """
     anchor = arrays["object.anchor"]
     if any(len(arrays[name]) != len(ids) for name in SCHEMA):
         raise ValueError("its objects do not fit each other")

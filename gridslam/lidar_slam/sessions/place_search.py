@@ -1,4 +1,4 @@
-"""Where in a map a drive was, with nothing known of it: every part of the drive is searched for in the whole map.
+"""Search for the place of a drive in a map, without any prior: every part of the drive is searched for in the whole map.
 
 The map is one submap, so that the strongest rival of a match is the best one anywhere else in the map. A place is accepted when
 several parts of the drive, searched for one by one, put the drive in the same place.

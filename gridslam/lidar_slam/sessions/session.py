@@ -104,7 +104,7 @@ class Session:
         return [scan for drive in self.drives for scan in drive.scans]
 
     def scans_at(self, rows: Ints) -> list[PreparedScan]:
-        """Some of the key scans of all drives, by their numbers."""
+        """The key scans with these numbers `(k,)`, which count over all drives."""
         drive = np.searchsorted(self.first_key, rows, side="right") - 1
         at = rows - self.first_key[drive]
         return [self.drives[d].scans[k] for d, k in zip(drive.tolist(), at.tolist(), strict=True)]
@@ -120,7 +120,7 @@ class Session:
         return Session(self.drives[:drive], poses, self.parts[:drive], Constraints.none())
 
     def poses_of(self, drive: int) -> Floats:
-        """Final poses of one drive's key scans."""
+        """Final poses `(k, 3)` of one drive's key scans in the map frame."""
         first = self.first_key
         return np.asarray(self.poses[first[drive] : first[drive + 1]])
 

@@ -1,4 +1,4 @@
-"""Key scans of a drive as session.npz keeps them: compressed, some tens together, and unpacked when they are asked for.
+"""Key scans of a drive as session.npz keeps them: compressed, some tens together, and unpacked when they are read.
 
 A drive that goes on from many earlier ones so neither unpacks nor packs the scans that it does not need.
 """
@@ -112,7 +112,7 @@ class StoredScans(Sequence[PreparedScan]):
 
 
 def empty_scan(stamp_ns: int, viewpoint: Floats) -> PreparedScan:
-    """A scan that has seen nothing."""
+    """A scan without points, from a viewpoint (2,) in the robot's frame."""
     none = np.zeros((0, 2))
     return PreparedScan(
         stamp_ns, viewpoint, none, points=none, normals=none, surface=none, surface_normals=none

@@ -54,7 +54,7 @@ class JointTracks:
 
     @property
     def first_segment(self) -> Ints:
-        """Track t owns the joint segments first_segment[t]..first_segment[t + 1] - 1."""
+        """Indices `(tracks + 1,)`: track t owns the joint segments first_segment[t]..first_segment[t + 1] - 1."""
         assert self.joint.tracks is not None
         return self.joint.tracks
 
@@ -77,7 +77,7 @@ class JointTracks:
         )
 
     def segment_of(self, key: Ints) -> Ints:
-        """The joint segments that hold key scans."""
+        """The joint segments `(k,)` that hold the key scans with these numbers `(k,)`."""
         return np.searchsorted(self.joint.first, key, side="right") - 1
 
     def between_segments(self, edges: Edges) -> Edges:

@@ -195,6 +195,7 @@ def odom_stamps(lines: Sequence[bytes]) -> list[int | SkipReason]:
 
 
 def odom_line(line: bytes) -> Odometry | SkipReason:
+    """The odometry of an ODOM line, or the reason why the line cannot be used."""
     words = line.split()
     if len(words) != ODOM_WORDS:
         return SkipReason.WRONG_NUMBER_OF_FIELDS
@@ -209,6 +210,7 @@ def odom_line(line: bytes) -> Odometry | SkipReason:
 
 
 def odometry_in(laser: LaserLine) -> Odometry:
+    """The odometry that a ROBOTLASER line carries; NaN for values that the line lacks."""
     x, y, yaw = laser.robot_pose or (math.nan,) * 3
     vx, wz = laser.velocity or (math.nan, math.nan)
     return Odometry(laser.stamp_ns, "odom", x_m=x, y_m=y, yaw_rad=_yaw(yaw), vx_mps=vx, wz_radps=wz)

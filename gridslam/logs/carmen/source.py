@@ -43,7 +43,7 @@ MIN_BEAMS = 60  # fewer are left of thinned scans, of whatever laser
 USUAL_WIDTHS_DEG, USUAL_STEPS_DEG = (180.0, 190.0, 240.0, 270.0), (0.25, 0.5, 1.0)
 MIN_WIDTH_DEG = 90.0
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
-# A largest reading that makes up this share of all readings is no distance but means "no return".
+# A largest reading that makes up this fraction of all readings is no distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
 _WORD_BYTES = 12  # ROBOTLASER1 and the space behind it
 _BATCH_LINES = 256
@@ -53,7 +53,7 @@ _KEPT_READINGS = 4_000_000  # laser lines are parsed once up to here (16 MB), ag
 
 @dataclass(slots=True)
 class _LaserIndex:
-    """What the index pass finds out about one kind of laser line."""
+    """Readings, beams and stamps of one kind of laser line, collected by the index pass."""
 
     largest: float = 0.0
     at_largest: int = 0

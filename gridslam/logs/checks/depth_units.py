@@ -37,7 +37,7 @@ class DepthUnits:
         return replace(depth, depth_m=readonly(depth.depth_m * np.float32(self._factor), np.float32))
 
     def _measured(self, depth: DepthImage) -> float | None:
-        """What the values have to be multiplied by; None if the image has too few."""
+        """Factor that turns the values into metres; None if the image has too few readings."""
         values = depth.depth_m[np.isfinite(depth.depth_m) & (depth.depth_m > 0.0)]
         if len(values) < MIN_PIXELS:
             return None

@@ -1,4 +1,4 @@
-"""What contradicts itself in the scans of a stream: repaired where that is certain, told in any case."""
+"""Contradictions within the scans of a stream: all are reported, those with a certain remedy are repaired."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gridslam.logs.checks.scan_units import in_metres, in_radians, range_unit
 from gridslam.logs.message_counts import MessageCounts
 
 CODE_FRACTION = 0.97  # a reading this near to range_max that comes again and again is a code for no return
-CODE_BEAMS = 5  # a code is the largest reading of a scan, on at lower this many beams
+CODE_BEAMS = 5  # a code is the largest reading of a scan, on at least this many beams
 MAX_SWEEP_PERIODS = 1.1  # a sweep that lasts longer would overlap the next
 MIN_STAMPS = 3  # fewer give no period
 

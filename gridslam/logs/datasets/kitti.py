@@ -122,7 +122,7 @@ def _stamps(folder: Path, count: int) -> tuple[list[int], list[Path]]:
 
 
 def _truth_files(folder: Path) -> Sequence[Path]:
-    """Where the true poses may be: beside the pictures, or in the folder `poses` of the dataset."""
+    """Possible files of the true poses: beside the pictures, and in the folder `poses` of the dataset."""
     return folder / "poses.txt", folder.parent.parent / "poses" / f"{folder.name}.txt"
 
 

@@ -1,4 +1,4 @@
-"""Which dataset a folder is of."""
+"""Recognition of the public datasets: the source for a folder that holds one."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def open_tum_rgbd(folder: Path) -> DatasetSource:
     notes = []
     if not name:
         notes.append(
-            f"{folder.name}: the name of the sequence tells no camera (freiburg1, 2 or 3): the default calibration of 525 px "
+            f"{folder.name}: the name of the sequence names no camera (freiburg1, 2 or 3): the default calibration of 525 px "
             "is used"
         )
     rows, cols = read_pixels(inside(folder, rgb_names[0])).shape[:2]

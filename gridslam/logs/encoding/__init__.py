@@ -1,1 +1,1 @@
-"""What codecs of all kinds are made of: CDR, rows of CSV, pictures, common fields."""
+"""Building blocks of the codecs of all kinds: CDR, rows of CSV, pictures, common fields."""

@@ -51,7 +51,12 @@ def camera_of(topic: str) -> str:
 def depth_of(
     encoding: str, height: int, width: int, step: int, data: bytes, is_bigendian: bool
 ) -> NDArray[np.float32]:
-    """Depth in metres; 16-bit values are millimetres with 0 for none, floats are metres."""
+    """Depths `(height, width)` (m) of a raw image, NaN where it has none.
+
+    `encoding` 16UC1 or mono16: millimetres, 0 for none; 32FC1: metres. `step` is the length of a row of `data` in bytes,
+    `is_bigendian` its byte order. Raises UnusableMessageError: another encoding. ValueError: too little
+    data for the size.
+    """
     order = ">" if is_bigendian else "<"
     if encoding in ("16UC1", "mono16"):
         raw = _rows(height, width * 2, step, data).view(f"{order}u2")

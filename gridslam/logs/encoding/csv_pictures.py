@@ -20,7 +20,7 @@ _MAX_FOLDER_NAME = 50  # characters of a camera; a file system takes 255 bytes
 
 
 def read_pixels(path: Path) -> NDArray[np.uint8]:
-    """Grey or RGB pixels of a PNG or JPEG. Raises UnusableMessageError: the file is none."""
+    """Pixels of a PNG or JPEG, `(rows, cols)` grey or `(rows, cols, 3)` RGB. Raises UnusableMessageError: the file is none."""
     try:
         return unpacked(_bytes_of(path))
     except (OSError, ValueError) as error:
@@ -28,7 +28,10 @@ def read_pixels(path: Path) -> NDArray[np.uint8]:
 
 
 def read_floats(path: Path) -> NDArray[np.float32]:
-    """Depths in metres, or disparities in pixels. Raises UnusableMessageError: the file holds none."""
+    """Depths (m) or disparities (pixels) `(rows, cols)` of a .npy file, or of a PNG in thousandths with 0 for none.
+
+    Raises UnusableMessageError: the file is neither.
+    """
     try:
         data = _bytes_of(path)
         if data.startswith(b"\x93NUMPY"):
@@ -60,7 +63,7 @@ class PictureWriter:
         self._folder = folder
 
     def write_pixels(self, kind: str, event: Any, pixels: NDArray[np.uint8]) -> str:
-        """Write a PNG; the result is its name inside the log's folder."""
+        """Write pixels, `(rows, cols)` grey or `(rows, cols, 3)` RGB, as a PNG; returns its name inside the log's folder."""
         from PIL import Image as Pillow
 
         buffer = io.BytesIO()
@@ -68,7 +71,7 @@ class PictureWriter:
         return self._write(kind, event, ".png", buffer.getvalue())
 
     def write_floats(self, kind: str, event: Any, values: NDArray[np.float32]) -> str:
-        """Write a .npy file of float32; the result is its name inside the log's folder."""
+        """Write values `(rows, cols)` as a .npy file of float32; returns its name inside the log's folder."""
         buffer = io.BytesIO()
         np.save(buffer, np.ascontiguousarray(values, dtype=np.float32), allow_pickle=False)
         return self._write(kind, event, ".npy", buffer.getvalue())

@@ -38,7 +38,7 @@ class TableColumns:
     frame_falls_back: bool = True  # to the antenna or the camera, where a row names no frame
 
     def mark_invalid(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Readings in the file's unit, NaN where they mean no return."""
+        """Set readings `(beams,)`, in the file's unit, to NaN in place where they mean no return; returns the same array."""
         for value in self.invalid:
             values[values == value] = np.nan
         if self.invalid_from is not None:
@@ -46,7 +46,7 @@ class TableColumns:
         return values
 
     def to_metres(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Range readings of the file in metres."""
+        """Ranges (m) of readings `(beams,)` in the file's unit."""
         return values if self.range_divisor is None else values / self.range_divisor
 
     def folder_file(self, name: str) -> Path:
@@ -109,7 +109,7 @@ class Row:
         return canonical_yaw(yaw)
 
     def ranges_m(self) -> NDArray[np.float64]:
-        """The range columns in metres, without empty fields at the end; NaN for no return."""
+        """Ranges `(beams,)` (m) of the range columns, without empty fields at the end; NaN for no return."""
         fields = self._fields[self._columns.first_range : self._columns.range_end]
         while fields and not fields[-1].strip():
             fields.pop()

@@ -95,7 +95,10 @@ def _plain(image: RawImage, channels: int, size: int) -> Pixels:
 
 
 def eight_bits(values: NDArray[np.uint16]) -> Pixels:
-    """The upper eight of the significant bits of 16-bit values: of all 16, or of 12 or 10 if none uses more."""
+    """The upper eight of the significant bits of 16-bit values, as an array of the same shape.
+
+    Significant are 16 bits, or 12, 10 or 8 if no value uses more.
+    """
     highest = int(values.max(initial=0))
     bits = next(bits for bits in (8, 10, 12, 16) if highest < 1 << bits)
     return np.asarray(values >> (bits - 8), np.uint8)

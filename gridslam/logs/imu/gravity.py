@@ -72,7 +72,7 @@ def _bias(still: Floats, steps_s: Floats, forces: Floats) -> Floats:
 
 
 def _unsteadiness(forces: Floats) -> float:
-    """How far averaged forces `(n, 3)` in a still frame, where gravity does not change, are from their mean."""
+    """Mean distance (m/s^2) of averaged specific forces `(n, 3)` in a fixed frame from their mean; 0 for gravity alone."""
     return float(np.linalg.norm(forces - forces.mean(axis=0), axis=1).mean())
 
 

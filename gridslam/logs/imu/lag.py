@@ -1,4 +1,4 @@
-"""How late an IMU's stamps are, by its turn rate and the turns of the odometry."""
+"""Lag of an IMU's stamps behind the odometry's, found by correlating the yaw rates of both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an IMU and odometry measured over time, as arrays."""
+"""Time series of an IMU and of the odometry, as arrays."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class OdometryReference:
     positions: Floats
 
     def speeds_at(self, stamps_ns: Stamps) -> Floats:
-        """Forward speeds (m/s) at stamps, from positions SPEED_STEP_S apart."""
+        """Forward speeds `(k,)` (m/s) at stamps `(k,)`, by central differences over `SPEED_STEP_S`."""
         times, own = stamps_ns * 1e-9, self.stamps_ns * 1e-9
         before, after = (
             np.column_stack([np.interp(times + shift, own, column) for column in self.positions.T])

@@ -24,7 +24,7 @@ GRAVITY_MPS2, MAX_GRAVITY_ERROR = 9.81, 0.1  # median specific force; a few driv
 MIN_AGREEMENT = 0.9
 MIN_RATE_CORRELATION = 0.5  # between changes of the vertical and the turn rates that should cause them
 RATE_STEP_S = 0.1  # over which these are compared
-MIN_TURN_RAD = 1.0  # of the odometry, to tell the sense of the yaw rate
+MIN_TURN_RAD = 1.0  # of the odometry: less does not show the sign of the IMU's yaw rate
 YAW_STEP_S = 0.5
 MAX_MOUNT_TILT_RAD = math.radians(15.0)  # of the IMU on the robot beyond its known extrinsics
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
@@ -58,9 +58,9 @@ class UntrustedImuError(Exception):
 
 
 def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> Verticals:
-    """The verticals by the orientation, or by the specific force where there is no orientation that can be trusted.
+    """Verticals in the base frame: by the orientation, or by the specific force where no orientation can be trusted.
 
-    Raises UntrustedImuError.
+    `R_base_imu` `(3, 3)` rotates the IMU into the base frame. Raises UntrustedImuError: neither gives a vertical.
     """
     forces = _specific_forces(readings.forces)
     yaw_sense = _yaw_sense(readings, R_base_imu, odometry)

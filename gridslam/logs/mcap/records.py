@@ -62,7 +62,7 @@ def unpack(compression: str, data: bytes, size: int) -> bytes | None:
 
 
 def unpack_beginning(body: bytes, limit_bytes: int) -> bytes:
-    """What can be unpacked of the body of a chunk whose end is missing, at most `limit_bytes`."""
+    """The readable beginning of the data of a chunk whose end is missing, unpacked, at most `limit_bytes`."""
     if len(body) < CHUNK_HEAD.size:
         return b""
     name_length = int(CHUNK_HEAD.unpack_from(body)[4])
@@ -92,6 +92,7 @@ def profile_of(head: bytes) -> str:
 
 
 def exactly(stream: IO[bytes], size: int) -> bytes:
+    """The next `size` bytes of a stream. Raises LogError: the file became shorter while it was read."""
     data = stream.read(size)
     if len(data) != size:
         raise LogError(f"{getattr(stream, 'name', 'the log')}: became shorter while it was read; run again")
@@ -99,6 +100,7 @@ def exactly(stream: IO[bytes], size: int) -> bytes:
 
 
 def block(body: bytes, at: int) -> tuple[bytes, int]:
+    """A field with its length in front, from offset `at`, and the offset behind it. Raises ValueError: it is cut."""
     end = at + 4 + int.from_bytes(body[at : at + 4], "little")
     if at + 4 > len(body) or end > len(body):
         raise ValueError("field reaches beyond its record")
@@ -106,5 +108,6 @@ def block(body: bytes, at: int) -> tuple[bytes, int]:
 
 
 def text(body: bytes, at: int) -> tuple[str, int]:
+    """A text field in UTF-8 from offset `at`, and the offset behind it, as `block`."""
     raw, end = block(body, at)
     return raw.decode(), end

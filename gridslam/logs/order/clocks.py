@@ -84,7 +84,7 @@ def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> boo
 
 
 def _unset(stream: RecordedStream, stamps: Stamps, arrivals: Stamps | None) -> tuple[NDArray[np.bool_], str]:
-    """Which stamps `(n,)` of a stream say nothing, and what they have in common, in words."""
+    """Mask `(n,)` of the unusable stamps of a stream, and the reason as a clause; "" without any."""
     is_zero = stamps == 0
     if is_zero.all():
         return is_zero, "all stamps are 0"
@@ -147,9 +147,9 @@ def _is_clock(arrivals_ns: array[int], count: int) -> bool:
 
 
 def _clock_offset_ns(stream: RecordedStream) -> int | None:
-    """What the recorder's clock is ahead of the stamps by; None where it is not the same from start to end.
+    """Nanoseconds by which the recorder's clock is ahead of the stamps; None where the offset is not constant.
 
-    Messages arrive late by varying times, never early: the least difference is the clocks'.
+    Messages arrive late by varying times, never early: the smallest difference is the clocks'.
     """
     if not _is_clock(stream.arrivals_ns, len(stream.stamps_ns)):
         return None

@@ -1,4 +1,4 @@
-"""What is said about the order of a log's messages: steps of the clock, stamps that go back or repeat, unused streams."""
+"""Notes on the order of a log's messages: clock steps, out-of-order and repeated stamps, unused streams."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def merge_plan(
 
 
 def without_outliers(stamps_ns: Sequence[int]) -> NDArray[np.int64]:
-    """The stamps, each outlier replaced by the stamp before it."""
+    """The stamps `(n,)` (ns), each outlier replaced by the stamp before it."""
     stamps = np.array(stamps_ns, dtype=np.int64)
     places = np.array(sorted(outlier_places(stamps_ns)), dtype=np.int64)
     stamps[places] = stamps[places - 1]

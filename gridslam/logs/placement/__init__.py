@@ -1,1 +1,1 @@
-"""Where sensors are mounted, and what they see once that is known."""
+"""Extrinsics of the sensors of a log, and scans that depend on them: levelled, from moving mounts, from point clouds."""

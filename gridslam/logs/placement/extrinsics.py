@@ -111,8 +111,10 @@ def mount(
     message_counts: MessageCounts,
     on_robot: Collection[str] = (),
 ) -> list[Transform]:
-    """One static transform per sensor frame: T_base_sensor where the two are connected, else T_root_sensor
-    of the sensor's own tree (a camera on the wall), else the identity, with a note. Frames in `on_robot` are never on the wall.
+    """One static transform per frame in `sensor_frames`, by `config` or by the `edges` of the log's tree at `stamp_ns`.
+
+    It is T_base_sensor where the frame is connected with `base_frame`, else T_root_sensor of the sensor's own tree (a camera on
+    the wall), else the identity, with a note in `message_counts`. Frames in `on_robot` are never on the wall.
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)

@@ -1,4 +1,4 @@
-"""Where the sensors of a log sit on the robot: fixed, on joints that move, or virtual lidars made of point clouds."""
+"""Extrinsics of the sensors of a log: fixed ones, those on moving joints, and virtual lidars made of point clouds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file of ROS messages offers: channels, schemas and raw messages."""
+"""Interface of a file of ROS messages: channels, schemas and raw messages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Channel:
 
 
 class Container(Protocol):
-    """What a file format offers: channels, their schemas, and raw messages in recorded order, repeatably."""
+    """A file of ROS messages: channels, their schemas, and raw messages in recorded order, on each pass anew."""
 
     @property
     def channels(self) -> Mapping[int, Channel]:
@@ -38,7 +38,7 @@ class Container(Protocol):
 
     @property
     def arrival_ns(self) -> int | None:
-        """When the recorder got the message that `messages` has given last; None where that is not known."""
+        """Time of arrival (ns) of the last message that `messages` has yielded; None where it was not recorded."""
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel id, data)."""

@@ -97,7 +97,7 @@ class Ros1Messages:
 
     @property
     def arrival_ns(self) -> int | None:
-        """When the last message arrived."""
+        """Time of arrival (ns) of the last message that was yielded; None if unknown."""
         return self._container.arrival_ns
 
     def messages(self) -> Iterator[tuple[int, bytes]]:

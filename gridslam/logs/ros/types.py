@@ -13,7 +13,7 @@ from gridslam.logs.ros.definitions import checked_types, is_type_name
 MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
 TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
 
-# The fields that the hand-written decoders in ros_fast expect.
+# The fields that the hand-written decoders in `fast_cdr` expect.
 _STANDARD_FIELDS = {
     "std_msgs/msg/Header": "builtin_interfaces/Time stamp|string frame_id",
     "builtin_interfaces/msg/Time": "int32 sec|uint32 nanosec",

@@ -73,7 +73,7 @@ class PackedMessages:
 
     @property
     def arrival_ns(self) -> int | None:
-        """When the last message arrived."""
+        """Time of arrival (ns) of the last message that was yielded; None if unknown."""
         return self._container.arrival_ns
 
     def messages(self) -> Iterator[tuple[int, bytes]]:

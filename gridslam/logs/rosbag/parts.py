@@ -1,4 +1,4 @@
-"""Which files of a folder without metadata.yaml are the parts of one recording.
+"""Files of a folder without metadata.yaml that are the parts of one recording.
 
 A recorder splits NAME into NAME_0, NAME_1, ... and people number their drives in the same way. A part begins where the one before
 ends, within the time between two messages; a drive begins later, or at any time on another robot.
@@ -43,7 +43,7 @@ def numbered_files(folder: Path) -> list[Path]:
 
 
 def why_several(files: Sequence[Path]) -> str:
-    """What shows that files are recordings of their own, in words; nothing if they may be the parts of one."""
+    """The evidence that files are separate recordings, as a clause; "" if they may be the parts of one."""
     if len(files) < 2:
         return ""
     spans = [(span, path) for path in files if (span := recorded_span(path)) is not None]
@@ -57,7 +57,7 @@ def why_several(files: Sequence[Path]) -> str:
 
 
 def recorded_span(path: Path) -> tuple[int, int] | None:
-    """When the first and the last message of a file arrived (ns); None where its index does not say, or it is packed."""
+    """Times of arrival (ns) of the first and the last message of a file; None if packed or without an index of them."""
     if is_packed(path):
         return None
     counts = MessageCounts()

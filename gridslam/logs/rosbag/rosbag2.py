@@ -35,7 +35,7 @@ class Recordings:
 
     @property
     def arrival_ns(self) -> int | None:
-        """When the last message arrived."""
+        """Time of arrival (ns) of the last message that was yielded; None if unknown."""
         return None if self._reading is None else self._reading.arrival_ns
 
     def messages(self) -> Iterator[tuple[int, bytes]]:

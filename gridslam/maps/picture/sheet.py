@@ -1,4 +1,4 @@
-"""What stands around and on a map's windows: axes in metres, grid, origin, scale bar, legend, title."""
+"""Frame of a map picture: axes in metres, grid, origin, scale bar, legend, title."""
 
 from __future__ import annotations
 

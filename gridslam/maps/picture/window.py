@@ -57,7 +57,7 @@ class MapWindow:
         )
 
     def limits_m(self) -> tuple[Floats, Floats]:
-        """First and last coordinate (m) of the window along the grid's x axis, and along its y axis.
+        """First and last coordinate (m) of the window along the grid's x axis `(2,)`, and along its y axis `(2,)`.
 
         They count from the origin of the map frame; for a grid that is not turned they are x and y of the map.
         """

@@ -17,7 +17,7 @@ from gridslam.lidar_slam.config import (
 
 
 class DrawingInputConfig(StrictModel):
-    """How the drawing is read."""
+    """Reading of the drawing."""
 
     walls_are: Literal["auto", "dark", "bright"] = Field(
         "auto",
@@ -73,7 +73,7 @@ class LocalizationConfig(StrictModel):
 
 
 class ExplorationConfig(StrictModel):
-    """What only `gridslam explore` uses."""
+    """Settings that only `gridslam explore` uses."""
 
     visit_frontiers: bool = Field(
         True,

@@ -86,13 +86,19 @@ def coverage_of(
 
 
 def drawing_layers(drawn: DrawnMap, observed: Mask) -> dict[str, GridLayer]:
-    """Free space and walls as read from the drawing, and the walls that were observed, in the drawing frame."""
+    """Free space and walls as read from the drawing, and the walls that were observed, in the drawing frame.
+
+    `observed` `(rows, cols)` masks the walls of the drawing that were observed.
+    """
     values = {"drawing_free": drawn.free, "drawing_walls": drawn.walls, "drawing_seen": observed}
     return {name: GridLayer(v.astype(np.float32), drawn.geometry) for name, v in values.items()}
 
 
 def measures_of(drawn: DrawnMap, updates: Sequence[DrawingUpdate], observed: Mask) -> dict[str, object]:
-    """The scales (median over the second half of the run), the mean inlier ratio, and the fraction of walls observed."""
+    """The scales (median over the second half of the run), the mean inlier ratio, and the fraction of walls observed.
+
+    `observed` `(rows, cols)` masks the walls of the drawing that were observed.
+    """
     reading = {"walls_are": drawn.walls_are, "is_open": drawn.is_open}
     if not updates:
         return {"drawing": reading}

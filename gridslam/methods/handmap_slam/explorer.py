@@ -1,6 +1,6 @@
-"""Where to drive next: from the pose in the drawing and lidar observations to wheel speeds (paper sections 3 to 5).
+"""Exploration: from the pose in the drawing and lidar observations to wheel speeds (paper sections 3 to 5).
 
-`Explorer` does not depend on the simulator: it receives odometry and scans as they arrive, is asked for a command ten times a
+`Explorer` does not depend on the simulator: it receives odometry and scans as they arrive, gives a command ten times a
 second, and reports when it has finished.
 """
 
@@ -87,7 +87,7 @@ class Explorer:
 
     @property
     def recoveries(self) -> int:
-        """How often the robot was stuck and recovered."""
+        """Number of times that the robot was stuck and recovered."""
         return self._pursuit.recoveries
 
     def add(self, event: object) -> None:

@@ -1,4 +1,4 @@
-"""Which drawn lines are observed, and the correction if one family of them is not (paper section 6.1, eqs. 1 and 2)."""
+"""Observed and missing drawn lines, and the correction if one family of them is missing (paper section 6.1, eqs. 1 and 2)."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class DrawingLocalizer:
         self.states[:, :2] += offset
 
     def belief(self, points: Floats) -> DrawingBelief:
-        """The heaviest cluster of particles, and the inlier ratio of the points there."""
+        """The heaviest cluster of particles, and the inlier ratio of the points `(m, 2)` (m, robot's frame) there."""
         return belief_of(self.states, self._weights, self._likelihood, points)
 
     def _aspect_prior(self) -> Floats:

@@ -98,7 +98,7 @@ class ObservedGrid:
         self._abandoned = np.concatenate([self._abandoned, places])
 
     def nearest_viewpoint(self, T_map_base: Floats, radius_m: float) -> Viewpoint | None:
-        """The viewpoint with the shortest path, for a robot of a given radius; None if there is none left."""
+        """The viewpoint with the shortest path from T_map_base `(3,)`, for a robot of a given radius; None without any."""
         if self._last is None:
             return None
         blocked = is_blocked(self._passed, self._hit)

@@ -65,7 +65,7 @@ class Pursuit:
         self.recoveries = 0
 
     def add_scan(self, T_odom_base: Floats, scan: BeamEndpoints) -> None:
-        """Use the points of a scan as obstacles for a short while."""
+        """Use the points of a scan, taken at T_odom_base `(3,)`, as obstacles until `RECENT_SCANS` later ones have come."""
         near = scan.points[np.abs(scan.points).max(axis=1) < OBSTACLE_RANGE_M + 1.0]
         self._scans.append((T_odom_base.copy(), near))
 
@@ -74,7 +74,7 @@ class Pursuit:
         self._path = se2.transform_points(T_odom_base, path) if len(path) else np.zeros((0, 2))
 
     def command(self, stamp_ns: int, T_odom_base: Floats, current: WheelSpeeds) -> WheelSpeeds:
-        """Wheel speeds for the next period, given the current ones."""
+        """Wheel speeds for the next period, given T_odom_base `(3,)` at a stamp and the current speeds."""
         obstacles = self.obstacles(T_odom_base)
         if not len(self._path):
             self._recent_poses.clear()

@@ -29,7 +29,7 @@ class RecentOdometry:
 
     @property
     def latest(self) -> tuple[int, Floats]:
-        """Stamp and T_odom_base of the last message."""
+        """Stamp and T_odom_base `(3,)` of the last message."""
         return self._poses[-1]
 
     def add(self, odometry: Odometry) -> None:
@@ -37,7 +37,7 @@ class RecentOdometry:
         self._poses.append((odometry.stamp_ns, odometry.pose))
 
     def pose_at(self, stamp_ns: int) -> Floats:
-        """T_odom_base at a stamp, interpolated; before the first and after the last message, that message's pose."""
+        """T_odom_base `(3,)` at a stamp, interpolated; before the first and after the last message, that message's pose."""
         stamps = [stamp for stamp, _ in self._poses]
         inside_ns = min(max(stamp_ns, stamps[0]), stamps[-1])
         pose = pose_at(inside_ns, stamps, [pose for _, pose in self._poses])

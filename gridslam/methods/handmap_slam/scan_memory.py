@@ -88,7 +88,7 @@ class ScanMemory:
         self._latest: tuple[Floats, BeamEndpoints] | None = None
 
     def add(self, T_map_base: Floats, scan: BeamEndpoints) -> None:
-        """Add the newest scan; the previous one is kept if it was taken far enough from the last one kept."""
+        """Add the newest scan, at T_map_base `(3,)`; the previous one is kept if it was taken far from the last one kept."""
         if self._latest is not None and self._is_far_from_kept(self._latest[0]):
             self._kept.append(self._latest)
         self._latest = (T_map_base.copy(), scan)
@@ -99,7 +99,10 @@ class ScanMemory:
         return float(np.hypot(*(pose - self._kept[-1][0])[:2])) >= SCAN_SPACING_M
 
     def cells_on(self, grid: PlanGrid, T_map_base: Floats, pose: DrawingPose) -> tuple[Cells, Cells]:
-        """Cells of the grid with observed surfaces, and cells observed to be free, by the robot's current poses."""
+        """Masks `(rows, cols)` of the grid's cells with observed surfaces, and of those observed to be free.
+
+        The scans lie relative to the robot's current poses T_map_base `(3,)` and, in the drawing, `pose`.
+        """
         passed = np.zeros(grid.walls.shape, np.uint16)
         hit = np.zeros(grid.walls.shape, np.uint16)
         for T_map_then, scan in [*self._kept, *([self._latest] if self._latest else [])]:
@@ -134,5 +137,5 @@ def count_beams(
 
 
 def is_blocked(passed: NDArray[np.uint16], hit: NDArray[np.uint16]) -> Cells:
-    """Whether each cell has enough surfaces for the beams that pass it."""
+    """Mask of the cells with enough surfaces (`hit`) for the beams that pass them (`passed`); all arrays `(rows, cols)`."""
     return np.asarray((hit > 0) & (hit >= MIN_HIT_RATIO * passed))

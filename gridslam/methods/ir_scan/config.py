@@ -21,7 +21,7 @@ class RangerLimits(StrictModel):
 
 
 class WheelConfig(StrictModel):
-    """Which sensors give the odometry (paper section 2.6)."""
+    """Sensors that give the odometry (paper section 2.6)."""
 
     wheel_radius_m: Positive | None = Field(
         None,
@@ -44,7 +44,7 @@ class WheelConfig(StrictModel):
 
 
 class ReadingsConfig(StrictModel):
-    """Which readings are used (paper section 2.5), and their noise."""
+    """Selection of the readings (paper section 2.5), and their noise."""
 
     neighbour_m: Positive = Field(
         0.05,
@@ -73,7 +73,7 @@ class ReadingsConfig(StrictModel):
 
 
 class MatchingConfig(StrictModel):
-    """How a scan is matched to the map at each stop."""
+    """Matching of a scan to the map at each stop."""
 
     kind: Literal["search", "shift", "none"] = Field(
         "search",

@@ -224,7 +224,7 @@ def estimate_of(tracker: StopTracker) -> Estimate | None:
 
 
 def result_of(tracker: StopTracker, poses: Floats, occupancy: OccupancyGrid, is_smooth: bool) -> RunResult:
-    """The part of the result that mapping and localization have in common."""
+    """The part of the result that mapping and localization have in common; `poses` `(s, 3)` are those of the stops."""
     tracker.advance_to_end()
     picture = raw_and_filtered(tracker.stops, occupancy)
     return RunResult(

@@ -39,7 +39,7 @@ class PosGrid:
 
 
 def probability_of(pos: Floats) -> NDArray[np.float32]:
-    """Probability of occupancy of pos, increasing with it; NaN where pos is 0.
+    """Probability of occupancy of pos `(rows, cols)`, increasing with it; NaN where pos is 0.
 
     pos > 0: 1 - 0.34 exp(-pos); pos < 0: 0.19 exp(pos). The step at 0 keeps the paper's three states in a map_server map,
     which has only occupied, free and unknown cells.

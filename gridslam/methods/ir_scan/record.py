@@ -55,7 +55,7 @@ def _between_stops(start: Floats, end: Floats, motion: RelativeMotion, is_smooth
 
 
 def stops_table(stops: Sequence[Stop], poses: Floats) -> Table:
-    """One row per stop: pose, pose predicted by odometry, number of readings, and the match."""
+    """One row per stop: pose, pose predicted by odometry, number of readings, and the match; `poses` `(s, 3)`."""
     rows = [
         (
             stop.stamp_ns, *poses[k].tolist(), *stop.predicted.tolist(),

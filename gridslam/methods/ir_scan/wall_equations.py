@@ -62,7 +62,7 @@ def by_cell(points: Floats, cell_m: float, corner: float) -> tuple[Ints, Ints]:
 
 
 def eliminate_walls(equations: WallEquations) -> tuple[sparse.csr_matrix, Floats]:
-    """Hessian and gradient of the poses alone: the Schur complement of all walls' offsets and tilts."""
+    """Hessian `(3s, 3s)` and gradient `(3s,)` of the poses alone: the Schur complement of all walls' offsets and tilts."""
     counts, gradient = equations.stops_of_wall, equations.pose_gradients
     w0, w1, w2 = (
         equations.wall_blocks[:, 0] + 1.0,  # + 1: the blocks of walls without points stay regular

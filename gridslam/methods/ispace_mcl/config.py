@@ -183,7 +183,7 @@ class AdvancedLocalizationConfig(StrictModel):
     )
     camera_background: Literal["colour-and-depth", "colour"] = Field(
         "colour-and-depth",
-        description="What tells moving objects from the background. colour: the paper's background subtraction, which takes "
+        description="Comparison by which moving objects are found. colour: the paper's background subtraction, which takes "
         "lights and shadows for objects.",
     )
 

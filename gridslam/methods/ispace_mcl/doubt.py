@@ -1,4 +1,4 @@
-"""When a finished localization is not to be trusted, and what to tell the user then."""
+"""Doubt about a finished localization, with advice to the user."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class History(Protocol):
         """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
 
     def jumps_m(self) -> NDArray[np.float64]:
-        """Distances between places where the robot was localized one after the other and that the odometry does not connect."""
+        """Distances `(k,)` (m) between successive places of a localized robot that the odometry does not connect."""
 
 
 def doubt_of(
@@ -118,7 +118,7 @@ def _doubt_of_jumps(jumps_m: NDArray[np.float64]) -> Doubt | None:
 
 
 def _question(occupancy: OccupancyGrid, occupied_threshold: float) -> str:
-    """What the user should check."""
+    """A question to the user about the likely cause."""
     known = int(np.count_nonzero(~np.isnan(occupancy.probability)))
     walls = int(np.count_nonzero(occupancy.probability >= occupied_threshold)) / max(known, 1)
     if walls > MAX_WALL_RATIO:

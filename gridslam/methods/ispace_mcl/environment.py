@@ -148,7 +148,7 @@ class DetectionWeight:
         return nearest, best
 
     def _agreement(self, track: ObservedTrack, poses: Floats) -> Floats:
-        """How well the past `(n,)` of an object agrees with the paths of robots with poses `(n, 3)` now, from 0 to 1.
+        """Agreement `(n,)`, 0 to 1, of an object's past with the paths of robots that are at poses `(n, 3)` now.
 
         The track may have been a person's until some frames ago: then only its past since then counts, for less.
         """

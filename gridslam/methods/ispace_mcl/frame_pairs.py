@@ -32,7 +32,7 @@ class Frame:
 
     @property
     def streams(self) -> tuple[str, ...]:
-        """Where its images come from: image, depth or both."""
+        """The streams of its images: image, depth or both."""
         return (*(("image",) if self.image else ()), *(("depth",) if self.depth else ()))
 
     @property
@@ -43,12 +43,12 @@ class Frame:
 
     @property
     def pixels(self) -> NDArray[np.uint8] | None:
-        """The colours, if there are any."""
+        """Pixels `(rows, cols)` or `(rows, cols, 3)` of the colour image, if there is one."""
         return None if self.image is None else self.image.pixels
 
     @property
     def depth_m(self) -> NDArray[np.float32] | None:
-        """The depths, if there are any."""
+        """Depths `(rows, cols)` (m) of the depth image, if there is one."""
         return None if self.depth is None else self.depth.depth_m
 
 

@@ -49,9 +49,10 @@ def coverage_picture(
 
 @dataclass(frozen=True, slots=True)
 class FloorCounts:
-    """How many floor cells cover each cell of a map: those about the map cells `centres` `(k, 2)`, `repeats` `(k,)` times each.
+    """Numbers of floor cells on each cell of a map.
 
-    Counted part by part: those of a large map take four times its memory.
+    Floor cells lie about the map cells `centres` `(k, 2)`, `repeats` `(k,)` of them at each. They are counted part by part:
+    those of a large map take four times its memory.
     """
 
     centres: NDArray[np.int64]
@@ -69,7 +70,7 @@ class FloorCounts:
         return FloorCounts(centres, repeats, (rows, cols), half_width)
 
     def part(self, rows: slice, cols: slice) -> NDArray[np.int64]:
-        """The counts of some rows and columns."""
+        """The counts `(r, c)` of some rows and columns."""
         margin, width = self.half_width, 2 * self.half_width + 1
         first = np.array([rows.start, cols.start]) - margin
         size = np.array([rows.stop - rows.start, cols.stop - cols.start]) + 2 * margin
@@ -87,7 +88,7 @@ class FloorCounts:
         )
 
     def in_bands(self) -> Iterator[NDArray[np.int64]]:
-        """The counts of the whole map, some rows at once."""
+        """The counts `(r, cols)` of the whole map, some rows at once."""
         rows, cols = self.shape
         at_once = max(CELLS_AT_ONCE // max(cols, 1), 1)
         for first in range(0, rows, at_once):

@@ -97,7 +97,7 @@ class LocalizationHistory:
         return travel_ratio(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())
 
     def jumps_m(self) -> NDArray[np.float64]:
-        """How far localized poses lie from where the ones before them and the odometry put them, where that is a jump."""
+        """Lengths `(k,)` (m) of the jumps of localized poses from the pose before, moved by the odometry."""
         if len(self._poses) < 2:
             return np.zeros(0)
         return jumps_m(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())

@@ -71,7 +71,7 @@ DOUBT_LOG_ODDS = 3.0
 CONFIRM_BY_SCANS_LOG_ODDS = 1.0
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
-BESIDE_M = 1.5  # the path drifts as much over the window: its older scans cannot tell two poses apart that are as near
+BESIDE_M = 1.5  # the path drifts as much over the window: its older scans do not distinguish two poses that are as near
 
 _SAME_M, _SAME_RAD = 0.75, 0.4  # a hypothesis nearer than this to the tracked pose is the same place
 _CLIMB_ROUNDS, _CLIMB_SHRINK = 4, 0.7
@@ -237,7 +237,7 @@ def _elsewhere(poses: Floats, pose: Floats) -> Floats:
 
 
 def _is_near(poses: Floats, others: Floats, distance_m: float) -> NDArray[np.bool_]:
-    """Which pairs of poses `(..., 3)` are within a distance of each other, with about the same heading."""
+    """Mask `(...)` of the pairs of poses `(..., 3)` within a distance of each other, with about the same heading."""
     off = poses - others
     is_near = np.hypot(off[..., 0], off[..., 1]) < distance_m
     return np.asarray(is_near & (np.abs(se2.wrap_angle(off[..., 2])) < _SAME_RAD))

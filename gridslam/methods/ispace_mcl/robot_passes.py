@@ -91,7 +91,7 @@ class RobotPasses:
         }
 
     def notes(self) -> list[str]:
-        """What a user should know of the camera, one line each."""
+        """Notes on the camera for the user, one line each."""
         moved = (
             ["was moved, as the robot's passes show; its extrinsics were estimated anew"]
             if self._moves
@@ -129,7 +129,7 @@ class RobotPasses:
         return Correction(about(self._place, found[:3]), found[:3], len(off), *medians)
 
     def _equations(self) -> tuple[Floats, Floats]:
-        """How the offsets depend `(n, 2, 4)` on shift, rotation and side, and those of the detections to the robot `(n, 2)`."""
+        """Jacobian `(n, 2, 4)` of the detections' offsets by shift, rotation and side, and the offsets `(n, 2)` to the robot."""
         arm = self._seen - self._place
         jacobian = np.zeros((len(arm), 2, 4))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0

@@ -1,4 +1,4 @@
-"""When the map is searched, and how much a tracked pose is trusted by then.
+"""Schedule of the searches of the map, and the trust in the tracked pose at each of them.
 
 A pose is trusted while the last comparison confirmed it. Only then does travel count in its favour at the next comparison: a
 wrong pose in a place that looks alike agrees with the map too.

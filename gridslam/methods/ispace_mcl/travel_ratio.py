@@ -38,7 +38,7 @@ def travel_ratio(poses: Floats, odometry: Floats, is_localized: Bools) -> float:
 
 
 def jumps_m(poses: Floats, odometry: Floats, is_localized: Bools) -> Floats:
-    """How far each pose of a localized scan lies from where the one before and the odometry put it, where that is a jump.
+    """Lengths `(k,)` (m) of the jumps of localized poses from the pose before, moved by the odometry.
 
     `poses` and `odometry` `(n, 3)` are those of all scans. A robot that was carried jumps as well.
     """

@@ -1,4 +1,4 @@
-"""What it means that an object was not read: a silent antenna is information as well."""
+"""Likelihood of an object that was not read: a silent antenna is information as well."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Drift:
         self.anchor[is_matched & (largest_variance < MATCHED_STD_M**2)] = key
 
     def select(self, ancestors: NDArray[np.int64]) -> None:
-        """Resampling: particle i becomes a copy of ancestors[i]."""
+        """Resampling: particle i becomes a copy of ancestors[i]; `ancestors` `(n,)`."""
         self.covariance = self.covariance[ancestors]
         self.anchor = self.anchor[ancestors]
         self.unmatched_key_scans = self.unmatched_key_scans[ancestors]

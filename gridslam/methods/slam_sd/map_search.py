@@ -1,4 +1,4 @@
-"""How particles find their maps again after new ground: by the shape of the recent path, not by one scan.
+"""Matching of particles to their maps again after new ground: by the shape of the recent path, not by one scan.
 
 In a corridor of equal bays one scan matches at every bay. A submap of the key scans that are in no map yet is longer than a
 bay, and most of it must lie on the old map's surfaces: a wrong bay does not survive that, and a right one is found a few metres

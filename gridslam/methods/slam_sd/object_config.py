@@ -56,7 +56,7 @@ class ObjectsConfig(StrictModel):
 
 
 class ObjectEvidenceConfig(StrictModel):
-    """What reads and scans say about an object."""
+    """Likelihoods of reads and scans, given an object."""
 
     antenna_softness: float = Field(
         0.12,

@@ -28,9 +28,10 @@ MIN_MOVE_RAD = 0.2
 def earlier_estimate(
     history: ObjectHistory, observations: RunObservations, path: Floats, key: int
 ) -> PriorEstimate | None:
-    """Where the object was, in the front end's frame about a key scan; its covariance includes the error of the map.
+    """The last pose of an object, in the front end's frame at key scan `key`; its covariance includes the error of the map.
 
-    For an object that was not found yet this is the pose of the closed leaf, if it is known.
+    `path` `(k, 3)` are the poses of the key scans in the map. For an object that was not found yet this is the pose of the
+    closed leaf, if it is known.
     """
     T_track_map = observations.map_in_track(key, path)
     if history.episodes:

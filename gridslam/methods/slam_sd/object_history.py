@@ -1,4 +1,4 @@
-"""Where an object has stood, and when. Poses are relative to key scans, so that they follow the key scans' corrections."""
+"""Episodes of an object: its poses over time, relative to key scans, so that they follow the key scans' corrections."""
 
 from __future__ import annotations
 

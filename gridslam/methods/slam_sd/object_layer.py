@@ -37,7 +37,10 @@ MAX_SCAN_GAP_NS = 2_000_000_000  # a round between two scans farther apart has n
 
 
 class ObjectLayer(Protocol):
-    """The objects of a run, as slam-sd uses them."""
+    """The objects of a run, as slam-sd uses them.
+
+    A `path` `(k, 3)` holds the poses of all key scans in the map frame.
+    """
 
     @property
     def counters(self) -> Counter[str]:
@@ -56,30 +59,33 @@ class ObjectLayer(Protocol):
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """Compute the antennas' poses of the waiting rounds up to the last scan."""
+        """Compute the antennas' poses of the waiting rounds up to the last scan.
+
+        `stamps_ns` and `track` `(3,)` each are the last scans' stamps and poses in the front end's frame.
+        """
 
     def finish(self, path: Floats) -> None:
         """Process what waits at the end of the log; `path` `(k, 3)` are the poses of the key scans."""
 
     def update_history(self, path: Floats) -> None:
-        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+        """Repeat the decision which objects were moved, with better poses `(k, 3)` of the key scans."""
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """Pose graph edges between key scans from which an object was found at the same place."""
+        """Pose graph edges between key scans from which an object was found at the same place; `path` `(k, 3)`."""
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on objects."""
+        """Key scan `key` without the endpoints on objects."""
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects."""
+        """All key scans without the endpoints on objects; `path` `(k, 3)`."""
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects that have been moved."""
+        """All key scans without the endpoints on objects that have been moved; `path` `(k, 3)`."""
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+        """Masks `(r,)` of the returns of each key scan that lie on an object; None if no object was found."""
 
     def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
         """Let the histories follow those of earlier drives; `path` `(k, 3)` are the poses of the key scans of all drives.
@@ -91,7 +97,7 @@ class ObjectLayer(Protocol):
         """The estimates of all objects for the session; those of earlier drives if this one has no tags."""
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
-        """Maps, tables and the picture of the objects; None if no object was found."""
+        """Maps, tables and the picture of the objects for a `path` `(k, 3)`; None if no object was found."""
 
 
 class NoObjects:
@@ -111,45 +117,45 @@ class NoObjects:
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """No round waits."""
+        """Do nothing: no round waits (see `ObjectLayer`)."""
 
     def finish(self, path: Floats) -> None:
-        """Nothing waits."""
+        """Do nothing: no round waits (see `ObjectLayer`)."""
 
     def update_history(self, path: Floats) -> None:
-        """Nothing was found."""
+        """Do nothing: there are no objects (see `ObjectLayer`)."""
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """None."""
+        """Return None: there are no objects (see `ObjectLayer`)."""
         return None
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """The scan itself."""
+        """The scan itself (see `ObjectLayer`)."""
         return scan
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """The scans themselves."""
+        """The scans themselves (see `ObjectLayer`)."""
         return scans
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """The scans themselves."""
+        """The scans themselves (see `ObjectLayer`)."""
         return scans
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """None."""
+        """Return None: there are no objects (see `ObjectLayer`)."""
         return None
 
     def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
-        """There are no histories."""
+        """Do nothing: there are no histories (see `ObjectLayer`)."""
 
     def records(self, earlier: ObjectRecords) -> ObjectRecords:
         """Those of earlier drives."""
         return earlier
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
-        """None."""
+        """Return None: there are no objects (see `ObjectLayer`)."""
         return None
 
 
@@ -192,7 +198,7 @@ class TaggedObjects:
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """Give the waiting rounds up to the last scan their antennas' poses, interpolated between scans."""
+        """Give the waiting rounds up to the last scan their antennas' poses, interpolated between scans (see `ObjectLayer`)."""
         due = [event for event in self._waiting if event.stamp_ns <= stamps_ns[-1]]
         self._waiting = [event for event in self._waiting if event.stamp_ns > stamps_ns[-1]]
         for event in due:
@@ -227,30 +233,30 @@ class TaggedObjects:
             self._tracker.finish(path)
 
     def update_history(self, path: Floats) -> None:
-        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+        """Repeat the decision which objects were moved, with better poses `(k, 3)` of the key scans."""
         self._tracker.update_episodes(path)
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """Edges between the key scans from which an object was found at the same place."""
+        """Edges between key scans from which an object was found at the same place; `path` `(k, 3)`."""
         return landmark_edges(self.found, path) if self.found else None
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on tagged objects."""
+        """Key scan `key` without the endpoints on tagged objects."""
         return self._without(self.found, key, scan, path)
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on tagged objects."""
+        """All key scans without the endpoints on tagged objects; `path` `(k, 3)`."""
         return [self._without(self.found, key, scan, path) for key, scan in enumerate(scans)]
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects that have been moved."""
+        """All key scans without the endpoints on objects that have been moved; `path` `(k, 3)`."""
         moved = [found for found in self.found if found.has_moved]
         return [self._without(moved, key, scan, path) for key, scan in enumerate(scans)]
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+        """Masks `(r,)` of the returns of each key scan that lie on an object; None if no object was found."""
         found = self.found
         if not found:
             return None

@@ -1,4 +1,4 @@
-"""What the tagged objects add to a run's result: maps, tables and a picture."""
+"""Contribution of the tagged objects to a run's result: maps, tables and a picture."""
 
 from __future__ import annotations
 

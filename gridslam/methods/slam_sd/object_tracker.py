@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 NEIGHBOUR_NS = 20_000_000_000  # objects read within this time of each other may explain the same beams
 SILENCE_RADIUS_M = 3.0  # a tag farther from the robot is not expected to be read
-# Of the silent rounds if the object still stood there, below which the scans are asked
+# Of the silent rounds if the object still stood there; below it the scans are compared as well
 GONE_LOG_PROBABILITY = -8.0
 
 
@@ -88,7 +88,7 @@ class ObjectTracker:
         return taken
 
     def finish(self, path: Floats) -> None:
-        """End all visits; doors that were passed without a read are located by the scans of the pass."""
+        """End all visits; doors that were passed without a read are located by the scans of the pass. `path` is `(k, 3)`."""
         if not self._observations.scans:
             return
         for name, visit in self._visits.take_ended(None).items():

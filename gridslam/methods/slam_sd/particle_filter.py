@@ -110,7 +110,7 @@ class ParticleFilter:
 
     @property
     def diagnostics(self) -> dict[str, float]:
-        """What the report shows of every key scan."""
+        """Values at the last key scan for the report: effective sample size, particles' std (m), matched fraction."""
         return {
             "effective_sample_size": self.effective_sample_size,
             "particle_std": self.position_std_m,

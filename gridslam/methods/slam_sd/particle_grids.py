@@ -104,6 +104,6 @@ class ParticleGrids:
         )
 
     def redistribute(self, ancestors: Ints) -> None:
-        """Resampling: particle k continues with the maps of ancestors[k]."""
+        """Resampling: particle k continues with the maps of ancestors[k]; `ancestors` `(n,)`."""
         self.surfaces.redistribute(ancestors)
         self.cells.redistribute(ancestors)

@@ -1,4 +1,4 @@
-"""What is known of an object's pose before a visit: where it stood, and where doors can be."""
+"""Prior of an object's pose before a visit: its last pose, and the places where doors can be."""
 
 from __future__ import annotations
 

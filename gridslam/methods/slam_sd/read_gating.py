@@ -33,7 +33,7 @@ class ReadGate:
         earlier: PriorEstimate | None,
         path: Floats,
     ) -> bool:
-        """Whether the reads of a visit are believed.
+        """Whether the reads of a visit to the object `model` are believed.
 
         They are if there are enough of them, if all came from near the object's earlier place, or if there are enough together
         with those of rejected visits nearby. `key` is the key scan in the middle of the visit, `readers` `(r, 2)` are the

@@ -1,4 +1,4 @@
-"""What a session adds to a run's result: session.npz, the paths of all drives, and what has changed between them."""
+"""Contribution of a session to a run's result: session.npz, the paths of all drives, and the changes between them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 APPEARED, VANISHED = (30, 110, 200), (235, 130, 20)
 CHANGES_NOTE = "What the last drive found changed: blue has appeared, orange has vanished."
-VIEW_M = 6.0  # of earlier scans that are asked about the new drive
+VIEW_M = 6.0  # from the new drive, of earlier scans that are compared with it
 MAX_RANGE_RATIO = 1.5  # of two lidars that see about as far
 RANGE_QUANTILE = 0.999
 
@@ -48,7 +48,7 @@ def drive_of(log: str, tracker: ScanTracker, scans: Sequence[PreparedScan]) -> D
 
 
 def constraints_of(closed: ClosedTrajectory, landmarks: Edges | None) -> Constraints:
-    """What holds the poses of a drive that was mapped on its own."""
+    """The constraints between the poses of a drive that was mapped on its own."""
     return Constraints(closed.loops, closed.visits, landmarks or Edges.none())
 
 
@@ -118,7 +118,7 @@ def _measures(continued: Continued, newest: Sequence[Change], is_joint: bool) ->
 
 
 def apart_reason(session: Session) -> str:
-    """Why the new drive is not part of the map."""
+    """The reason, in words, why the new drive is not part of the map."""
     return (
         f"{session.drives[-1].log} was not found to overlap the map of the session: both are kept, side by side, and how they "
         "lie to each other is unknown; a drive that overlaps both joins them"
@@ -207,13 +207,13 @@ def range_notes(session: Session) -> list[str]:
 
 
 def range_m_of(scans: Sequence[PreparedScan]) -> float:
-    """How far a lidar saw, but for a few beams."""
+    """The range (m) within which all but a few returns of a lidar lie; 0 without returns."""
     ranges = [np.hypot(*(scan.returns - scan.viewpoint).T) for scan in scans if len(scan.returns)]
     return float(np.quantile(np.concatenate(ranges), RANGE_QUANTILE)) if ranges else 0.0
 
 
 def scans_to_compare(session: Session) -> tuple[list[PreparedScan], Floats, Floats, Edges]:
-    """Key scans of the new drive after the active ones of earlier drives near it, their poses, tracks, and loops between them.
+    """The active key scans of earlier drives near the new one, then its own: scans, poses, tracks `(n, 3)`, and loops.
 
     Earlier drives were assessed before: their own motion is taken as it is.
     """

@@ -40,7 +40,7 @@ class SingleTrack:
 
     @property
     def diagnostics(self) -> dict[str, float]:
-        """Nothing: there is no distribution."""
+        """Empty: there is no distribution."""
         return {}
 
     def add_key_scan(self, scan: PreparedScan, step: Floats, step_std: Floats) -> None:
@@ -48,7 +48,7 @@ class SingleTrack:
         self._path.append(se2.compose(self._path[-1], step) if self._path else np.zeros(3))
 
     def replace_scan(self, key: int, scan: PreparedScan) -> None:
-        """There is no map that a scan could enter."""
+        """Do nothing: there is no map that a scan could enter."""
 
     def add_evidence(self, log_likelihood: Floats) -> None:
-        """There is nothing to choose from."""
+        """Do nothing: a single track has no weights `(1,)` to change."""

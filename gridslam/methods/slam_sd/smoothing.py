@@ -61,7 +61,10 @@ def episodes_of(
 
 
 def estimates_of_one_hinge(estimates: Sequence[ObjectEpisode], path: Floats) -> list[ObjectEpisode]:
-    """The estimates of a door whose hinge agrees with that of the most often read one: hinges do not move."""
+    """The estimates of a door whose hinge agrees with that of the most often read one: hinges do not move.
+
+    `path` `(k, 3)` holds the poses of the key scans in the map frame.
+    """
     best = max(estimates, key=lambda estimate: estimate.reads).pose_in_map(path)
     return [
         estimate

@@ -39,7 +39,7 @@ class CorrelationEstimate:
 
 
 def neighbour_correlation(probability: Floats) -> float | None:
-    """Correlation of the states of horizontal and vertical neighbours that are both certain.
+    """Correlation of the states of neighbouring cells that are both certain, given the probability `(rows, cols)`.
 
     None if there are too few pairs, or if all cells have the same state.
     """

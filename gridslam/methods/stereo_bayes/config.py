@@ -135,7 +135,7 @@ class AdvancedCorrelation(StrictModel):
 
 
 class AdvancedMap(StrictModel):
-    """Which cells of the map count as known."""
+    """Thresholds for the known cells of the map."""
 
     min_visibility: float = Field(
         0.3,

@@ -98,7 +98,7 @@ class FrameBuilder:
 
     @property
     def notes(self) -> list[str]:
-        """What was repaired or is doubtful in calibrations and pictures, one line each."""
+        """Repairs of calibrations and pictures, and doubts about them, one line each."""
         return [note for rig in self._rigs.values() for note in rig.notes]
 
     @property

@@ -1,4 +1,4 @@
-"""Which cells of the map the cameras could see: the free space around the robot, and the surfaces that bound it."""
+"""Cells of the map that the cameras could see: the free space around the robot, and the surfaces that bound it."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def _add_building(layout: Layout, contour: Array, rng: np.random.Generator) -> N
 
 
 def _scatter_trees(layout: Layout, area: Array, m2_per_tree: float, rng: np.random.Generator) -> None:
-    """Trees anywhere in the box around an contour `(n, 2)`, but clear of all paths."""
+    """Add trees at random places of the box around `area` `(n, 2)` (m), clear of all paths."""
     low, high = area.min(axis=0), area.max(axis=0)
     for _ in range(int(np.prod(high - low) / m2_per_tree)):
         x, y = rng.uniform(low, high).tolist()
@@ -75,7 +75,7 @@ def _add_tree(layout: Layout, centre: XY, rng: np.random.Generator) -> None:
 
 
 def _add_surroundings(layout: Layout, grid: Array, rng: np.random.Generator) -> None:
-    """What stands outside of the outermost paths: other buildings' fronts, or trees on open ground."""
+    """Add the surroundings of the outermost paths: fronts of other buildings, or trees on open ground."""
     ring = [*grid[0], *grid[1:, -1], *grid[-1, -2::-1], *grid[-2:0:-1, 0]]
     for start, end in zip(ring, [*ring[1:], ring[0]], strict=True):
         span = (end - start) / np.hypot(*(end - start))

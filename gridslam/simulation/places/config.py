@@ -12,7 +12,7 @@ Kind = Literal["office", "corridors", "campus"]
 
 
 class Place(StrictModel):
-    """What kind of place, which one of its kind, and how far the robot drives through it.
+    """Kind and seed of a generated place, and the length of the drive through it.
 
     The place depends on `kind` and `seed` alone: a longer travel visits the same corridors more often.
     """

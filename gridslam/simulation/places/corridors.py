@@ -13,7 +13,7 @@ CABINET_M = 0.35  # depth of what stands in a corridor
 
 
 def corridors(rng: np.random.Generator) -> Layout:
-    """Two or three long corridors; what tells one place from another is a cabinet or pillar every 25 to 60 m."""
+    """Two or three long corridors; only a cabinet or pillar every 25 to 60 m distinguishes one place from another."""
     bay = Bay(float(rng.uniform(2.4, 4.5)), float(rng.uniform(0.9, 1.2)), float(rng.uniform(0.12, 0.3)))
     width = float(rng.uniform(2.2, 3.0))
     length = float(rng.uniform(100.0, 250.0))
@@ -43,7 +43,7 @@ def add_grid_lanes(layout: Layout, x: Array, y: Array, lateral_m: float) -> None
 
 
 def add_outer_wall(layout: Layout, x: Array, y: Array, width_m: float, bay: Bay) -> None:
-    """The wall around all corridors, with bays on the outer side."""
+    """Add the wall around corridors at `x` `(n,)` and `y` `(m,)` (m), with bays on the outer side."""
     corners = np.array([(x[0], y[0]), (x[-1], y[0]), (x[-1], y[-1]), (x[0], y[-1])])
     layout.add_wall(bayed_polygon(inset(corners, -0.5 * width_m)[::-1], bay), closed=True)
 

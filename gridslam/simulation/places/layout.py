@@ -44,7 +44,7 @@ class Layout:
     def add_wall(
         self, corners: Sequence[XY] | Array, closed: bool = False, reflectivity: float = 0.7
     ) -> None:
-        """One more wall."""
+        """Add a wall along corners `(n, 2)` (m)."""
         self.walls.append(Polyline(np.asarray(corners, np.float64), closed, reflectivity))
 
     def add_box(self, centre: XY, size: XY, yaw_rad: float = 0.0, reflectivity: float = 0.7) -> None:

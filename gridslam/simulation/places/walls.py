@@ -36,7 +36,10 @@ def bayed_wall(start: XY, end: XY, bay: Bay, margin_m: float = 0.5) -> Array:
 
 
 def bayed_polygon(corners: Array, bay: Bay) -> Array:
-    """A closed outline with bays on every side: into a counter-clockwise polygon, out of a clockwise one."""
+    """Corners `(n, 2)` of a closed polygon `(m, 2)` with bays added to every side.
+
+    They reach into a counter-clockwise polygon, and out of a clockwise one.
+    """
     following = np.roll(corners, -1, axis=0)
     sides = [
         bayed_wall((a[0], a[1]), (b[0], b[1]), bay)[:-1] for a, b in zip(corners, following, strict=True)

@@ -36,7 +36,7 @@ class DrawnRoom:
 
     @property
     def state(self) -> str:
-        """What is to be said about it in a word or two."""
+        """Its state for people: not visited, agrees or differs."""
         if self.observed < MIN_OBSERVED:
             return "not visited"
         return "agrees" if self.agreement >= MIN_AGREEMENT else "differs"

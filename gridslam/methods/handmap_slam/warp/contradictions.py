@@ -1,7 +1,7 @@
-"""What speaks against a fit beside the views: drawn walls between places that see each other, and those where nothing was mapped.
+"""Contradictions of a fit: drawn walls between places that see each other, and drawn walls where nothing was mapped.
 
-The views ask only whether what was mapped is drawn. A fit that leaves a wing over, or leads the robot through walls, costs
-nothing there.
+The views of the places compare only what was mapped with the drawing. A fit that leaves a wing of the drawing empty, or leads
+the robot through walls, costs nothing there.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class DrawingContradictions:
         return CROSSED_COST * int(self.crossed(states).sum()) + unseen
 
     def crossed(self, states: Floats) -> Mask:
-        """Which edges `(e,)` of the graph go through a drawn wall."""
+        """Mask `(e,)` of the edges of the graph that go through a drawn wall, given states `(p, 5)` of the places."""
         a, b = self._graph.edges.T
         return self._evidence.crossed(states[a, :2], states[b, :2])
 
     def unseen_fraction(self, states: Floats) -> float:
-        """The fraction of the drawn walls that lie at no mapped surface."""
+        """The fraction of the drawn walls that lie at no mapped surface, given states `(p, 5)` of the places."""
         walls, cell = self._evidence.walls, self._evidence.cell
         cells = np.floor(to_drawing(states[self._owners], self._points) / cell).astype(np.int64)
         cells = cells[(cells >= 0).all(axis=1) & (cells < walls.shape[::-1]).all(axis=1)]

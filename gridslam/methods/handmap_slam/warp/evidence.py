@@ -1,4 +1,4 @@
-"""What a drawing says about a place: its visible surfaces lie near drawn walls, and the free space before them is drawn free."""
+"""Likelihood of a place in a drawing: its visible surfaces lie near drawn walls, and the space before them is drawn free."""
 
 from __future__ import annotations
 

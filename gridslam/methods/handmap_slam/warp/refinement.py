@@ -47,12 +47,12 @@ class Fitted:
 
     @property
     def cost_per_place(self) -> float:
-        """How well the map's walls lie on drawn ones."""
+        """Mean cost of a place: low if the map's walls lie on drawn ones."""
         return float(self.place_costs.mean())
 
     @property
     def cost(self) -> float:
-        """By which fits are compared."""
+        """Total cost, by which fits are compared."""
         return float(self.place_costs.sum()) + self.contradictions
 
 

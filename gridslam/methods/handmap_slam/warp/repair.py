@@ -163,7 +163,7 @@ class Repair:
         return [self._problem.fit(line, region) for line in distinct(lines, region, HYPOTHESES)]
 
     def _elsewhere(self, states: Floats) -> tuple[Mask, Mask]:
-        """Which places lie elsewhere than in the best fit, and these with all around them."""
+        """Mask `(p,)` of the places that lie elsewhere than in the best fit, and that of these with all places around them."""
         best = self.best.states
         scales = np.exp(best[:, 3:].mean(axis=1))
         elsewhere = np.hypot(*(states - best)[:, :2].T) > DIFFERS_M * scales

@@ -1,4 +1,4 @@
-"""What a run reports about the warp: tables, a picture, measures, and whether the robot's place in the drawing is known."""
+"""Report of a run about the warp: tables, a picture, measures, and whether the robot's place in the drawing is known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the places of a map lie in the drawing: a particle filter over places, each with a rotation and scales of its own.
+"""Search for the places of a map in the drawing: a particle filter over places, each with its own rotation and scales.
 
 A particle is a hypothesis for all places so far. A place is predicted from the earlier place that it was entered from, not from
 the one before in time, so what went wrong in a room that the drawing lacks has no effect on the corridor behind its door.
@@ -63,7 +63,9 @@ def find_places(
 ) -> Floats:
     """States `(m, p, 5)` of all places for some of the surviving hypotheses, the most probable first.
 
-    `first` `(n, 5)` are states of the first place, where it is not known. Places that are known are not searched.
+    `graph` holds the places and the edges between them, `evidence` the likelihood of a place, and `scope` the caution of the
+    search. `first` `(n, 5)` are states of the first place, where it is not known. Places that are `known` are not searched.
+    `rng` draws the particles.
     """
     n, p = len(first), len(graph.centres)
     known = known or Known(np.zeros(p, np.bool_), np.zeros((p, 5)))

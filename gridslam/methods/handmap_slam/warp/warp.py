@@ -70,7 +70,7 @@ class DrawingWarp:
 
     @property
     def doubtful_poses(self) -> NDArray[np.bool_]:
-        """Which poses of the drive `(n,)` are at places that may lie elsewhere in the drawing: all, if it does not fit."""
+        """Mask `(n,)` of the poses of the drive at places that may lie elsewhere in the drawing: all, if it does not fit."""
         return np.asarray(self.doubtful[self.graph.owners] | (not self.fits))
 
     def to_drawing(self, points: Floats, owners: NDArray[np.int64]) -> Floats:
