@@ -103,10 +103,10 @@ def _text_source(path: Path, config: LogConfig) -> Source:
         return CarmenSource(path, config)
     if looks_like_wean_hall(text):
         return WeanHallSource(path, config)
-    if config.csv is not None:  # a table of its own, whose columns the config names
-        from gridslam.logs.csv.source import open_csv_folder
+    if config.csv is not None:
+        from gridslam.logs.csv.source import open_table
 
-        return open_csv_folder(path.parent, config)
+        return open_table(path, config)
     if (advice := advice_for(path, text)) is not None:
         raise LogError(f"{path}: {advice}")
     what = "empty" if not path.stat().st_size else "no log of a known format"

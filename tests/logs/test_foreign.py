@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gridslam.core.errors import LogError
+from gridslam.logs.config import LogConfig
 from gridslam.logs.open import open_log
 
 
@@ -28,3 +29,14 @@ def test_a_file_that_is_no_log_is_named(tmp_path: Path, name: str, content: byte
     with pytest.raises(LogError) as raised:
         open_log(tmp_path / name)
     assert says in str(raised.value)
+
+
+def test_a_table_that_the_layout_does_not_name_is_not_exchanged_for_one_beside_it(tmp_path: Path) -> None:
+    for name in ("mine.txt", "other.txt", "odom.csv"):
+        (tmp_path / name).write_text("stamp,x,y,yaw\n1,2,3,0\n")
+    streams = [{"kind": "odom", "file": "other.txt"}]
+    with open_log(tmp_path / "other.txt", LogConfig.model_validate({"csv": {"streams": streams}})) as log:
+        assert [info.count for info in log.streams] == [1]
+    for layout in ({"streams": streams}, {}):
+        with pytest.raises(LogError, match="not this file"):
+            open_log(tmp_path / "mine.txt", LogConfig.model_validate({"csv": layout}))

@@ -12,6 +12,7 @@ import pytest
 from gridslam.core.errors import LogError
 from gridslam.core.messages import Event, LaserScan, Odometry, Range
 from gridslam.logs import LogConfig, open_log
+from tests.fuzz.cases import limits
 
 h5py = pytest.importorskip("h5py", reason="the extra hdf5 is not installed")
 TIMES = 100.0 + 0.1 * np.arange(300)
@@ -108,4 +109,78 @@ def test_without_the_library_the_extra_is_named(tmp_path: Path, monkeypatch: pyt
     path = written(tmp_path / "a.h5", laser__t=TIMES)
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(LogError, match=r"pip install 'gridslam\[hdf5\]'"):
+        open_log(path)
+
+
+@pytest.mark.parametrize("value", ["abc", b"\xff", np.nan, np.inf, 1j, np.zeros(2), h5py.Empty("f8")])
+def test_an_attribute_that_is_no_number_is_named(tmp_path: Path, value: Any) -> None:
+    path = written(tmp_path / "a.h5", scan__stamp=TIMES, scan__ranges=RANGES)
+    with h5py.File(path, "a") as file:
+        file["scan"].attrs.update({**LIMITS, "angle_min": value})
+    with pytest.raises(LogError, match="angle_min") as raised:
+        open_log(path)
+    assert "\n" not in str(raised.value)
+
+
+def test_data_that_are_no_table_are_left_out(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.h5", odom__stamp=TIMES, odom__x=TIMES, odom__y=TIMES, odom__yaw=0.0 * TIMES)
+    with h5py.File(path, "a") as file:
+        odom = file["odom"]
+        odom["nothing"], odom["scalar"], odom["cube"] = h5py.Empty("f8"), 3.0, np.zeros((300, 2, 2))
+        odom["complex"], odom["own"] = np.zeros(300, complex), odom.ref
+        odom.create_dataset("lists", (300,), h5py.vlen_dtype(np.int32))
+        odom.create_dataset("frame", data=["odom"] * 300, dtype=h5py.string_dtype())
+        odom["nested"] = np.zeros(300, [("a", "f8"), ("b", [("c", "i4")])])
+    found = events(path)
+    assert len(found) == 300
+    assert {event.frame_id for event in found if isinstance(event, Odometry)} == {"odom"}
+
+
+@pytest.mark.parametrize(
+    ("shape", "options", "says"),
+    [
+        ((300, 10**9), {"fillvalue": 0.0}, "at most 1048576"),
+        ((10**9,), {"fillvalue": 0.0}, "far more than any file"),
+        ((3,), {"maxshape": (None,), "chunks": (10**8,)}, "packed parts"),
+    ],
+)
+def test_more_than_the_file_can_hold_is_refused_before_it_is_unpacked(
+    tmp_path: Path, shape: tuple[int, ...], options: dict[str, Any], says: str
+) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("scan/stamp", shape, "f8", **options)
+        file["scan"].attrs.update(LIMITS)
+    with limits(1.0, 100), pytest.raises(LogError, match=says):
+        open_log(path)
+
+
+def test_columns_that_pack_well_are_read_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("stamp", "x", "y", "yaw"):
+            file.create_dataset(f"odom/{name}", data=np.ones(30_000), compression="gzip")
+    assert path.stat().st_size < 30_000
+    with open_log(path) as log:
+        assert log.streams[0].count == 30_000
+
+
+def test_a_damaged_part_of_the_data_ends_in_a_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for name in ("stamp", "x", "y", "yaw"):
+            file.create_dataset(f"odom/{name}", data=TIMES, fletcher32=True)
+        at = file["odom/x"].id.get_chunk_info(0).byte_offset
+    data = bytearray(path.read_bytes())
+    data[at] ^= 255
+    path.write_bytes(data)
+    with pytest.raises(LogError, match="cannot be read"):
+        open_log(path)
+
+
+def test_a_file_of_too_many_data_sets_is_no_log(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["many"] = np.zeros(1, [(f"f{i}", "i1") for i in range(1001)])
+    with pytest.raises(LogError, match="more than 1000 data sets"):
         open_log(path)

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from gridslam.config.errors import config_error
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import LogError
+from gridslam.core.files import real_path
 from gridslam.core.messages import Event, Transform
 from gridslam.logs import rotations
 from gridslam.logs.config import LogConfig
@@ -119,7 +120,7 @@ def open_csv_folder(folder: Path, config: LogConfig) -> TableSource:
     if "streams" not in layout.model_fields_set:
         layout = layout.model_copy(update={"streams": _found_streams(folder)})
 
-    def open_table(stream: CsvStream) -> tuple[Path, TextLines]:
+    def lines_of(stream: CsvStream) -> tuple[Path, TextLines]:
         path = path_inside(folder, stream.file)
         if path is None:
             raise LogError(f"{folder / LAYOUT_FILE}: {stream.file!r} lies outside the log's folder")
@@ -127,22 +128,34 @@ def open_csv_folder(folder: Path, config: LogConfig) -> TableSource:
             raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
         return path, TextLines(path, counts, config.limits.line_mb << 20)
 
-    return TableSource("CSV folder", folder, layout, open_table, counts, files)
+    return TableSource("CSV folder", folder, layout, lines_of, counts, files)
+
+
+def open_table(path: Path, config: LogConfig) -> TableSource:
+    """A table of its own, whose columns the layout of the config names. Raises LogError: that names other files."""
+    layout = given_layout(config)
+    files = [stream.file for stream in layout.streams] if layout else []
+    if not any(path_inside(path.parent, name) == real_path(path) for name in files):
+        named = ", ".join(files[:_MAX_NAMED]) or "no file"
+        raise LogError(
+            f"{path}: no log of a known format, and the layout of tables (log.csv) names {named}, not this file"
+        )
+    return open_csv_folder(path.parent, config)
 
 
 def open_hdf5(path: Path, config: LogConfig) -> TableSource:
     """One stream per group or data set of an HDF5 file, by the layout of the config or by groups named like kinds."""
-    from gridslam.logs.csv.hdf5_rows import Hdf5Rows, datasets_of, streams_of
+    from gridslam.logs.csv.hdf5_rows import Hdf5Rows, columns_of, streams_of
 
-    datasets = datasets_of(path)
+    columns = columns_of(path)
     layout = given_layout(config) or CsvLayout()
     if "streams" not in layout.model_fields_set:
-        layout = layout.model_copy(update={"streams": streams_of(path, datasets)})
+        layout = layout.model_copy(update={"streams": streams_of(path, columns)})
 
-    def open_table(stream: CsvStream) -> tuple[Path, Hdf5Rows]:
-        return path / stream.file.strip("/"), Hdf5Rows(path, stream, datasets)
+    def lines_of(stream: CsvStream) -> tuple[Path, Hdf5Rows]:
+        return path / stream.file.strip("/"), Hdf5Rows(path, stream, columns)
 
-    return TableSource("HDF5", path, layout, open_table, MessageCounts(), [path])
+    return TableSource("HDF5", path, layout, lines_of, MessageCounts(), [path])
 
 
 def given_layout(config: LogConfig) -> CsvLayout | None:
