@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 from typing import TypeVar
 
@@ -245,3 +246,41 @@ def test_raw_pictures_and_their_calibration_survive_a_conversion(
         for matrices in ((one.K, other.K), (one.P, other.P), (one.R, other.R), (one.D, other.D)):
             np.testing.assert_array_equal(*matrices)
         assert one.distortion_model == other.distortion_model
+
+
+@pytest.mark.parametrize(
+    ("given", "other", "says"),
+    [
+        (f"[{COLS}, {ROWS}]", "[.inf, 40]", "not the sensor.yaml of a camera"),
+        (f"[{COLS}, {ROWS}]", "[0, 40]", "0 x 40 pixels"),
+        (f"[{FOCAL}, {FOCAL}, 29.5, 19.5]", "[.nan, 1, 2, 3]", "focal lengths"),
+        ("[-0.1, 0.02, 0.0, 0.0]", "[-0.1, 0.02, 0.0]", "distortion_coefficients"),
+        ("[-0.1, 0.02, 0.0, 0.0]", "[1.e+300, 0, 0, 0]", "distortion_coefficients"),
+        ("data: [0.0, ", "data: [7.0, ", "T_BS is no pose"),
+        ("data: [0.0, ", "data: [.nan, ", "T_BS is no pose"),
+    ],
+)
+def test_a_calibration_that_no_camera_has_is_named(euroc: Path, given: str, other: str, says: str) -> None:
+    path = euroc / "mav0" / "cam1" / "sensor.yaml"
+    text = path.read_text()
+    assert given in text
+    path.write_text(text.replace(given, other))
+    with pytest.raises(LogError, match=says):
+        open_log(euroc)
+
+
+def test_two_cameras_in_one_place_are_no_pair(euroc: Path) -> None:
+    shutil.copy(euroc / "mav0" / "cam0" / "sensor.yaml", euroc / "mav0" / "cam1" / "sensor.yaml")
+    with pytest.raises(LogError, match="no pair"):
+        open_log(euroc)
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture"])
+def test_a_first_picture_that_cannot_be_read_is_named(kitti: Path, tum: Path, content: bytes) -> None:
+    for folder, first in ((kitti, "image_0/000000.png"), (tum, "rgb/1305031102.175304.png")):
+        (folder / first).write_bytes(content)
+        with pytest.raises(LogError, match=r"\d.png: the first picture cannot be read"):
+            open_log(folder)
+        (folder / first).unlink()
+    with pytest.raises(LogError, match="the first picture cannot be read"):
+        open_log(tum)

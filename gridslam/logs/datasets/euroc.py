@@ -13,10 +13,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, Event, Imu, Transform, readonly
+from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.logs.datasets.source import BASE_FRAME, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     image_stream,
@@ -33,6 +35,10 @@ Floats = NDArray[np.float64]
 CAMERAS = ("cam0", "cam1")
 BASE_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # a camera that faces forward
 TRUTH_FOLDERS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
+MAX_SIDE_PX = 100_000  # of a picture
+COEFFICIENTS = (4, 5, 8, 12, 14)  # of the distortion models of OpenCV
+MAX_COEFFICIENT = 1e3  # of a distortion; real ones reach some tens
+MAX_SKEW = 0.01  # of the product of a rotation with its transpose
 MODELS = {"radial-tangential": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
 
 
@@ -96,12 +102,27 @@ def _camera(path: Path) -> EurocCamera:
         D = np.array(document["distortion_coefficients"], np.float64)
         T = np.array(document["T_BS"]["data"], np.float64).reshape(4, 4)
         model = str(document.get("distortion_model", "radtan"))
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(f"{path}: not the sensor.yaml of a camera ({error})") from None
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise LogError(f"{path}: not the sensor.yaml of a camera ({short(error)})") from None
     if model not in MODELS:
         raise LogError(f"{path}: distortion model {model!r}; known are {', '.join(sorted(MODELS))}")
     K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    if wrong := _what_is_wrong(K, (width, height), D, T):
+        raise LogError(f"{path}: {wrong}")
     return EurocCamera((width, height), K, D, MODELS[model], T)
+
+
+def _what_is_wrong(K: Floats, size: tuple[int, int], D: Floats, T: Floats) -> str:
+    """What no camera has; no text if nothing is wrong."""
+    if not (0 < min(size) <= max(size) <= MAX_SIDE_PX):
+        return f"a resolution of {size[0]} x {size[1]} pixels"
+    if not (K[:2, :2].diagonal().min() > 0.0 and np.abs(K).max() <= MAX_SIDE_PX):
+        return "intrinsics that are no focal lengths and centre in pixels"
+    if D.ndim != 1 or len(D) not in COEFFICIENTS or not np.abs(D).max() <= MAX_COEFFICIENT:
+        return "distortion_coefficients that no model has"
+    turned = T[:3, :3]
+    is_pose = np.abs(T).max() <= MAX_COORDINATE_M and np.abs(turned @ turned.T - np.eye(3)).max() < MAX_SKEW
+    return "" if is_pose and np.linalg.det(turned) > 0.0 else "T_BS is no pose of a camera"
 
 
 def _rectified(left: EurocCamera, right: EurocCamera) -> tuple[list[tuple[Floats, Floats]], Floats]:
@@ -110,15 +131,24 @@ def _rectified(left: EurocCamera, right: EurocCamera) -> tuple[list[tuple[Floats
 
     T_right_left = np.linalg.inv(right.T_body_camera) @ left.T_body_camera
     R, t = T_right_left[:3, :3].copy(), T_right_left[:3, 3:].copy()
-    if left.model == "equidistant":
-        R1, R2, P1, P2, _ = cv2.fisheye.stereoRectify(
-            left.K, left.D[:4], right.K, right.D[:4], left.size, R, t, cv2.CALIB_ZERO_DISPARITY
-        )
-    else:
-        R1, R2, P1, P2, *_ = cv2.stereoRectify(
-            left.K, left.D, right.K, right.D, left.size, R, t, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0
-        )
-    return [(np.asarray(R1), np.asarray(P1)), (np.asarray(R2), np.asarray(P2))], np.asarray(R1, np.float64)
+    no_pair = LogError(
+        f"{CAMERAS[0]} and {CAMERAS[1]} are no pair: by their sensor.yaml they cannot be rectified"
+    )
+    try:
+        if left.model == "equidistant":
+            R1, R2, P1, P2, _ = cv2.fisheye.stereoRectify(
+                left.K, left.D[:4], right.K, right.D[:4], left.size, R, t, cv2.CALIB_ZERO_DISPARITY
+            )
+        else:
+            R1, R2, P1, P2, *_ = cv2.stereoRectify(
+                left.K, left.D, right.K, right.D, left.size, R, t, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0
+            )
+    except cv2.error:  # both in one place
+        raise no_pair from None
+    found = [np.asarray(matrix, np.float64) for matrix in (R1, P1, R2, P2)]
+    if not all(np.isfinite(matrix).all() for matrix in found):
+        raise no_pair
+    return [(found[0], found[1]), (found[2], found[3])], found[0]
 
 
 def _info(name: str, stamp_ns: int, camera: EurocCamera, rectified: tuple[Floats, Floats]) -> CameraInfo:

@@ -15,6 +15,7 @@ from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, Transform, readonly
 from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
+    first_picture_size,
     image_stream,
     in_plane,
     numbers_of,
@@ -51,7 +52,7 @@ def open_kitti(folder: Path) -> DatasetSource:
             f"{folder}: {len(names[0])} left and {len(names[1])} right pictures; expected the same number"
         )
     stamps, files = _stamps(folder, len(names[0]))
-    rows, cols = read_pixels(folder / pair[0][0] / names[0][0]).shape[:2]
+    rows, cols = first_picture_size(folder / pair[0][0], names[0][0])
     streams: list[DatasetStream] = []
     edges = []
     for side, (name, number), pictures in zip(("left", "right"), pair, names, strict=True):

@@ -71,6 +71,15 @@ def inside(folder: Path, name: str) -> Path:
     return path
 
 
+def first_picture_size(folder: Path, name: str) -> tuple[int, int]:
+    """Rows and columns of a sequence's first picture. Raises LogError: it cannot be read."""
+    try:
+        rows, cols = read_pixels(inside(folder, name)).shape[:2]
+    except UnusableMessageError:
+        raise LogError(f"{folder / name}: the first picture cannot be read") from None
+    return rows, cols
+
+
 def image_stream(
     folder: Path, camera: str, topic: str, stamps_ns: Sequence[int], names: Sequence[str]
 ) -> DatasetStream:

@@ -19,6 +19,7 @@ from gridslam.core.plain_files import read_plain_file
 from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     MAX_BYTES,
+    first_picture_size,
     image_stream,
     in_plane,
     inside,
@@ -61,7 +62,7 @@ def open_tum_rgbd(folder: Path) -> DatasetSource:
             f"{folder.name}: the name of the sequence names no camera (freiburg1, 2 or 3): the default calibration of 525 px "
             "is used"
         )
-    rows, cols = read_pixels(inside(folder, rgb_names[0])).shape[:2]
+    rows, cols = first_picture_size(folder, rgb_names[0])
     info = _info(min(rgb_stamps[0], depth_stamps[0]), rows, cols, *INTRINSICS.get(name, ROS_DEFAULT))
     streams.append(single_event("camera_info", "/camera/camera_info", CAMERA, info))
     streams.append(image_stream(folder, CAMERA, "/camera/rgb/image_color", rgb_stamps, rgb_names))
