@@ -285,7 +285,8 @@ class OdometryCheck:
         if self.sweep is not None:
             event = self.sweep.applied_to(event)
         if self.late_scans_s:
-            event = replace(event, stamp_ns=event.stamp_ns - round(self.late_scans_s * 1e9))
+            begun_ns = event.stamp_ns - round(self.late_scans_s * 1e9)
+            event = replace(event, stamp_ns=max(begun_ns, 0))  # simulated clocks begin at 0
         return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
 
     def _path(self, held: list[Event]) -> Trajectory:

@@ -137,6 +137,13 @@ def test_scans_that_are_late_by_their_sweep_get_the_stamps_of_its_start(
     assert len(given) == len(list(hall.events(1)))
 
 
+def test_a_late_scan_at_the_start_of_a_simulated_clock_has_no_stamp_before_it() -> None:
+    check = OdometryCheck(new_tracker, Stopwatch())
+    check.late_scans_s = 0.3
+    scan = replace(next(e for e in hall.events(1) if isinstance(e, LaserScan)), stamp_ns=NS // 10)
+    assert [e.stamp_ns for e in (*check.process(scan), *check.flush())] == [0]
+
+
 @pytest.mark.parametrize(
     ("lag_s", "sweep_s", "expected"),
     [

@@ -118,3 +118,12 @@ def test_arrivals_in_bursts_leave_even_stamps_alone() -> None:
     (found,), counts = repaired(stream("scan", ARRIVALS, bursts))
     assert (found == ARRIVALS).all()
     assert not counts.problems
+
+
+def test_no_shift_leads_before_the_first_valid_stamp() -> None:
+    arrivals = np.arange(100) * (S // 10)
+    stamps = arrivals + 30 * S
+    stamps[0] -= 50_000_000  # the first message came 50 ms late, at 0 of the recorder's clock
+    (found, _), _ = repaired(stream("scan", stamps, arrivals), stream("odom", arrivals, arrivals))
+    assert found[0] == 0
+    assert (found[1:] == arrivals[1:]).all()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
-from gridslam.core.stamps import NS_PER_S
+from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream
 
@@ -49,7 +49,7 @@ def restamp(
     for index, offset in offsets.items():
         if abs(offset) > MAX_OFFSET_NS:
             stream = streams[index]
-            stream.stamps_ns = array("q", (np.asarray(stream.stamps_ns, np.int64) + offset).tobytes())
+            stream.stamps_ns = _valid(_stamps(stream) + offset)
             message_counts.find(
                 f"{stream.label}: its stamps are {abs(offset) / NS_PER_S:.1f} s {'behind' if offset > 0 else 'ahead of'} "
                 "the recorder's clock, those of other streams are not: shifted by that"
@@ -78,7 +78,7 @@ def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> boo
         )
     is_known = stamps > 0 if stamps.max() > stamps.min() else np.zeros(len(stamps), np.bool_)
     delay_ns = int((arrivals - stamps)[is_known].min()) if is_known.any() else 0
-    stream.stamps_ns = array("q", np.where(is_unset, arrivals - delay_ns, stamps).tobytes())
+    stream.stamps_ns = _valid(np.where(is_unset, arrivals - delay_ns, stamps))
     message_counts.find(f"{stream.label}: {what}: the times of arrival are used")
     return True
 
@@ -162,6 +162,11 @@ def _clock_offset_ns(stream: RecordedStream) -> int | None:
 
 def _stamps(stream: RecordedStream) -> Stamps:
     return np.asarray(stream.stamps_ns, np.int64)
+
+
+def _valid(stamps: Stamps) -> array[int]:
+    """The stamps `(n,)`, those out of range at its end: a shift by another clock may lead there."""
+    return array("q", np.clip(stamps, 0, END_NS - 1).tobytes())
 
 
 def _seconds(stamp_ns: int) -> str:
