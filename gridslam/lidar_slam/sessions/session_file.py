@@ -44,11 +44,25 @@ MIN_KEY_BYTES = 50  # of the file for a key scan, of which the poses alone take 
 MAX_KEY_SCANS = 300_000  # each takes 1 KB besides its points
 MAX_POSE_M = 1e6
 MAX_INFORMATION = 1e15  # of an edge: m, rad to a thirtieth of a micron
-LIMITS = {
-    "key.pose": MAX_POSE_M,
-    "scan.track": MAX_POSE_M,
-    "key.viewpoint": MAX_POINT_M,
-    "drive.range_m": MAX_POSE_M,
+MAX_EVIDENCE = 1e9  # log odds, and covariances (m^2, rad^2)
+_POSES, _STAMPS, _EVIDENCE = (-MAX_POSE_M, MAX_POSE_M), (0, END_NS - 1), (-MAX_EVIDENCE, MAX_EVIDENCE)
+RANGES: dict[str, tuple[float, float]] = {  # lowest and highest value
+    "key.pose": _POSES,
+    "scan.track": _POSES,
+    "scan.stamp_ns": _STAMPS,
+    "key.viewpoint": (-MAX_POINT_M, MAX_POINT_M),
+    "drive.range_m": (0.0, MAX_POSE_M),
+    "drive.part": (0, MAX_KEY_SCANS),
+    "object.pose": _POSES,
+    "object.covariance": _EVIDENCE,
+    "object.stamps_ns": _STAMPS,
+    "object.reads": (0, 2**31),
+    "object.gain": _EVIDENCE,
+    "object.closed_yaw": _POSES,
+    "object.gone_ns": _STAMPS,
+    "drawn.log_odds": _EVIDENCE,
+    "drawn.pose": _POSES,
+    "change.stamps_ns": _STAMPS,
 }
 EDGES = ("loops", "visits", "landmarks")
 SCHEMA = {  # of all arrays but those of edges: type, columns
@@ -158,7 +172,7 @@ def _head(head: NDArray[np.generic] | None) -> dict[str, Any]:
 
 
 def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
-    """Types, sizes and ranges of all arrays. Raises ValueError: one is missing or wrong."""
+    """Raises ValueError: an array is missing, or of another type, size or range than those of a session."""
     schema = dict(schema)
     schema.update({f"{name}.{column}": form for name in EDGES for column, form in EDGE_SCHEMA.items()})
     for name, (kind, columns) in schema.items():
@@ -166,12 +180,24 @@ def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
         if (
             values is None
             or values.dtype != np.dtype(kind)
-            or values.shape[1:] != ((columns,) if columns else ())
+            or values.ndim != (2 if columns else 1)
+            or (columns and values.shape[1] != columns)
         ):
             raise ValueError(f"{name} is missing or of another form")
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             raise ValueError(f"{name} is not finite")
-    rows = {name: len(arrays[name]) for name in schema}
+    _check_sizes(arrays, {name: len(arrays[name]) for name in schema})
+    for name, (low, high) in RANGES.items():
+        if (
+            name in schema
+            and len(values := arrays[name])
+            and not (values.min() >= low and values.max() <= high)
+        ):
+            raise ValueError(f"{name} is out of range")
+
+
+def _check_sizes(arrays: Arrays, rows: dict[str, int]) -> None:
+    """Raises ValueError: the arrays do not fit each other, or are too large."""
     counts = ("drive.scans", "drive.keys", "key.returns", "key.surface", "chunk.bytes")
     sums = {name: _total(arrays[name]) for name in counts}
     keys = rows["key.pose"]
@@ -198,12 +224,6 @@ def _check(arrays: Arrays, schema: dict[str, tuple[str, int]]) -> None:
         raise ValueError(f"a key scan claims to hold more than {MAX_SCAN_POINTS} points")
     if keys > MAX_KEY_SCANS:
         raise ValueError(f"it has {keys} key scans; the limit is {MAX_KEY_SCANS}")
-    for name, limit in LIMITS.items():
-        if np.abs(arrays[name]).max(initial=0.0) > limit:
-            raise ValueError(f"{name} is out of range")
-    stamps = arrays["scan.stamp_ns"]
-    if len(stamps) and not (stamps.min() >= 0 and stamps.max() < END_NS):
-        raise ValueError("a stamp is out of range")
 
 
 def _total(counts: NDArray[np.generic]) -> int:

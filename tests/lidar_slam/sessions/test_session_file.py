@@ -67,6 +67,8 @@ def test_a_drawn_map_is_read_back_and_a_wrong_one_refused(
         ("drawn.pose", whole.poses[:5], "does not fit the drives"),
         ("change.cell", cell + 10_000, "outside the map"),
         ("change.drive", np.full(len(drawn.changes), 7), "do not fit the drives"),
+        ("change.stamps_ns", np.full((len(drawn.changes), 2), -1), "change.stamps_ns is out of range"),
+        ("drawn.pose", np.full_like(whole.poses, 1e300), "drawn.pose is out of range"),
     ):
         with pytest.raises(InputError, match=reason):
             read_session(changed(whole, **{name.replace(".", "__"): values}), "session.npz")
@@ -105,6 +107,8 @@ def test_estimates_of_objects_are_read_back(session: Session) -> None:
         np.testing.assert_array_equal(read.arrays()[name], values)
     with pytest.raises(InputError, match="an object without a key scan"):
         read_session(changed(with_objects, object__anchor=np.array([0, 10_000])), "session.npz")
+    with pytest.raises(InputError, match=r"object\.pose is out of range"):
+        read_session(changed(with_objects, object__pose=np.full((2, 3), 1e300)), "session.npz")
     with pytest.raises(InputError, match="objects do not fit"):
         read_session(changed(with_objects, object__reads=np.array([3])), "session.npz")
 
@@ -135,7 +139,13 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
         (changed(session, key__viewpoint=np.full((len(keys), 2), 1e300)), "key.viewpoint is out of range"),
         (changed(session, key__pose=np.full((len(keys), 3), 1e7)), "key.pose is out of range"),
         (changed(session, drive__range_m=np.array([1e300])), "drive.range_m is out of range"),
-        (changed(session, scan__stamp_ns=session.drives[0].stamps_ns - 2**62), "a stamp is out of range"),
+        (
+            changed(session, scan__stamp_ns=session.drives[0].stamps_ns - 2**62),
+            "scan.stamp_ns is out of range",
+        ),
+        (changed(session, drive__range_m=np.array([-1.0])), "drive.range_m is out of range"),
+        (changed(session, drive__part=np.array([-1])), "drive.part is out of range"),
+        (changed(session, drive__part=np.array(0)), "drive.part is missing or of another form"),
         (changed(session, visits__information=np.full_like(edges, 1e300)), "an information is out of range"),
         (changed(session, key__scan=keys), "none of its drive's scans"),
         (changed(session, key__returns=-np.ones(len(keys), np.int64)), "out of range"),
