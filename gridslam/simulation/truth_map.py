@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,9 +34,10 @@ def true_map(scene: Scene, config: TruthMap) -> OccupancyGrid:
         )
     geometry = GridGeometry(resolution, (float(low[0]), float(low[1])))
     occupied = np.zeros((rows, cols), bool)
-    drawn = [_segment_points(segment, resolution) for segment in segments]
-    drawn += [_circle_points(circle, resolution) for circle in circles]
-    for points in drawn:
+    for points in chain(
+        (_segment_points(segment, resolution) for segment in segments),
+        (_circle_points(circle, resolution) for circle in circles),
+    ):
         row, col = np.minimum(
             geometry.cells(points), (rows - 1, cols - 1)
         ).T  # without margin, walls lie on the edge

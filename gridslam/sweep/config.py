@@ -19,6 +19,7 @@ from gridslam.logs.find import find_logs
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
 MAX_SEEDS = 100_000
+MAX_RUNS = 100_000  # planned before the first begins, in about a millisecond each
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
 
 Name = Annotated[str, Field(max_length=80, description="Also the name of a folder.")]
@@ -148,6 +149,11 @@ class SweepConfig(StrictModel):
         _refuse_twice("seed", [str(seed) for seed in self.seeds])
         for name in (*self.configs, *self.overrides, *self.successes):
             _checked_name(name)
+        runs = len(self.logs) * len(self.configs) * len(self.overrides) * len(self.seeds)
+        if runs > MAX_RUNS:
+            raise ValueError(
+                f"logs x configs x overrides x seeds are {runs} runs; at most {MAX_RUNS} are made"
+            )
         for entry in self.logs:
             if self.command == "map" and entry.map is not None:
                 raise ValueError(f"logs: {entry.label}: map: only localize takes a map")
