@@ -21,11 +21,12 @@ from gridslam.runs.run_config import run_config_model
 from tests.fuzz import log_records
 from tests.fuzz.damage import NUMBERS, changed
 from tests.fuzz.map_files import write_odd_map
+from tests.fuzz.odd_drives import write_odd_drive
 from tests.fuzz.session_files import damaged_session
 from tests.fuzz.value_trees import resolved
 from tests.small_log import write_small_log
 
-CODES = {0: "done", 1: "gate", 2: "usage", 3: "input", 4: "method"}
+CODES = {0: "done", 1: "gate", 2: "usage", 3: "input", 4: "method", 5: "doubtful"}
 MAX_STDERR_LINES, MAX_LINE = 40, 2100
 TEXTS = (
     "", " ", "nan", "-inf", "1e400", "0", "-1", "1e-300", "1e12", "1,2", "0,0,0", "nan,0,0", "1e300,1e300,0", "1,2,3,4",
@@ -124,7 +125,7 @@ def evaluate(rng: random.Random, folder: Path) -> str:
     for option in rng.sample(list(options), rng.choice((0, 0, 0, 1, 2))):
         arguments += [option, rng.choice(options[option])]
     arguments += rng.choice(([], ["--all"], ["--json"], ["--align", "se2", "--scale"]))
-    if rng.random() < 0.05:
+    if rng.random() < 0.15:
         arguments += ["-o", str(folder / "page"), "--force"]
     return command("evaluate", *arguments)
 
@@ -227,6 +228,30 @@ def small_log(folder: Path, name: str = "small") -> Path:
     return log
 
 
+def run(rng: random.Random, folder: Path) -> str:
+    """A map of a drive whose numbers contradict each other, some measured by a truth, or a localization of it."""
+    log, output = str(write_odd_drive(folder / "odd", rng)), str(folder / "out")
+    chosen = rng.choice(("map slam-sd", "map slam-sd", "map handmap-slam", "localize ispace-mcl"))
+    name, method = chosen.split()
+    arguments = [
+        name,
+        log,
+        "-c",
+        method,
+        "-o",
+        output,
+        "--force",
+        *rng.choice(([], ["--json"], ["--strict"])),
+    ]
+    if name == "localize":
+        arguments += ["--map", str(_session(folder)), *rng.choice(([], ["--start", "1,0,1.57"]))]
+    if rng.random() < 0.5:
+        arguments += ["--set", "output.viewer=true"]
+    if rng.random() < 0.3:
+        arguments += ["--truth", str(_trajectory(folder / "truth", rng))]
+    return f"{chosen} {command(*arguments)}"
+
+
 def _session(folder: Path) -> Path:
     """A run of slam-sd with its session."""
     run = folder / "earlier"
@@ -305,4 +330,11 @@ def options(rng: random.Random, folder: Path) -> str:
     return f"{kind} {command(*line)}"
 
 
-TARGETS = {"evaluate": evaluate, "maps": maps, "drawing": drawing, "session": session, "options": options}
+TARGETS = {
+    "evaluate": evaluate,
+    "maps": maps,
+    "drawing": drawing,
+    "session": session,
+    "options": options,
+    "run": run,
+}

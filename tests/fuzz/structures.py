@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from pydantic import ValidationError
 
 from gridslam import api
 from gridslam.config.builtin import read_config
@@ -24,7 +25,7 @@ from gridslam.runs.run_config import run_config_model, validate_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, validate_world
 from gridslam.sweep.config import load_sweep
-from tests.fuzz import command_lines, log_records, targets
+from tests.fuzz import command_lines, log_records, targets, text_logs
 from tests.fuzz.map_files import write_odd_map
 from tests.fuzz.value_trees import at_bounds, damaged, drawn
 
@@ -37,7 +38,7 @@ robot: {start: [1, 1, 0], route: [[1.3, 1]]}
 sensors: {lidar: {rate_hz: 5, beams: 60}, odometry: {}, gyro: {}}
 max_duration_s: 6
 """)
-SUFFIXES = {"summary": "mcap"}  # of logs whose target has another name
+SUFFIXES = {"summary": "mcap", "foreign": "mcap"}  # of logs whose target has another name
 LIMIT_S, LIMIT_PIXELS = 20.0, 50_000_000  # of the longest simulated drive, of all its pictures
 
 
@@ -53,6 +54,17 @@ def log_target(kind: str) -> Callable[[random.Random, Path], str]:
         )
 
     return run
+
+
+def read_table(rng: random.Random, folder: Path) -> str:
+    """A table alone, by a layout that may not fit it."""
+    try:
+        config = text_logs.table_config(rng)
+    except ValidationError:
+        return "layout"
+    place = folder / "table"
+    place.mkdir(exist_ok=True)
+    return log_records.check(text_logs.fuzz_table(place / "log", folder, rng), folder, config)
 
 
 def answer(act: Callable[[], object]) -> str:
@@ -243,6 +255,7 @@ def _world_answer(document: dict[str, Any], folder: Path) -> str:
 
 STRUCTURES: Mapping[str, Callable[[random.Random, Path], str]] = {
     **{kind: log_target(kind) for kind in log_records.MAKERS},
+    "table": read_table,
     "yaml": read_tree,
     "map": read_map,
     "trajectory": read_trajectory,

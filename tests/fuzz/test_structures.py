@@ -10,7 +10,18 @@ import pytest
 
 from tests.fuzz.structures import STRUCTURES
 
-INPUTS = {"mcap": 6, "db3": 5, "csv": 5, "bag": 3}
+INPUTS = {
+    "mcap": 6,
+    "db3": 5,
+    "csv": 5,
+    "bag": 3,
+    "h5": 8,
+    "dataset": 8,
+    "clf": 10,
+    "foreign": 10,
+    "table": 10,
+    "run": 2,
+}
 
 
 @pytest.mark.parametrize("target", STRUCTURES)
