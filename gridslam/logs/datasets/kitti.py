@@ -24,7 +24,6 @@ from gridslam.logs.datasets.tables import (
     stamps_of,
     truth_stream,
 )
-from gridslam.logs.encoding.csv_pictures import read_pixels
 
 Floats = NDArray[np.float64]
 

@@ -30,7 +30,6 @@ from gridslam.logs.datasets.tables import (
     truth_stream,
 )
 from gridslam.logs.encoding.cameras import opened_picture
-from gridslam.logs.encoding.csv_pictures import read_pixels
 
 Floats = NDArray[np.float64]
 
