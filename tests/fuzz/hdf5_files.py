@@ -15,7 +15,7 @@ ROWS = (0, 1, 3, 12, 12, 12, 300)
 ODD_NUMBERS = (float("nan"), float("inf"), -1.0, 1e300, 1e-320, 0.0, 4e9, 2.0**63)
 NAMES = ("", "a\nb", "\x1b[31m", "r0", "x" * 300, "a,b", '"', "stamp", "\u202e", "ranges", "..")
 LIMITS = {"angle_min": -1.0, "angle_increment": 0.1, "range_min": 0.05, "range_max": 30.0}
-MOST_UNPACKED = 1 << 36  # bytes that a small file claims to hold
+CLAIMED_BYTES = 1 << 36  # bytes that a small file claims to hold
 
 
 def fuzz_hdf5(path: Path, sample: Path, rng: random.Random) -> Path:
@@ -75,7 +75,7 @@ def _column(group: Any, name: str, rows: int, rng: random.Random, width: int = 0
     elif what == 4:
         group[name] = rng.choice((1.5, np.zeros((rows, 2, 2)), np.zeros((0, 3)), group.ref))
     elif what == 5:
-        wide = rng.choice((10**3, 10**6, MOST_UNPACKED // 8 // max(rows, 1)))
+        wide = rng.choice((10**3, 10**6, CLAIMED_BYTES // 8 // max(rows, 1)))
         group.create_dataset(name, (rows, wide), "f8", fillvalue=rng.choice((0.0, float("nan"))))
     elif what == 6:
         group.create_dataset(name, (rng.choice((10**6, 10**9)),), "f8", chunks=(10**3,), fillvalue=1.0)
