@@ -12,7 +12,7 @@ from gridslam.core.trajectory import Trajectory
 
 Sync = Literal["nearest", "interpolate"]
 DEFAULT_MAX_DIFFERENCE_NS = 10_000_000
-# At an acceleration a, a pose between two others is wrong by up to a gap^2 / 8: 12 cm at 1 m/s^2 and one second.
+# At an acceleration of a, a pose between two others is wrong by up to a * gap^2 / 8: 12 cm at 1 m/s^2 and one second.
 DEFAULT_MAX_GAP_NS = 1_000_000_000
 
 

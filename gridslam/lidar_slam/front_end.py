@@ -216,7 +216,7 @@ class FrontEnd:
 
     def _insert(self, index: int, scan: PreparedScan) -> None:
         self._store.own_endpoints(np.array([index]), self.pose[None], scan.surface)
-        surfels.insert_surfels(self._store.map(index), self.pose, scan.surfaces)
+        surfels.insert_surfels(self._store.map(index), self.pose, scan.surface_points)
         self._key_scan_counts[index] += 1
 
 

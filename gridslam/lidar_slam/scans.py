@@ -19,7 +19,7 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics
 Floats = NDArray[np.float64]
 
 DENSITY = PointDensity(
-    spacing_m=0.03,  # closer points of a scan say the same, and cost time in matching
+    spacing_m=0.03,  # closer points add no information and cost time in matching
     max_points=360,
     max_chord_m=2.0,  # gaps on one flat surface are filled up to this length
     chord_spacing_m=0.1,  # two points in a cell of the surface map
@@ -30,9 +30,9 @@ DENSITY = PointDensity(
 class PreparedScan:
     """A scan in the robot's frame at its stamp.
 
-    `returns` `(r, 2)` are all endpoints, `points` `(m, 2)` a thinned subset with unit `normals` `(m, 2)` (zero: unknown) for
-    matching, and `surface` `(s, 2)` with `surface_normals` the same with gaps on flat surfaces filled, to be inserted
-    into maps. `viewpoint` (2,) is the lidar's position.
+    `viewpoint` (2,) is the lidar's position. `returns` `(r, 2)` are the endpoints of all usable readings. `points` `(m, 2)`, a
+    thinned subset, are for matching; `normals` `(m, 2)` are their unit normals, zero where unknown. `surface` `(s, 2)` with
+    `surface_normals` is for insertion into maps: `points`, with gaps on flat surfaces filled.
     """
 
     stamp_ns: int
@@ -49,7 +49,7 @@ class PreparedScan:
         return OrientedPoints(self.points, self.normals)
 
     @property
-    def surfaces(self) -> OrientedPoints:
+    def surface_points(self) -> OrientedPoints:
         """The points to be inserted into maps of surface elements."""
         return OrientedPoints(self.surface, self.surface_normals)
 

@@ -19,7 +19,6 @@ from gridslam.core.errors import MapError
 from gridslam.maps.image_levels import check_header
 
 Levels = NDArray[np.uint8]
-Colours = NDArray[np.uint8]
 
 MAX_PIXELS = 16_000_000
 MIN_SIDE_PX = 16
@@ -27,8 +26,8 @@ PHOTOGRAPH_SIDE_PX = 1600  # a photograph's longer side, to which it is reduced
 FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
 DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 
-# Of EXIF; its values are those of a picture that the camera stored turned or mirrored.
-ORIENTATION_TAG = 0x0112
+ORIENTATION_TAG = 0x0112  # EXIF
+# What makes a picture upright, by EXIF orientation; 1 is upright already.
 UPRIGHT = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
@@ -38,10 +37,10 @@ UPRIGHT = {
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_90,
 }
-PAINTED_LEVELS = 8  # a painted picture has 85 % of its pixels in as few levels; a photograph has noise
-PAINTED_RATIO = 0.85
-STRONG_COLOUR = 60  # difference of the channels of a coloured stroke, on white paper
-MIN_COLOURED_RATIO = 0.001
+# In a painted picture at least this fraction of the pixels has one of its 8 most frequent levels; a photograph has noise.
+PAINTED_LEVELS, PAINTED_RATIO = 8, 0.85
+STRONG_COLOUR = 60  # smallest difference between the channels of a coloured stroke, once the paper is white
+MIN_COLOURED_RATIO = 0.001  # with a smaller fraction of coloured pixels the drawing counts as grey
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
@@ -98,7 +97,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def _pixels(image: Image.Image) -> NDArray[np.uint8]:
-    """Colours, or brightness if the picture has more than 8 bits or one channel.
+    """Brightness of a grey opaque picture, stretched to 0..255 if it has more than 8 bits; colours of any other.
 
     Transparent pixels are paper: white, or black if the strokes are bright.
     """
@@ -127,11 +126,11 @@ def _pixels(image: Image.Image) -> NDArray[np.uint8]:
 
 
 def _upright(pixels: NDArray[np.uint8], image: Image.Image) -> NDArray[np.uint8]:
-    """The pixels as a viewer shows them, after the orientation that the camera noted."""
+    """The pixels as a viewer shows them, rotated or mirrored by the EXIF orientation."""
     try:
         orientation = image.getexif().get(ORIENTATION_TAG)
     except (*DAMAGE, KeyError, TypeError, AttributeError, OverflowError):
-        return pixels  # notes that cannot be read do not make the picture unreadable
+        return pixels  # damaged EXIF data does not make the picture unreadable
     if not isinstance(orientation, int) or orientation not in UPRIGHT:
         return pixels
     return np.array(Image.fromarray(pixels).transpose(UPRIGHT[orientation]))

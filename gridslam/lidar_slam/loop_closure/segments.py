@@ -72,7 +72,7 @@ def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segme
             beams.append(np.zeros((0, 4)))
             continue
         viewpoints = np.array([scan.viewpoint for scan in own])
-        surfaces = scan_set([scan.surfaces for scan in own])
+        surfaces = scan_set([scan.surface_points for scan in own])
         clouds.append(segment_clouds.segment_cloud(surfaces, local, viewpoints, CLOUD_CELL_M, MAX_RANGE_M))
         returns = np.concatenate([scan.returns for scan in own])
         first = _offsets([scan.returns for scan in own])

@@ -78,7 +78,7 @@ class DrawingTracker:
         self._observer = observer
         self._localizer = localizer_of(config, drawn, rng)
         self._line_rng = line_rng
-        self._updated_at: Floats | None = None  # the front end's pose at the last update
+        self._track_pose_at_update: Floats | None = None  # the front end's pose at the last update
         self._pose_at_update: DrawingPose | None = None
         self._unobserved_updates = 0
         self._travelled_m = 0.0
@@ -110,11 +110,11 @@ class DrawingTracker:
         `lines` are the scan's lines, if they are known already.
         """
         scan = tracked.scan
-        if self._updated_at is None or self._pose_at_update is None:
+        if self._track_pose_at_update is None or self._pose_at_update is None:
             if len(scan.points) >= MIN_POINTS:
                 self._finish_update(self._localizer.start(scan.points), tracked, lines)
             return
-        step = se2.between(self._updated_at, tracked.track_pose)
+        step = se2.between(self._track_pose_at_update, tracked.track_pose)
         distance_m = float(np.hypot(step[0], step[1]))
         if distance_m < UPDATE_M and abs(float(step[2])) < UPDATE_RAD:
             self.pose = self._pose_at_update.after(step, scan.stamp_ns)
@@ -124,7 +124,7 @@ class DrawingTracker:
         self._use_revisited_pose(tracked.track_pose)
         if len(scan.points) < MIN_POINTS:
             self.counters["drawing.scan_without_points"] += 1
-            self._updated_at = tracked.track_pose.copy()
+            self._track_pose_at_update = tracked.track_pose.copy()
             self._pose_at_update = self.pose = self._pose_at_update.after(step, scan.stamp_ns)
             return
         self._finish_update(self._localizer.update(scan.points), tracked, lines)
@@ -139,7 +139,7 @@ class DrawingTracker:
             self.counters[f"lines.{family}.{'observed' if is_observed else 'unobserved'}"] += 1
         if self._config.correction:
             pose = self._corrected(pose, observed)
-        self._updated_at = tracked.track_pose.copy()
+        self._track_pose_at_update = tracked.track_pose.copy()
         self._pose_at_update = self.pose = pose
         self.updates.append(DrawingUpdate(tracked.row, pose, tuple(observed)))
         self._visited.add(VisitedPose(tracked.track_pose.copy(), self._travelled_m, pose))

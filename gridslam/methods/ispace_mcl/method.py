@@ -44,8 +44,9 @@ JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
 CHECK_MEMORY_MB = 500.0
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
-# Scans that count without motion: they help the search, more of the same view add no evidence
-FIRST_UPDATES = 3
+# Further updates while the robot has not moved since the start or a jump: they help the global search, but more scans of one
+# view add no evidence.
+MAX_STANDING_UPDATES = 3
 
 
 class IspaceMcl:
@@ -74,7 +75,7 @@ class IspaceMcl:
         self._occupancy = occupancy
         self._history = LocalizationHistory()
         self._counters: Counter[str] = Counter()
-        self._updated_at: Floats | None = None  # T_odom_base of the last update
+        self._odometry_at_update: Floats | None = None  # T_odom_base of the last update
         self._update: FilterUpdate | None = None
         self._standing = 0  # scans without motion since the start, or since the odometry has jumped
         self._beam_count: int | None = None
@@ -83,7 +84,7 @@ class IspaceMcl:
 
     @property
     def estimate(self) -> Estimate | None:
-        """The latest pose and all particles; None before the first scan."""
+        """The latest pose and all particles; None until a first scan is localized (scans wait for the odometry check)."""
         if self._pose is None:
             return None
         return Estimate(self._stamp_ns, self._pose, self._localizer.particles.poses)
@@ -107,7 +108,7 @@ class IspaceMcl:
     def _process(self, event: Event) -> None:
         if isinstance(event, LaserScan):
             for depth in self._depth.lidar_found():
-                self._process_image(depth)
+                self._process_camera_event(depth)
             self._process_scan(event)
         elif isinstance(event, Odometry):
             for placed in self._scans.add_odometry(event):
@@ -121,13 +122,13 @@ class IspaceMcl:
             for scan in self._depth.add(event):
                 self._process_scan(scan)
         else:
-            self._process_image(event)
+            self._process_camera_event(event)
 
     def _process_scan(self, scan: LaserScan) -> None:
         for placed in self._scans.add_scan(scan):
             self._localize(placed)
 
-    def _process_image(self, event: Event) -> None:
+    def _process_camera_event(self, event: Event) -> None:
         if isinstance(event, CameraInfo):
             self._depth.add_info(event)
         if self._config.cameras.enabled:
@@ -141,7 +142,7 @@ class IspaceMcl:
             self.cameras.add_info(event)
 
     def result(self) -> RunResult:
-        """Finish the run and return the trajectory, the table `localization` and the series of the report."""
+        """Finish the run: process the events still held back, and return the trajectory with everything for the report."""
         self._end_odometry_check()
         for scan in self._depth.flush():
             self._process_scan(scan)
@@ -196,25 +197,25 @@ class IspaceMcl:
         self.cameras.add_pose(placed.scan.stamp_ns, placed.odometry, placed.odometry_jumped)
         if self._is_update_due(placed):
             self._weigh(placed)
-        if self._update is None or self._updated_at is None:
+        if self._update is None or self._odometry_at_update is None:
             return
-        since = se2.between(self._updated_at, placed.odometry)
+        since = se2.between(self._odometry_at_update, placed.odometry)
         self._pose = se2.compose(self._update.belief.mean, since)
         self._stamp_ns = placed.scan.stamp_ns
         self._history.add(self._stamp_ns, self._pose, placed.odometry, self._update)
         self._counters["used.scan"] += 1
 
     def _is_update_due(self, placed: PlacedScan) -> bool:
-        if self._updated_at is None or placed.odometry_jumped:
+        if self._odometry_at_update is None or placed.odometry_jumped:
             self._standing = 0
             return True
-        step = se2.between(self._updated_at, placed.odometry)
+        step = se2.between(self._odometry_at_update, placed.odometry)
         advanced = self._config.advanced
         moved = float(np.hypot(step[0], step[1])) >= advanced.update_distance_m
         if moved or abs(float(step[2])) >= advanced.update_angle_rad:
             return True
         self._standing += 1
-        return self._standing <= FIRST_UPDATES
+        return self._standing <= MAX_STANDING_UPDATES
 
     def _weigh(self, placed: PlacedScan) -> None:
         frame = placed.scan.frame_id
@@ -225,7 +226,7 @@ class IspaceMcl:
             placed.scan, extrinsics, self._config.advanced.min_range_m, self._config.scan.max_range_m
         )
         self._counters["beams.unreadable"] += beams.unreadable
-        last = placed.odometry if self._updated_at is None else self._updated_at
+        last = placed.odometry if self._odometry_at_update is None else self._odometry_at_update
         step = se2.between(last, placed.odometry)
         # The paper's density is that of all moving points at a moment, so it needs the latest frame of every camera.
         cameras = self.cameras
@@ -234,13 +235,13 @@ class IspaceMcl:
         self._update = self._localizer.update(
             step, placed.odometry, beams, placed.odometry_jumped, observations
         )
-        self._updated_at = placed.odometry
+        self._odometry_at_update = placed.odometry
         self._counters["updates"] += 1
         if not self._uses_density and self._update.assessment.status == "localized":
             self.cameras.learn_extrinsics(self._update.belief.mean)
 
 
 def _tracker() -> ScanTracker:
-    """Follows the first scans without odometry, which is checked by them."""
+    """The tracker that follows the first scans without using odometry, so that the odometry can be checked against it."""
     odometry = OdometryConfig()
     return ScanTracker(FrontEnd(odometry, CHECK_MEMORY_MB), ScanConfig(), odometry, CHECK_SPACING)
