@@ -26,13 +26,14 @@ from gridslam.maps.tiled import TileStore
 
 Floats = NDArray[np.float64]
 
-CELL_M = 0.2  # of the local surface maps: one surface element per cell
+CELL_M = 0.2  # cell of the local surface maps, with one surface element each
 LOCAL_MAP_KEY_SCANS = 30  # a local map is matched against once it has this many
 SIGMA_M = 0.05  # scale of the robust loss on point-to-line distances: range noise and uneven walls
-MAX_CORRESPONDENCE_M = 0.4  # in the first iteration: the error of the prediction
-FINAL_CORRESPONDENCE_M = 0.1  # in the last iterations: what lies farther away is another surface
+# Largest distance of a correspondence in the first iteration: the error of the prediction
+MAX_CORRESPONDENCE_M = 0.4
+FINAL_CORRESPONDENCE_M = 0.1  # the same in the last iterations: what lies farther away is another surface
 MAX_ITERATIONS = 12
-MIN_CORRESPONDENCES = 20  # with fewer, the odometry is used
+MIN_CORRESPONDENCES = 20  # with fewer correspondences the odometry is used
 
 YAW_STEP_RAD = 0.02  # matching converges from headings that are wrong by this much
 YAW_SEARCH_POINTS = 120
@@ -40,12 +41,13 @@ YAW_SEARCH_SIGMA_M = 2.0 * SIGMA_M
 YAW_SEARCH_CORRESPONDENCE_M = 0.75 * MAX_CORRESPONDENCE_M
 YAW_SEARCH_STDS = 2.0  # half width of the search for the heading, in standard deviations of the odometry
 
-MIN_INLIER_RATIO = 0.55  # below it other predictions are tried
+MIN_INLIER_RATIO = 0.55  # below this ratio other predictions are tried
 RECOVERY_M = 0.3  # how far ahead and behind they lie, and the standard deviation of their position
 RECOVERY_RAD = 0.5  # half width of their heading search, and the standard deviation of their heading
 WIDE_STDS = 2.0  # half width of the search for position and heading where the position is more uncertain than RECOVERY_M
-WIDE_SPACING_M = 0.4  # of the positions that are tried then: matching converges from half of it
-MIN_RECOVERED_GAIN = 0.2  # by which the inlier ratio must improve: a few points more are chance
+WIDE_SPACING_M = 0.4  # distance between the positions tried then: matching converges from half of it
+# Smallest gain of the inlier ratio by another prediction: a few points more are chance
+MIN_RECOVERED_GAIN = 0.2
 MIN_RECOVERED_INLIER_RATIO = 0.5
 
 MAX_GAP_RATIO = 2.5  # after a gap of more scan periods than this the velocity is unknown

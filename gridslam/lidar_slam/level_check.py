@@ -14,7 +14,7 @@ from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
-STEP_S = 0.4  # over which motions are compared: a part of a robot's sway, which takes seconds
+STEP_S = 0.4  # duration of the motions that are compared: a part of a robot's sway, which takes seconds
 MIN_STEPS = 40
 
 

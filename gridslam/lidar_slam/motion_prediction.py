@@ -29,12 +29,13 @@ GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
 MIN_INLIER_RATIO = 0.4
 MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
 FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
-LEARNED_STEPS = 200  # over which the velocity's changes are averaged
+LEARNED_STEPS = 200  # number of steps over which changes of the velocity are averaged
 CHANGE_STDS = 1.5  # the changes are not Gaussian: robots drive evenly and then stop
 MIN_TRANSLATION_STD_M = 0.01
 KEPT_SCANS = 16
-MAX_LOST_S = 5.0  # after that the surroundings are new
-GYRO_TOLERANCE_RAD = 0.005  # on straight drives constant velocity is as good, and no gyro worse for it
+MAX_LOST_S = 5.0  # after this time without a match the surroundings are new
+# Advantage of constant velocity that a gyro may have: on straight drives it is as good
+GYRO_TOLERANCE_RAD = 0.005
 MIN_COMPARED_STEPS = 20  # a source is judged by its errors once it has been compared this often
 # Root mean square changes of motion from scan to scan beyond which a path without odometry is doubted: those of recorded logs
 # whose paths were right are below 0.05 rad and 0.03 m.

@@ -13,9 +13,10 @@ from gridslam.core.messages import Event, Transform
 Floats = NDArray[np.float64]
 
 MIN_YAW_RAD = 0.15  # less is left to the matching: drift and slipping wheels look alike
-MAX_DISTANCE_M = 2.0  # from the robot's centre: farther is no place on a robot
-MAX_SCALE_ERROR = 0.3  # of the rotation that is solved for, which has none if the motions are of one body
-MAX_ERROR_RATIO = 0.5  # of the motions' difference with the place found, to that without it
+MAX_DISTANCE_M = 2.0  # largest distance from the robot's centre: farther is no place on a robot
+# Largest deviation of (cos, sin) from length 1, which they have if both motions are of one body
+MAX_SCALE_ERROR = 0.3
+MAX_ERROR_RATIO = 0.5  # largest ratio of the motions' difference with the place found to that without it
 ERROR_FLOOR_M = 0.02
 
 

@@ -17,15 +17,17 @@ WINDOW_S = 1.0  # motions are compared over this long: matching is then more exa
 # Where no near one fits
 FAR_LAGS_S: Floats = np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
-MIN_LAG_S = 0.05  # of a fault, and at least the period of the odometry: between its poses motion is not known
-YAW_NOISE_RAD = 0.01  # of a window: differences below it are no evidence
-MAX_COST_RATIO = 0.6  # of the corrected odometry: otherwise the difference may be chance ...
+# Smallest lag that is a fault, beside the odometry's period: between its poses motion is not known
+MIN_LAG_S = 0.05
+YAW_NOISE_RAD = 0.01  # noise of the rotation in a window: smaller differences are no evidence
+# Largest ratio of the costs with and without a correction: above it the difference may be chance ...
+MAX_COST_RATIO = 0.6
 MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations of its mean
-UNDECIDED_Z_SCORE = 1.5  # from here on more motion may decide
+UNDECIDED_Z_SCORE = 1.5  # from this z score on more motion may decide
 POSSIBLE_Z_SCORE = 2.0  # lags whose differences are larger by less than this may be the true one
-MIN_ROTATION_RAD = 2.0  # of all windows together, by matching
+MIN_ROTATION_RAD = 2.0  # smallest rotation of all windows together, by matching
 MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
-MIN_SCALE_RATIO = 1.12  # of a fault: good odometry is within a tenth
+MIN_SCALE_RATIO = 1.12  # smallest error of the scale that is a fault: good odometry is within a tenth
 # Relative; where the ratio varies more, matching has slid along a corridor or wheels have slipped
 MAX_SCALE_IQR = 0.2
 

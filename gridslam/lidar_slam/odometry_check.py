@@ -31,10 +31,11 @@ from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, st
 
 Floats = NDArray[np.float64]
 
-MIN_ROTATION_RAD, MIN_DISTANCE_M = 4.0, 6.0  # by odometry: enough motion to judge it by
-MAX_SCANS = 600  # where the robot moves less, or no lag is certain; bounds memory and delay
+MIN_ROTATION_RAD, MIN_DISTANCE_M = 4.0, 6.0  # motion by odometry that is enough to judge it by
+# Largest number of scans where the robot moves less, or no lag is certain; bounds memory and delay
+MAX_SCANS = 600
 STANDING_M, STANDING_RAD = 0.3, 0.3  # a robot that has moved less has not driven off yet, and shows nothing
-MAX_STANDING_SCANS = 3000  # that are held until it does
+MAX_STANDING_SCANS = 3000  # largest number of scans that are held until the robot moves
 
 
 class OdometryCheck:

@@ -12,7 +12,8 @@ from gridslam.motion.odometry_limits import OdometryLimits
 
 Floats = NDArray[np.float64]
 
-TRANSLATION_FLOOR_M = 0.01  # of a standing robot: encoder ticks and stamps that are not exact
+# Standard deviation for a standing robot: encoder ticks and stamps that are not exact
+TRANSLATION_FLOOR_M = 0.01
 ROTATION_FLOOR_RAD = 0.005
 TRANSLATION_PER_RAD_M = 0.02  # a wheelbase that is not exact moves the robot as it turns
 ROTATION_PER_M_RAD = 0.1  # wheels of unequal diameter turn the robot as it drives

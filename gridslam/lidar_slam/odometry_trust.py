@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 WINDOW_S = 0.5  # motions are compared over this long: matching is exact to some millimetres a scan
 KEPT_WINDOWS = 12
 METRES_PER_RAD = 0.5  # a rotation counts as this motion
-MIN_MOTION_M = 0.1  # of a window, by matching: slower ones show nothing
+MIN_MOTION_M = 0.1  # smallest motion of a window, by matching: slower ones show nothing
 MIN_MOVING_WINDOWS = 6
 # Difference of all windows relative to their motion: beyond the first odometry is left aside, below the second it is used again.
 MAX_ERROR, MAX_ERROR_AGAIN = 0.5, 0.25

@@ -16,14 +16,17 @@ Floats = NDArray[np.float64]
 
 MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is no farther from its lidar
 TOLERANCE_M = 0.03  # noise of near returns
-MIN_CONSTANT_FRACTION = 0.9  # of the scans of a body: people and doors are in view for a part of them
+# Fraction of the views that show a body: people and doors are in view for a part of them
+MIN_CONSTANT_FRACTION = 0.9
 # Two views differ where more than `MIN_CHANGED_FRACTION` of the ranges differ by more than `CHANGED_M`.
 CHANGED_M, MIN_CHANGED_FRACTION = 0.1, 0.5
-MIN_VIEWS, MAX_VIEWS = 15, 60  # that differ
+MIN_VIEWS, MAX_VIEWS = 15, 60  # numbers of views that differ
 # New views after which a body that comes later is looked for again: at each it would take a tenth of a run.
 CHECKED_VIEWS = 5
-MIN_ROTATION_RAD = 4.0  # of the robot meanwhile: beside a straight drive a wall looks like a body
-MAX_BODY_FRACTION = 0.5  # of the beams: a lidar that sees more near it stands in a narrow place
+# Rotation of the robot over the views: beside a straight drive a wall looks like a body
+MIN_ROTATION_RAD = 4.0
+# Largest fraction of beams on a body: a lidar that sees more near it stands in a narrow place
+MAX_BODY_FRACTION = 0.5
 EDGE_BEAMS, EDGE_M = 2, 0.15  # readings beside a body that mix it with what is behind
 
 

@@ -14,7 +14,7 @@ from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
-BLOCK_VALUES = 1 << 18  # of four bytes
+BLOCK_VALUES = 1 << 18  # number of values of four bytes in a block
 
 
 class _Place(NamedTuple):

@@ -18,12 +18,12 @@ Floats = NDArray[np.float64]
 
 USUAL_STEPS_DEG = (0.25, 1.0 / 3.0, 0.5, 1.0, 2.0)
 USUAL_RATIOS = (0.5, 2.0)
-MIN_DIFFERENCE = 0.05  # relative, of another step
-MAX_RATIO_OF_CONTRADICTED = 0.95  # of the costs of two steps that one message states
+MIN_DIFFERENCE = 0.05  # smallest relative difference of another step
+MAX_RATIO_OF_CONTRADICTED = 0.95  # largest ratio of the costs of two steps that one message states
 MAX_SWEEP_RAD = 2.0 * math.pi * 1.05
 # Those with most rotation, matched with either step: odometry may turn too much or too little as well
 COMPARED_SCANS = 60
-MIN_GAIN = 0.05  # of the inlier ratio with the other step
+MIN_GAIN = 0.05  # smallest gain of the inlier ratio with the other step
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,14 @@ from gridslam.lidar_slam.front_end import ScanMatch
 
 Floats = NDArray[np.float64]
 
-WEAK_STD_M = 0.015  # of a match: from here on noise decides about the motion in this direction
-SLIP_M2_PER_M = 1.0  # of motion: on recorded corridors tracks without odometry slip by up to 4 m in 10 m
-MIN_SPEED_MPS = 0.05  # of a robot that seems to stand where its motion is not seen
-MAX_GAP_S = 1.0  # after a longer one a scan may be matched elsewhere
-UNMATCHED_MPS, MAX_UNMATCHED_S = 0.5, 1.0  # of a scan after a gap, or that is not matched: in any direction
+# Standard deviation of a match from which noise decides about the motion in this direction
+WEAK_STD_M = 0.015
+# Variance a metre of motion: on recorded corridors tracks without odometry slip by up to 4 m in 10 m
+SLIP_M2_PER_M = 1.0
+MIN_SPEED_MPS = 0.05  # speed assumed for a robot that seems to stand where its motion is not observed
+MAX_GAP_S = 1.0  # after a longer gap a scan may be matched elsewhere
+# Slip of a scan after a gap, or that is not matched, in any direction
+UNMATCHED_MPS, MAX_UNMATCHED_S = 0.5, 1.0
 
 
 def slip_variances(step: Floats, elapsed_s: float, match: ScanMatch) -> Floats:

@@ -18,15 +18,17 @@ from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
 Floats = NDArray[np.float64]
 
-MIN_YAW_RATE_RADPS = 0.3  # of scans that are compared: slower turns hardly distort a scan
+# Smallest yaw rate of scans that are compared: slower rotation hardly distorts a scan
+MIN_YAW_RATE_RADPS = 0.3
 MIN_TURNING_SCANS = 40
 # Of the period; the others only where the first is better than no motion
 FIRST_FRACTION, FRACTIONS = 0.25, (0.5, 0.75, 1.0)
 CORRELATED_SCANS = 4  # neighbours match well or badly together
-MIN_Z_SCORE = 2.5  # of the better match, in standard deviations of its mean
-MIN_GAIN = 0.005  # in the mean inlier ratio
+MIN_Z_SCORE = 2.5  # smallest advantage of the better match, in standard deviations of its mean
+MIN_GAIN = 0.005  # smallest gain of the mean inlier ratio
 MAX_SWEEP_PERIODS = 1.02
-MAX_END_FRACTION, MIN_END_TOLERANCE_S = 0.2, 0.015  # of a lag that is the time of a sweep
+# Largest difference of a lag from the time of a sweep: fraction of it, and s
+MAX_END_FRACTION, MIN_END_TOLERANCE_S = 0.2, 0.015
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 Costs = NDArray[np.float32]
 Report = Callable[[int], None]
 
+# Clearance beyond the required one from which cells cost no more: in passages up to 1.2 m wider the path keeps to the middle.
 INFLATION_RADIUS_M = 0.6
 SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more than the start
 FIRST_SEARCH_STATES = 100_000
@@ -41,7 +42,7 @@ COARSE_STEP_M, FINE_STEP_M = 0.15, 0.05  # length of an arc
 YAW_BINS, FINE_YAW_BINS = 64, 240
 COARSE_BIN, FINE_BIN = 0.5, 0.2  # width of a bin, in steps
 MIN_SEARCH_RADIUS_M = 0.1  # for robots that turn on the spot, whose smallest radius may be 0
-HALF_TURN = np.array([0.0, 0.0, np.pi])
+OPPOSITE_HEADING = np.array([0.0, 0.0, np.pi])
 
 
 def no_report(states: int) -> None:
@@ -155,11 +156,11 @@ class MotionSearch:
 
     def _search_from_goal(self, start: Floats, goal: Floats, guide_path: Floats) -> SearchResult:
         """The same search from the goal, with all headings reversed: the path found is driven the other way round."""
-        ends = np.stack([goal, start]) + HALF_TURN
+        ends = np.stack([goal, start]) + OPPOSITE_HEADING
         result = self._search(
             ends[0],
             ends[1][None],
-            guide_path[::-1] + HALF_TURN,
+            guide_path[::-1] + OPPOSITE_HEADING,
             self.cost_to_go(0.0, whole_map=True, from_start=True),
             BACKWARD_SEARCH_STATES,
             is_fine=True,

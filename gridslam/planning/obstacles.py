@@ -12,8 +12,8 @@ from scipy import ndimage
 from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
-OCCUPIED_FROM = 0.9
-ROBOT_RADIUS_M = 0.2
+OCCUPIED_FROM = 0.9  # the paper's threshold
+ROBOT_RADIUS_M = 0.2  # default robot: passages narrower than twice this are closed
 
 Cells = NDArray[np.bool_]
 

@@ -34,17 +34,19 @@ QUERY_SPACING, TARGET_SPACING = 4, 6
 TRIED_QUERY, TRIED_TARGET = 2, 3
 TRIED_RATIO = 0.6  # unless the uncertainty has shrunk to this fraction: what was ambiguous may not be now
 
-MIN_SCORE = 0.5
-MIN_EXPLAINED = 0.5
-MAX_CONTRADICTED = 0.15
-MAX_RIVAL_RATIO = 0.95  # of the rival's score to the match's; above it the match is not used
-DISTINCT_RIVAL_RATIO = 0.85  # up to which one of several matches that agree must be
-# Of a match that stands alone
+# Limits of a match that is compared with others. They are looser than those of a match that stands alone, below, because other
+# Matches must confirm it.
+MIN_SCORE = 0.5  # smallest score of the search, at most 1
+MIN_EXPLAINED = 0.5  # smallest fraction of the query's points on surfaces of the target
+MAX_CONTRADICTED = 0.15  # largest fraction of them in space that the target has seen free
+MAX_RIVAL_RATIO = 0.95  # largest ratio of the rival's score to the match's
+DISTINCT_RIVAL_RATIO = 0.85  # largest such ratio of at least one of several matches that agree
+# Limits of a match that stands alone
 SURE_RIVAL_RATIO, SURE_SCORE, SURE_EXPLAINED, SURE_CONTRADICTED = 0.75, 0.7, 0.7, 0.08
 MAX_DEPARTURE = 2.5  # standard deviations of a match from where it was expected: what lies beyond is more often a look-alike
 MEANINGFUL_STD_RATIO = 0.5  # agreement counts where it was expected to this fraction of the uncertainty
 
-ROBUST_SCALE = 4.0  # of the kernel on loops, in standard deviations
+ROBUST_SCALE = 4.0  # scale of the robust kernel on loops, in standard deviations
 REJECTED_WEIGHT = 0.25  # a loop with a smaller robust weight is taken out again
 
 

@@ -12,7 +12,7 @@ from gridslam.lidar_slam.config import LoopClosureConfig
 
 Floats = NDArray[np.float64]
 
-MIN_STEP_STD_M = 1e-3  # of a step on the spot
+MIN_STEP_STD_M = 1e-3  # smallest standard deviation of a step, as of a rotation on the spot
 MIN_STEP_STD_RAD = 1e-4
 
 

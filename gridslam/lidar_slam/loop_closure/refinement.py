@@ -22,15 +22,15 @@ from gridslam.lidar_slam.loop_closure.segments import Segments
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-VIEW_M = 8.0  # between the references of two segments that see enough of the same
-MIN_TRAVEL_M = 5.0  # between them: closer ones share a local map of the front end
-HALF_SUBMAP_SEGMENTS = 4  # on each side of a submap's centre
+VIEW_M = 8.0  # largest distance between the references of two segments that see enough of the same
+MIN_TRAVEL_M = 5.0  # smallest travel between two segments: closer ones share a local map of the front end
+HALF_SUBMAP_SEGMENTS = 4  # number of segments on each side of a submap's centre
 MAX_VISITS = 2
-MAX_GAP_SEGMENTS = 2  # within one visit
-MAX_POINTS = 200  # of a segment
+MAX_GAP_SEGMENTS = 2  # longest gap within one passage
+MAX_POINTS = 200  # largest number of points of a segment
 SURFEL_CELL_M = 0.2
 MIN_INLIER_RATIO = 0.6
-INFORMATION_WEIGHT = 0.03  # of a match: the errors of neighbouring points are not independent
+INFORMATION_WEIGHT = 0.03  # weight of a match: the errors of neighbouring points are not independent
 REGISTRATION = Registration(
     sigma_m=0.05,
     max_correspondence_m=0.3,  # the error of the poses after the loops are closed

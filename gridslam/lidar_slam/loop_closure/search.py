@@ -23,18 +23,21 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-MIN_TRAVEL_M = 25.0  # between the ends of a loop: a shorter one adds nothing to what the front end has used
+# Smallest travel between the ends of a loop: a shorter one adds nothing to what the front end has used
+MIN_TRAVEL_M = 25.0
 VIEW_M = 4.0  # poses this close see the same walls, also in a corridor
 MIN_STD_M = 0.12  # what is known better is found by registration alone
-MAX_STDS = 2.5  # of the relative position, allowed for in the choice of candidates
+# Standard deviations of the relative position that are allowed for in the choice of candidates
+MAX_STDS = 2.5
 WINDOW_STDS = 3.0
 MIN_WINDOW_M, MIN_WINDOW_RAD = 0.6, 0.03
-MAX_GAP_SEGMENTS = 2  # within one passage of a place
-MAX_PASSAGES = 16  # of one place that are compared with one query
+MAX_GAP_SEGMENTS = 2  # longest gap within one passage of a place
+MAX_PASSAGES = 16  # largest number of passages of one place that are compared with one query
 
-QUERY_SEGMENTS = 2  # on each side of the query, matched together with it
-TARGET_RANGE_M = 15.0  # of the target submap beyond the window
-MAX_TARGET_SEGMENTS = 25  # on each side: within 75 m the track itself drifts by less than a cell or two
+QUERY_SEGMENTS = 2  # number of segments on each side of the query that are matched together with it
+TARGET_RANGE_M = 15.0  # range of the target submap beyond the search window
+# Segments of a target on each side: within 75 m the track itself drifts by less than a cell or two
+MAX_TARGET_SEGMENTS = 25
 
 DRAWING = SubmapDrawing(max_points=500, field_cell_m=0.2, field_sigma_m=0.15, surfel_cell_m=0.2)
 SEARCH = WindowSearch(yaw_step_rad=0.012, min_score=0.3, rival_distance_m=1.0, rival_yaw_rad=0.1)
@@ -45,9 +48,10 @@ REGISTRATION = Registration(
     max_iterations=15,
     min_correspondences=0.0,
 )
-INFORMATION_WEIGHT = 0.03  # of a match: the errors of neighbouring points are not independent
+INFORMATION_WEIGHT = 0.03  # weight of a match: the errors of neighbouring points are not independent
 MIN_INFORMATION = np.diag([1e-2, 1e-2, 1.0])  # 10 m and 1 rad where the points determine nothing
-MATCH_STD_M, MATCH_STD_RAD = 0.03, 0.003  # of the best match: the submaps themselves are distorted by as much
+# Standard deviation of the best match: the submaps themselves are distorted by as much
+MATCH_STD_M, MATCH_STD_RAD = 0.03, 0.003
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,8 @@ Ints = NDArray[np.int64]
 CLOUD_CELL_M = 0.1  # one surface point of a segment is kept in each cell
 BEAM_STEP = 4  # every fourth beam is enough to draw the free space of many scans
 MAX_RANGE_M = 20.0  # what lies farther away is sampled thinly, and a heading error moves it far
-METRES_PER_RADIAN = 0.5  # of rotation, in the length of a segment: a turn on the spot sees new things as well
+# Length that a radian of rotation adds to a segment: a robot that turns on the spot sees new things as well
+METRES_PER_RADIAN = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,8 @@ from gridslam.lidar_slam.scans import PreparedScan
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SEGMENT_M = 3.0  # of travel in a segment, for the search
-REFINED_SEGMENT_M = 1.0  # and for the registration afterwards
+SEGMENT_M = 3.0  # length of a segment for the search
+REFINED_SEGMENT_M = 1.0  # length of a segment for the registration afterwards
 
 
 @dataclass(frozen=True, slots=True)

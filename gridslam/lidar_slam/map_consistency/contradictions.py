@@ -19,8 +19,8 @@ from gridslam.lidar_slam.map_consistency.observations import Observations
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CELL_M = 0.25  # of wall
-MIN_SCANS = 2  # that see a cell of wall which others look through
+CELL_M = 0.25  # cell in which contradicted wall is counted
+MIN_SCANS = 2  # smallest number of scans that see a cell of wall which others look through
 JOINED_M = 0.75  # cells this near to each other are one place
 
 

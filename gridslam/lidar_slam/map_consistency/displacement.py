@@ -19,10 +19,10 @@ Ints = NDArray[np.int64]
 
 MAX_SHIFT_M, SHIFT_STEP_M = 6.0, 0.4
 MIN_SHIFT_M = 0.7  # shorter ones are within the tolerances of the comparison
-FREE_COST = 3.0  # of a point in free space, in points on a surface
+FREE_COST = 3.0  # cost of a point in free space, in points on a surface
 MAX_SEEING = 3
 SEEING_STEPS = (-4, 0, 4)  # scans around one that sees contradicted points
-JUDGING_STEPS = (-6, -3, 0, 3, 6)  # and around the one that looks through most of them
+JUDGING_STEPS = (-6, -3, 0, 3, 6)  # scans around the one that looks through most of the contradicted points
 POINT_STEP = 2  # every second point of a scan is moved
 
 

@@ -31,12 +31,12 @@ REASONS: dict[Kind, str] = {
 # Metres of contradicted wall times the gain of a displacement at which the doubt is 0.5
 EVEN_EVIDENCE_M = 1.2
 MIN_WALL_M = 1.0  # smaller contradictions are not looked into
-AGREEING_WITHIN_M = 40.0  # between two contradictions that one passage can have caused
-AGREEING_M = 0.6  # of their displacements: a step of the search and a half
+AGREEING_WITHIN_M = 40.0  # largest distance of two contradictions that one passage can have caused
+AGREEING_M = 0.6  # largest difference of their displacements: one and a half steps of the search
 MAX_CONTRADICTIONS = 12  # the largest ones are looked into
 EVEN_STRAIN = 3.0  # standard deviations of the front end's drift at which the doubt is 0.5
 EVEN_RESIDUAL = 8.0  # normalised residual of an accepted loop at which the doubt is 0.5
-STEEPNESS = 3.0  # of the logistic curve over the logarithm
+STEEPNESS = 3.0  # steepness of the logistic curve over the logarithm
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 SECTORS = 256
-MAX_POINTS = 160  # of a scan that are compared with others
+MAX_POINTS = 160  # largest number of points of a scan that are compared with others
 TOLERANCES = free_space.Tolerances(0.3, 0.01, 15.0)
 
 

@@ -13,10 +13,10 @@ from gridslam.kernels.free_space import Partners
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SPACING_M = 0.5  # along the path, of the scans that are compared
+SPACING_M = 0.5  # distance along the path between scans that are compared
 VIEW_M = 6.0  # scans farther apart are not compared
-APART_M = 25.0  # of travel between two passages
-MAX_PASSAGES = 6  # with which one scan is compared
+APART_M = 25.0  # smallest travel between two passages
+MAX_PASSAGES = 6  # largest number of passages with which one scan is compared
 OWN_STEPS = (-8, -4, 4, 8)  # scans before and after, of the same passage
 
 

@@ -15,8 +15,9 @@ from gridslam.lidar_slam.map_consistency.passages import distance_driven
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-POSE_STD_M, POSE_STD_RAD = 0.03, 0.003  # of each scan's pose, beside the drift
-LENGTHS_M = (5.0, 10.0, 20.0, 40.0)  # of path: a wrong loop strains a short one much, or a long one a little
+POSE_STD_M, POSE_STD_RAD = 0.03, 0.003  # standard deviations of each scan's pose, beside the drift
+# Lengths of the parts of the path: a wrong loop strains a short one much, or a long one a little
+LENGTHS_M = (5.0, 10.0, 20.0, 40.0)
 
 
 @dataclass(frozen=True, slots=True)

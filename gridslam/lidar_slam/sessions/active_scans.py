@@ -18,8 +18,9 @@ from gridslam.lidar_slam.sessions.stored_scans import StoredScans, empty_scan
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-LATER_DRIVES = 2  # that were in the place of a key scan: it adds little to what they saw
-NEAR_M = 1.5  # of the same place
+# Number of later drives in the place of a key scan from which it adds little to what they saw
+LATER_DRIVES = 2
+NEAR_M = 1.5  # distance within which poses are at the same place
 # ... with this difference of the headings at most: many lidars see only what is before the robot
 NEAR_RAD = np.pi / 3
 

@@ -21,11 +21,11 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Kind = Literal["appeared", "vanished"]
 
-SURFACE_RATIO = 0.4  # of hits to all that is said of a cell, on a surface that stands
-SOMETIMES_RATIO = 0.08  # and in a cell that was not always free: glass, people, poses that are not exact
+SURFACE_RATIO = 0.4  # ratio of hits to hits and misses in a cell, from which it stands on a surface
+SOMETIMES_RATIO = 0.08  # the same in a cell that was not always free: glass, people, poses that are not exact
 # Scans that met a surface, and that looked through it, in one cell of a place
 SURE_HITS, SURE_MISSES = 2, 3
-MIN_HITS, MIN_MISSES = 1, 2  # and all others
+MIN_HITS, MIN_MISSES = 1, 2  # the same in all other cells of a place
 MAX_POSE_ERROR_M = 0.1
 # A changed place reaches this far beyond the cells that contradict each other by more than an error of the poses, as far as cells
 # hang together with it: the side of a box that meets a wall, and what few beams met.
@@ -41,9 +41,9 @@ JOINED_M = 0.2  # changed cells this near to each other are one place
 MIN_CELLS = 3
 MIN_LENGTH_M = 0.15
 BEHIND_M = 0.25  # a beam that passes a cell ends this far behind it, or farther
-MAX_ANGLE_RAD = np.radians(30.0)  # between a beam that met a surface and one that passes it
-SAME_VIEW_RATIO = 0.3  # of the cells, that were looked at from the same side by both drives
-MAX_CELLS_LOOKED_AT = 400  # of one place
+MAX_ANGLE_RAD = np.radians(30.0)  # largest angle between a beam that met a surface and one that passes it
+SAME_VIEW_RATIO = 0.3  # smallest fraction of the cells that both drives looked at from the same side
+MAX_CELLS_LOOKED_AT = 400  # largest number of cells of one place that are examined
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from gridslam.lidar_slam.sessions.tracks import JointTracks
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-GAP_M = 5.0  # between parts of a map that do not overlap
+GAP_M = 5.0  # distance between parts of a map that do not overlap
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ from gridslam.lidar_slam.sessions.evidence import CellFrame, Evidence
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
-MOVED_M = 0.025  # of a key scan, or of what it saw: half a cell of the usual size
-SEEN_M = 10.0  # from the key scan: where a rotation moves what it saw
+MOVED_M = 0.025  # movement of a key scan, or of what it saw, from which it is drawn again: half a usual cell
+SEEN_M = 10.0  # distance from the key scan at which a rotation moves what it saw
 
 
 @dataclass(frozen=True, slots=True)

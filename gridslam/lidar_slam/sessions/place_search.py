@@ -34,17 +34,19 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CLOUD_CELL_M = 0.1  # of the map one surface point is kept in each cell
-BEAM_CELL_M = 1.5  # and the beams of the last segment with its reference in each
+CLOUD_CELL_M = 0.1  # cell of the map in which one surface point is kept
+BEAM_CELL_M = 1.5  # cell of the segments' references in which the beams of the last segment are kept
 SPACINGS = 12, 6, 3  # segments between the parts that are searched for, until a place is found
-UNKNOWN_STD_M = 100.0  # of a place anywhere in the map
+UNKNOWN_STD_M = 100.0  # standard deviation of a place anywhere in the map
 MIN_AGREEING = 3  # parts of the drive that put it in one place
 MANY_AGREEING, MANY_LEAD = 6, 3.0  # then none of them has to be distinct, as a corridor looks alike all along
 MIN_LEAD = 2.0  # times the parts that agree on any other place
-MAX_CHANGED = 0.25  # of a part's points may lie in free space of the map where doors and furniture have changed in between ...
+# Fraction of a part's points that may lie in free space of the map, where doors and furniture have changed in between ...
+MAX_CHANGED = 0.25
 # ... if this number of parts agree, at least `MANY_LEAD` times those on any other place
 MIN_AGREEING_CHANGED = 4
-SHORT_DRIVE_SEGMENTS = 9  # in a shorter drive too few parts can agree: one must be beyond doubt
+# Length of a drive in which too few parts can agree: one of them must be beyond doubt
+SHORT_DRIVE_SEGMENTS = 9
 CLEAR_SCORE, CLEAR_EXPLAINED, CLEAR_CONTRADICTED, CLEAR_RIVAL_RATIO = 0.8, 0.85, 0.03, 0.9
 MARGIN_M = 10.0
 DRAWING = search.DRAWING._replace(max_points=200)  # enough in a window as large as the map, which costs time

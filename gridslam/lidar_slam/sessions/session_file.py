@@ -37,13 +37,13 @@ Arrays = dict[str, NDArray[Any]]
 FILE_NAME = "session.npz"
 FORMAT, VERSION = "gridslam session", 3
 MAX_FILE_BYTES = MAX_UNPACKED_BYTES = 1 << 28  # without the points, which are unpacked when they are needed
-MAX_POINT_BYTES = 1 << 29  # of these, unpacked: some 100,000 key scans
+MAX_POINT_BYTES = 1 << 29  # largest size of the unpacked points: some 100,000 key scans
 MAX_SCAN_POINTS = 100_000
 MAX_HEAD_BYTES = 1 << 22
-MIN_KEY_BYTES = 50  # of the file for a key scan, of which the poses alone take more
+MIN_KEY_BYTES = 50  # smallest size of a key scan in the file, of which the poses alone take more
 MAX_KEY_SCANS = 300_000  # each takes 1 KB besides its points
 MAX_POSE_M = 1e6
-MAX_INFORMATION = 1e15  # of an edge: m, rad to a thirtieth of a micron
+MAX_INFORMATION = 1e15  # largest information of an edge: m, rad to a thirtieth of a micron
 MAX_EVIDENCE = 1e9  # log odds, and covariances (m^2, rad^2)
 _POSES, _STAMPS, _EVIDENCE = (-MAX_POSE_M, MAX_POSE_M), (0, END_NS - 1), (-MAX_EVIDENCE, MAX_EVIDENCE)
 RANGES: dict[str, tuple[float, float]] = {  # lowest and highest value

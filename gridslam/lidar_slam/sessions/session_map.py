@@ -21,7 +21,7 @@ from gridslam.lidar_slam.sessions.evidence import (
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.maps.occupancy import OccupancyGrid
 
-RENEWED_CELLS = 2  # about a changed cell: a surface is a few cells thick
+RENEWED_CELLS = 2  # radius around a changed cell that is renewed too: a surface is a few cells thick
 
 
 @dataclass(frozen=True, slots=True)

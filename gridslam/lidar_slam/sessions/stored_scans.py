@@ -25,7 +25,7 @@ NORMAL_UNIT_RAD = 1e-4
 MAX_ANGLE = int(np.pi / NORMAL_UNIT_RAD)
 NO_NORMAL = np.int16(-32768)
 MAX_POINT_M = 1000.0
-RETURN_BYTES, SURFACE_BYTES = 8, 10  # of a point, unpacked
+RETURN_BYTES, SURFACE_BYTES = 8, 10  # size of an unpacked point
 
 
 class StoredScans(Sequence[PreparedScan]):

@@ -17,7 +17,7 @@ from gridslam.lidar_slam.sessions.session import Drive, offsets
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-APART_M = 1000.0  # of travel between two tracks: as far apart as two visits ever have to be
+APART_M = 1000.0  # travel put between two tracks: as far apart as two passages ever have to be
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,11 +26,11 @@ from gridslam.methods.handmap_slam.visited_poses import VisitedPose, VisitedPose
 
 Floats = NDArray[np.float64]
 
-MIN_POINTS = 10  # of a scan that updates the particles
+MIN_POINTS = 10  # smallest number of points of a scan that updates the particles
 UPDATE_M, UPDATE_RAD = 0.2, 0.15  # motion after which a scan updates the particles
 REVISIT_RADIUS_M = 1.0  # an earlier pose this close is the same place
 REVISIT_AFTER_M = 4.0  # distance to travel before a place counts as revisited
-CORRECTION_STEP_M = 0.25  # of the position along the unobserved axis, metres of the world
+CORRECTION_STEP_M = 0.25  # step of the position along the unobserved axis, in metres of the world
 CORRECTION_PATIENCE = 3  # consecutive updates without observation before the first correction
 
 # Lines of a scan, found by RANSAC.

@@ -13,7 +13,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 Floats = NDArray[np.float64]
 Table = NDArray[np.float32]
 
-OUTLIER_FRACTION = 0.15  # of points on things that the drawing lacks: furniture, people, doors that are open
+OUTLIER_FRACTION = 0.15  # fraction of points on objects that the drawing lacks: furniture, people, open doors
 TABLE_ENTRIES = 256
 MAX_DISTANCE_SIGMAS = 4.0  # points farther from drawn walls all count as outliers
 INLIER_SIGMAS = 2.0  # points closer than this to a drawn wall are inliers

@@ -31,13 +31,13 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 Floats = NDArray[np.float64]
 
 NO_GOAL, FRONTIERS = -1, -2  # goals other than an observation point
-PERIOD_S = 0.8  # between two plans of the path
+PERIOD_S = 0.8  # time between two plans of the path
 RESCALE_RATIO = 1.03  # change of a scale after which the planning grid is built again
 # The path ends well inside the arrival distance, so that the robot does not stop short
 GOAL_RADIUS_M = 0.5 * ARRIVAL_M
-PROGRESS_M = 0.3  # by which the path must get shorter to count as progress
-BLOCKED_S = 10.0  # without an open path for this time, an observation point is given up
-PROGRESS_S = 45.0  # and without progress for this time
+PROGRESS_M = 0.3  # smallest shortening of the path that counts as progress
+BLOCKED_S = 10.0  # time without an open path after which an observation point is given up
+PROGRESS_S = 45.0  # time without progress after which it is given up
 
 
 @dataclass(frozen=True, slots=True)

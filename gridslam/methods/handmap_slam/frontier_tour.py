@@ -11,10 +11,10 @@ from gridslam.methods.handmap_slam.pathfinder import FoundPath
 
 Floats = NDArray[np.float64]
 
-PROGRESS_M = 0.2  # by which the path must get shorter to count as progress
+PROGRESS_M = 0.2  # smallest shortening of the path that counts as progress
 OTHER_VIEWPOINT_M = 1.0  # if the path gets longer by this, it leads to another viewpoint
 MAX_COST_PER_M = 3.0  # metres near obstacles cost more
-NEAR_M = 0.25  # to a viewpoint that the robot observes from
+NEAR_M = 0.25  # distance to a viewpoint within which the robot observes from it
 LOOK_S = 2.0  # what is not observed from there in this time is abandoned
 PATIENCE_S = 20.0  # a viewpoint that gets no closer for this time is abandoned
 SETTLE_S = 3.0  # the tour ends if there is no viewpoint for this time

@@ -27,7 +27,7 @@ from gridslam.methods.handmap_slam.localizer import POINT_WEIGHT
 Floats = NDArray[np.float64]
 
 MIN_LINE_M = 2.5  # shorter lines of the scan do not correct the heading: they may lie on curves
-MAX_CORRECTION_RAD = 0.05  # of the heading at one scan, since the drawing may be deformed
+MAX_CORRECTION_RAD = 0.05  # largest correction of the heading at one scan, since the drawing may be deformed
 # Between a line of the scan and the drawn line it corresponds to, metres of the world
 MAX_LINE_DISTANCE_M = 1.5
 

@@ -23,17 +23,17 @@ DRAWN_MAX_GAP = 0.5
 DRAWN_MIN_VOTES = 8
 
 SIMULATED_BEAMS = 180
-MIN_BEAMS = 4  # of the simulated scan on a drawn line that counts as visible
+MIN_BEAMS = 4  # number of beams of the simulated scan on a drawn line from which it counts as visible
 ON_LINE_CELLS = 2.5  # a simulated endpoint this close to a drawn line lies on it
 NO_LINE = -1
-NO_RETURN = 0.999  # of the maximum range: simulated beams longer than this hit nothing
+NO_RETURN = 0.999  # fraction of the maximum range: longer simulated beams hit nothing
 
-MIN_LENGTH_M = 0.8  # of a line of the scan
+MIN_LENGTH_M = 0.8  # smallest length of a line of the scan
 PARALLEL_RAD = 0.26  # lines whose directions differ by less may correspond
-MAX_DISTANCE_M = 8.0  # from the robot to a line, as drawn or as observed
+MAX_DISTANCE_M = 8.0  # largest distance from the robot to a line, as drawn or as observed
 # Of a beam to a line's normal: with an uncertain pose, grazing beams show nothing about the line
 MIN_COSINE = 0.5
-SIGMA_M = 0.5  # of eq. 1, metres of the world
+SIGMA_M = 0.5  # sigma of eq. 1, in metres of the world
 OBSERVED_PROBABILITY = 0.3  # f above this: the line is observed
 
 

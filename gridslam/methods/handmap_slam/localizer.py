@@ -17,8 +17,8 @@ from gridslam.methods.handmap_slam.global_localization import SCALE_STD, search_
 
 Floats = NDArray[np.float64]
 
-START_PARTICLES = 6000  # while pose and scale are unknown
-MAX_POINTS = 90  # of a scan
+START_PARTICLES = 6000  # number of particles while pose and scale are unknown
+MAX_POINTS = 90  # largest number of points of a scan
 POINT_WEIGHT = 0.15  # power of a point's likelihood: errors of neighbouring points are correlated
 WALL_PENALTY = 1.0  # log-likelihood that a particle outside the free space loses at each update
 RESAMPLE_BELOW = 0.5  # resample if N_eff falls below this fraction of the particles
@@ -27,7 +27,7 @@ RESAMPLE_BELOW = 0.5  # resample if N_eff falls below this fraction of the parti
 TRANSLATION_STD_M, TRANSLATION_STD_PER_M = 0.02, 0.1
 ROTATION_STD_RAD, ROTATION_STD_PER_RAD, ROTATION_STD_PER_M = 0.005, 0.02, 0.02
 SCALE_STD_PER_ROOT_M = 0.01  # random walk of the logarithm of the scale
-ASPECT_STD_PER_ROOT_M = 0.01  # and of the difference of two scales
+ASPECT_STD_PER_ROOT_M = 0.01  # growth of the standard deviation of the difference of two log scales
 
 ANNEALING = (0.1, 0.2, 0.4, 0.7, 1.0)  # powers of the first scan's likelihood, one round each
 ANNEALING_JITTER = 0.35  # noise after each round, in units of the particles' standard deviations

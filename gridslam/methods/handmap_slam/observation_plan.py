@@ -29,13 +29,14 @@ Costs = NDArray[np.float32]
 Status = Literal["open", "reached", "seen", "unreachable"]
 
 CANDIDATES = 500  # places scattered over the free space, from which observation points are chosen
-WALL_DISTANCE_M = 0.6  # between observation points and drawn walls
-NARROW_RATIO = 0.5  # of the largest distance to a wall, where no place is WALL_DISTANCE_M from them
+WALL_DISTANCE_M = 0.6  # smallest distance between observation points and drawn walls
+NARROW_RATIO = 0.5  # fraction of the largest distance to a wall, where no place is WALL_DISTANCE_M from them
 ARRIVAL_M = 0.4  # an observation point this close is reached
-SEEN_RATIO = 0.97  # of a point's walls, observed from elsewhere, that make a visit unnecessary
+SEEN_RATIO = 0.97  # fraction of a point's walls that, observed from elsewhere, makes a visit unnecessary
 RANGE_TOLERANCE_M = 0.6  # a drawn wall is observed if the beam towards it is at most this much shorter
-MAX_TRIES = 2  # of a point that was given up; the second one is at the end of the tour
-BRIDGE_COST = 10.0  # of a drawn wall's cell under the robot
+# Largest number of visits to a point that was given up; the second one is at the end of the tour
+MAX_TRIES = 2
+BRIDGE_COST = 10.0  # cost of a drawn wall's cell under the robot
 UNLIMITED = (-1, -1)  # start of a cost-to-go that covers the whole grid
 
 

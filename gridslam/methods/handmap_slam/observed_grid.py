@@ -33,13 +33,13 @@ from gridslam.planning.art_gallery import Gallery
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-HALF_SIDE_M = 30.0  # of the grid at first; it doubles when the robot comes near its edge
+HALF_SIDE_M = 30.0  # half side of the grid at first; it doubles when the robot comes near its edge
 EDGE_M = 12.0
 MAX_HALF_SIDE_M = 500.0
 # Neighbouring endpoints farther apart may lie on two objects with a gap between them
 MAX_SURFACE_GAP_CELLS = 2.5
 MIN_FRONTIER_M = 0.2  # shorter frontiers are ignored
-VIEW_DISTANCE_M = 4.0  # from a viewpoint to the frontier
+VIEW_DISTANCE_M = 4.0  # largest distance from a viewpoint to the frontier
 ABANDONED_RADIUS_M = 0.2  # frontiers this close to an abandoned one are ignored
 CANDIDATE_STEP = 3  # cells between candidates for a viewpoint
 

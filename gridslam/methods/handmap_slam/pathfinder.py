@@ -22,7 +22,8 @@ MARGIN_M = 0.05  # clearance from observed obstacles beyond the robot's radius
 DRAWN_CLEARANCE_CELLS = 0.9  # drawn walls close only their own cells: the lidar shows how wide a door is
 MIN_INFLATION_CELLS = 2.0  # radius around drawn walls
 GOAL_GROWTH = 2.5  # factor on the radius of a goal around which no cell is free
-FREED_MARGIN_M = 0.15  # beyond the robot's radius: the area around the robot that is open if it is not solid
+# Margin beyond the robot's radius of the area around it that is open where it is not solid
+FREED_MARGIN_M = 0.15
 FREED_COST_FACTOR = 2.0  # cost of that area, in units of the highest cost
 FREED_COST = 10.0  # if the whole grid is closed
 

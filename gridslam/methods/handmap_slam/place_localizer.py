@@ -47,13 +47,13 @@ from gridslam.methods.handmap_slam.warp.search import (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NEW_PLACE_M = 0.8  # from the nearest place that is visible: the robot is at a new one
+NEW_PLACE_M = 0.8  # distance from the nearest visible place at which the robot is at a new one
 # Particles are resampled with this power of their weights, and keep the rest as weights: so a hypothesis that is less probable
 # for a while, because a part of the drawing is wrong, goes on.
 RESAMPLED_POWER = 0.5
-REFINED_POINTS = 90  # of a scan, in the refinement of the pose
+REFINED_POINTS = 90  # number of points of a scan in the refinement of the pose
 REFINEMENTS = 4
-BELIEF_PARTICLES = 1000  # of which the heaviest cluster is sought at each scan
+BELIEF_PARTICLES = 1000  # number of particles among which the heaviest cluster is sought at each scan
 # Of the particles' belief in the refinement: metres, rad, log scales.
 MIN_STD = np.array([0.1, 0.1, 0.03, 0.03, 0.03])
 

@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
 MAX_CELLS = 4_000_000
-MIN_SIDE_CELLS = 2  # of a grid that costs are interpolated on
-CELL_M = 0.1  # of the grid in the world
+MIN_SIDE_CELLS = 2  # smallest side of a grid on which costs are interpolated
+CELL_M = 0.1  # cell of the grid, in metres of the world
 
 
 @dataclass(frozen=True, slots=True)

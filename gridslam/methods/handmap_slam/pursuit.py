@@ -17,7 +17,7 @@ from gridslam.planning.dwa import DifferentialDrive, DwaSettings, WheelSpeeds, c
 Floats = NDArray[np.float64]
 
 MAX_YAW_RATE_RADPS = 1.2
-MAX_ACCELERATION_MPS2 = 0.6  # of a wheel
+MAX_ACCELERATION_MPS2 = 0.6  # largest acceleration of a wheel
 LOOK_AHEAD_M = 0.8  # distance along the path to the point that the robot heads for
 RECENT_SCANS = 3  # whose points are obstacles
 OBSTACLE_RANGE_M = 3.0
@@ -26,10 +26,10 @@ STUCK_M, STUCK_RAD = 0.08, 0.3  # less motion within STUCK_S is standing
 FREED_M = 3.0 * STUCK_M  # motion after which the next recovery starts with a turn again
 RECOVERY_S = 2.5  # duration of a recovery
 BACK_OFF_M = 0.3
-RECOVERY_SPEED = 0.5  # of a turn, as a fraction of the highest yaw rate
+RECOVERY_SPEED = 0.5  # speed of a recovery's rotation, as a fraction of the highest yaw rate
 MIN_BACK_OFF_M = 0.1  # free space behind the robot
 ALIGNED_RAD = 0.1  # no turn is needed below this bearing
-MAX_BEARING_RAD = 1.0  # of the path; beyond, the robot turns before it drives
+MAX_BEARING_RAD = 1.0  # largest bearing of the path: beyond it the robot turns before it drives
 SLOW_DOWN_M = 0.8  # distance to the end of the path below which the robot slows down
 MIN_REMAINING_M = 0.2  # the speed near the end is that of this distance
 TURNING_SPEED_WEIGHT = -2.0  # factor on the speed's weight while the robot turns: forward motion is penalised

@@ -15,7 +15,7 @@ from gridslam.core.trajectory import pose_at
 Floats = NDArray[np.float64]
 
 MAX_MESSAGES = 200
-MAX_INTERVAL_S = 0.5  # between two messages that give a velocity
+MAX_INTERVAL_S = 0.5  # longest time between two messages that give a velocity
 
 
 class RecentOdometry:

@@ -21,9 +21,9 @@ from gridslam.sensors.infrared import RangeNoise
 
 Floats = NDArray[np.float64]
 
-MAX_STEPS = 15  # of Gauss-Newton
+MAX_STEPS = 15  # largest number of Gauss-Newton steps
 CONVERGED = 8e-4  # largest change of any coordinate (m, rad)
-FIXED_VARIANCE = 1e-10  # of the first pose if no absolute pose says where the map lies
+FIXED_VARIANCE = 1e-10  # variance of the first pose if no absolute pose says where the map lies
 MIN_ODOMETRY_COVARIANCE = np.diag([1e-7, 1e-7, 1e-7])
 
 

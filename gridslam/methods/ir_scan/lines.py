@@ -19,8 +19,8 @@ from gridslam.maps.growing_grid import GrowingGrid
 
 Floats = NDArray[np.float64]
 
-MIN_POINTS = 3.0
-ROBUST_SIGMAS = 2.5
+MIN_POINTS = 3.0  # two points lie on a line in any case; the third shows its thickness
+ROBUST_SIGMAS = 2.5  # 99 % of Gaussian residuals are smaller
 MAP_STD_M = 0.003  # standard deviation of the map's lines
 MIN_ASPECT_RATIO = 2.0  # length to thickness
 

@@ -25,16 +25,18 @@ from gridslam.sensors.infrared import RangeNoise
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-WINDOW_CELLS = 2  # to each side
-MIN_READINGS = 3  # in the window, of a wall
-CORNER_READINGS = 2 * MIN_READINGS  # in a window without a straight wall, of a corner
+WINDOW_CELLS = 2  # cells of the window to each side
+MIN_READINGS = 3  # smallest number of readings in the window of a wall
+# Smallest number of readings of a corner, in a window without a straight wall
+CORNER_READINGS = 2 * MIN_READINGS
 THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
 GAP_RATIO = 0.8  # neighbouring readings of one wall are joined over this fraction of the window
 OUTLIER_SIGMAS = 3.0  # a reading farther from its line belongs to something else
 CLEAR_M = 0.015  # beams clear cells up to this distance before their wall
 CLEAR_CELLS = 1.0
 MIN_INCIDENCE = 0.1  # sine of the angle between beam and wall
-SAME_WALL_COSINE = 0.9  # of the angle between the normals of neighbouring readings
+# Smallest cosine of the angle between the normals of neighbouring readings of one wall
+SAME_WALL_COSINE = 0.9
 JOIN_STEP_CELLS = 0.5
 CROSSED_WEIGHT = 0.35  # evidence of a beam through a cell, relative to a reading in the cell
 READING_LOG_ODDS = 0.85

@@ -23,9 +23,9 @@ from gridslam.sensors.infrared import RangeNoise
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-LATTICE_CORNERS = (0.0, 0.5)  # in cells
+LATTICE_CORNERS = (0.0, 0.5)  # corners of the two lattices, in cells
 MAP_STD_M = 0.002  # standard deviation of a wall about a straight line
-ROBUST_SIGMAS = 2.5
+ROBUST_SIGMAS = 2.5  # residuals beyond it, one in a hundred by chance, lose their weight
 THICKNESS_RATIO = 0.5  # largest thickness of a wall segment, as a fraction of its length
 MIN_POINTS = 4.0
 

@@ -24,7 +24,7 @@ POINT_LOG_LIKELIHOOD = 0.3  # that a point on a wall adds; below 1 because neigh
 MIN_PRIOR_VARIANCE = np.array([0.004, 0.004, 0.004]) ** 2  # m^2, m^2, rad^2: no prediction is more certain
 WALL_THICKNESS_RATIO = 0.4  # largest thickness of a wall segment, as a fraction of the window
 CELLS_PER_WINDOW = 3.0
-MAX_STEPS = 12  # of Gauss-Newton
+MAX_STEPS = 12  # largest number of Gauss-Newton steps
 CONVERGED = 2e-4  # largest change of any coordinate (m, rad)
 
 

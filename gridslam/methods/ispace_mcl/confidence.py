@@ -21,16 +21,18 @@ DISPLACED_M = 0.1
 # A beam at a wall that ends farther than this, and than some cells, from it ends beside it. On right maps up to 24 % of them do
 # (99 of 100 scans of three recorded logs; the median in two crowds is 5 %), on two maps of other places 43 and 77 %.
 BESIDE_M, BESIDE_CELLS = 0.08, 1.6
-MAX_BESIDE_RATIO = 0.35  # of the beams at walls, above which the pose is not trusted
-BEHIND_WALL_WEIGHT = 0.5  # of a beam that ends at a wall behind another one: furniture was moved
-OPEN_SPACE_WEIGHT = 0.4  # of a beam that ends in free space: a person
+# Largest ratio of the beams at walls that end beside them, for a pose that is trusted
+MAX_BESIDE_RATIO = 0.35
+BEHIND_WALL_WEIGHT = 0.5  # weight of a beam that ends at a wall behind another one: furniture was moved
+OPEN_SPACE_WEIGHT = 0.4  # weight of a beam that ends in free space: a person
 HALF_CONFIDENCE_STD_M = 0.5  # standard deviation of the position that halves the confidence
 SMOOTHING = 0.7  # weight of the past in the running mean of the inlier ratio: a mean over about three updates
 LOCALIZED_CONFIDENCE = 0.7  # from this confidence on the status is localized,
 # If the main cluster has this weight: the robot is elsewhere with a probability below 1 %
 LOCALIZED_MASS = 0.99
-UNTRUSTED_WEIGHT = 0.7  # of a confidence of a pose that is not confirmed: about as many such poses are right
-LOST_CONFIDENCE = 0.3  # below it the status is lost
+# Factor of the confidence of a pose that is not confirmed: about as many such poses are right
+UNTRUSTED_WEIGHT = 0.7
+LOST_CONFIDENCE = 0.3  # below this confidence the status is lost
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,12 @@ from gridslam.core import poses as se2
 Floats = NDArray[np.float64]
 
 NEAR_M = 0.3  # a point nearer than this to the other scan continues it
-MAX_POINTS = 180  # of each scan
-MIN_POINTS = 10  # with fewer, nothing is known
+MAX_POINTS = 180  # largest number of points of each scan
+MIN_POINTS = 10  # with fewer points nothing is known
 # Overlaps of consecutive scans of recorded drives are above 0.5 in all but a few, also in crowds that hide half the view. Where
 # the robot was carried elsewhere most are below 0.4.
-BROKEN_OVERLAP = 0.5  # below it the robot may have been carried
-WHOLE_OVERLAP = 0.6  # from it on it was hardly
+BROKEN_OVERLAP = 0.5  # below this overlap the robot may have been carried
+WHOLE_OVERLAP = 0.6  # from this overlap on the robot was hardly carried
 
 
 def overlap_of(before: Floats, after: Floats, step: Floats) -> float:

@@ -26,7 +26,7 @@ ALIKE = (
     "--start would decide between them"
 )
 MIRRORED = "localized, but the mirror image of the scans fits the map better: is the map mirrored, or the lidar upside down?"
-MIN_LOCALIZED_SCANS = 10  # from which that mean says something
+MIN_LOCALIZED_SCANS = 10  # number of localized scans from which a mean over them is meaningful
 # Median inlier ratio of the scans that were not localized, from which the map fits and only the place is undecided: 1.0 in a
 # corridor that looks alike all along, about 0.7 on a map of another place.
 FITTING_RATIO = 0.9

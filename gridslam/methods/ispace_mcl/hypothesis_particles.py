@@ -14,8 +14,9 @@ TRACKED_FRACTION = 0.3  # fraction of the particles that continue as they are wh
 # Weight of all overlooked hypotheses over that of the tracked pose: new scans decide between them
 MAX_OVERLOOKED = 0.5
 _MIN_RELATIVE_WEIGHT = 1e-4  # hypotheses with less than this of the best one's likelihood get no particles
-_PARTICLES_EACH = 50  # about a hypothesis that had none
-_PARTICLE_STD = np.array([0.1, 0.1, 0.03])  # of the particles about a hypothesis: m, m, rad
+_PARTICLES_EACH = 50  # number of particles about a hypothesis that had none
+# Standard deviations of the particles about a hypothesis: m, m, rad
+_PARTICLE_STD = np.array([0.1, 0.1, 0.03])
 
 
 def with_overlooked(

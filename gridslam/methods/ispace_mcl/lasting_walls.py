@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 FURNITURE_M = 2.5  # a connected piece of the map that is shorter and narrower may be furniture, or a door that is open now
 # Of the occupied cells; with less in walls the map consists of pieces, and each may be of a wall
 MIN_WALL_RATIO = 0.3
-LARGE_CELLS = 10_000_000  # of a map whose pieces are not looked for: that would take 100 MB and more
+LARGE_CELLS = 10_000_000  # size of a map whose pieces are not sought: that would take 100 MB and more
 
 
 def lasting_walls(occupied: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:

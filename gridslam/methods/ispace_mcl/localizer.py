@@ -59,7 +59,8 @@ KLD_QUANTILE = 2.33
 KLD_BIN_M, KLD_BIN_RAD = 0.25, 0.175
 ONE_PLACE_MASS = 0.9999  # weight of the main cluster from which the particles are resampled together
 _SMALLEST_STEP = 1e-9  # m, rad: an update distance of 0 makes every scan new
-JUMP_STD = np.array([0.5, 0.5, 0.3])  # of the motion that a jump of the odometry may hide: m, m, rad
+# Standard deviations of the motion that a jump of the odometry may hide: m, m, rad
+JUMP_STD = np.array([0.5, 0.5, 0.3])
 
 
 class Localizer:

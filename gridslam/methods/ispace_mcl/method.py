@@ -41,7 +41,8 @@ Floats = NDArray[np.float64]
 
 MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
 JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
-CHECK_SPACING = KeyScanSpacing(0.25, 0.25)  # of the scans that the odometry is checked by
+# Distance (m) and rotation (rad) between the key scans of the odometry check
+CHECK_SPACING = KeyScanSpacing(0.25, 0.25)
 CHECK_MEMORY_MB = 500.0
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
 # Further updates while the robot has not moved since the start or a jump: they help the global search, but more scans of one

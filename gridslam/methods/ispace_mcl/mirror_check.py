@@ -18,11 +18,13 @@ Floats = NDArray[np.float64]
 
 ENDPOINT_STD_M = 0.07  # narrow: the walls of a mirrored map are off by decimetres only
 RANDOM_WEIGHT = 0.1
-COMPARED = 40  # of the hypotheses of a search
+COMPARED = 40  # number of hypotheses of a search that are compared
 MAX_CHECKS = 6  # each takes another search
 MIN_CHECKS = 2
-MIN_LEAD = 0.015  # of the mirror image, per beam; on right maps that are nearly their own mirror image it is 0 or less
-CLEAR_LAG = 0.05  # of the mirror image over MIN_CHECKS windows: no others are searched for it, the map is not mirrored
+# Lead of the mirror image per beam; on right maps that are nearly their own mirror image it is 0 or less
+MIN_LEAD = 0.015
+# Lag of the mirror image over MIN_CHECKS windows from which the map is not mirrored, and no others are searched
+CLEAR_LAG = 0.05
 _STEPS = ((0.1, 0.02), (0.05, 0.01), (0.05, 0.01), (0.025, 0.005), (0.025, 0.005), (0.0125, 0.0025))  # m, rad
 
 

@@ -16,7 +16,7 @@ from gridslam.sensors.floor_cells import CELLS_AT_ONCE, FloorCells
 
 COVERED, MOVING = (120, 170, 235), (235, 120, 30)
 COVERED_OPACITY = 0.45
-MIN_MOVING_OPACITY = 0.35  # of a place with one detection; the place with most is opaque
+MIN_MOVING_OPACITY = 0.35  # opacity of a place with one detection; the place with most is opaque
 NOTE = "Blue: floor in view of a fixed camera. Orange: moving objects, the robot and people alike; darker where there were more."
 
 

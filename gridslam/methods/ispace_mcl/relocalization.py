@@ -46,16 +46,16 @@ SEARCH = PoseSearchSettings(
     bin_m=BIN_M,
     bin_rad=BIN_RAD,
 )
-FINALISTS = 200  # of these, the most that are compared with the tracked pose
+FINALISTS = 200  # number of these that are compared with the tracked pose at most
 
-MATCH_STD_M = 0.2  # of the window's points about walls: matched scans add their own error
+MATCH_STD_M = 0.2  # standard deviation of the window's points about walls: matched scans add their own error
 RANDOM_WEIGHT = 0.1  # weight of beams that the map does not explain
 BEAM_WEIGHT = 0.1  # power of a beam's likelihood: neighbouring beams have common errors
-MAX_BEAMS = 300  # of the window, equally many of each scan
-CLIMB_BEAMS = 100  # of these, by which a pose climbs to its maximum; all of them score it there
-MIN_BEAMS = 10  # with fewer, nothing is searched for
-PAST_BEAMS = 30  # of each scan over which a hypothesis is traced back
-MAX_SCAN_LOG_ODDS = 0.8  # that one scan can give to one pose against another: a place may have changed ...
+MAX_BEAMS = 300  # largest number of beams of the window, equally many of each scan
+CLIMB_BEAMS = 100  # number of these by which a pose climbs to its maximum; all of them score it there
+MIN_BEAMS = 10  # with fewer beams nothing is searched for
+PAST_BEAMS = 30  # number of beams of each scan over which a hypothesis is traced back
+MAX_SCAN_LOG_ODDS = 0.8  # largest log-odds between two poses from one scan: a place may have changed ...
 # ... unless it agrees with the map at one of the two: a changed place explains no lower score than this
 CHANGED_SCORE = -2.5
 SWITCH_LOG_ODDS = 2.0  # lead of a hypothesis from which it takes over from the tracked pose ...

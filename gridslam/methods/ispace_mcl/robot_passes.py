@@ -17,19 +17,21 @@ from gridslam.methods.ispace_mcl.environment import CameraObservation
 
 Floats = NDArray[np.float64]
 
-SPACING_M = 0.3  # of travel between detections that count: the errors of nearer ones are the same
+SPACING_M = 0.3  # travel between detections that count: the errors of nearer ones are the same
 MAX_PASSES = 200  # detections that are kept, the latest
 MIN_PASSES = 8
-PASS_STD_M = 0.12  # of a detection about the robot: its visible side changes, and the map's walls err
+# Standard deviation of a detection about the robot: its visible side changes, and the map's walls err
+PASS_STD_M = 0.12
 # What is known before: extrinsics are right to a decimetre and some degrees, and a camera detects the near side of the robot,
 # whose centre lies farther away.
 PRIOR_STD = np.array([0.1, 0.1, 0.07, 0.1])  # m, m, rad, m
 NEAR_SIDE_M = 0.15
-MIN_CHI2 = 16.3  # of a correction that is applied: a right camera has more in one of a thousand cases (three degrees of freedom)
+# Smallest chi2 of a correction: a right camera has more in one of a thousand cases (three degrees of freedom)
+MIN_CHI2 = 16.3
 # Off what the earlier detections say, by the median of the last MIN_PASSES: the camera was moved
 MIN_MOVE_M = 0.25
-MAX_OFF_M = 1.0  # of an object from the robot's pose, of which the robot may be seen there
-ROUNDS = 5  # of reweighting, by which a person beside the robot loses its weight
+MAX_OFF_M = 1.0  # largest distance of an object from the robot's pose if the robot may be seen there
+ROUNDS = 5  # rounds of reweighting, by which a person beside the robot loses its weight
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,14 @@ CHECK_M = 4.0  # travel after which the window is full, and a pose can be confir
 RECHECK_M = 25.0  # travel to the next comparison while the robot is localized; each that confirms the pose doubles it ...
 MAX_RECHECK_M = 100.0  # ... up to this
 WORSE_RATIO = 0.1  # a drop of the inlier ratio below its mean from which a confirmed pose is compared after CHECK_M already
-MEAN_TRAVEL_M = 5.0  # over which the inlier ratio is averaged
+MEAN_TRAVEL_M = 5.0  # travel over which the inlier ratio is averaged
 
-START_LOG_ODDS = 3.0  # in favour of a start pose
-LOG_ODDS_PER_M = 1.0  # that a trusted pose gains by a metre of travel while it agrees with the map
-LOST_LOG_ODDS_PER_M = 3.0  # that it loses by a metre of travel while lost
+START_LOG_ODDS = 3.0  # log-odds in favour of a start pose
+LOG_ODDS_PER_M = 1.0  # gain of a trusted pose by a metre of travel while it agrees with the map
+LOST_LOG_ODDS_PER_M = 3.0  # loss of a lost pose by a metre of travel
 # Of a pose that is not trusted any more, above which it is compared again soon: they halve each time
 DOUBTED_LOG_ODDS = 1.0
-MAX_LOG_ODDS = 10.0  # that it can have before a comparison
+MAX_LOG_ODDS = 10.0  # largest log-odds of a pose before a comparison
 
 
 class SearchSchedule:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from gridslam.sensors.floor_cells import FloorCells
 
 GAP_CELLS = 2  # cells of one object may have gaps between them
-MAX_SPEED_MPS = 2.0  # of a person or a robot
-POSITION_STD_M = 0.3  # of an object between frames: its visible side changes
+MAX_SPEED_MPS = 2.0  # highest speed of a person or a robot
+POSITION_STD_M = 0.3  # standard deviation of an object between frames: its visible side changes
 MAX_GAP_S = 1.2  # an object that is not detected for longer is a new one
-MAX_FRAMES = 12  # that the past of an object spans
+MAX_FRAMES = 12  # largest number of frames in the past of an object
 AMBIGUOUS_M = 0.5  # an object is not known to continue another one if a second pair is nearly as near as this
 
 

@@ -12,11 +12,12 @@ from gridslam.core import poses as se2
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-WINDOW_M = 1.0  # of travel by odometry: some centimetres of error of the poses are a few percent of it
+# Travel by odometry in a window: an error of the poses of some centimetres is a few percent of it
+WINDOW_M = 1.0
 MAX_STEP_M = 0.5  # a longer step between two scans is a jump of the odometry or of the estimate
 MIN_WINDOWS = 3
 MAX_IQR = 0.15  # relative; where the ratio varies more, wheels have slipped, or people have hidden the walls
-MIN_RATIO = 1.15  # of a fault; good odometry is within a tenth
+MIN_RATIO = 1.15  # smallest ratio that is a fault; good odometry is within a tenth
 MIN_JUMP_M, MAX_DRIFT_RATIO = 2.0, 0.2  # what is farther than the odometry may have drifted since is a jump
 
 

@@ -23,21 +23,21 @@ from gridslam.sensors.visibility import BeamSegments
 Floats = NDArray[np.float64]
 
 MAX_TRAVEL_M = 4.0  # length of the path whose scans are searched for together
-MAX_SEARCH_SCANS = 10  # and their largest number
-MIN_STEP_M = 0.4  # travel between the scans of the window
-MIN_STEP_RAD = 0.3  # or rotation
+MAX_SEARCH_SCANS = 10  # largest number of scans that are searched for together
+MIN_STEP_M = 0.4  # smallest travel between the scans of the window ...
+MIN_STEP_RAD = 0.3  # ... or the smallest rotation
 MAX_SCANS = 50  # scans that are kept, for tracing hypotheses back
 
-_CELL_M = 0.05
-_LEVELS = 4
-_HALF_WIDTH_M = 12.0  # of the field for matching; points farther away are too sparse to match
+_CELL_M = 0.05  # cell of the matching field; the refinement (`_STEPS`) goes on within it
+_LEVELS = 4  # levels of its pyramid, whose widest cell has 0.4 m
+_HALF_WIDTH_M = 12.0  # half width of the matching field; points farther away are too sparse to match
 _MARGIN_M = 2.0  # points so near to the field's border are not matched: they may leave it
 _SPLAT_CELLS = 3
 _SPLAT_STD_CELLS = 1.5
 _YAW_STEP_RAD = 0.01
 _MATCH_POINTS = 90
 _MIN_MATCH_POINTS = 20
-_MIN_SCORE = 60.0  # of 255
+_MIN_SCORE = 60.0  # smallest score of a match, of at most 255
 _MAX_POINTS = 360
 # How far the odometry is trusted against the match: a fixed part and parts that grow with travel and rotation ...
 _ODOMETRY_M, _ODOMETRY_PER_M = 0.02, 0.1

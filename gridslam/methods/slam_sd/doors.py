@@ -11,7 +11,7 @@ from gridslam.methods.slam_sd.walls import Walls
 Floats = NDArray[np.float64]
 
 MIN_FLUSH_COS = 0.985  # cosine of 10 degrees: a leaf that is flush with its wall is closed
-MAX_HINGE_DISTANCE_M = 0.15  # of a hinge from the plane of its wall
+MAX_HINGE_DISTANCE_M = 0.15  # largest distance of a hinge from the plane of its wall
 
 
 def closed_yaw_of(leaf: Floats, walls: Walls, earlier: float | None) -> float | None:

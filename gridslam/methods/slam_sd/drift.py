@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 MIN_STD = np.array([1e-3, 1e-3, 5e-4])  # added to the drift (x, y, yaw): keeps its covariance invertible
 MATCHED_STD_M = 0.1  # a match that determines the position to this is the anchor of what follows
-ITERATIONS = 2  # of the linearisation
+ITERATIONS = 2  # number of linearisations
 
 
 class Drift:

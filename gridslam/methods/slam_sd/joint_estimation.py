@@ -20,7 +20,7 @@ from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
 
 Floats = NDArray[np.float64]
 
-MAX_GAP_M = 1.0  # between objects that may explain the same beams
+MAX_GAP_M = 1.0  # largest distance between objects that may explain the same beams
 MIN_LOST_GAIN = 3.0  # log likelihood ratio that a neighbour loses before it is located again
 
 

@@ -18,7 +18,8 @@ from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
 
 Floats = NDArray[np.float64]
 
-MIN_STD = np.array([0.01, 0.01, 0.01])  # of an estimate (x, y in m, yaw in rad) within the scans of its visit
+# Smallest standard deviations of an estimate (m, m, rad) within the scans of its visit
+MIN_STD = np.array([0.01, 0.01, 0.01])
 QUARTER_ROTATION = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 

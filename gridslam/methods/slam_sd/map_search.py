@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 SUBMAP_STEP = 6  # every sixth of the recent key scans
-SUBMAP_POINTS = 40  # of each of them
-STARTS = 6  # of a search, drawn from the drift
+SUBMAP_POINTS = 40  # number of points of each of them
+STARTS = 6  # number of start poses of a search, drawn from the drift
 START_STD = np.array([0.5, 0.5, 0.05])  # x, y (m), yaw (rad), added to the drift: the map may be deformed
 MIN_GAIN = 0.3  # log likelihood per point by which a found pose must be better than the predicted one
 

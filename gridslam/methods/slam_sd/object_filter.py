@@ -25,23 +25,24 @@ from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
 Floats = NDArray[np.float64]
 
 SIGMA_M = 0.02  # standard deviation of an endpoint about a footprint
-FIRST_SIGMA_M = 0.3  # and in the first annealing step
+FIRST_SIGMA_M = 0.3  # the same in the first annealing step
 ANNEALING_STEPS = 6
 LIDAR_WEIGHT = 0.3  # power of P(L|D): the errors of neighbouring beams are not independent
 READ_WEIGHT = 0.25  # power of P(I|D): consecutive rounds are not independent
-RANDOM_RATIO = 0.05  # of readings that no surface explains
-RANDOM_DENSITY = 0.3  # per metre, of endpoints that no surface explains
-WALL_STD_RATIO = 0.3  # of the annealing step's sigma: standard deviation of hinges from the plane of the wall
+RANDOM_RATIO = 0.05  # ratio of readings that no surface explains
+RANDOM_DENSITY = 0.3  # density per metre of endpoints that no surface explains
+# Standard deviation of hinges from the plane of the wall, in sigmas of the annealing step
+WALL_STD_RATIO = 0.3
 DRAWN_PER_POSE = 4  # poses drawn for each one that is kept by the tag reads
 COARSE_STEP = 3  # every third beam is used while the search is wide
 OVERLAP_LOG_WEIGHT = -100.0  # log probability of an object that lies inside another one
-DIFFUSION_RATIO = 0.5  # of the annealing step's sigma: standard deviation of the diffusion between steps
+DIFFUSION_RATIO = 0.5  # standard deviation of the diffusion between steps, in sigmas of the annealing step
 SLIDE_STD_M = 0.35
-PROPOSAL_INFLATION = 2.0  # of the covariance from which the last poses are drawn
+PROPOSAL_INFLATION = 2.0  # factor of the covariance from which the last poses are drawn
 PROPOSAL_ROUNDS = 2
-MIN_STD = np.array([0.005, 0.005, 0.005])  # of an estimate (x, y in m, yaw in rad)
+MIN_STD = np.array([0.005, 0.005, 0.005])  # smallest standard deviations of an estimate: x, y (m), yaw (rad)
 MAX_MODE_YAW_RAD = 0.6  # poses that differ more in yaw from the best one are another mode
-ROOM_M = 0.3  # around the footprints whose beams are used
+ROOM_M = 0.3  # margin around the footprints whose beams are used
 
 
 @dataclass(frozen=True, slots=True)

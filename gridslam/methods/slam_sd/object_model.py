@@ -13,7 +13,7 @@ from gridslam.maps.tag_database import TagDatabase, TaggedObject
 
 Floats = NDArray[np.float64]
 
-INNER_SCALE = 0.9  # of the footprint, for points that lie clearly inside it
+INNER_SCALE = 0.9  # scale of the footprint for points that lie clearly inside it
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,8 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 FIRST_CAPACITY = 256  # key scans; doubled when it is full
-MATCHING_POINTS = 80  # of a key scan, at most: each is matched in every particle's map
-INFORMATION_WEIGHT = 0.05  # of a scan's match: the errors of neighbouring points are not independent
+MATCHING_POINTS = 80  # largest number of points of a key scan: each is matched in every particle's map
+INFORMATION_WEIGHT = 0.05  # weight of a scan's match: the errors of neighbouring points are not independent
 LIKELIHOOD_WEIGHT = 0.01  # power of the scan likelihood in a particle's weight, for the same reason
 MAX_EVIDENCE = 1.0  # one observation of objects lowers a log weight by at most this
 # And one scan by this: key scans see the same walls for metres, and other particles still search

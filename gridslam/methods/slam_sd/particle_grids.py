@@ -19,11 +19,11 @@ from gridslam.maps.tiled import TileStore
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SURFACE_CELL_M = 0.2
-FREE_SPACE_CELL_M = 0.2
+SURFACE_CELL_M = 0.2  # one surface element each, as in the front end's local maps
+FREE_SPACE_CELL_M = 0.2  # coarse: it only weighs particles, and the map is drawn from the final path
 SIGMA_M = 0.06  # standard deviation of an endpoint about a surface: range noise and the particle's own drift in the map
 MAX_CORRESPONDENCE_M = 0.3
-RANDOM_RATIO = 0.1  # of readings that no surface explains
+RANDOM_RATIO = 0.1  # ratio of readings that no surface explains
 MAX_ITERATIONS = 8
 # Of `min_inlier_ratio`: with fewer correspondences no match is possible any more
 MIN_CORRESPONDENCE_RATIO = 0.5
@@ -57,7 +57,7 @@ class ParticleGrids:
         """Draw a key scan into all particles' maps, at the pose of each `(n, 3)`."""
         maps = np.arange(len(poses))
         self.surfaces.own_endpoints(maps, poses, scan.surface)
-        surfels.insert_surfels_all(self.surfaces.maps, poses, scan.surfaces)
+        surfels.insert_surfels_all(self.surfaces.maps, poses, scan.surface_points)
         self.cells.own_beams(maps, poses, scan.viewpoint, scan.points)
         beams = log_odds.BeamBundle(scan.viewpoint, scan.points)
         log_odds.insert_beams_all(self.cells.maps, poses, beams, UPDATE)
@@ -67,7 +67,7 @@ class ParticleGrids:
         self.surfaces.clear(particle)
         self.cells.clear(particle)
         viewpoint = scans[0].viewpoint  # one lidar at one place on the robot
-        surfaces = scan_set([scan.surfaces for scan in scans])
+        surfaces = scan_set([scan.surface_points for scan in scans])
         self.surfaces.own_scans(particle, poses, viewpoint, surfaces, with_beams=False)
         surfels.insert_surfels_of_scans(self.surfaces.map(particle), poses, surfaces)
         endpoints = scan_set([scan.matching_points for scan in scans])

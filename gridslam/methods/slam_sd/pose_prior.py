@@ -14,13 +14,13 @@ from gridslam.methods.slam_sd.walls import Walls
 
 Floats = NDArray[np.float64]
 
-HINGE_STD_M = 0.03  # of a hinge from the plane of its wall
+HINGE_STD_M = 0.03  # standard deviation of a hinge from the plane of its wall
 MIN_LOG_WALL = -50.0  # log prior of a hinge that lies in no wall
 MAX_SQUARED_DISTANCE = 16.0  # Mahalanobis, of a hinge from an earlier estimate, which may have been wrong
 MOVED_VOLUME = 40.0  # m^2 rad over which a moved box may be anywhere in the reader's range
 MOVED_YAW = np.pi  # rad over which a door's leaf may have turned
 DRAWING_RANGE = 1.2  # first poses are drawn up to this multiple of the antenna's range
-IN_WALL_STD_M = 0.01  # of drawn hinges from the plane of the wall
+IN_WALL_STD_M = 0.01  # standard deviation of drawn hinges from the plane of the wall
 
 
 @dataclass(frozen=True, slots=True)

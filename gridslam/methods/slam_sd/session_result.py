@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 
 APPEARED, VANISHED = (30, 110, 200), (235, 130, 20)
 CHANGES_NOTE = "What the last drive found changed: blue has appeared, orange has vanished."
-VIEW_M = 6.0  # from the new drive, of earlier scans that are compared with it
-MAX_RANGE_RATIO = 1.5  # of two lidars that see about as far
+VIEW_M = 6.0  # largest distance of earlier scans that are compared with the new drive
+MAX_RANGE_RATIO = 1.5  # largest ratio of the ranges of two lidars that see about as far
 RANGE_QUANTILE = 0.999
 
 

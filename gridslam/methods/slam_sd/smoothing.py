@@ -14,9 +14,9 @@ from gridslam.methods.slam_sd.visit_evidence import KeyScanObservation
 
 Floats = NDArray[np.float64]
 
-MAX_HINGE_DISTANCE_M = 0.3  # between estimates of one hinge
-PASSING_DISTANCE_M = 2.5  # from the robot to the centre of the leaf
-MIN_GAP_NS = 2_000_000_000  # between a visit and a pass that is not part of it
+MAX_HINGE_DISTANCE_M = 0.3  # largest distance between estimates of one hinge
+PASSING_DISTANCE_M = 2.5  # largest distance from the robot to the centre of a leaf that it passes
+MIN_GAP_NS = 2_000_000_000  # shortest time between a visit and a pass that is not part of it
 
 
 def passes_without_read(

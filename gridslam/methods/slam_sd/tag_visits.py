@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from gridslam.methods.slam_sd.visit_evidence import InventoryRound
 
-PAUSE_NS = 4_000_000_000  # without a read for this long, a visit is over
+PAUSE_NS = 4_000_000_000  # time without a read after which a visit is over
 
 
 @dataclass(slots=True)

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ANGLES = 90  # of the Hough accumulator: 2 degrees
+ANGLES = 90  # number of angles of the Hough accumulator: 2 degrees
 BAND_M = 0.06  # points this close to a line belong to it
 FINAL_BAND_M = 0.008  # final scale of the robust fit: range noise
 MAX_POINTS = 1500
 MAX_WALLS = 6
-MIN_REMAINING_POINTS = 20  # with fewer, no further wall is searched for
+MIN_REMAINING_POINTS = 20  # with fewer points no further wall is searched for
 PIECE_M = 0.1  # a wall is covered by pieces of this length
-MIN_POINTS_PER_PIECE = 3  # of a piece that counts as seen
+MIN_POINTS_PER_PIECE = 3  # smallest number of points of a piece that counts as seen
 FIT_ROUNDS = 2
 FIT_ITERATIONS = 10
-SCALE_FACTOR = 0.7  # by which the robust scale shrinks per iteration
+SCALE_FACTOR = 0.7  # factor by which the robust scale shrinks per iteration
 REGULARISATION = 1e-9  # keeps the fit of a single piece solvable
 
 

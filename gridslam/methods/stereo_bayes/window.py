@@ -12,11 +12,12 @@ from gridslam.kernels.polar_window import PolarWindow, averaged_over_yaw, window
 
 Floats = NDArray[np.float64]
 
-SIGMAS = 3.0  # of the pose that are averaged over
+SIGMAS = 3.0  # standard deviations of the pose that are averaged over
 MAX_YAW_STEPS = 64
-ANGLES_PER_RAY = 1.5  # at which the mean over the yaw is evaluated
+ANGLES_PER_RAY = 1.5  # number of angles per ray at which the mean over the yaw is evaluated
 MIN_BLUR_CELLS = 0.3  # a smaller standard deviation has no effect
-MAX_OFFSET_GAPS = 0.75  # of neighbouring rays: cells farther from every ray are between bins without evidence
+# Largest offset from a ray in gaps of neighbouring rays: cells farther from every ray are between bins without evidence
+MAX_OFFSET_GAPS = 0.75
 LONE_RAY_RAD = 0.005
 MARGIN_CELLS = 1
 MIN_KERNEL_VARIANCE = 1e-3  # cells^2, keeps the covariance regular

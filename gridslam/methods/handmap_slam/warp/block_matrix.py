@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SIZE = 5  # of a block: a place's state
+SIZE = 5  # rows and columns of a block: the state of a place
 
 
 class BlockMatrix:

@@ -16,7 +16,7 @@ from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CROSSED_COST = 0.75  # of an edge through a drawn wall: doors are displaced, and some are not drawn
+CROSSED_COST = 0.75  # cost of an edge through a drawn wall: doors are displaced, and some are not drawn
 # Of all drawn walls, for each place of the map. A drive that shows half of a place leaves the same half over in most fits, so
 # only the difference counts; mapped walls that are not drawn cost about four times as much.
 UNSEEN_COST = 1.2

@@ -12,11 +12,11 @@ from gridslam.maps.drawing import DrawnMap
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]
 
-OUTLIER_FRACTION = 0.15
-TABLE_ENTRIES = 256
-MAX_SIGMAS = 4.0
-OPEN_WEIGHT = 1.0  # of a point of the free space that is drawn as wall or outside
-MAX_DEPTH_M = 0.6  # depth at which it counts in full
+OUTLIER_FRACTION = 0.15  # fraction of points that no drawn wall explains; one point costs at most -log of it
+TABLE_ENTRIES = 256  # steps of less than 2 % of sigma
+MAX_SIGMAS = 4.0  # beyond it the Gaussian, below 4e-4, is nothing beside the outliers
+OPEN_WEIGHT = 1.0  # cost of a point of the free space that is drawn as wall or outside
+MAX_DEPTH_M = 0.6  # depth at which such a point counts in full
 
 
 class DrawnEvidence:

@@ -19,7 +19,7 @@ from gridslam.sensors.range_caster import RangeCaster, range_caster
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SPACING_M = 1.0  # between places
+SPACING_M = 1.0  # distance between places
 EDGE_M = 2.0  # places this close that see each other are neighbours
 MAX_PLACES = 4000
 BEAMS = 72

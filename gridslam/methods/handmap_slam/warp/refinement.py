@@ -23,14 +23,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-SIGMAS_M = (0.7, 0.45, 0.3)  # of walls from where they are drawn, coarse to fine
-ITERATIONS = 6  # at each
-WALL_WEIGHT, OPEN_WEIGHT = 0.25, 0.15  # of a point: neighbouring points and places see the same walls
-OFFSET_STD_PER_M, OFFSET_STD_M = 0.12, 0.05  # of a place from where its neighbour expects it
-ROTATION_STD, SCALE_STD = 0.07, 0.08  # per root metre between neighbours
-ASPECT_STD, ASPECT_WEIGHT = 0.5, 0.1  # of the difference of a place's log scales
+SIGMAS_M = (0.7, 0.45, 0.3)  # standard deviations of walls from where they are drawn, coarse to fine
+ITERATIONS = 6  # number of iterations at each of them
+WALL_WEIGHT, OPEN_WEIGHT = 0.25, 0.15  # weights of a point: neighbouring points and places see the same walls
+# Standard deviation of a place from where its neighbour expects it
+OFFSET_STD_PER_M, OFFSET_STD_M = 0.12, 0.05
+ROTATION_STD, SCALE_STD = 0.07, 0.08  # standard deviations between neighbours, per root metre
+ASPECT_STD, ASPECT_WEIGHT = 0.5, 0.1  # prior on the difference of a place's log scales
 ASPECT_INFORMATION = ASPECT_WEIGHT / ASPECT_STD**2 * np.outer([0, 0, 0, 1, -1], [0, 0, 0, 1, -1])
-MIN_LENGTH_M = 0.3  # of an edge, in what is proportional to it
+MIN_LENGTH_M = 0.3  # smallest length of an edge where a variance is proportional to it
 EDGE_WEIGHT = 0.5  # each edge is there in both directions
 JUMP = 3.0  # residuals beyond this many standard deviations weigh ever less
 PRIOR_DAMPING, FIXED_DAMPING = 1e-6, 1e9

@@ -19,9 +19,9 @@ PlaceOrder = tuple[
 ]  # of all places, and the one from which each is entered
 
 ROUNDS = 12
-MAX_ROUNDS = 24  # while the drawing does not fit
-MAX_COST_PER_PLACE = 4.45  # of most drawings of this place
-HOPELESS_COST, HOPELESS_QUIET = 6.5, 4  # above that cost the search ends after fewer quiet rounds
+MAX_ROUNDS = 24  # largest number of rounds while the drawing does not fit
+MAX_COST_PER_PLACE = 4.45  # cost that most drawings of the right place stay below
+HOPELESS_COST, HOPELESS_QUIET = 6.5, 4  # above this cost the search ends after fewer quiet rounds
 QUIET = 6  # rounds without a fit that is better by `WORTH`, after which the search ends
 WORTH = 3.0
 # Regions, in turn: all about a place that cost at least this fraction of it and hang together, or all within this distance (m),
@@ -35,20 +35,20 @@ REGIONS = (
     ("cost", 0.4, "exits"),
     ("distance", 30.0, "entry"),
 )
-GROWN_M = 6.0  # by which a region reaches beyond what costs much
+GROWN_M = 6.0  # distance by which a region reaches beyond the costly places
 MAX_RADIUS_M = 45.0
 SMOOTHING_M = 6.0
-FAR_M = 1e9  # of a place that no path joins to an exit
+FAR_M = 1e9  # distance of a place that no path joins to an exit
 TRIED = 0.75  # factor of a place's priority after each round in which it was searched
 PARTICLES = 1500
 HYPOTHESES = 3
 # What lies one room too far along a corridor is displaced as a whole. Regions are also moved by this much along and across their
 # longer extent, less towards their ends.
 SLIDE_M, QUARTER_TURNS = 2.0, 0.5 * np.pi * np.arange(4)
-SLIDE_COST = 3.8  # where the places about one cost more on average
+SLIDE_COST = 3.8  # mean cost of the places about one from which they are moved as a whole
 SLIDE_RADIUS_M, SLIDE_SPACING_M, MAX_SLIDES = 20.0, 8.0, 16
 DIFFERS_M = 1.0  # a place lies elsewhere in two fits that are this far apart
-MARGIN_M = 3.0  # about places that lie elsewhere, in which costs may differ too
+MARGIN_M = 3.0  # distance from places that lie elsewhere in which costs may differ too
 # A place is doubtful if the mean cost of the places about it is above a limit: that of a good fit, plus a factor times the
 # additional cost of the place's best alternative, up to the last limit. It is doubtful too if the alternative is about as good.
 DOUBT_STD_M = 15.0

@@ -19,18 +19,20 @@ from gridslam.methods.handmap_slam.warp.places import PlaceGraph
 
 Floats = NDArray[np.float64]
 
-PARTICLES = 5000
-SIGMA_M = 0.35  # of walls from where they are drawn
+PARTICLES = 5000  # each is a hypothesis for all places
+SIGMA_M = 0.35  # standard deviation of walls from where they are drawn
 THINNED = 2  # every second point is used
-TRANSLATION_PER_M = 0.1
-ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # rad per root metre
-SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # of log scales per root metre
+TRANSLATION_PER_M = (
+    0.1  # std of a place's offset from the place it was entered from, as a fraction of their distance
+)
+ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # standard deviations of the rotation, rad per root metre
+SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # standard deviations of log scales per root metre
 SCALE_BOUND = 0.5  # std of a place's log scales about those of the start
-SCALE_BOUND_WEIGHT = 0.05  # of that prior at each place: it is the same prior at all of them
+SCALE_BOUND_WEIGHT = 0.05  # weight of that prior at each place: it is the same prior at all of them
 LOOP_M = 0.4  # std of the distance at which two edges to one place may contradict each other
-CROSSED = 1.5  # log-likelihood of a drawn wall between a place and the one from which it was entered
-RESAMPLE_BELOW = 0.5
-RETURNED = 300  # hypotheses, of all particles
+CROSSED = 1.5  # log-likelihood lost by a drawn wall between a place and the one from which it was entered
+RESAMPLE_BELOW = 0.5  # fraction of the particles; below it the effective sample size is too small
+RETURNED = 300  # largest number of hypotheses that are returned
 DISTINCT_M, DISTINCT_PLACES = 1.5, 8  # two hypotheses differ if this many places are this far apart
 
 

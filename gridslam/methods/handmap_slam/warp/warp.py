@@ -30,7 +30,7 @@ from gridslam.methods.handmap_slam.warp.search import (
 
 Floats = NDArray[np.float64]
 
-GOOD_COST = 4.2  # of a place: the search is repeated while the best is above it
+GOOD_COST = 4.2  # cost of a place above which the search is repeated
 SEARCHES = (CAREFUL, WIDE, CAREFUL, WIDE)
 HYPOTHESES = 4  # refined, of each search
 ANNEALING = (0.05, 0.1, 0.2, 0.35)
