@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 COMPRESSION_LEVEL = 4
 PIECE_BYTES = 1 << 20
-MAX_HEADER_BYTES = 1 << 17  # of an array, in version 1.0 of the format
+MAX_HEADER_BYTES = 1 << 17  # largest header of an array, in version 1.0 of the format
 MAX_PLAIN_BYTES = 1 << 30  # larger arrays need the zip format with 64 bits
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 _BLOCK_BYTES = 1 << 20
-MAX_JSON_BYTES = 1 << 28  # of a document that the program wrote itself
+MAX_JSON_BYTES = 1 << 28  # largest document that the program wrote itself
 
 
 def read_plain_file(path: Path, max_bytes: int) -> bytes:

@@ -17,7 +17,7 @@ Readings = NDArray[np.float32]
 
 # Between the scans of a pair: several beams, and most of the view in common
 MIN_TURN_RAD, MAX_TURN_RAD = 0.1, 0.5
-MAX_MOVE_M = 0.1  # in between: readings change by no more
+MAX_MOVE_M = 0.1  # largest movement in between: readings change by no more
 MIN_PAIRS, MAX_PAIRS = 20, 300
 MIN_COMMON_BEAMS = 20
 NEAR_M = 20.0  # readings beyond are left out: the laser may mean no return

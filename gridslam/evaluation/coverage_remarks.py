@@ -10,10 +10,11 @@ from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.association import Pairs
 
-MIN_COVERED = 0.8  # of the true path's duration
-MIN_TRUE_EXTENT_M = 1.0  # of a path that is more than standing
-MAX_STANDING_RATIO = 0.02  # of the estimate's extent to the true one, where the estimate stands
-MIN_JUMP_M, JUMP_RATIO = 1.0, 10.0  # of a step beyond the true one; and to the 99th percentile of all steps
+MIN_COVERED = 0.8  # fraction of the true path's duration that an estimate should cover
+MIN_TRUE_EXTENT_M = 1.0  # smallest extent of a path that is more than standing
+MAX_STANDING_RATIO = 0.02  # largest ratio of the estimate's extent to the true one, where the estimate stands
+# Excess of a jump over the true step: in m, and relative to the 99th percentile of all steps
+MIN_JUMP_M, JUMP_RATIO = 1.0, 10.0
 
 
 def coverage_remarks(pairs: Pairs, truth: Trajectory) -> Iterator[str]:

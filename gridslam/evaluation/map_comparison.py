@@ -16,7 +16,8 @@ from gridslam.maps.occupancy import OccupancyGrid
 
 Floats = NDArray[np.float64]
 
-MIN_MERGED_RATIO = 0.3  # of the wall points of the smaller map that agree: the maps overlap in part
+# Smallest ratio of the wall points of the smaller map that agree: the maps overlap in part
+MIN_MERGED_RATIO = 0.3
 BOTH, FIRST_ONLY, SECOND_ONLY = (28, 32, 40), (205, 45, 45), (30, 110, 200)
 FREE, UNKNOWN = (255, 255, 255), (214, 218, 224)
 

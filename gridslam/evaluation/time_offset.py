@@ -12,8 +12,8 @@ from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.pose_errors import absolute_errors
 
 MAX_OFFSET_S, COARSE_STEP_S = 10.0, 0.1
-MAX_POSES = 200  # of the estimate, evenly spaced
-MIN_OVERLAP = 0.7  # of these poses within the truth
+MAX_POSES = 200  # largest number of poses of the estimate, evenly spaced
+MIN_OVERLAP = 0.7  # smallest fraction of these poses within the truth
 REFINEMENTS = 3  # each divides the step by ten
 
 

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 BINS_PER_BANDWIDTH = 4.0
 MARGIN_BANDWIDTHS = 4.0
-MAX_BINS = 4_000_000  # for points far apart the bins grow to keep below this number
+MAX_BINS = 4_000_000  # largest number of bins: for points far apart the bins grow
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 WEAK_STD = np.array([100.0, 100.0, np.pi])  # m, m, rad: what an edge says nothing about
-LEVER_M = 10.0  # at which a heading error counts in the cost of a path
+LEVER_M = 10.0  # distance at which a heading error counts in the cost of a path
 
 
 def directed_edges(n_nodes: int, edges: Edges) -> kernel.DirectedEdges:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 else:
     StreamKind = Literal[EVENT_KINDS]
 
-MAX_HEIGHT_M = 1000.0  # above or below the base; higher numbers are mistaken units
+MAX_HEIGHT_M = 1000.0  # largest height above or below the base; higher numbers are mistaken units
 
 
 class ExtrinsicsConfig(StrictModel):

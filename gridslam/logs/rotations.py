@@ -11,7 +11,7 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # w, x, y, z
 Rigid: TypeAlias = tuple[Vector, Quaternion]
 
-MAX_NORM_ERROR = 0.1  # of a rotation: beyond it the numbers are something else
+MAX_NORM_ERROR = 0.1  # largest error of a rotation's norm: beyond it the numbers are something else
 JOINT_NOISE_M, JOINT_NOISE_RAD = 1e-4, 1e-3
 IDENTITY: Rigid = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 

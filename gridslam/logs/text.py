@@ -15,7 +15,7 @@ from gridslam.logs.read_ahead import BLOCK_BYTES, ReadAhead
 _KEPT_BYTES = 96 << 20  # texts up to this size are kept; larger ones are read again on each pass
 _LINE_OVERHEAD_BYTES = 120  # memory of a kept line besides its text
 _BLOCK_BYTES = 1 << 18
-_MAX_EXPANSION = 100  # of a packed text beyond _ALWAYS_UNPACKED bytes; logs reach 10
+_MAX_EXPANSION = 100  # largest expansion of a packed text beyond _ALWAYS_UNPACKED bytes; logs reach 10
 _ALWAYS_UNPACKED = 4 << 20
 
 

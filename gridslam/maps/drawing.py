@@ -23,7 +23,7 @@ from gridslam.maps.drawing_sheet import find_sheet, flattened
 from gridslam.maps.occupancy import GridGeometry
 
 RESOLUTION_M = 0.1
-MIN_CONTRAST = 32  # of 255, between the darker and the brighter class
+MIN_CONTRAST = 32  # smallest contrast of the darker and the brighter class, of 255
 MIN_CONTRAST_PHOTOGRAPH = 20
 PHOTOGRAPH_GAP = 0.01  # of the longer side
 

@@ -9,19 +9,20 @@ from numpy.typing import NDArray
 Levels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-WEAK_RATIO = 0.2  # of the contrast of the two colours; a border with less is one of light, not of a stroke
+# Fraction of the contrast of the two colours; a border with less is one of light, not of a stroke
+WEAK_RATIO = 0.2
 MAX_WEAK_BORDERS = 0.3  # fraction of such borders above which the light is uneven
 MAX_WEAK_BORDERS_PHOTOGRAPH = 0.05
 BORDER_PX = 5
 SMALL_PX = 240  # longer side of the reduced picture in which the paper is estimated
 PAPER_PX = 41  # window there; strokes cover less than half of it, so that its median is the paper
-PAPER_LEVEL = 128.0  # of the paper in the result
+PAPER_LEVEL = 128.0  # level of the paper in the result
 SMOOTHING_PX = 1.0
 STROKE_PX = 15  # wider than strokes
 MIN_NOISE = 0.5  # standard deviation of the paper, levels
 NOISE_SIGMAS = 5.0  # a pixel that differs by more is no noise
 FAINT_SIGMAS = 3.0
-CLEAR_RATIO, FAINT_RATIO = 0.5, 0.3  # of the contrast of strokes
+CLEAR_RATIO, FAINT_RATIO = 0.5, 0.3  # fractions of the contrast of strokes at which they are clear and faint
 
 
 def is_light_uneven(levels: Levels, dark: Mask, is_photograph: bool) -> bool:

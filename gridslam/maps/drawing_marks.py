@@ -17,23 +17,24 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-MAX_PARTS = 3000  # with more, the picture is noise in which no text is looked for
-MIN_WALL_RATIO = 0.1  # of the picture's longer side; the extent is that of the parts that are longer
-MAX_LETTER_RATIO = 0.06  # of the extent: a letter's longer side, and a written word's height
+MAX_PARTS = 3000  # with more parts the picture is noise, in which no text is looked for
+# Length of a wall as a fraction of the picture's longer side; longer parts give the extent
+MIN_WALL_RATIO = 0.1
+MAX_LETTER_RATIO = 0.06  # longer side of a letter, and height of a written word, as a fraction of the extent
 MAX_WORD_RATIO = 0.25
 MAX_ARROW_RATIO = 0.2
 SPECK_PENS = 1.5  # a speck's longer side
-SOLID_RATIO = 0.7  # of the bounding box covered; a letter covers less, a pillar more
+SOLID_RATIO = 0.7  # covered fraction of the bounding box; a letter covers less, a pillar more
 # Of the bounding box that is enclosed; a pillar's contour encloses more, a letter alone less.
 HOLLOW_RATIO = 0.4
 COMPACT_RATIO = 0.4  # shorter over longer side of a pillar
 STRAIGHT_PENS = 1.8  # width up to which a part is a straight line
 CURSIVE_LENGTHS = 2.2  # length of the strokes of a written word, in lengths of the word
-LETTER_GAP = 0.7  # between letters of a word, in heights of the taller one
+LETTER_GAP = 0.7  # largest gap between letters of a word, in heights of the taller one
 HEAD_PENS = 3.0  # width of an arrow's head
 SHAFT_PENS = 1.8
-BARB_RATIO = 0.25  # of the head on either side of the shaft
-TIP_RATIO = 0.75  # of the head's width
+BARB_RATIO = 0.25  # fraction of an arrow's head on either side of the shaft
+TIP_RATIO = 0.75  # largest width of the tip as a fraction of the head's width
 ARROW_BINS = 14
 
 

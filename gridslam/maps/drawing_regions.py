@@ -20,7 +20,8 @@ THIN_RATIO = 3.0
 SPECKLE_PX = 4  # largest size of specks of either colour, which are compression noise
 # Half widths of gaps to the outside that are closed, tried in order.
 LEAK_WIDTHS_PX = (0, 1, 2, 3, 4, 6, 8, 11, 15, 20)
-MIN_ENCLOSED_RATIO = 0.35  # of the strokes' surface that borders on enclosed space; less is a small loop
+# Fraction of the strokes' surface that borders on enclosed space; less is a small loop
+MIN_ENCLOSED_RATIO = 0.35
 START_RADIUS_PX = 3
 CLOSING_DIRECTIONS = 8
 

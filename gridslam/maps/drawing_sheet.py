@@ -16,20 +16,21 @@ Bytes = NDArray[np.uint8]
 
 SEARCH_SIDE_PX = 400  # longer side of the reduced picture in which the sheet is searched
 CLOSED_PX = 9  # strokes and text up to this width there belong to the paper
-MIN_AREA = 0.15  # of the picture
+MIN_AREA = 0.15  # smallest area of the sheet, as a fraction of the picture
 MAX_AREA = 0.97
 MIN_OVERLAP = 0.95  # intersection over union of the bright area and its quadrilateral
 MAX_BRIGHT_AROUND = 0.15  # fraction of what surrounds the quadrilateral that is as bright as the paper
-MAX_OUTSIDE = 0.05  # of the picture's side, by which a corner may lie outside of the picture
-EVEN_LIMITS = (0.03, 0.04, 0.055, 0.075, 0.1)  # of the logarithm of the light, per pixel
+MAX_OUTSIDE = 0.05  # largest distance of a corner outside of the picture, as a fraction of its side
+EVEN_LIMITS = (0.03, 0.04, 0.055, 0.075, 0.1)  # limits of the change of log light per pixel
 EVEN_AREAS = 3  # tried at each limit
 EVEN_RIM_PX = 2
-TOLERANCES = np.arange(0.015, 0.09, 0.01)  # of the contour's length, for its corners
-EDGE_RATIO = 0.012  # of the sheet's shorter side; a rim as wide is replaced by the paper next to it
-MIN_CONVERGENCE = 0.05  # of opposite sides, for the proportions to follow from the perspective
-MIN_FOCAL, MAX_FOCAL = 0.6, 3.0  # of cameras, in longer sides of the picture
-NEAR_PX, FAR_PX = 3.0, 9.0  # from a side, where the brightness is compared
-SHARP_RATIO = 0.6  # of the drop over the far distance that happens over the near one
+TOLERANCES = np.arange(0.015, 0.09, 0.01)  # tolerances for the corners, as fractions of the contour's length
+# Width of the rim that the paper next to it replaces, as a fraction of the sheet's shorter side
+EDGE_RATIO = 0.012
+MIN_CONVERGENCE = 0.05  # convergence of opposite sides from which the proportions follow from the perspective
+MIN_FOCAL, MAX_FOCAL = 0.6, 3.0  # focal lengths of cameras, in longer sides of the picture
+NEAR_PX, FAR_PX = 3.0, 9.0  # distances from a side at which the brightness is compared
+SHARP_RATIO = 0.6  # fraction of the drop over the far distance that happens over the near one
 MIN_STEP = 8.0  # levels
 MIN_INK, MAX_INK = 0.002, 0.4  # fraction of the sheet that is drawn on
 

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 SUBCELLS = 4  # of a contour: it lies this part of a cell inside the border of its cells
 MAX_CONTOUR_CELLS = 25_000_000  # each of which is SUBCELLS^2 pixels while contours are found
 MAX_CONTOUR_EDGES = 2_000_000
-MAX_DEVIATION_CELLS = 0.4  # of a contour with fewer corners
+MAX_DEVIATION_CELLS = 0.4  # largest deviation of a contour with fewer corners
 PIXEL_SCALE, TIE_POINT, TRANSFORMATION, GEO_KEYS = 33550, 33922, 34264, 34735
 DOUBLE, SHORT = 12, 3
 

@@ -17,13 +17,14 @@ Bools = NDArray[np.bool_]
 
 OCCUPIED_FROM, FREE_UP_TO = 0.65, 0.196
 WALL_CELLS = 3  # kept around what is reachable
-MAX_CELLS = 64_000_000  # of a turned or merged map, 400 m x 400 m at 5 cm: less than 1 GB with all copies
+MAX_CELLS = 64_000_000  # largest turned or merged map, 400 m x 400 m at 5 cm: less than 1 GB with all copies
 BLOCK_CELLS = 1 << 18  # resampled at a time, in some 100 bytes each
-MAX_DIRECTION_CELLS = 500_000  # of walls, by which their direction is found; of more, some at random
+# Largest number of wall cells by which their direction is found; of more, some at random
+MAX_DIRECTION_CELLS = 500_000
 COARSE_DEG, FINE_DEG = 0.5, 0.02  # steps of the search for the direction of the walls
 MAX_LOG_ODDS = 6.0
-CORNER_BITS = 4  # of a fraction of a cell, in which cv2 takes corners of polygons
-OUTSIDE_CELLS = 2.0  # around the map, beyond which a polygon is cut off
+CORNER_BITS = 4  # bits of a fraction of a cell, in which cv2 takes corners of polygons
+OUTSIDE_CELLS = 2.0  # margin around the map beyond which a polygon is cut off
 
 
 def crop_to_polygon(grid: OccupancyGrid, corners: Floats) -> OccupancyGrid:

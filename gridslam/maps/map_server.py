@@ -35,7 +35,7 @@ SCALE_THRESHOLDS = (1.0, 0.0)
 UNKNOWN = -1
 SPIKE_RATIO = 10  # grey 205 means unknown if it is this much more frequent than 204 and 206 together
 PROBABILITY_OF_CELL = np.append(np.arange(101, dtype=np.float32) / np.float32(100), np.float32(np.nan))
-MIN_ODD_RESOLUTION_M = 1.0  # from which a resolution is probably in another unit
+MIN_ODD_RESOLUTION_M = 1.0  # resolution from which another unit is likely
 ROWS_PER_BLOCK = 64  # of a table lookup, whose indices take 8 bytes a pixel
 
 ImageFormat = Literal["pgm", "png", "bmp"]

@@ -32,8 +32,8 @@ SAMPLES = 100_000
 OCCUPIED_FROM = 0.5
 REFERENCE_CELL_M = 0.05
 MIN_R0, MAX_R0 = 1e-6, 1.0 - 1e-9
-R0_TOLERANCE = 1e-7  # of log(1 - r0)
-DIFFERENCE_STEP = 1e-3  # of the numerical derivatives, relative to r0 (1 - r0)
+R0_TOLERANCE = 1e-7  # tolerance of log(1 - r0)
+DIFFERENCE_STEP = 1e-3  # step of the numerical derivatives, relative to r0 (1 - r0)
 STRAIGHT = ((0, 1), (1, 0), (0, -1), (-1, 0))
 DIAGONAL = ((1, 1), (1, -1), (-1, -1), (-1, 1))
 

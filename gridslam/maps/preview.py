@@ -49,7 +49,7 @@ CELLS = (
 BAND_OPACITY, PARTICLE_OPACITY, FOOTPRINT_OPACITY = 0.45, 0.6, 0.5
 BLOCKS_AT_ONCE = 16  # rows of a shrunk map that are made at once: large maps take much memory
 BAND_STDS = 2.0  # half width of the band of uncertainty, in standard deviations
-WALL_PROBABILITY = 0.5  # from which a cell has no tint
+WALL_PROBABILITY = 0.5  # probability from which a cell has no tint
 MAX_JUMP_M = 2.0  # poses farther apart than this are not joined by a line where the robot is lost
 
 

@@ -6,7 +6,7 @@ from collections import deque
 
 from gridslam.core.messages import Imu
 
-MAX_GAP_S = 0.5  # over a longer gap between two yaw rates no rotation is known
+MAX_GAP_S = 0.5  # longest gap between two yaw rates over which a rotation is known
 BIAS_WINDOW_S = 30.0  # time over which the bias is averaged
 MAX_BIAS_RADPS = 0.2  # a larger difference from the other heading is a fault of one of the two
 

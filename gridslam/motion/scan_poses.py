@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 MAX_SCAN_GAP_S = 1.0  # no velocity is derived from scans farther apart
 MAX_ODOMETRY_GAP_S = 1.0  # longer gaps are counted
 MIN_CLOCK_JUMP_NS = 200_000_000  # odometry that jumps back by more is on a clock that was set back
-MAX_INTERPOLATED_GAP_S = 2.0  # within longer gaps scans have no odometry, if they need none
+# Longest gap that is interpolated: within longer ones scans have no odometry, if they need none
+MAX_INTERPOLATED_GAP_S = 2.0
 MAX_WAITING_SCANS = 1000  # bounds memory when the odometry ends before the scans
 
 

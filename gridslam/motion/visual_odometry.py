@@ -15,7 +15,7 @@ Grey = NDArray[np.uint8]
 Disparities = NDArray[np.float32]
 
 TRACKING_WINDOW_PX, PYRAMID_LEVELS = (21, 21), 4
-MAX_ROUND_TRIP_PX = 0.5  # between a corner and itself tracked forward and back
+MAX_ROUND_TRIP_PX = 0.5  # largest distance between a corner and itself tracked forward and back
 RANSAC_ITERATIONS, RANSAC_CONFIDENCE = 200, 0.999
 
 

@@ -37,7 +37,8 @@ logger = logging.getLogger(__name__)
 OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)  # extra cost of a metre right beside an obstacle, one guide path each
 SAME_GUIDE_PATH_M = 1e-3
 SAME_PLACE_M = 1e-6
-LONG_PATH_M = 500.0  # of a guide path: one candidate only, improved once in short pieces, which bounds the time of a plan
+# Length of a guide path with one candidate only, improved once in short pieces, which bounds the time of a plan
+LONG_PATH_M = 500.0
 VERY_LONG_PATH_M = 1000.0  # not improved
 LONG_PATH_MOTIONS = 40  # improved at once: a third of the time of 120, and a path that takes 2 % longer
 GOAL_YAWS = 8  # tried at a goal whose yaw is free

@@ -17,8 +17,8 @@ from gridslam.kernels.planning.fast_marching import arrival_costs, descend_costs
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]
 
-MIN_SPAN = 1e-6  # of the inflation, against division by zero
-MAX_POINTS_PER_SIDE = 4  # of a descent, in units of rows + cols
+MIN_SPAN = 1e-6  # smallest span of the inflation, against division by zero
+MAX_POINTS_PER_SIDE = 4  # largest number of points of a descent, in units of rows + cols
 DESCENT_STEP = 0.5
 SEARCH_MARGIN = 20.0  # the front goes on this far beyond the robot, so that gradients around it are known
 

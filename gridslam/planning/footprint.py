@@ -9,9 +9,9 @@ from gridslam.core.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
-RELATIVE_PITCH = 0.05  # of the footprint's smaller extent: the spacing of the samples
+RELATIVE_PITCH = 0.05  # spacing of the samples, as a fraction of the footprint's smaller extent
 MAX_SAMPLES = 120  # samples along the larger extent
-HALF_DIAGONAL = 0.71  # of a square cell, rounded up
+HALF_DIAGONAL = 0.71  # half diagonal of a square cell, rounded up
 MAX_CORNERS = 100
 MAX_CORNER_M = 1e3
 

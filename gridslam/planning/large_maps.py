@@ -12,7 +12,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 Floats = NDArray[np.float64]
 
 MAX_CELLS = 4_000_000  # 100 m x 100 m at 5 cm; bounds time and memory of a plan
-WINDOW_MARGIN_M = 30.0  # around start and goal
+WINDOW_MARGIN_M = 30.0  # margin around start and goal
 OCCUPIED, FREE = 1.0, 0.0
 
 

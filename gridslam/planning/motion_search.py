@@ -35,13 +35,15 @@ SEARCH_FACTOR = 1.3  # the cost-to-go extends to cells that cost this much more 
 FIRST_SEARCH_STATES = 100_000
 BACKWARD_SEARCH_STATES = 1_000_000
 LAST_SEARCH_STATES = 3_000_000
-LARGE_MAP_STATES = 60_000  # of all searches on one part or version of a map with too many cells; some 3 s
+# Largest number of states of all searches on one part or version of a map with too many cells; some 3 s
+LARGE_MAP_STATES = 60_000
 EXPANSIONS_PER_SLICE = 5_000  # well below a second
 MAX_GUIDE_POSES = 50_000  # 20 km
 COARSE_STEP_M, FINE_STEP_M = 0.15, 0.05  # length of an arc
 YAW_BINS, FINE_YAW_BINS = 64, 240
 COARSE_BIN, FINE_BIN = 0.5, 0.2  # width of a bin, in steps
-MIN_SEARCH_RADIUS_M = 0.1  # for robots that turn on the spot, whose smallest radius may be 0
+# Turning radius in searches for robots that turn on the spot, whose smallest radius may be 0
+MIN_SEARCH_RADIUS_M = 0.1
 OPPOSITE_HEADING = np.array([0.0, 0.0, np.pi])
 
 

@@ -16,9 +16,9 @@ from gridslam.planning.travel_time import ZERO, SpeedLimits, parts_of, travel_ti
 Floats = NDArray[np.float64]
 
 RADIUS_FACTORS = (1.0, 2.0, 4.0)  # radii of shortcuts, in units of the smallest radius
-SPACING_M = 0.5  # of the joints that shortcuts connect
+SPACING_M = 0.5  # distance of the joints that shortcuts connect
 MAX_JOINTS_AHEAD = 40
-INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # of the local search over circles
+INITIAL_STEP_M, FINAL_STEP_M = 0.64, 0.005  # steps of the local search over circles
 SAME_YAW_RAD = 1e-6
 
 

@@ -13,7 +13,7 @@ from gridslam.planning.space import Space
 
 Floats = NDArray[np.float64]
 
-HALVINGS = 12  # of the interval that holds the width of the widest passage
+HALVINGS = 12  # number of halvings of the interval that holds the width of the widest passage
 
 
 def blocked_pose(

@@ -15,8 +15,8 @@ from gridslam.planning.obstacles import obstacle_cells
 
 Floats = NDArray[np.float64]
 
-MIN_DISC_RADIUS_M = 1e-3  # of the inner disc, for a footprint that has none
-SEARCHED_CELLS = 2  # on each side of a pose, for a cell with room for the robot
+MIN_DISC_RADIUS_M = 1e-3  # radius of the inner disc for a footprint that has none
+SEARCHED_CELLS = 2  # cells on each side of a pose that are searched for room for the robot
 
 
 @dataclass(frozen=True, slots=True)

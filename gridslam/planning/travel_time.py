@@ -14,7 +14,7 @@ from gridslam.planning.path import ArcLinePath, Kind, Segment
 
 Floats = NDArray[np.float64]
 
-MIN_LIMIT, MAX_LIMIT = 1e-3, 1e3  # of every speed and acceleration
+MIN_LIMIT, MAX_LIMIT = 1e-3, 1e3  # limits of every speed and acceleration
 ZERO = 1e-9  # lengths (m) and angles (rad) below this count as 0
 UNIT_LIMITS = DriveLimits(*[1.0] * 6)  # where only the geometry of a segment matters
 

@@ -16,8 +16,8 @@ from gridslam.runs.feed import Clock, Progress, Show, Stop
 from gridslam.simulation.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
 
-STEPS_PER_COMMAND = 10  # of 10 ms
-MAX_DELAY_NS = 250_000_000  # of a message after its stamp
+STEPS_PER_COMMAND = 10  # number of steps of 10 ms per command
+MAX_DELAY_NS = 250_000_000  # longest delay of a message after its stamp
 
 Ending = Literal["finished", "contact", "time", "interrupted"]
 

@@ -35,7 +35,7 @@ from gridslam.runs.run_counts import Counts, merge_counts
 
 Status = Literal["complete", "interrupted", "lossy", "lost", "inconsistent", "apart"]
 Command = Literal["map", "localize", "explore"]
-MAX_LOCALIZED_CELLS = 64_000_000  # of a given map, 400 m x 400 m at 5 cm; each takes some 30 bytes
+MAX_LOCALIZED_CELLS = 64_000_000  # largest given map, 400 m x 400 m at 5 cm; each cell takes some 30 bytes
 
 
 @dataclass(frozen=True, slots=True)

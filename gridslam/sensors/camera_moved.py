@@ -15,7 +15,8 @@ from gridslam.sensors.background import Depth, Mask
 
 Image = NDArray[np.float32]
 
-FRAMES = 10  # in a row that must differ: people who pass near the camera hide what stands still for a moment
+# Number of frames in a row that must differ: people who pass near the camera hide what stands still for a moment
+FRAMES = 10
 # Depths are compared by the means of squares of this size: noise of single readings is averaged out
 CELL_PX = 16
 MIN_KNOWN = 0.25  # fraction of a square's pixels that must have a depth and show no moving object
@@ -27,9 +28,9 @@ EDGE_COLS = 160  # width of the image in which edges are compared
 MIN_EDGE_SCORE = 0.3
 MAX_CHANGED = 0.5  # fraction of the image that is near to changed colours without a moving object
 MAX_EDGE_LOSS = 0.75  # a correlation with the reference below this fraction of the usual one differs
-EDGE_LIMIT = 3.0  # of the mean: stronger edges count as this, so that a few of them do not decide
-_NEAR_PX = 15  # beside what has changed are its edges, and its shadow
-RATE = 0.02  # of the running means: the light and some furniture change in minutes
+EDGE_LIMIT = 3.0  # largest strength of an edge, in units of the mean, so that a few of them do not decide
+_NEAR_PX = 15  # distance from a change within which its edges and its shadow lie
+RATE = 0.02  # rate of the running means: the light and some furniture change in minutes
 
 
 class PlacementCheck:

@@ -49,9 +49,10 @@ COLOUR_ONLY = DetectionParameters(history=500, warm_up=15, uses_depth=False)
 
 _COVERAGE_MAX_HEIGHT_M = 0.6  # the height of a robot: coverage is that of a point half as high
 _OCCLUSION_M = 0.5  # a reading this far before a floor cell hides it
-_FEET_RATIO = 0.15  # of an object's height in the image: in columns where it ends higher than this, it overhangs its feet
-MAX_VIEW_M = 50.0  # by colours alone: the farthest floor that is looked at on a large map
-MAX_FEET_DEPTH_M = 15.0  # by colours alone: farther away a pixel is decimetres of floor
+# Fraction of an object's height in the image: in columns where it ends higher than this, it overhangs its feet
+_FEET_RATIO = 0.15
+MAX_VIEW_M = 50.0  # farthest floor that is looked at on a large map, by colours alone
+MAX_FEET_DEPTH_M = 15.0  # farthest feet by colours alone: farther away a pixel is decimetres of floor
 
 
 class FrameSkip(str, Enum):

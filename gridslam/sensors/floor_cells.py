@@ -15,7 +15,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 Floats = NDArray[np.float64]
 
 _AT_WALL_M = 0.5  # a camera hangs at a wall, which does not hide the floor before it
-CELLS_AT_ONCE = 1 << 18  # of a large map
+CELLS_AT_ONCE = 1 << 18  # number of cells of a large map that are processed together
 
 
 class Floor(Protocol):

@@ -14,7 +14,7 @@ from gridslam.kernels.scan_points import LEVEL, Projection, Sweep
 
 Floats = NDArray[np.float64]
 
-LEVEL_TOLERANCE = 2e-5  # of the projection: a lidar tilted by 0.3 degrees is level
+LEVEL_TOLERANCE = 2e-5  # tolerance of the projection: a lidar tilted by 0.3 degrees is level
 
 
 @dataclass(frozen=True, slots=True)

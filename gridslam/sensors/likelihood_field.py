@@ -17,7 +17,7 @@ from gridslam.sensors.grid_frame import poses_in_cells
 Floats = NDArray[np.float64]
 Table = NDArray[np.float32]
 
-CELLS_AT_ONCE = 1 << 22  # of a large map
+CELLS_AT_ONCE = 1 << 22  # number of cells of a large map that are processed together
 FAR = 255  # the byte of every distance at or beyond the field's maximum, and of everything outside the grid
 
 

@@ -20,8 +20,8 @@ from gridslam.sensors.likelihood_field import FAR, DistanceField, Table
 
 Floats = NDArray[np.float64]
 
-CELLS_AT_ONCE = 1 << 20  # of a large map
-_CLIMB_POINTS = 100  # by which a pose climbs to its maximum; all points score it there
+CELLS_AT_ONCE = 1 << 20  # number of cells of a large map that are processed together
+_CLIMB_POINTS = 100  # number of points by which a pose climbs to its maximum; all points score it there
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from gridslam.sensors.grid_frame import poses_in_cells
 
 Floats = NDArray[np.float64]
 
-LARGE_CELLS = 10_000_000  # of which all boxes would take 120 MB
+LARGE_CELLS = 10_000_000  # number of cells of which all boxes would take 120 MB
 
 
 @dataclass(frozen=True, slots=True)

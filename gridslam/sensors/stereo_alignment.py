@@ -12,10 +12,10 @@ Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 
 FEATURES = 1000
-MIN_MATCHES = 30  # on common rows, for a statement about the pair
+MIN_MATCHES = 30  # number of matches on common rows that a statement about the pair needs
 MAX_ROW_OFFSET = 0.15  # largest row offset searched for, as a fraction of the rows
-ROW_TOLERANCE_PX = 1.5  # between matches on common rows
-FAST_THRESHOLD = 8  # of the corner detector; low, for pictures with little contrast
+ROW_TOLERANCE_PX = 1.5  # largest difference of rows of matches on common rows
+FAST_THRESHOLD = 8  # threshold of the corner detector; low, for pictures with little contrast
 
 
 @dataclass(frozen=True, slots=True)

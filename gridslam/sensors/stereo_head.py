@@ -34,13 +34,13 @@ __all__ = [
     "measured_columns",
 ]
 
-MIN_EXTENT_ROWS = 2.0  # of any obstacle
+MIN_EXTENT_ROWS = 2.0  # smallest extent of any obstacle
 BLOCK_PX = 5  # side of the matched block
 UNIQUENESS_PERCENT = 10  # margin over the second best match
 SPECKLE_PX, SPECKLE_RANGE = 100, 2  # smaller islands of disparity are removed; disparities within one
 MAX_LEFT_RIGHT_PX = 1  # difference between the disparities of the left and the right image
 P1_FACTOR, P2_FACTOR = 8, 32  # smoothness penalties of SGBM, as OpenCV recommends
-DISPARITY_STEPS = 16.0  # per pixel, in OpenCV's disparity images
+DISPARITY_STEPS = 16.0  # steps per pixel in OpenCV's disparity images
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,11 @@ Floats = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 
 MIN_BASELINE_M = 1e-4
-MAX_BASELINE_M = 5.0  # of any stereo head on a robot; a longer one is in millimetres
+MAX_BASELINE_M = 5.0  # longest baseline of a stereo head on a robot; a longer one is in millimetres
 MM_PER_M = 1000.0
-MAX_ROW_OFFSET_PX = 1.0  # that block matching tolerates
-MIN_DISPARITY_PX = 0.5  # below this the sign of the disparities is not known
-MIN_INLIER_RATIO = 0.3  # of matches on common rows, in rectified pictures
+MAX_ROW_OFFSET_PX = 1.0  # largest row offset that block matching tolerates
+MIN_DISPARITY_PX = 0.5  # disparity below which its sign is not known
+MIN_INLIER_RATIO = 0.3  # ratio of matches on common rows, in rectified pictures
 SIZE_TOLERANCE_PX = 1.0
 
 

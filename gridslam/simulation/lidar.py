@@ -16,7 +16,7 @@ from gridslam.simulation.sensor_config import Lidar
 from gridslam.simulation.timing import Schedule
 
 Array = NDArray[np.float64]
-MAX_GRAZING_FACTOR = 10.0  # of the noise at grazing incidence
+MAX_GRAZING_FACTOR = 10.0  # largest factor of the noise at grazing incidence
 
 
 class LidarSensor:

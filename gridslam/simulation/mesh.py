@@ -22,7 +22,7 @@ from gridslam.simulation.world_config import WorldConfig
 TEXTURES: tuple[str, ...] = get_args(Texture)
 CYLINDER_SIDES = 20
 CEILING_M = 2.6
-MARGIN_M = 2.0  # of floor and ceiling around the walls
+MARGIN_M = 2.0  # margin of floor and ceiling around the walls
 ROBOT_HEIGHT_M = 0.5
 FLOOR = Surface(colour=(130, 125, 115), texture="carpet")
 CEILING = Surface(colour=(225, 225, 220), texture="plain")

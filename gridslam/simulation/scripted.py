@@ -29,8 +29,8 @@ from gridslam.maps.drawing import RESOLUTION_M, Drawing
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
-SPEED_M = 0.06  # per period
-TURN_RAD = 0.08  # per period
+SPEED_M = 0.06  # travel per period
+TURN_RAD = 0.08  # rotation per period
 RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
 SWEEP_EVERY = 20  # periods between sweeps of the infrared ranger, which looks ahead: they overlap

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 MAX_SLOWDOWN = 120.0  # CPU time of a simulated second, in seconds
 MAX_WORK_S = 3600.0  # CPU time of a drive
 
-STEPS_S = 0.01  # of a simulated second without sensors but odometry
+STEPS_S = 0.01  # CPU time of a simulated second without sensors but odometry
 PIXEL_S, BEAM_S, READING_S = 8e-7, 8e-7, 2e-6
-CROSSING_S = 2e-9  # of a ray with a side of an object or a leg, which are tried one by one
+CROSSING_S = 2e-9  # CPU time of a ray with a side of an object or a leg, which are tried one by one
 RAYS_PER_BEAM, SIDES, LEGS = 3, 4, 2
 PERSON_SCAN_S, TAG_ROUND_S = 4e-5, 3e-5
 PERSON_FRAME_S, OBJECT_FRAME_S, FIXED_FRAME_S = 5e-4, 2e-4, 6e-5  # their triangles in a picture
-MOVE_S = 1e-5  # of an object at a waypoint
+MOVE_S = 1e-5  # CPU time of an object at a waypoint
 ADVICE = "lower rate_hz, the pixels or beams, or the number of objects and people"
 
 

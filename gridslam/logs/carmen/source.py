@@ -38,7 +38,8 @@ from gridslam.logs.streams import RecordedStream
 from gridslam.logs.text import TextLines, packing_of
 
 DEFAULT_RANGE_MAX_M = 81.91  # the largest number a SICK LMS gives, its code for no return
-SICK_BEAMS = (90, 91, 180, 181, 360, 361, 720, 721)  # of the lasers of these logs, 180 degrees wide
+# Numbers of beams of the lasers of these logs, 180 degrees wide
+SICK_BEAMS = (90, 91, 180, 181, 360, 361, 720, 721)
 MIN_BEAMS = 60  # fewer are left of thinned scans, of whatever laser
 USUAL_WIDTHS_DEG, USUAL_STEPS_DEG = (180.0, 190.0, 240.0, 270.0), (0.25, 0.5, 1.0)
 MIN_WIDTH_DEG = 90.0

@@ -9,10 +9,10 @@ import numpy as np
 from gridslam.core.messages import DepthImage, readonly
 from gridslam.logs.message_counts import MessageCounts
 
-MIN_PIXELS = 100  # with a depth, for a statement about the unit
+MIN_PIXELS = 100  # number of pixels with a depth that a statement about the unit needs
 NEAR_PERCENT, FAR_PERCENT = 5.0, 95.0
 MAX_NEAR_M = 100.0  # a depth camera has something nearer than this in its view
-MIN_FAR_M = 0.03  # and something farther away than this
+MIN_FAR_M = 0.03  # ... and something farther away than this
 THOUSAND = 1000.0
 
 

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan
 
-MIN_BEAMS = 5  # of a scan that read the code
+MIN_BEAMS = 5  # smallest number of beams of a scan that read the code
 GAP = 0.95  # no reading lies between this fraction of the code and the code: walls that end there have readings before it
-MIN_SCANS = 8  # in which the same number was the largest, and half of the last KEPT_SCANS
-KEPT_SCANS = 40  # that differ: a robot that stands sees the same end of a corridor again and again
+# Smallest number of scans in which the same number was the largest, and half of the last KEPT_SCANS
+MIN_SCANS = 8
+# Number of different scans that are kept: a robot that stands sees the same end of a corridor again and again
+KEPT_SCANS = 40
 CHANGED_M, MIN_CHANGED = 0.1, 0.5  # scans differ where this fraction of the readings has changed
 
 

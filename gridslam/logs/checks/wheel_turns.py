@@ -9,7 +9,7 @@ from gridslam.core.messages import WheelTicks
 from gridslam.logs.message_counts import MessageCounts
 
 TURN_RAD = 2.0 * math.pi
-TOLERANCE_RAD = 0.1  # by which an angle within one turn may lie outside of it
+TOLERANCE_RAD = 0.1  # excess of an angle over one revolution that is tolerated
 
 
 class WheelTurns:

@@ -14,7 +14,7 @@ from gridslam.logs.encoding.encoded import Encoded, single_message
 from gridslam.logs.encoding.ros_fields import frame_name, head
 from gridslam.logs.skips import SkipReason
 
-FARTHEST_M = 1e9  # from frame to frame: chains of such steps still have finite numbers
+FARTHEST_M = 1e9  # largest distance from frame to frame: chains of such steps still have finite numbers
 _SMALLEST_QUATERNION_NORM = 1e-6
 INVALID_STAMP_NS = -1
 

@@ -19,7 +19,7 @@ from gridslam.core.errors import LogError
 from gridslam.logs.csv_layout import CsvStream
 from gridslam.logs.kinds import CSV_KINDS
 
-MAX_DATASETS = 1000  # of a file: more are no log of a robot
+MAX_DATASETS = 1000  # largest number of datasets of a file: more are no log of a robot
 # Unpacked bytes of the table for each byte of the file, and those that are read of any file. Constant columns pack best; a table
 # of ranges reaches 10.
 MAX_EXPANSION, ALWAYS_UNPACKED = 100, 4 << 20

@@ -27,8 +27,8 @@ from gridslam.logs.datasets.tables import (
 
 Floats = NDArray[np.float64]
 
-CAMERA_HEIGHT_M = 1.65  # above the road, from the set-up of the car
-PERIOD_NS = 100_000_000  # without times.txt
+CAMERA_HEIGHT_M = 1.65  # height above the road, from the set-up of the car
+PERIOD_NS = 100_000_000  # period of the pictures where times.txt is missing
 PAIRS = ((("image_0", 0), ("image_1", 1)), (("image_2", 2), ("image_3", 3)), (("image_l", 0), ("image_r", 1)))
 PICTURES = (".png", ".jpg", ".jpeg")
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
-MAX_PIXELS = 1 << 26  # of one camera image; 8192 x 8192
+MAX_PIXELS = 1 << 26  # largest camera image: 8192 x 8192
 _DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 _LEAVES = frozenset(
     {

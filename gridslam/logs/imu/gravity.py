@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 # Over which the specific force is averaged; what the robot accelerates cancels out only over the longer one.
 GRAVITY_WINDOW_S, GRAVITY_WINDOW_ALONE_S = 10.0, 20.0
-BIAS_ROUNDS = 3  # of estimating the rates' error: the frame by the first rates is not still
+BIAS_ROUNDS = 3  # rounds in which the rates' error is estimated: the frame by the first rates is not still
 
 
 def vertical_by_gravity(

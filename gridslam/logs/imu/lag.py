@@ -12,11 +12,11 @@ from gridslam.logs.imu.readings import ImuReadings, OdometryReference
 Floats = NDArray[np.float64]
 
 LAGS_S: Floats = np.arange(-50, 51, dtype=np.float64) * 0.01
-STEP_S = 0.1  # over which turns are compared
+STEP_S = 0.1  # duration over which rotations are compared
 MIN_LAG_S = 0.03  # a robot that sways tilts by less than it matters in a shorter time
-MIN_CORRELATION = 0.9  # of the turns with the lag
+MIN_CORRELATION = 0.9  # smallest correlation of the rotations with the lag
 MIN_GAIN = 1.5  # what is missing to a correlation of 1 without the lag, by what is missing with it
-MIN_TURN_RAD = 1.0  # of the odometry
+MIN_TURN_RAD = 1.0  # smallest rotation of the odometry
 
 
 def imu_lag_s(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-SPEED_STEP_S = 0.3  # over which the odometry's speed is taken
+SPEED_STEP_S = 0.3  # duration over which the odometry's speed is taken
 MAX_GAP_S = 0.2  # a longer gap between readings says nothing of the tilt within
 
 

@@ -17,16 +17,17 @@ from gridslam.logs.imu.readings import MAX_GAP_S, ImuReadings, OdometryReference
 
 Floats = NDArray[np.float64]
 
-MIN_MEASURED = 0.9  # of the readings: an orientation or acceleration that is there less often is none
-MAX_NORM_ERROR = 0.02  # of a quaternion
+MIN_MEASURED = 0.9  # fraction of the readings from which an orientation or acceleration counts as measured
+MAX_NORM_ERROR = 0.02  # largest error of a quaternion's length
 GRAVITY_MPS2, MAX_GRAVITY_ERROR = 9.81, 0.1  # median specific force; a few drivers write it in g
 # Mean cosine between the vertical by the orientation and that by the accelerations: robots accelerate little.
 MIN_AGREEMENT = 0.9
-MIN_RATE_CORRELATION = 0.5  # between changes of the vertical and the turn rates that should cause them
-RATE_STEP_S = 0.1  # over which these are compared
-MIN_TURN_RAD = 1.0  # of the odometry: less does not show the sign of the IMU's yaw rate
+# Smallest correlation of changes of the vertical with the turn rates that should cause them
+MIN_RATE_CORRELATION = 0.5
+RATE_STEP_S = 0.1  # duration over which these are compared
+MIN_TURN_RAD = 1.0  # smallest rotation of the odometry that shows the sign of the IMU's yaw rate
 YAW_STEP_S = 0.5
-MAX_MOUNT_TILT_RAD = math.radians(15.0)  # of the IMU on the robot beyond its known extrinsics
+MAX_MOUNT_TILT_RAD = math.radians(15.0)  # largest tilt of the IMU on the robot beyond its known extrinsics
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
 # Tilts of 95 % of the readings below these change no scan by more than its noise, or are that of the estimate itself.
 MIN_SWAY_RAD, MIN_SWAY_BY_GRAVITY_RAD = math.radians(0.6), math.radians(1.2)

@@ -48,7 +48,8 @@ _HEADER_BYTES = 100
 _MAX_EXPANSION = 1000
 _ALWAYS_UNPACKED = 64 << 20
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
-_MAX_OTHER_RECORDS = 1000  # of one chunk, which should hold schemas, channels and messages only
+# Largest number of other records of one chunk, which should hold schemas, channels and messages only
+_MAX_OTHER_RECORDS = 1000
 
 
 @dataclass(slots=True)

@@ -17,8 +17,10 @@ from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.streams import RecordedStream
 
-MAX_OFFSET_NS = 5 * NS_PER_S  # between clocks: what drivers and networks delay messages by is less
-MAX_DRIFT = 0.05  # of the recorder's clock against the stamps: beyond it is no clock, but counts, or copies
+# Smallest offset that shows two clocks: drivers and networks delay messages by less
+MAX_OFFSET_NS = 5 * NS_PER_S
+# Largest drift of the recorder's clock against the stamps: beyond it these are no clock, but counts, or copies
+MAX_DRIFT = 0.05
 MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry covers: below, an error and a note
 TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # whose stamps place the robot
 MIN_STAMPS = 20  # fewer show no regularity

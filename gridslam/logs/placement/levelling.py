@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 PROBED_READINGS = 200  # an IMU that measured no orientation and no acceleration in these has none
 # Fractions of the scans that have a reading: below the first none is levelled, below the second a note says so.
 MIN_COVERED, FULLY_COVERED = 0.1, 0.95
-MIN_SPACING_NS = 5_000_000  # between readings that are kept: robots tilt slowly
+MIN_SPACING_NS = 5_000_000  # smallest time between readings that are kept: robots tilt slowly
 MIN_KNOWN_HEIGHT_M = 0.1  # a lidar that is lower has no height, or its base is not on the floor
 # Beams that end below these heights have met the floor, those above the headroom a ceiling.
 GROUND_M, HALF_BAND_M, HEADROOM_M = 0.2, 0.3, 1.2

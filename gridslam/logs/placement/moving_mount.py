@@ -14,7 +14,7 @@ from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan, middl
 from gridslam.logs.rotations import Quaternion, Rigid
 from gridslam.logs.streams import RecordedStream, Source
 
-MAX_JOINTS = 20  # on the chain from a sensor to the base
+MAX_JOINTS = 20  # largest number of joints on the chain from a sensor to the base
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ MIN_RANGE_M = 0.3  # nearer returns are the robot's own body
 MAX_RANGE_M = 200.0
 RAISED_M = 0.3  # a sensor at least so high above the base stands on the robot, and the base on the ground
 GROUND_M, HEAD_M = 0.2, 1.8  # the band above the ground: no floor, no ceiling, no lintel
-HALF_BAND_M = 0.3  # about a sensor whose height is not known
+HALF_BAND_M = 0.3  # half height of the band about a sensor whose height is not known
 # Times that leave the line through them by more of the sweep belong to no rotating sweep
 LINEAR_FRACTION = 0.1
 # About the median time of a cloud that no sweep has taken: a turning robot moves by 0.3 degrees

@@ -13,9 +13,9 @@ from typing import Any
 _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}/msg/[A-Za-z][A-Za-z0-9_]{0,99}")
 _FIELD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
 _BASE_TYPE = re.compile(r"[a-z][a-z0-9]{0,19}")
-_MAX_FIELDS = 1000  # of one type
-_MAX_TYPES = 200  # of one definition
-_MAX_ELEMENTS = 1_000_000  # of a fixed array or bounded sequence
+_MAX_FIELDS = 1000  # largest number of fields of one type
+_MAX_TYPES = 200  # largest number of types of one definition
+_MAX_ELEMENTS = 1_000_000  # largest number of elements of a fixed array or bounded sequence
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4  # rosbags' Nodetype
 
 

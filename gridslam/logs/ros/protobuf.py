@@ -21,7 +21,7 @@ _ZIGZAG, _SIGNED = (17, 18), (3, 5, 14)
 _FIXED = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
 _REPEATED = 3
 _MAX_DEPTH = 30
-_MAX_MESSAGES = 1000  # of one schema
+_MAX_MESSAGES = 1000  # largest number of messages of one schema
 _WELL_KNOWN = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 
 

@@ -12,7 +12,8 @@ from gridslam.core.errors import LogError
 from gridslam.logs.ros.container import Channel, Container, Schema
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_MAX_EXPANSION = 1000  # of what unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
+# Largest expansion of what unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
+_MAX_EXPANSION = 1000
 _ALWAYS_UNPACKED = 64 << 20
 _BLOCK = 1 << 20
 

@@ -20,8 +20,9 @@ from gridslam.logs.rosbag.packed import is_packed
 
 _PART_NAME = re.compile(r"(?P<stem>.+?)(_(?P<number>[0-9]{1,9}))?\.(db3|mcap)(\.zstd|\.zst)?")
 _SQLITE_MAGIC = b"SQLite format 3\0"
-_MAX_BREAK_NS = 2_000_000_000  # between two parts: stopping a recorder and starting it again takes longer
-_MAX_OVERLAP_NS = 1_000_000_000  # of two parts: messages of a cache are written late
+# Longest break between two parts: stopping a recorder and starting it again takes longer
+_MAX_BREAK_NS = 2_000_000_000
+_MAX_OVERLAP_NS = 1_000_000_000  # longest overlap of two parts: messages of a cache are written late
 _LIMIT_BYTES = 1 << 20  # no message is read here
 
 

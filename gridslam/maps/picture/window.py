@@ -17,11 +17,11 @@ SHRINK_TO_PX = 2000
 MAX_CELL_PX = 24
 MIN_SIDE_PX = 240
 MARGIN_PX = 12
-OUTLIER_RATIO = 0.001  # of the known cells that may be left out at each side
+OUTLIER_RATIO = 0.001  # fraction of the known cells that may be left out at each side
 # They are kept where they reach less than this, as a ratio of the others' extent, beyond the others
 OUTLIER_EXTENT = 0.04
-MIN_DIVIDED_RATIO = 3.5  # of the sides of a map from which on it is divided
-SHEET_RATIO = 1.3  # of the sides of the pieces together, about
+MIN_DIVIDED_RATIO = 3.5  # ratio of the sides of a map from which on it is divided
+SHEET_RATIO = 1.3  # approximate ratio of the sides of the pieces together
 MAX_PIECES = 12
 MIN_PIECE_PX = 120
 ROWS_AT_ONCE = 64  # of a large map
