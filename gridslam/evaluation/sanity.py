@@ -9,7 +9,8 @@ import numpy as np
 from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, pairs_of
-from gridslam.evaluation.remarks import no_pairs_hint, pair_remarks, series_remarks
+from gridslam.evaluation.pair_remarks import no_pairs_hint, pair_remarks
+from gridslam.evaluation.series_remarks import series_remarks
 
 
 def remarks_of(

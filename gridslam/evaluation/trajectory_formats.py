@@ -25,12 +25,24 @@ from gridslam.evaluation.pose_series import PoseSeries
 from gridslam.logs.tum import lines_of, numbers_in, stamp_in
 
 TUM_WORDS, PLANAR_WORDS, KITTI_WORDS, EUROC_WORDS = 8, 4, 12, 8
-MIN_NS_DIGITS = 15  # a whole number with at least this many digits is a stamp in nanoseconds
+MIN_NS_DIGITS, MIN_US_DIGITS = 18, 15  # of a whole number that is a stamp in this unit, or a smaller one
 EXPECTED = "t x y z qx qy qz qw (TUM), t x y yaw, KITTI's 12 numbers, EuRoC's stamp x y z qw qx qy qz, or a CSV header"
 CAMERA_NOTE = "the poses are in a camera frame (x right, y down, z forward): x = z and y = -x were taken"
 # Names of CSV columns in lower case; of dotted names the last parts count (`pose.pose.position.x`).
 COLUMN_NAMES = {
-    "stamp": ("stamp", "header.stamp", "timestamp", "time", "t", "sec", "secs", "seconds"),
+    "stamp": (
+        "stamp",
+        "header.stamp",
+        "timestamp",
+        "time",
+        "t",
+        "sec",
+        "secs",
+        "seconds",
+        "stamp.sec",
+        "stamp.secs",
+    ),
+    "nanoseconds": ("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds"),
     "x": ("x", "position.x", "pos_x", "px", "tx", "p_x", "p_rs_r_x"),
     "y": ("y", "position.y", "pos_y", "py", "ty", "p_y", "p_rs_r_y"),
     "z": ("z", "position.z", "pos_z", "pz", "tz", "p_z", "p_rs_r_z"),
@@ -43,7 +55,7 @@ COLUMN_NAMES = {
 }
 QUATERNION = ("qw", "qx", "qy", "qz")
 # Smallest number of digits of a whole number, and its unit
-_UNIT_OF_DIGITS = ((18, "ns"), (15, "us"), (12, "ms"), (0, "s"))
+_UNIT_OF_DIGITS = ((MIN_NS_DIGITS, "ns"), (MIN_US_DIGITS, "us"), (12, "ms"), (0, "s"))
 
 
 def read_poses(path: Path) -> PoseSeries:
@@ -56,7 +68,9 @@ def read_poses(path: Path) -> PoseSeries:
         return _csv(path, lines)
     if len(words) == KITTI_WORDS:
         return _kitti(path, lines)
-    if len(words) >= EUROC_WORDS and words[0].isdecimal() and len(words[0]) >= MIN_NS_DIGITS:
+    # Eight numbers with microseconds are in TUM's order; nanoseconds are EuRoC's.
+    min_digits = MIN_NS_DIGITS if len(words) == TUM_WORDS else MIN_US_DIGITS
+    if len(words) >= EUROC_WORDS and words[0].isdecimal() and len(words[0]) >= min_digits:
         return _euroc(path, lines)
     if len(words) not in (TUM_WORDS, PLANAR_WORDS):
         raise InputError(f"{place}: {len(words)} numbers; expected {EXPECTED}")
@@ -66,7 +80,8 @@ def read_poses(path: Path) -> PoseSeries:
 def _timed(path: Path, lines: list[tuple[str, list[str]]], width: int) -> PoseSeries:
     """TUM or planar lines."""
     form = "t x y z qx qy qz qw" if width == TUM_WORDS else "t x y yaw"
-    stamps = [stamp_in(place, words[0]) for place, words in _equal(lines, width, form)]
+    unit = _stamp_unit(lines[0][1][0])
+    stamps = [_stamp(place, words[0], unit) for place, words in _equal(lines, width, form)]
     table = np.array([numbers_in(place, words[1:]) for place, words in lines])
     if width == PLANAR_WORDS:
         positions = np.column_stack([table[:, :2], np.zeros(len(table))])
@@ -77,12 +92,9 @@ def _timed(path: Path, lines: list[tuple[str, list[str]]], width: int) -> PoseSe
 
 def _euroc(path: Path, lines: list[tuple[str, list[str]]]) -> PoseSeries:
     width = len(lines[0][1])
-    stamps = []
-    for place, words in _equal(lines, width, "stamp x y z qw qx qy qz"):
-        stamp = parse_stamp(words[0], "ns")
-        if stamp is None:
-            raise InputError(f"{place}: {words[0][:40]!r} is no stamp; expected nanoseconds")
-        stamps.append(stamp)
+    checked = _equal(lines, width, "stamp x y z qw qx qy qz")
+    unit = _stamp_unit(lines[0][1][0])
+    stamps = [_stamp(place, words[0], unit) for place, words in checked]
     table = np.array([numbers_in(place, words[1:EUROC_WORDS]) for place, words in lines])
     quaternions = _checked_quaternions(lines, table[:, 3:7])
     return PoseSeries(path.name, np.array(stamps, np.int64), table[:, :3], quaternions)
@@ -110,14 +122,7 @@ def _csv(path: Path, lines: list[tuple[str, list[str]]]) -> PoseSeries:
         raise InputError(f"{path}: no pose below the header")
     cells = _equal(rows, len(header[1]), f"{len(header[1])} cells as in the header")
     unit = _stamp_unit(rows[0][1][columns["stamp"]])
-    stamps = []
-    for place, words in cells:
-        stamp = parse_stamp(words[columns["stamp"]], unit)
-        if stamp is None:
-            raise InputError(
-                f"{place}: {words[columns['stamp']][:40]!r} is no stamp; expected a positive time"
-            )
-        stamps.append(stamp)
+    stamps = [_stamp(place, words[columns["stamp"]], unit) for place, words in cells]
 
     def numbers(*names: str) -> NDArray[np.float64]:
         return np.array(
@@ -126,6 +131,10 @@ def _csv(path: Path, lines: list[tuple[str, list[str]]]) -> PoseSeries:
 
     positions = numbers("x", "y", "z") if "z" in columns else np.pad(numbers("x", "y"), ((0, 0), (0, 1)))
     times = np.array(stamps, np.int64)
+    if "nanoseconds" in columns and not (times % NS_PER_S).any():
+        times += np.array(
+            [_stamp(place, words[columns["nanoseconds"]], "ns") for place, words in rows], np.int64
+        )
     if set(QUATERNION) <= set(columns):
         return PoseSeries(path.name, times, positions, _checked_quaternions(rows, numbers(*QUATERNION)))
     yaw = numbers("yaw")[:, 0] if "yaw" in columns else np.radians(numbers("yaw_deg")[:, 0])
@@ -155,6 +164,18 @@ def _columns(header: tuple[str, list[str]]) -> dict[str, int]:
             f"{place}: no column {', '.join(missing)} in this header; expected stamp, x, y, yaw, ..."
         )
     return found
+
+
+def _stamp(place: str, word: str, unit: str) -> int:
+    """A stamp in ns. Raises InputError with the place of a word that is none."""
+    if unit == "s":
+        return stamp_in(place, word)
+    stamp = parse_stamp(word, unit)
+    if stamp is None:
+        raise InputError(
+            f"{place}: {word[:40]!r} is no stamp; expected {unit}, as the first stamp has so many digits"
+        )
+    return stamp
 
 
 def _stamp_unit(word: str) -> str:

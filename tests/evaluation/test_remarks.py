@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.errors import InputError
-from gridslam.core.poses import compose, quaternion_of_yaw
+from gridslam.core.poses import compose, inverse, quaternion_of_yaw
+from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
 from gridslam.evaluation.pose_series import PoseSeries
@@ -92,6 +93,23 @@ MISTAKES = {
         replace(ESTIMATE, positions_m=np.ones((N, 3)), quat_wxyz=quaternion_of_yaw(np.zeros(N))),
         ["stands still while the true path extends over"],
     ),
+    "w last": (replace(ESTIMATE, quat_wxyz=np.column_stack([X, Y, Z, W])), ["w last"]),
+    "radians as degrees": (
+        replace(ESTIMATE, quat_wxyz=None, yaw=np.radians(YAW)),
+        ["radians in a column of degrees"],
+    ),
+    "inverted": (
+        PoseSeries.of("est.tum", Trajectory(ESTIMATE.stamps_ns, inverse(ESTIMATE.trajectory.poses))),
+        ["inverted"],
+    ),
+    "4 % too large": (replace(ESTIMATE, positions_m=1.04 * ESTIMATE.positions_m), ["1.04 times as large"]),
+    "another point of the robot": (
+        PoseSeries.of(
+            "est.tum",
+            Trajectory(ESTIMATE.stamps_ns, compose(ESTIMATE.trajectory.poses, np.array([0.6, -0.2, 0.0]))),
+        ),
+        ["another point of the robot, -0.60 m ahead and +0.20 m to the left"],
+    ),
     "a jump": (
         replace(
             ESTIMATE, positions_m=ESTIMATE.positions_m + 25.0 * (np.arange(N) >= 140)[:, None] * [1, 0, 0]
@@ -102,6 +120,10 @@ MISTAKES = {
     "repeated stamps": (
         replace(ESTIMATE, stamps_ns=np.repeat(ESTIMATE.stamps_ns[::2], 2)),
         ["100 of 200 poses repeat a stamp"],
+    ),
+    "whole seconds": (
+        replace(ESTIMATE, stamps_ns=ESTIMATE.stamps_ns // 1_000_000_000 * 1_000_000_000),
+        ["whole seconds: were their fractions lost?"],
     ),
     "other frame": (moved((10.0, -4.0, 0.7)), ["different frames", "--align se2"]),
 }
@@ -140,7 +162,7 @@ def test_a_rotation_of_several_turns_in_radians_is_not_taken_for_degrees() -> No
     [
         (np.round(TIME * 1e9).astype(np.int64), "--time-offset 1311875572.000"),
         (np.full(N, 5_000_000_000, np.int64), "all stamps of est.tum are the same"),
-        (ESTIMATE.stamps_ns + 50_000_000, "--max-difference"),
+        (ESTIMATE.stamps_ns + 50_000_000, "--sync interpolate pairs 199, and a larger --max-difference"),
     ],
 )
 def test_series_without_a_stamp_in_common_are_an_error_with_advice(stamps: np.ndarray, says: str) -> None:

@@ -59,6 +59,15 @@ TEXTS = {
         ",".join([str(stamp), *(repr(float(v)) for v in row)]) + "\n"
         for stamp, row in zip(STAMPS.tolist(), np.column_stack([X, Y, ZERO, x, y, z, w]), strict=True)
     ),
+    "csv of a message": "header.stamp.sec,header.stamp.nanosec,pose.position.x,pose.position.y,yaw\n"
+    + "".join(
+        f"{stamp // 10**9},{stamp % 10**9},{row[0]!r},{row[1]!r},{row[2]!r}\n"
+        for stamp, row in zip(STAMPS.tolist(), np.column_stack([X, Y, YAW]).tolist(), strict=True)
+    ),
+    "tum in milliseconds": "".join(
+        " ".join([str(stamp // 10**6), *(repr(float(v)) for v in row)]) + "\n"
+        for stamp, row in zip(STAMPS.tolist(), np.column_stack([X, Y, ZERO, x, y, z, w]), strict=True)
+    ),
 }
 
 
@@ -85,6 +94,8 @@ def test_every_format_gives_the_same_poses(tmp_path: Path, name: str) -> None:
         ("1 2 3\n", "poses.txt:1", "3 numbers"),
         (" ".join(["1"] * 12) + "\n1 2 3\n", "poses.txt:2", "3 numbers"),
         ("1700000000000000000,0,0,0,0,0,0,0\n", "poses.txt:1", "quaternion"),
+        ("sec,nanosec,x,y,yaw\n1,-5,0,0,0\n", "poses.txt:2", "no stamp"),
+        ("1700000000000 0 0 0\n1e3 0 0 0\n2e30 0 0 0\n", "poses.txt:3", "expected ms"),
         ("1700000000000000000,0,0,0,1,0,0,inf\n", "poses.txt:1", "'inf'"),
     ],
 )
