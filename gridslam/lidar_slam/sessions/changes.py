@@ -98,16 +98,16 @@ def find_changes(
 
 def _contradicted(surface: Evidence, free: Evidence, frame: CellFrame) -> Bools:
     """Cells that stand on a surface by one drive, and that another one looks through without any surface near them."""
-    stands = _at_ratio(surface, SURFACE_RATIO, MIN_HITS)
+    stands = at_ratio(surface, SURFACE_RATIO, MIN_HITS)
     radius = round(MAX_POSE_ERROR_M / frame.resolution_m)
-    was_met = dilated(_at_ratio(free, SOMETIMES_RATIO, 1), radius)
+    was_met = dilated(at_ratio(free, SOMETIMES_RATIO, 1), radius)
     return stands & ~was_met & (free.misses >= MIN_MISSES)
 
 
 def _weakly_contradicted(surface: Evidence, free: Evidence) -> Bools:
     """Cells that one drive met and another one looked through, where an error of the poses might explain it."""
-    was_met = _at_ratio(free, GROWN_FREE_RATIO, 1)
-    return _at_ratio(surface, GROWN_SURFACE_RATIO, 1) & ~was_met & (free.misses >= 1)
+    was_met = at_ratio(free, GROWN_FREE_RATIO, 1)
+    return at_ratio(surface, GROWN_SURFACE_RATIO, 1) & ~was_met & (free.misses >= 1)
 
 
 def _grown(cells: Ints, weak: Bools, frame: CellFrame) -> Ints:
@@ -127,8 +127,8 @@ def _without_displaced(cells: Ints, surface: Evidence, free: Evidence, frame: Ce
     low = np.maximum(cells.min(axis=0) - around, 0)
     window = tuple(slice(a, b) for a, b in zip(low, cells.max(axis=0) + around + 1, strict=True))
     one, other = (Evidence(e.hits[window], e.misses[window]) for e in (surface, free))
-    stands = _at_ratio(one, SURFACE_RATIO, MIN_HITS) & (other.hits + other.misses > 0)
-    met = _at_ratio(other, SURFACE_RATIO, MIN_HITS)
+    stands = at_ratio(one, SURFACE_RATIO, MIN_HITS) & (other.hits + other.misses > 0)
+    met = at_ratio(other, SURFACE_RATIO, MIN_HITS)
     image = np.pad(dilated(met, 1), limit).astype(np.float32)
     explained = cv2.matchTemplate(image, stands.astype(np.float32), cv2.TM_CCORR) / max(stands.sum(), 1)
     best = np.array(np.unravel_index(int(explained.argmax()), explained.shape))
@@ -144,7 +144,8 @@ def _is_sure(surface: Evidence, free: Evidence) -> Bools:
     return (surface.hits >= SURE_HITS) & (free.misses >= SURE_MISSES)
 
 
-def _at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
+def at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
+    """Cells that were met at least `hits` times, and at least so often to all that is said of them."""
     return (evidence.hits >= hits) & (evidence.hits >= ratio * (evidence.hits + evidence.misses))
 
 

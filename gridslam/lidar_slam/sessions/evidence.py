@@ -100,12 +100,6 @@ class Evidence:
     hits: Floats32
     misses: Floats32
 
-    @property
-    def log_odds(self) -> Floats32:
-        """Log-odds `(rows, cols)` of a map with this evidence alone."""
-        summed = UPDATE.hit * self.hits + UPDATE.miss * self.misses
-        return np.clip(summed, -UPDATE.limit, UPDATE.limit).astype(np.float32)
-
 
 def collect_evidence(drive: PlacedScans, frame: CellFrame) -> Evidence:
     """The evidence of one drive's scans."""

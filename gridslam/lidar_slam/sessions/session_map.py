@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.lidar_slam.grid_map import LastUpdates, to_probability
+from gridslam.lidar_slam.grid_map import UPDATE, LastUpdates, to_probability
 from gridslam.lidar_slam.sessions.active_scans import active_keys
-from gridslam.lidar_slam.sessions.changes import Change, dilated, find_changes
+from gridslam.lidar_slam.sessions.changes import SURFACE_RATIO, Change, at_ratio, dilated, find_changes
 from gridslam.lidar_slam.sessions.drawn_state import DrawnState
 from gridslam.lidar_slam.sessions.evidence import (
     CellFrame,
@@ -22,6 +22,11 @@ from gridslam.lidar_slam.sessions.session import Session
 from gridslam.maps.occupancy import OccupancyGrid
 
 RENEWED_CELLS = 2  # radius around a changed cell that is renewed too: a surface is a few cells thick
+SAME_WALL_CELLS = 2  # largest distance of the cells in which two drives see one wall
+MET_RATIO = 0.25  # smallest ratio of hits to all evidence, in a cell of a wall that beams graze
+OCCUPIED = float(np.log(0.65 / 0.35))  # log-odds of a wall, at the usual threshold of maps
+
+Floats32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +65,13 @@ def draw_session(session: Session, resolution_m: float, memory_limit_mb: float) 
 
 
 def _with_drive(drawn: DrawnState, session: Session, d: int, drive: PlacedScans) -> DrawnState:
-    """The map with drive number `d` added to it in place."""
+    """The map with drive number `d` added to it."""
     frame = drawn.frame
     own = collect_evidence(drive, frame)
-    insert_drive(drawn.log_odds, LastUpdates(frame.rows, frame.cols), drive, frame)
+    alone = np.full(drawn.layer.shape, np.nan, np.float32)
+    insert_drive(alone, LastUpdates(frame.rows, frame.cols), drive, frame)
     if not d:
-        return replace(drawn, state=own)
+        return replace(drawn, log_odds=alone, state=own)
     found = find_changes(drawn.state, own, _scans_before(session, d), drive, frame, d)
     changed = np.zeros(drawn.layer.shape, np.bool_)
     for change in found:
@@ -73,12 +79,35 @@ def _with_drive(drawn: DrawnState, session: Session, d: int, drive: PlacedScans)
         drawn.layer[rows, cols] = (d + 1) if change.kind == "appeared" else -(d + 1)
         changed[rows, cols] = True
     renewed = dilated(changed, RENEWED_CELLS) & (own.hits + own.misses > 0)
-    drawn.log_odds[renewed] = own.log_odds[renewed]
+    log_odds = joined_log_odds(drawn.log_odds, alone, drawn.state, own)
+    log_odds[renewed] = alone[renewed]
     state = Evidence(
         np.where(renewed, own.hits, drawn.state.hits + own.hits),
         np.where(renewed, own.misses, drawn.state.misses + own.misses),
     )
-    return replace(drawn, state=state, changes=[*drawn.changes, *found])
+    return replace(drawn, log_odds=log_odds, state=state, changes=[*drawn.changes, *found])
+
+
+def joined_log_odds(before: Floats32, alone: Floats32, state: Evidence, own: Evidence) -> Floats32:
+    """Log-odds of the map and of a new drive's own map together; `state` and `own` are the evidence of both.
+
+    Beams that graze a wall pass through cells in which another drive met it, as the poses of two drives differ by a part of a
+    cell. A wall that both met stands, therefore, also where their sum says otherwise in all cells around.
+    """
+    limit = UPDATE.limit
+    summed = np.clip(np.nan_to_num(before) + np.nan_to_num(alone), -limit, limit)
+    summed[np.isnan(before) & np.isnan(alone)] = np.nan
+    erased = _met_by_both(state, own) & ~dilated(summed > OCCUPIED, SAME_WALL_CELLS)
+    summed[erased] = UPDATE.hit
+    return np.asarray(summed)
+
+
+def _met_by_both(one: Evidence, other: Evidence) -> NDArray[np.bool_]:
+    """Cells in which one of two drives met a surface, and the other one met something beside."""
+    surface, met = (
+        [at_ratio(evidence, ratio, 1) for evidence in (one, other)] for ratio in (SURFACE_RATIO, MET_RATIO)
+    )
+    return (surface[0] & dilated(met[1], SAME_WALL_CELLS)) | (surface[1] & dilated(met[0], SAME_WALL_CELLS))
 
 
 def _scans_before(session: Session, d: int) -> PlacedScans:
