@@ -25,7 +25,10 @@ MIN_GAIN_M = 0.05
 MIN_OFFSET_M = 0.1
 MIN_PAIRED = 0.8
 SCALES = ((1e-3, "millimetres"), (1e-2, "centimetres"), (0.3048, "feet"), (0.0254, "inches"))
-MIN_SCALE, SCALE_TOLERANCE = 0.01, 0.05  # smallest difference of a scale from 1 that is named, largest one from a unit's
+MIN_SCALE, SCALE_TOLERANCE = (
+    0.01,
+    0.05,
+)  # smallest difference of a scale from 1 that is named, largest one from a unit's
 LEVER_ROUNDS = 5  # number of times that alignment and lever are found in turn
 MAX_LEVER_M = 5.0  # no point of a robot is farther from another
 MIN_YAW_OFFSET_DEG, MAX_YAW_STD_DEG = 20.0, 10.0

@@ -17,7 +17,7 @@ OUT_OF_PLANE = 0.3  # vertical extent as a fraction of the horizontal one
 MAX_YAW_RAD = 2.0 * np.pi + 0.1  # larger yaw angles are taken for degrees
 MAX_TINY_YAW_RAD = np.radians(4.0 * np.pi)  # two turns in radians that were read as degrees
 # Of yaw angles from the course of the path, 1 less the length of their mean vector: such that follow it, and others
-FOLLOWS, STRAYS = 0.15, 0.3
+FOLLOWS, DEVIATES = 0.15, 0.3
 COURSE_M, MIN_STRIDES = (
     0.3,
     50,
@@ -83,7 +83,7 @@ def _looks_like_radians(series: PoseSeries) -> bool:
     if not len(series) or np.ptp(series.yaw) > MAX_TINY_YAW_RAD or not _turns(series.positions_m[:, :2]):
         return False
     as_radians, as_given = _deviations(series, np.degrees(series.yaw), series.yaw)
-    return as_radians < FOLLOWS and as_given > STRAYS
+    return as_radians < FOLLOWS and as_given > DEVIATES
 
 
 def _deviations(series: PoseSeries, *yaws: Floats) -> list[float]:
