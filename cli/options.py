@@ -151,9 +151,9 @@ def reading_config(
 
     settings = LogConfig()
     if config is not None:
-        from gridslam.runs.run_config import load_run_config
+        from gridslam.runs.run_config import load_config
 
-        settings = load_run_config(config, ()).log
+        settings = load_config(config, ()).log
     given = {"csv": layout, "start_s": start_s, "end_s": end_s}
     settings = settings.model_copy(update={key: value for key, value in given.items() if value is not None})
     if settings.start_s is not None and settings.end_s is not None and settings.start_s > settings.end_s:

@@ -22,7 +22,7 @@ from gridslam.report.sensor_trust import sensor_summary
 from gridslam.report.write import write_run
 from gridslam.runs.feed import Stop
 from gridslam.runs.run import Command, Run
-from gridslam.runs.run_config import RunConfig, load_run_config
+from gridslam.runs.run_config import RunConfig, load_config
 
 from . import console
 from .coordinates import coordinates
@@ -60,7 +60,7 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         *(p for p in (map_path, options.truth) if p),
     ]
     before = check_free(options.output, options.force, read)
-    config = load_run_config(options.config, options.overrides, options.seed)
+    config = load_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:
         limit_threads(options.jobs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -10,50 +9,65 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel
 
-from gridslam.config.builtin import read_config
-from gridslam.config.overrides import apply_overrides, overridden_keys
+from gridslam.core.errors import ConfigError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation import document as measures
 from gridslam.evaluation.document import EvaluationOptions
 from gridslam.evaluation.files import read_trajectory
 from gridslam.evaluation.from_files import load_result, load_truth
 from gridslam.evaluation.run_files import run_command_of
+from gridslam.logs.config import LogConfig
+from gridslam.logs.log import Log
 from gridslam.maps.load import load_any_map
 from gridslam.maps.map_server import save_map as save_map_files
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
-from gridslam.methods.base import Table
+from gridslam.methods.base import Doubt, Table
 from gridslam.report.document import report_document
 from gridslam.report.write import write_run
 from gridslam.runs.feed import Show, Stop
 from gridslam.runs.inputs import read_inputs
 from gridslam.runs.run import Run, run_localize
-from gridslam.runs.run_config import RunConfig, validate_run_config
+from gridslam.runs.run_config import ConfigSource, RunConfig, load_config
 from gridslam.runs.several_logs import run_map_logs
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from gridslam.lidar_slam.sessions.session import Session
 
-AnyPath: TypeAlias = "str | PathLike[str]"
-Config: TypeAlias = "str | PathLike[str] | Mapping[str, Any] | RunConfig[BaseModel]"
+AnyPath: TypeAlias = str | PathLike[str]
+AnyLog: TypeAlias = str | PathLike[str] | Log
+NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A finished run as objects; `save` writes its run directory."""
+    """A finished run as objects; `save` writes its run directory. `run` is what the commands report; its form may change."""
 
     run: Run
 
     @property
     def status(self) -> str:
-        """`complete`, `lossy` or `interrupted`, as in report.json."""
+        """The status of report.json.
+
+        `complete`; `lossy`: not all of the log could be used; `interrupted`: stopped before its end. Where the method doubts
+        its own result: `lost`, `inconsistent` or `apart`, with the reason in `doubt`.
+        """
         return self.run.status
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """The method's reason not to trust its result; None where it has none."""
+        return self.run.result.doubt
+
+    @property
+    def problems(self) -> Sequence[str]:
+        """Lines about the log and the run: what was lost, assumed or repaired."""
+        return self.run.problems
 
     @property
     def map(self) -> OccupancyGrid | None:
@@ -97,37 +111,11 @@ class FinishedRun:
         return Path(directory)
 
 
-def load_config(
-    config: Config,
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    settings: Mapping[str, object] = MappingProxyType({}),
-) -> RunConfig[BaseModel]:
-    """A checked configuration.
-
-    `config` is a built-in name (`slam-sd`, `paper/slam-sd`), the path of a YAML file, a mapping of the same form, or a
-    configuration that is loaded already. `settings` are keys of the section `method`, `overrides` are texts as for `--set`:
-    `"log.topics.scan=/front"`. Raises ConfigError, which names the key path, what is wrong there and the nearest valid key.
-    """
-    if isinstance(config, RunConfig):
-        if seed is None and not settings and not overrides:
-            return config
-        document, source = config.model_dump(mode="json", exclude_none=True), "config"
-    elif isinstance(config, Mapping):
-        document, source = dict(config), "config"
-    else:
-        document, source = read_config(str(config))
-    changes = [f"method.{key}={json.dumps(value)}" for key, value in settings.items()] + list(overrides)
-    document = apply_overrides(document, changes)
-    if seed is not None:
-        document["seed"] = seed
-    return validate_run_config(document, source, overridden_keys(changes))
-
-
 def map_log(
-    log: AnyPath | Sequence[AnyPath],
-    config: Config,
+    log: AnyLog | Sequence[AnyLog],
+    config: ConfigSource,
     *,
+    settings: Mapping[str, object] = NO_SETTINGS,
     drawing: AnyPath | None = None,
     tags: AnyPath | None = None,
     session: AnyPath | None = None,
@@ -135,42 +123,45 @@ def map_log(
     seed: int | None = None,
     progress: Show | None = None,
     stop: Stop | None = None,
-    **settings: object,
+    **keywords: object,
 ) -> FinishedRun:
-    """Map a log, or several of one place as one map: what `gridslam map` does, without writing anything.
+    """Map a log, or several logs of one place as one map: what `gridslam map` does, without writing anything.
 
-    `session` is an earlier run directory (or its session.npz) whose map is continued.
-    `config` and `settings` are those of `load_config`; `drawing` (handmap-slam) and `tags` (slam-sd) are files,
-    `inputs` the files of further inputs of a plug-in method, by name. `progress` is
-    called with a `Progress` now and then; when `stop` returns True, the run ends with what it has.
+    A `Log` is read anew with the settings that it was opened with, so that its own counts stay those of its own reading.
+    `config` and `settings` are those of `load_config`; further keywords are settings as well, as long as their names are not
+    those of arguments: `particles=50`. `drawing` (handmap-slam) and `tags` (slam-sd) are files, `session` a run directory or
+    its session.npz to continue, `inputs` files for further inputs of a plug-in method, by name. `progress` is called with a
+    `Progress` now and then; when `stop` returns True, the run ends with what it has.
     Raises ConfigError, LogError (unreadable, or a stream is missing), MethodError.
     """
-    loaded = load_config(config, (), seed, settings)
+    logs = [log] if isinstance(log, str | PathLike | Log) else list(log)
+    loaded = _with_log_settings(load_config(config, (), seed, _joined(settings, keywords)), logs)
     paths = _given({"drawing": drawing, "tags": tags, "session": session, **(inputs or {})})
     contents = read_inputs(paths, loaded.method_name)
-    logs = [Path(log)] if isinstance(log, str | PathLike) else [Path(one) for one in log]
-    return FinishedRun(run_map_logs(loaded, logs, progress or _ignore, stop or _never, contents))
+    run = run_map_logs(loaded, [_path_of(one) for one in logs], progress or _ignore, stop or _never, contents)
+    return FinishedRun(run)
 
 
 def localize(
-    log: AnyPath,
+    log: AnyLog,
     map_path: AnyPath | None,
-    config: Config = "ispace-mcl",
+    config: ConfigSource = "ispace-mcl",
     *,
+    settings: Mapping[str, object] = NO_SETTINGS,
     drawing: AnyPath | None = None,
     tags: AnyPath | None = None,
     inputs: Mapping[str, AnyPath] | None = None,
     seed: int | None = None,
     progress: Show | None = None,
     stop: Stop | None = None,
-    **settings: object,
+    **keywords: object,
 ) -> FinishedRun:
     """Localize along a log on a map (a map_server YAML or wean.dat): what `gridslam localize` does, without writing.
 
     Where `map_path` is a run directory with a session, or its session.npz, the layer, table and picture `disagreement` show where
     the place differs from it. Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
     """
-    loaded = load_config(config, (), seed, settings)
+    loaded = _with_log_settings(load_config(config, (), seed, _joined(settings, keywords)), [log])
     given_map = None if map_path is None else Path(map_path)
     session = None
     if given_map is not None and (given_map.is_dir() or given_map.suffix == ".npz"):
@@ -178,7 +169,7 @@ def localize(
     contents = read_inputs(_given({"drawing": drawing, "tags": tags, **(inputs or {})}), loaded.method_name)
     run = run_localize(
         loaded,
-        Path(log),
+        _path_of(log),
         map_path=given_map,
         show=progress or _ignore,
         stop=stop or _never,
@@ -189,6 +180,30 @@ def localize(
 
         run = with_disagreement(run, session)
     return FinishedRun(run)
+
+
+def _joined(settings: Mapping[str, object], keywords: Mapping[str, object]) -> Mapping[str, object]:
+    """The settings and those given by keyword. Raises ConfigError: one is given in both."""
+    for key in settings.keys() & keywords.keys():
+        raise ConfigError(f"method.{key}: is given in `settings` and as a keyword")
+    return {**settings, **keywords}
+
+
+def _path_of(log: AnyLog) -> Path:
+    return log.path if isinstance(log, Log) else Path(log)
+
+
+def _with_log_settings(config: RunConfig[BaseModel], logs: Sequence[AnyLog]) -> RunConfig[BaseModel]:
+    """The configuration with the settings that the opened ones of the logs were opened with.
+
+    Raises ConfigError: the configuration has other settings for logs, or the logs were opened with different ones.
+    """
+    opened = [log for log in logs if isinstance(log, Log)]
+    for log in opened:
+        if config.log not in (LogConfig(), log.config) or log.config != opened[0].config:
+            raise ConfigError(f"log: {log.path} was opened with other settings; give the log's path instead")
+        config = config.model_copy(update={"log": log.config})
+    return config
 
 
 def _session_and_map(path: Path) -> tuple[Session, Path]:

@@ -55,9 +55,9 @@ def show(
     --json always prints all keys.
     """
     from gridslam.config.annotated_yaml import annotated_yaml
-    from gridslam.runs.run_config import load_run_config
+    from gridslam.runs.run_config import load_config
 
-    resolved = load_run_config(config, override or (), seed)
+    resolved = load_config(config, override or (), seed)
     if as_json:
         console.emit_json(resolved.model_dump(mode="json", exclude_none=True))
     else:
@@ -79,11 +79,11 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check configurations; the first error ends the command with exit code 2."""
-    from gridslam.runs.run_config import load_run_config
+    from gridslam.runs.run_config import load_config
 
     valid = []
     for name in configs:
-        method = load_run_config(name, override or ()).method_name
+        method = load_config(name, override or ()).method_name
         valid.append({"config": name, "method": method})
         if not as_json:
             console.emit(f"{name}: valid ({method})")

@@ -11,7 +11,7 @@ from gridslam.methods.registry import built_in_with
 
 from .. import console
 from ..completion import complete_config
-from ..options import AsJson, Force, Jobs, Output, Seed
+from ..options import AsJson, Force, Inputs, Jobs, Output, Seed
 from .simulate import WorldName
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def run(
     output: Output,
     config: ExploringConfig = EXPLORING[0],  # the config of the method's own name
     start_in_drawing: StartInDrawing = None,
+    further: Inputs = None,
     override: ExploringOverrides = None,
     world_override: WorldOverrides = None,
     seed: Seed = None,
@@ -84,17 +85,18 @@ def run(
     from gridslam.report.directory import check_free
     from gridslam.report.write import write_run
     from gridslam.runs.inputs import read_inputs
-    from gridslam.runs.run_config import load_run_config
+    from gridslam.runs.run_config import load_config
     from gridslam.simulation.world_config import load_world
 
     from ..interruption import finishing, stop_on_signals
-    from ..running import start_override
+    from ..running import given, start_override
 
-    before = check_free(output, force, [drawing])
+    files = given(further, drawing=drawing)
+    before = check_free(output, force, files.values())
     overrides = [*(override or ())]
     if start_in_drawing is not None:
         overrides.append(start_override(start_in_drawing, "--start-in-drawing"))
-    settings = load_run_config(config, overrides, seed)
+    settings = load_config(config, overrides, seed)
     place, path = load_world(world, world_override or (), world_seed)
     if jobs is not None:
         limit_threads(jobs)
@@ -105,7 +107,7 @@ def run(
     def say_compiling() -> None:
         console.say("compiling kernels, once per installation: about a minute")
 
-    inputs = read_inputs({"drawing": drawing}, settings.method_name)
+    inputs = read_inputs(files, settings.method_name)
     target = real_path(output)
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:

@@ -103,9 +103,9 @@ def _method_of(config: str | None) -> MethodEntry | None:
     if config is None:
         return None
     from gridslam.methods.registry import METHODS
-    from gridslam.runs.run_config import load_run_config
+    from gridslam.runs.run_config import load_config
 
-    return METHODS[load_run_config(config).method_name]
+    return METHODS[load_config(config).method_name]
 
 
 def _look_at(events: Iterable[object], count: int | None = None) -> None:

@@ -76,6 +76,11 @@ class Log:
         self._source.close()
 
     @property
+    def config(self) -> LogConfig:
+        """The settings that the log was opened with."""
+        return self._config
+
+    @property
     def streams(self) -> list[StreamInfo]:
         """All streams of the log, by kind, then by topic; messages that `events()` has found unusable are not counted."""
         return [self._info(index) for index in self._selection.listed]

@@ -18,15 +18,13 @@ class InputKind:
 
     `reader` and `example` are "module:function". The reader takes the file's path and returns the content; it raises a
     GridslamError for a file that it cannot use. `example` takes nothing and returns a content with which kernels are compiled
-    ahead. A run must be given an input that `is_needed`. `option` is the command's option for it, by default its name. Where
-    the input is named `in_run`, a run directory may be given for it.
+    ahead. A run must be given an input that `is_needed`. Where the file is named `in_run`, a run directory may be given for it.
     """
 
     name: str
     reader: str
     is_needed: bool = False
     example: str = ""
-    option: str = ""
     in_run: str = ""
 
 
@@ -39,10 +37,13 @@ DRAWING = InputKind(
 SESSION = InputKind(
     "session",
     reader="gridslam.lidar_slam.sessions.session_file:load_session",
-    option="continue",
     in_run="session.npz",
 )
 TAGS = InputKind("tags", reader="gridslam.maps.tag_database:load_tag_database")
+OPTIONS: Mapping[str, str] = MappingProxyType(
+    {"map": "map", "drawing": "drawing", "tags": "tags", "session": "continue"}
+)
+"""Options of the commands for the inputs that have one of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +125,9 @@ def package_of(name: str) -> str:
     return METHODS.package_of(name) if isinstance(METHODS, PluginRegistry) else ""
 
 
-def option_of(name: str) -> str:
-    """The command's option for an input of a method."""
-    return next((k.option for e in BUILT_IN.values() for k in e.inputs if k.name == name and k.option), name)
+def option_words(name: str, file: str) -> tuple[str, str]:
+    """How the command line gives a file for an input: `--drawing FILE`; by `--input NAME=FILE` where it has no such option."""
+    return (f"--{OPTIONS[name]}", file) if name in OPTIONS else ("--input", f"{name}={file}")
 
 
 def built_in_with(has: Callable[[MethodEntry], object]) -> list[str]:

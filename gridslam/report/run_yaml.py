@@ -10,6 +10,7 @@ import yaml
 from pydantic import BaseModel
 
 from gridslam.core.files import write_atomic
+from gridslam.methods.registry import option_words
 from gridslam.report.environment import made_with
 from gridslam.runs.run import Run
 from gridslam.runs.run_config import RunConfig
@@ -35,8 +36,8 @@ def command_again(run: Run) -> str:
     command = "map" if run.command == "explore" else run.command
     logs = [path.name for path in (*run.earlier_logs, run.log_path)]
     words = ["gridslam", command, *logs, "-c", "run.yaml"]
-    for option, name in run.given.items():
-        words += [f"--{option}", name]
+    for name, file in run.given.items():
+        words += option_words(name, file)
     return " ".join(shlex.quote(" ".join(word.split())) for word in [*words, "-o", "DIR"])
 
 

@@ -23,7 +23,7 @@ from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.runs.closed_loop import ClosedLoop, Ending, Explores
 from gridslam.runs.feed import Progress, Show, Stop
-from gridslam.runs.inputs import Input, refuse_unknown_inputs
+from gridslam.runs.inputs import Input, refuse_missing_inputs, refuse_unknown_inputs
 from gridslam.runs.run import Run, method_builder, status_of
 from gridslam.runs.run_config import RunConfig
 from gridslam.runs.run_counts import merge_counts
@@ -137,6 +137,7 @@ def _checked(config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[s
         explorers = [n for n, e in registry.METHODS.items() if e.explorer]
         raise ConfigError(f"method.name: {name} cannot explore; methods that can: {', '.join(explorers)}")
     refuse_unknown_inputs(name, inputs)
+    refuse_missing_inputs(name, inputs)
     if world.sensors.lidar is None:
         raise ConfigError("sensors.lidar: this world's robot has no lidar; exploring needs one")
     if world.sensors.odometry is None or not world.sensors.odometry.publish_odometry:

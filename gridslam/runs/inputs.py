@@ -40,9 +40,8 @@ def read_inputs(paths: Mapping[str, Path], method: str) -> Mapping[str, Input]:
         try:
             digest = sha256_of(path)
         except OSError as error:
-            raise ConfigError(
-                f"--{kinds[name].option or name} {path}: cannot be read ({error.strerror or error})"
-            ) from error
+            option = " ".join(registry.option_words(name, str(path)))
+            raise ConfigError(f"{option}: cannot be read ({error.strerror or error})") from error
         with naming(registry.package_of(method)):
             inputs[name] = Input(registry.load(kinds[name].reader)(path), path, digest)
     return inputs
@@ -54,11 +53,13 @@ def refuse_unknown_inputs(method: str, inputs: Collection[str]) -> None:
         if name not in registry.METHODS[method].input_names:
             able = [n for n, e in registry.METHODS.items() if name in e.input_names]
             methods = f"methods that have: {', '.join(able)}" if able else "nor has any other method"
-            raise ConfigError(f"--{registry.option_of(name)}: {method} has no use for it; {methods}")
+            option = " ".join(registry.option_words(name, "FILE"))
+            raise ConfigError(f"{option}: {method} has no use for it; {methods}")
 
 
 def refuse_missing_inputs(method: str, inputs: Mapping[str, Input]) -> None:
     """Raises ConfigError: an input that the method needs is missing."""
     for kind in registry.METHODS[method].inputs:
         if kind.is_needed and kind.name not in inputs:
-            raise ConfigError(f"--{kind.name}: {method} needs it: add --{kind.name} FILE to the command")
+            option = " ".join(registry.option_words(kind.name, "FILE"))
+            raise ConfigError(f"{option}: {method} needs it: add it to the command")

@@ -56,7 +56,7 @@ class Run:
     read_s: float
     process_s: float
     compile_s: float = 0.0  # compilation of kernels that were not cached; not part of the other times
-    given: Mapping[str, str] = field(default_factory=dict)  # option of the command -> name of its file
+    given: Mapping[str, str] = field(default_factory=dict)  # input, or "map" -> name of its file
     earlier_logs: tuple[Path, ...] = ()  # mapped before `log_path`, as one map
     particles: tuple[Snapshot, ...] = ()  # recorded for the viewer log
     odometry: Trajectory = field(default_factory=Trajectory.empty)  # thinned, in the odometry's frame
@@ -171,7 +171,7 @@ def _run(
             read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,
             compile_s=clock.seconds,
-            given={registry.option_of(name): i.path.name for name, i in further.items()},
+            given={name: i.path.name for name, i in further.items()},
             particles=history.snapshots if history else (),
             odometry=fed.odometry.trajectory(),
         )

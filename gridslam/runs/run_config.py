@@ -5,15 +5,18 @@ from __future__ import annotations
 import difflib
 import functools
 import operator
-from collections.abc import Collection, Iterable
-from typing import Any, Generic, TypeVar, cast
+from collections.abc import Collection, Iterable, Mapping
+from os import PathLike
+from types import MappingProxyType
+from typing import Any, Generic, TypeAlias, TypeVar, cast
 
 from pydantic import BaseModel, Field, ValidationError, create_model
 
 from gridslam.config.base import StrictModel
 from gridslam.config.builtin import read_config
 from gridslam.config.errors import config_error, nearest, short
-from gridslam.config.overrides import apply_overrides, overridden_keys
+from gridslam.config.overrides import apply_overrides, apply_settings, overridden_keys
+from gridslam.config.plain_values import plain_value
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
 from gridslam.methods import registry
@@ -63,15 +66,33 @@ class RunConfig(StrictModel, Generic[MethodConfig]):
         return str(self.method.model_dump(include={"name"})["name"])
 
 
-def load_run_config(
-    name_or_path: str, overrides: Iterable[str] = (), seed: int | None = None
-) -> RunConfig[BaseModel]:
-    """The config of a file or a built-in name, after `--set` and `--seed`.
+ConfigSource: TypeAlias = str | PathLike[str] | Mapping[str, Any] | RunConfig[BaseModel]
 
-    Raises ConfigError with the file, the key path, what is wrong and the nearest valid key.
+
+def load_config(
+    config: ConfigSource,
+    overrides: Iterable[str] = (),
+    seed: int | None = None,
+    settings: Mapping[str, object] = MappingProxyType({}),
+) -> RunConfig[BaseModel]:
+    """A checked configuration.
+
+    `config` is a built-in name (`slam-sd`, `paper/slam-sd`), the path of a YAML file, a mapping of the same form, or a
+    configuration that is loaded already. `overrides` are texts as for `--set`: `"log.topics.scan=/front"`. `settings` are
+    values by key path below `method`: `{"particles": 50, "localization.scale": 2.0}`; a mapping replaces its section. Arrays
+    and numpy's numbers are converted, and paths become texts.
+    Raises ConfigError, which names the source, the key path, what is wrong there and the nearest valid key.
     """
-    document, source = read_config(name_or_path)
     overrides = list(overrides)
+    if isinstance(config, RunConfig):
+        if seed is None and not settings and not overrides:
+            return config
+        document, source = config.model_dump(mode="json", exclude_none=True), "config"
+    elif isinstance(config, Mapping):
+        document, source = plain_value(config, "config"), "config"
+    else:
+        document, source = read_config(str(config))
+    document = apply_settings(document, {f"method.{key}": value for key, value in settings.items()})
     document = apply_overrides(document, overrides)
     if seed is not None:
         document["seed"] = seed

@@ -84,7 +84,7 @@ def _as_one(runs: Sequence[Run]) -> Run:
     return replace(
         last,
         inputs=inputs,
-        given={option: name for option, name in last.given.items() if option != "continue"},
+        given={name: file for name, file in last.given.items() if name != SESSION},
         earlier_logs=tuple(run.log_path for run in runs[:-1]),
         truth=_truth_of(runs),
         status="lossy" if has_losses and last.status == "complete" else last.status,

@@ -23,7 +23,7 @@ from gridslam.methods.registry import BUILT_IN
 from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.planning.options import PlanOptions
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.scripted import Noise, scripted_drawing, scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
@@ -118,7 +118,7 @@ def warm_up_part(part: str) -> None:
         elif command == "explore":
             _explore(method)
         else:
-            _result(registry.load(BUILT_IN[method].localizer)(load_run_config(method).method, 0, _hall()))
+            _result(registry.load(BUILT_IN[method].localizer)(load_config(method).method, 0, _hall()))
 
 
 def _hall() -> OccupancyGrid:
@@ -139,7 +139,7 @@ def _mapper(name: str) -> Method:
     """The mapper of a method with its built-in config, as a user runs it."""
     entry = BUILT_IN[name]
     method: Method = registry.load(entry.mapper)(
-        load_run_config(name).method,
+        load_config(name).method,
         0,
         **{kind.name: registry.load(kind.example)() for kind in entry.inputs if kind.is_needed},
     )
@@ -149,7 +149,7 @@ def _mapper(name: str) -> Method:
 def _explore(name: str) -> None:
     """Query the explorer for commands along the scripted drive."""
     method = _mapper(name)
-    explorer = registry.load(BUILT_IN[name].explorer)(method, load_run_config(name).method, DRIVE, 0)
+    explorer = registry.load(BUILT_IN[name].explorer)(method, load_config(name).method, DRIVE, 0)
     for number, (event, _) in enumerate(scripted_log(laps=1)):
         method.process(event)
         explorer.add(event)

@@ -45,7 +45,7 @@ class LogEntry(StrictModel):
     drawing: str | None = None
     tags: str | None = None
     inputs: dict[str, str] = Field(
-        default_factory=dict, description="files for further inputs of a plug-in method, by name"
+        default_factory=dict, description="Files for further inputs of the methods, by name."
     )
     truth: str | None = Field(
         None, description="As evaluate --truth. Default: the folder NAME.truth, if it exists."
@@ -62,6 +62,12 @@ class LogEntry(StrictModel):
             raise ValueError("world_set: this entry has no world")
         _checked_name(self.label)
         return self
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files for inputs of the method, by the input's name."""
+        given = {"drawing": self.drawing, "tags": self.tags}
+        return {name: path for name, path in given.items() if path is not None} | self.inputs
 
     @property
     def label(self) -> str:

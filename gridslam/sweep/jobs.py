@@ -13,7 +13,7 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.files import real_path
 from gridslam.methods import registry
 from gridslam.report.run_yaml import settings_of
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.world_config import builtin_worlds, load_world
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes, content_key, program_key
@@ -92,7 +92,7 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
         name = (
             source if source in builtin_names() and not (folder / source).exists() else str(folder / source)
         )
-        run_config = load_run_config(name, (html, *items), sweep.seeds[0])
+        run_config = load_config(name, (html, *items), sweep.seeds[0])
         needs_map = _check_method(sweep, run_config.method_name)
         document = settings_of(run_config)
         found += [RunSettings(config, override, s, {**document, "seed": s}, needs_map) for s in sweep.seeds]
@@ -100,7 +100,7 @@ def settings_of_sweep(sweep: SweepConfig, folder: Path) -> list[RunSettings]:
 
 
 def _check_method(sweep: SweepConfig, name: str) -> bool:
-    """Whether the method needs a map. Raises ConfigError: it does not support the command, or a log has no map."""
+    """Whether the method needs a map. Raises ConfigError: it does not support the command, or a log lacks what it needs."""
     entry = registry.METHODS[name]
     if not (entry.mapper if sweep.command == "map" else entry.localizer):
         raise ConfigError(f"command: {name} has no `gridslam {sweep.command}`")
@@ -108,6 +108,11 @@ def _check_method(sweep: SweepConfig, name: str) -> bool:
     for log in sweep.logs:
         if needs_map and log.map is None and log.world is None:
             raise ConfigError(f"logs: {log.label}: map: this key is missing; {name} localizes on a map")
+        for kind in entry.inputs:
+            if kind.is_needed and kind.name not in log.files:
+                raise ConfigError(
+                    f"logs: {log.label}: inputs.{kind.name}: this key is missing; {name} needs it"
+                )
     return needs_map
 
 
@@ -153,8 +158,7 @@ def run_job(
     places = _Places(folder, truth_folder)
     map_text = entry.map or ("{truth}/map.yaml" if entry.world and settings.needs_map else None)
     map_path = places.path(map_text)
-    given = {"drawing": entry.drawing, "tags": entry.tags, **entry.inputs}
-    inputs = {name: path for name, text in given.items() if (path := places.path(text)) is not None}
+    inputs = {name: path for name, text in entry.files.items() if (path := places.path(text)) is not None}
     truth = places.truth(entry)
     options = sweep.evaluate.model_dump()
     key = content_key(

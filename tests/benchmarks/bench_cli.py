@@ -16,7 +16,7 @@ from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.base import RunResult, Series
 from gridslam.report.write import write_run
 from gridslam.runs.run import Run
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.runs.run_counts import merge_counts
 from tests.benchmarks.harness import Row
 
@@ -54,7 +54,7 @@ def large_run() -> Run:
     series = {name: Series(stamps, rng.random(10_000)) for name in ("spread", "n_eff")}
     return Run(
         command="map",
-        config=load_run_config("slam-sd"),
+        config=load_config("slam-sd"),
         log_path=Path("large.mcap"),
         inputs={},
         result=RunResult(Trajectory(stamps, poses), grid, series=series),

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gridslam.methods.ir_scan.config import IrScanConfig
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.infrared_drives import DriveScores, InfraredDrive, drive, localized, mapped
 
@@ -31,7 +31,7 @@ def rows() -> Iterator[Row]:
 
 def settings(name: str, *overrides: str) -> IrScanConfig:
     """The method's section of a config."""
-    method = load_run_config(name, overrides).method
+    method = load_config(name, overrides).method
     assert isinstance(method, IrScanConfig)
     return method
 

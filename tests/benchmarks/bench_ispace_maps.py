@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.runs.run import run_localize
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig
 from tests.benchmarks.harness import Row, say
@@ -61,7 +61,7 @@ def trial(folder: Path, name: str, number: int) -> Trial:
     map_path = folder / "maps" / f"{name}.yaml"
     log = log_of(map_path, number)
     run = run_localize(
-        load_run_config("ispace-mcl", [], number), log, map_path, lambda progress: None, lambda: False
+        load_config("ispace-mcl", [], number), log, map_path, lambda progress: None, lambda: False
     )
     return judged(run, log)
 

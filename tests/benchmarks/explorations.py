@@ -31,7 +31,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.planning.art_gallery import gallery_of, scatter
 from gridslam.runs.explore import Explored, explore
 from gridslam.runs.inputs import read_inputs
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.shapes import Box, Wall
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world
 from tests.benchmarks.harness import say
@@ -94,7 +94,7 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Explorat
     """One run."""
     world, world_path = _world_of(trial, seed)
     x, y, yaw = trial.start
-    config = load_run_config(trial.config, [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
+    config = load_config(trial.config, [f"method.start=[{x}, {y}, {yaw}]", *trial.settings], seed)
     inputs = read_inputs({"drawing": trial.drawing}, "handmap-slam")
     with tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.process_time()

@@ -19,7 +19,7 @@ from gridslam.evaluation.pose_errors import absolute_errors
 from gridslam.methods.base import RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.world_config import WorldConfig
 from tests.benchmarks.harness import say
 from tests.benchmarks.ispace_corridors import is_in_view, world_of
@@ -55,7 +55,7 @@ def trial(seed: int, config: str, filter_seed: int = 0) -> CorridorTrial:
     world = world_of(seed)
     drive = drive_through(world)
     name, settings = CONFIGS[config]
-    method_config = load_run_config(name, settings, filter_seed).method
+    method_config = load_config(name, settings, filter_seed).method
     assert isinstance(method_config, IspaceMclConfig)
     method = IspaceMcl(method_config, filter_seed, drive.grid)
     method.cameras.fixed.update(drive.cameras)

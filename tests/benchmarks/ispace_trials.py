@@ -14,7 +14,7 @@ from gridslam.evaluation.association import associate
 from gridslam.evaluation.localization import judge_localization
 from gridslam.evaluation.pose_errors import absolute_errors
 from gridslam.runs.run import Run, run_localize
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.benchmarks.ispace_worlds import log_of
 
 CONFIGS: Mapping[str, tuple[str, Sequence[str]]] = {
@@ -45,7 +45,7 @@ def trial(kind: str, number: int, config: str, seed: int, overrides: Iterable[st
     log = log_of(kind, number)
     name, settings = CONFIGS[config]
     run = run_localize(
-        load_run_config(name, [*settings, *overrides], seed),
+        load_config(name, [*settings, *overrides], seed),
         log,
         log.with_suffix(".truth") / "map.yaml",
         lambda progress: None,

@@ -31,7 +31,7 @@ from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.method import HandmapSlam
 from gridslam.runs.explore import explore
 from gridslam.runs.inputs import read_inputs
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.benchmarks.drawn_places import sketched_drive
 from tests.benchmarks.explorations import SKETCHES, coverage_of, sketch_trial
 from tests.benchmarks.harness import say
@@ -95,7 +95,7 @@ def explored(sketch: str, folder: Path, seed: int, out: Path) -> SketchRun:
     trial = sketch_trial(sketch, folder)
     world = trial.world.model_copy(update={"seed": seed})  # type: ignore[union-attr]
     start = ", ".join(str(v) for v in trial.start)
-    config = load_run_config(trial.config, [f"method.start=[{start}]"], seed)
+    config = load_config(trial.config, [f"method.start=[{start}]"], seed)
     inputs = read_inputs({"drawing": trial.drawing}, "handmap-slam")
     with tempfile.TemporaryDirectory() as name:
         done = explore(config, world, trial.drawing, inputs, Path(name), lambda _: None, lambda: False)

@@ -24,7 +24,7 @@ from gridslam.methods.stereo_bayes.frames import StereoFrame
 from gridslam.methods.stereo_bayes.method import StereoBayes
 from gridslam.motion.absolute_pose_filter import PoseBelief
 from gridslam.runs.feed import feed
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, load_world
 from tests.benchmarks.stereo_rooms import contours_of, footprint
@@ -127,7 +127,7 @@ class _Recorder(StereoBayes):
 
 def drive_of(number: int) -> StereoDrive:
     """The frames of a drive, matched by OpenCV."""
-    config = load_run_config("stereo-bayes").method
+    config = load_config("stereo-bayes").method
     assert isinstance(config, StereoBayesConfig)
     recorder = _Recorder(config)
     path = log_of(number)

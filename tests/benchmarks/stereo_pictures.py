@@ -19,7 +19,7 @@ from gridslam.methods.stereo_bayes.belief import BeliefMap
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import StereoRays, range_edges
 from gridslam.runs.run import run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.benchmarks.harness import say
 from tests.benchmarks.kitti import STREET, true_path, write_street
 from tests.benchmarks.real_places import data_dir
@@ -81,7 +81,7 @@ def main() -> None:
     """All pictures; the street's only where the real logs are."""
     write_scene()
     room = run_map(
-        load_run_config("stereo-bayes", [], 0),
+        load_config("stereo-bayes", [], 0),
         REPOSITORY / "sample_logs" / "stereo-bayes.mcap",
         lambda p: None,
         lambda: False,
@@ -92,7 +92,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as scratch:
         log = write_street(data, Path(scratch) / "street")
-        street = run_map(load_run_config("stereo-bayes", STREET, 0), log, lambda p: None, lambda: False)
+        street = run_map(load_config("stereo-bayes", STREET, 0), log, lambda p: None, lambda: False)
     found, truth = street.result.trajectory.poses, true_path(data).poses
     length_m = np.hypot(*np.diff(truth[:, :2], axis=0).T).sum()
     say(

@@ -20,7 +20,7 @@ from gridslam.evaluation.map_errors import intersection_over_union, log_loss
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.methods.stereo_bayes.rays import RayReader, StereoRays
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.benchmarks.map_samples import sample
 from tests.benchmarks.stereo_drives import StereoDrive, drive_of, with_false_matches
 from tests.benchmarks.stereo_models import BayesModel, InverseSensorModel, MapModel
@@ -70,7 +70,7 @@ class MapScore:
 
 def config_of(*overrides: str) -> StereoBayesConfig:
     """The best settings with some of them changed."""
-    config = load_run_config("stereo-bayes", overrides).method
+    config = load_config("stereo-bayes", overrides).method
     assert isinstance(config, StereoBayesConfig)
     return config
 

@@ -22,7 +22,7 @@ from gridslam.maps.tag_database import TagDatabase, load_tag_database
 from gridslam.methods.base import RunResult, Table
 from gridslam.runs.inputs import read_inputs
 from gridslam.runs.run import run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.record import record_world, truth_folder
 from gridslam.simulation.world_config import load_world
 
@@ -91,7 +91,7 @@ def mapped(
     truth = truth_folder(log)
     inputs = read_inputs({"tags": truth / "tags.yaml"}, "slam-sd") if tags else {}
     started = time.process_time()
-    run = run_map(load_run_config(config, overrides, seed), log, lambda _: None, lambda: False, inputs)
+    run = run_map(load_config(config, overrides, seed), log, lambda _: None, lambda: False, inputs)
     cpu_s = time.process_time() - started
     scans = max(len(run.result.trajectory), 1)
     T_truth_map, ape = aligned(run.result.trajectory, read_trajectory(truth / "trajectory.tum"))

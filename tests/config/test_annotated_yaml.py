@@ -9,7 +9,7 @@ from pydantic import Field
 from gridslam.config.annotated_yaml import annotated_yaml
 from gridslam.config.base import StrictModel
 from gridslam.config.builtin import builtin_names
-from gridslam.runs.run_config import load_run_config, validate_run_config
+from gridslam.runs.run_config import load_config, validate_run_config
 
 
 class Advanced(StrictModel):
@@ -53,7 +53,7 @@ def test_a_key_without_a_value_is_a_comment() -> None:
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_is_printed_reads_back_as_the_same_configuration(name: str) -> None:
-    config = load_run_config(name)
+    config = load_config(name)
     document = yaml.safe_load(annotated_yaml(config, with_advanced=True))
     assert validate_run_config(document, name) == config
 

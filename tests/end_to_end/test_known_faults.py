@@ -13,7 +13,7 @@ from gridslam.cli.main import main
 from gridslam.core.errors import MapError, MethodError
 from gridslam.maps.load import load_any_map
 from gridslam.runs.run import Run, run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 
@@ -103,7 +103,7 @@ MapStereo = Callable[[str], Run]
 def map_stereo(cases: Path, tmp_path: Path) -> MapStereo:
     def run(name: str) -> Run:
         log = Path(shutil.copy(cases / "stereo" / f"{name}.mcap", tmp_path))
-        return run_map(load_run_config("stereo-bayes"), log, lambda progress: None, lambda: False)
+        return run_map(load_config("stereo-bayes"), log, lambda progress: None, lambda: False)
 
     return run
 

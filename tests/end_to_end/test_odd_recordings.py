@@ -17,7 +17,7 @@ from gridslam.logs import open_log
 from gridslam.logs.tum import read_trajectory
 from gridslam.logs.write import open_writer
 from gridslam.runs.run import Run, run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_logs"
 pytestmark = pytest.mark.real_data
@@ -99,7 +99,7 @@ WHEELS = ["method.motion.wheel_radius_m=0.035", "method.motion.wheel_base_m=0.2"
 def mapped(path: Path, method: str, overrides: list[str] | None = None) -> Run:
     if not path.exists():
         pytest.skip(f"{path} is not there")
-    return run_map(load_run_config(method, overrides or []), path, lambda progress: None, lambda: False)
+    return run_map(load_config(method, overrides or []), path, lambda progress: None, lambda: False)
 
 
 def rms_error_m(run: Run, truth: Path, is_mirrored: bool = False) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gridslam.runs.run import Run, run_localize
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.record import record_world, truth_folder
 from tests.simulation.places import room
 
@@ -36,7 +36,7 @@ def log(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def located(log: Path, seed: int, *settings: str) -> Run:
-    config = load_run_config("ispace-mcl", list(settings), seed)
+    config = load_config("ispace-mcl", list(settings), seed)
     return run_localize(config, log, truth_folder(log) / "map.yaml", lambda progress: None, lambda: False)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gridslam.maps.occupancy_correlation import fit_correlation
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.report.run_length_plot import correlation_picture
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import load_world
@@ -48,7 +48,7 @@ def section(work: Work) -> Section:
 
 def config_of(config: str, likelihood: str) -> StereoBayesConfig:
     """One of the two settings with a likelihood."""
-    found = load_run_config(CONFIGS[config], [f"method.likelihood={likelihood}"]).method
+    found = load_config(CONFIGS[config], [f"method.likelihood={likelihood}"]).method
     assert isinstance(found, StereoBayesConfig)
     return found
 

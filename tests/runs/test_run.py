@@ -12,7 +12,7 @@ from gridslam.methods import registry
 from gridslam.methods.registry import MethodEntry
 from gridslam.runs.feed import Progress
 from gridslam.runs.run import Run, run_localize, run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.dead_reckoning import ENTRY, register
 from tests.small_log import HALF_HEIGHT_M, HALF_WIDTH_M, START_NS
 
@@ -32,7 +32,7 @@ def run_small(small_log: Path, config_file: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(registry, "METHODS", register())
 
     def run(log: Path = small_log, stop: Callable[[], bool] = lambda: False, **settings: object) -> Run:
-        config = load_run_config(str(config_file), [f"method.{k}={v}" for k, v in settings.items()])
+        config = load_config(str(config_file), [f"method.{k}={v}" for k, v in settings.items()])
         return run_map(config, log, lambda progress: None, stop)
 
     return run
@@ -131,7 +131,7 @@ def test_progress_counts_events_and_scans_to_the_end(
     small_log: Path, config_file: Path, run_small: RunSmall
 ) -> None:
     shown: list[Progress] = []
-    run_map(load_run_config(str(config_file)), small_log, shown.append, lambda: False)
+    run_map(load_config(str(config_file)), small_log, shown.append, lambda: False)
     assert shown[-1].scans == 60
     assert shown[-1].events <= shown[-1].max_events
     assert [p.events for p in shown] == sorted(p.events for p in shown)
@@ -208,7 +208,7 @@ def test_localizing_records_the_map_among_the_inputs(
     made = run_small().result.occupancy
     assert made is not None
     map_path = save_map(made, tmp_path / "room")
-    run = run_localize(load_run_config(str(config_file)), small_log, map_path, lambda p: None, lambda: False)
+    run = run_localize(load_config(str(config_file)), small_log, map_path, lambda p: None, lambda: False)
     assert run.command == "localize"
     assert run.occupancy is not None
     assert run.result.occupancy is None
@@ -225,4 +225,4 @@ def test_a_map_that_is_too_large_to_localize_on_is_refused_before_it_is_read(
     map_path = save_map(made, tmp_path / "room")
     monkeypatch.setattr("gridslam.runs.run.MAX_LOCALIZED_CELLS", 100)
     with pytest.raises(MapError, match="at most 100 are read: crop the map"):
-        run_localize(load_run_config(str(config_file)), small_log, map_path, lambda p: None, lambda: False)
+        run_localize(load_config(str(config_file)), small_log, map_path, lambda p: None, lambda: False)

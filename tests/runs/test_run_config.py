@@ -9,7 +9,7 @@ import yaml
 from gridslam.config.builtin import builtin_names
 from gridslam.core.errors import ConfigError
 from gridslam.methods import registry
-from gridslam.runs.run_config import load_run_config, run_config_schema
+from gridslam.runs.run_config import load_config, run_config_schema
 from tests.dead_reckoning import register
 
 
@@ -26,7 +26,7 @@ def config_file(tmp_path: Path) -> Path:
 
 
 def test_defaults_fill_what_the_file_leaves_out(config_file: Path) -> None:
-    config = load_run_config(str(config_file))
+    config = load_config(str(config_file))
     assert config.method_name == "dead-reckoning"
     assert config.method.model_dump() == {
         "name": "dead-reckoning",
@@ -41,7 +41,7 @@ def test_defaults_fill_what_the_file_leaves_out(config_file: Path) -> None:
 
 
 def test_the_command_line_wins_over_the_file(config_file: Path) -> None:
-    config = load_run_config(str(config_file), ["method.particles=50"], seed=9)
+    config = load_config(str(config_file), ["method.particles=50"], seed=9)
     assert config.method.model_dump()["particles"] == 50
     assert config.seed == 9
 
@@ -71,17 +71,17 @@ def test_an_error_names_file_key_path_and_nearest_key(
     config_file: Path, overrides: list[str], says: str
 ) -> None:
     with pytest.raises(ConfigError) as error:
-        load_run_config(str(config_file), overrides)
+        load_config(str(config_file), overrides)
     assert str(config_file) in str(error.value)
     assert says in str(error.value)
 
 
 def test_an_error_in_an_override_is_marked_as_such(config_file: Path) -> None:
     with pytest.raises(ConfigError, match=r"--set method\.particles: input should be"):
-        load_run_config(str(config_file), ["method.particles=0"])
+        load_config(str(config_file), ["method.particles=0"])
     config_file.write_text("method: {name: dead-reckoning, particles: 0}")
     with pytest.raises(ConfigError) as error:
-        load_run_config(str(config_file), ["method.resolution_m=0.1"])
+        load_config(str(config_file), ["method.resolution_m=0.1"])
     assert "--set" not in str(error.value)
 
 
@@ -89,39 +89,39 @@ def test_a_config_without_a_method_says_what_to_write(tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
     file.write_text("")
     with pytest.raises(ConfigError, match=r"method: this section is missing; write method: \{name: "):
-        load_run_config(str(file))
+        load_config(str(file))
 
 
 def test_a_misspelt_method_section_is_recognised(tmp_path: Path) -> None:
     file = tmp_path / "typo.yaml"
     file.write_text("metod: {name: dead-reckoning}\nseed: 1\n")
     with pytest.raises(ConfigError, match=r"method: this section is missing \(there is 'metod'\)"):
-        load_run_config(str(file))
+        load_config(str(file))
 
 
 def test_a_name_that_is_no_file_gets_the_nearest_built_in_name() -> None:
     with pytest.raises(ConfigError, match=r"did you mean 'slam-sd'"):
-        load_run_config("slamsd")
+        load_config("slamsd")
     with pytest.raises(ConfigError, match=r"did you mean 'slam-sd'"):
-        load_run_config("configs/nowhere/slam-sd.yaml")
+        load_config("configs/nowhere/slam-sd.yaml")
 
 
 def test_a_file_wins_over_a_built_in_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "slam-sd").write_text("method: {name: dead-reckoning}")
     monkeypatch.chdir(tmp_path)
-    assert load_run_config("slam-sd").method_name == "dead-reckoning"
+    assert load_config("slam-sd").method_name == "dead-reckoning"
 
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_built_in_config_is_valid(name: str) -> None:
-    assert load_run_config(name).method_name == name.removeprefix("paper/")
+    assert load_config(name).method_name == name.removeprefix("paper/")
 
 
 def test_a_resolved_config_reads_back_as_the_same(config_file: Path, tmp_path: Path) -> None:
-    config = load_run_config(str(config_file))
+    config = load_config(str(config_file))
     again = tmp_path / "again.yaml"
     again.write_text(yaml.safe_dump(config.model_dump(mode="json")))
-    assert load_run_config(str(again)) == config
+    assert load_config(str(again)) == config
 
 
 def test_the_schema_knows_every_method_and_refuses_unknown_keys() -> None:

@@ -16,7 +16,7 @@ from gridslam.runs import warm_up as warm_up_module
 from gridslam.runs.explore import explore
 from gridslam.runs.inputs import read_inputs
 from gridslam.runs.run import run_map
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from gridslam.runs.warm_up import part_names, warm_up
 from gridslam.simulation.world_config import load_world
 from tests.conftest import REPOSITORY
@@ -29,7 +29,7 @@ def explore_for_two_seconds(folder: Path) -> None:
     inputs = read_inputs(
         {"drawing": REPOSITORY / "configs" / "worlds" / "drawings" / "corridor.png"}, "handmap-slam"
     )
-    config = load_run_config("handmap-slam", ["method.start=[2.7, 3.2, 0]"])
+    config = load_config("handmap-slam", ["method.start=[2.7, 3.2, 0]"])
     explore(config, world, path, inputs, folder, lambda progress: None, lambda: False)
 
 
@@ -54,7 +54,7 @@ def test_after_a_warm_up_nothing_is_compiled(small_log: Path, tmp_path: Path) ->
     samples = REPOSITORY / "sample_logs"
     logs = {"slam-sd": small_log} | {name: samples / f"{name}.mcap" for name in ("ir-scan", "stereo-bayes")}
     for method, log in logs.items():
-        run_map(load_run_config(method), log, lambda progress: None, lambda: False)
+        run_map(load_config(method), log, lambda progress: None, lambda: False)
     goal = np.array([15.0, 2.0, np.nan])
     plan_path(load_map(HAND / "map.yaml"), np.array([2.0, 2.0, 0.0]), goal, PlanOptions())
     explore_for_two_seconds(tmp_path)

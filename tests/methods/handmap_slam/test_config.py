@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 
 
 def test_the_paper_s_settings_switch_off_what_the_paper_does_not_have() -> None:
-    config = load_run_config("paper/handmap-slam").method
+    config = load_config("paper/handmap-slam").method
     assert isinstance(config, HandmapSlamConfig)
     assert config.front_end == "lines" and config.correction
     assert not config.localization.separate_scales

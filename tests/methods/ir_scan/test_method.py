@@ -17,7 +17,7 @@ from gridslam.maps.map_server import load_map
 from gridslam.methods.base import RunResult
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.conftest import REPOSITORY
 from tests.methods.ir_scan.room import BEARINGS, STOPS, events
 
@@ -26,7 +26,7 @@ LOG = list(events())
 
 
 def config(name: str = "ir-scan", *overrides: str) -> IrScanConfig:
-    method = load_run_config(name, overrides).method
+    method = load_config(name, overrides).method
     assert isinstance(method, IrScanConfig)
     return method
 
@@ -47,7 +47,7 @@ def true_stops() -> NDArray[np.float64]:
 
 
 def sample(name: str) -> list[Event]:
-    run_config = load_run_config("ir-scan")
+    run_config = load_config("ir-scan")
     with open_log(SAMPLES / name, run_config.log, ("range", "odom", "wheels", "imu", "pose")) as log:
         return list(log.events())
 

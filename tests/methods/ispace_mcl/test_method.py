@@ -12,7 +12,7 @@ from gridslam.kernels.threads import on_threads
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ispace_mcl.config import GlobalSearchConfig, IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from gridslam.runs.run_config import load_run_config
+from gridslam.runs.run_config import load_config
 from tests.methods.ispace_mcl.building import ROUND_TRIP, building, record
 
 MAP = building()
@@ -71,7 +71,7 @@ def test_the_papers_estimate_is_the_mean_of_all_particles_and_changes_nothing_el
     assert np.array_equal(mean.series["confidence"].values, cluster.series["confidence"].values)
     assert not np.array_equal(mean.trajectory.poses[0], cluster.trajectory.poses[0])
     assert errors(mean, ROUND_TRIP[: len(mean.trajectory)])[0][-1] < 0.25
-    assert load_run_config("paper/ispace-mcl").method.estimate == "mean"
+    assert load_config("paper/ispace-mcl").method.estimate == "mean"
 
 
 def test_a_start_pose_off_the_map_is_refused():
