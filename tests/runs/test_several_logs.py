@@ -64,7 +64,7 @@ def test_localizing_in_a_session_shows_where_the_place_differs(halves: list[Path
 def test_wrong_use_ends_with_a_clear_error(halves: list[Path], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="ir-scan maps one log"):
         map_log(halves, "ir-scan")
-    with pytest.raises(ConfigError, match="continue: ir-scan has no use"):
+    with pytest.raises(ConfigError, match="--continue FILE: ir-scan has no use"):
         map_log(halves[0], "ir-scan", session=tmp_path)
     with pytest.raises(ConfigError, match=r"--continue .*session.npz: cannot be read"):
         map_log(halves[0], "slam-sd", session=tmp_path)
