@@ -1,8 +1,5 @@
 """Cost of a filter round of ispace-mcl, of a search of the map, and of a camera frame, in CPU time on one core.
 
-Each with its ratio to the time that numpy takes to look up a distance for every beam of every particle, in the same run: a
-bound on milliseconds would be one on the machine.
-
 10,000 particles all over the sample corridor, 60 beams, one frame of three cameras with people and the robot in view; frames of
 640 x 480 pixels with a person of 120 x 300 and a robot of 80 x 60 pixels. The map that is searched has 100 x 100 m at 5 cm, of
 equal buildings: 300 beams are compared with all of it.
@@ -54,29 +51,15 @@ WEIGHTS: tuple[LidarWeightName, ...] = ("likelihood-field", "beam", "range-diffe
 
 
 def rows() -> Iterator[Row]:
-    """The steps of a round, a search and a camera frame: milliseconds, and the ratio to the lookup."""
+    """The steps of a round, and frames a second of subtraction and projection."""
     cv2.setNumThreads(1)
     with on_threads(1):
-        for name, cost in costs():
-            yield Row(f"ispace.{name}", cost, "ms")
-            yield Row(f"ispace.{name}.per_lookup", cost / lookup_ms(), "x")
+        yield from round_rows()
+        yield Row("ispace.search", 1e-3 * search_ms(), "s")
+    yield Row("ispace.camera.frames", 1e3 / frame_ms(), "/s")
 
 
-def costs() -> Iterator[tuple[str, float]]:
-    """Milliseconds of each step by name."""
-    yield from round_costs()
-    yield "search", search_ms()
-    yield "camera.frame", frame_ms()
-
-
-def lookup_ms() -> float:
-    """numpy's lookup of 600,000 distances in a field of 1,000 x 1,000 cells, and its sum over the beams."""
-    rng = np.random.default_rng(0)
-    field, cells = rng.random((1000, 1000), np.float32), rng.integers(1000, size=(2, PARTICLES, BEAMS))
-    return cpu_ms(lambda: field[cells[0], cells[1]].sum(axis=1))
-
-
-def round_costs() -> Iterator[tuple[str, float]]:
+def round_rows() -> Iterator[Row]:
     """Propagate, weigh (by each model), environment (by each weight), resample."""
     grid = load_map(REPOSITORY / "sample_logs" / "ispace-mcl.truth" / "map.yaml")
     rng = np.random.default_rng(0)
@@ -85,22 +68,23 @@ def round_costs() -> Iterator[tuple[str, float]]:
         alpha1=0.1, alpha2=0.01, alpha3=0.03, alpha4=0.005, wild_fraction=0.05, wild_factor=3.0
     )
     step = np.array([0.2, 0.0, 0.02])
-    yield "propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng))
+    yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
     occupied = occupied_cells(grid, 0.65)
     field = distance_field(occupied, grid.geometry, 2.0)
     beams, nothing = scan(rng), np.zeros((0, 2))
     for name in WEIGHTS:
         weigh = log_weight_of(name, field, occupied)
-        yield f"weigh.{name}", cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
+        cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
+        yield Row(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)
     detection = DetectionWeight()
     cost = cpu_ms(lambda: particles.reweighted(detection.log_likelihood(observations, poses)))
-    yield "environment.detection", cost
+    yield Row("ispace.environment.detection", cost, "ms")
     density = DensityWeight(as_printed=False)
-    yield "environment.density", cpu_ms(lambda: density.reweighted(observations, particles))
+    yield Row("ispace.environment.density", cpu_ms(lambda: density.reweighted(observations, particles)), "ms")
     size = AdaptiveSize(min=PARTICLES, max=PARTICLES, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.175)
     uneven = Particles(poses, rng.dirichlet(np.ones(PARTICLES)))
-    yield "resample", cpu_ms(lambda: resample(uneven, size, rng))
+    yield Row("ispace.resample", cpu_ms(lambda: resample(uneven, size, rng)), "ms")
 
 
 def search_ms() -> float:

@@ -3,7 +3,8 @@
 Run with `make bench`, or `python -m tests.benchmarks.harness [--jobs N] [NAME ...]` for single files. A file exposes
 `rows() -> Iterable[Row]`. One that says `ALONE = True` measures by the clock, and runs while nothing else does; the others
 share the cores, each in a process of its own. A benchmark whose data is not there gives no rows and says so on stderr. One that
-gives any must give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed.
+gives any must give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed. Bounds in seconds are
+for the machine of `machine.py`; on a slower one they are longer, by what is measured before and after the benchmark.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import yaml
 
 from gridslam.core.threads import threads_each
+from tests.benchmarks.machine import bound_here, slowness
 
 HERE = Path(__file__).resolve().parent
 
@@ -46,6 +49,13 @@ class Row:
         if self.bound is None:
             return True
         return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+
+class Measured(NamedTuple):
+    """The rows of a benchmark, and how many times as long as the reference machine this one took for the same work."""
+
+    rows: list[Row]
+    slower: float
 
 
 Bounds = Mapping[str, Mapping[str, float]]  # of one benchmark, by the name of the row
@@ -73,12 +83,12 @@ def read_bounds(path: Path) -> dict[str, Bounds]:
     return document
 
 
-def bounded(row: Row, bounds: Bounds) -> Row:
-    """The row with the bound of the file, if there is one, instead of its own."""
-    if row.name not in bounds:
-        return row
-    ((kind, value),) = bounds[row.name].items()
-    return replace(row, bound=float(value), at_least=kind == "at_least")
+def bounded(row: Row, bounds: Bounds, slower: float = 1.0) -> Row:
+    """The row with the bound of the file, if there is one, instead of its own, on a machine that is slower by the factor."""
+    if row.name in bounds:
+        ((kind, value),) = bounds[row.name].items()
+        row = replace(row, bound=float(value), at_least=kind == "at_least")
+    return row if row.bound is None else replace(row, bound=bound_here(row.bound, row.unit, slower))
 
 
 def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str]]) -> list[str]:
@@ -94,7 +104,7 @@ def without_row(bounds: Mapping[str, Bounds], found: Mapping[str, Collection[str
     ]
 
 
-def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, list[Row]]]:
+def measure(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Measured]]:
     """The names and rows of the named benchmarks, or of all, each as soon as it is done.
 
     First those that run alone, then the others on several processes.
@@ -121,12 +131,13 @@ def module_of(name: str) -> ModuleType:
     return importlib.import_module(f"tests.benchmarks.bench_{name}")
 
 
-def rows_of(name: str) -> list[Row]:
+def rows_of(name: str) -> Measured:
     """All rows of a benchmark; prints how long it took."""
-    started = time.perf_counter()
+    started, slower = time.perf_counter(), slowness()
     rows = list(module_of(name).rows())
-    say(f"{name}: {time.perf_counter() - started:.1f} s")
-    return rows
+    slower = max(slower, slowness())
+    say(f"{name}: {time.perf_counter() - started:.1f} s, on {slower:.2f} of the reference machine's time")
+    return Measured(rows, slower)
 
 
 def say(line: str) -> None:
@@ -159,7 +170,7 @@ def main(arguments: Sequence[str]) -> int:
     broken: list[Row] = []
     found: dict[str, set[str]] = {}
     for benchmark, measured in measure(given.names, given.jobs):
-        rows = [bounded(row, bounds.get(benchmark, {})) for row in measured]
+        rows = [bounded(row, bounds.get(benchmark, {}), measured.slower) for row in measured.rows]
         print(table(rows) if rows else f"{benchmark}: no rows", end="\n\n", flush=True)  # noqa: T201
         broken += [row for row in rows if not row.holds]
         found[benchmark] = {row.name for row in rows}

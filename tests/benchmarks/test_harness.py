@@ -18,6 +18,7 @@ from tests.benchmarks.harness import (
     table,
     without_row,
 )
+from tests.benchmarks.machine import slowness
 
 
 def test_a_bound_holds_from_both_sides() -> None:
@@ -37,6 +38,15 @@ def test_the_file_sets_bounds_by_name() -> None:
     row = bounded(Row("a.rate", 3.0, "1/s"), {"a.rate": {"at_least": 4}})
     assert (row.bound, row.at_least, row.holds) == (4.0, True, False)
     assert "BROKEN" in table([row])
+
+
+def test_times_and_rates_have_other_bounds_on_a_slower_machine() -> None:
+    bounds = {name: {"at_most": 4} for name in ("a", "b", "c")}
+    units = {"a": "s", "b": "1/s", "c": "m"}
+    found = {name: bounded(Row(name, 5.0, unit), bounds, slower=2.0).bound for name, unit in units.items()}
+    assert found == {"a": 8.0, "b": 2.0, "c": 4.0}
+    assert bounded(Row("d", 5.0, "ms a scan", bound=4.0), {}, slower=2.0).bound == 8.0
+    assert 0.1 < slowness() < 100.0
 
 
 def test_a_malformed_bound_is_refused(tmp_path: Path) -> None:
