@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.stamps import NS_PER_S
 from gridslam.evaluation.association import Pairs
 
 DeltaUnit = Literal["frames", "metres", "seconds"]
 RELATIVE_TOLERANCE = 0.1
-_NS_PER_S = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def _index_pairs(pairs: Pairs, delta: Delta) -> tuple[NDArray[np.int64], NDArray
 def _steps(pairs: Pairs, unit: DeltaUnit) -> NDArray[np.float64]:
     """Path (m) or time (s) from each pose of the estimate to the next, `(n - 1,)`."""
     if unit == "seconds":
-        return np.diff(pairs.stamps_ns) / _NS_PER_S
+        return np.diff(pairs.stamps_ns) / NS_PER_S
     step = np.diff(pairs.estimate[:, :2], axis=0)
     return np.hypot(step[:, 0], step[:, 1])
 

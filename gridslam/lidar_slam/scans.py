@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import evenly_spaced, offsets_of
 from gridslam.core.messages import LaserScan
 from gridslam.kernels.prepared_points import PointDensity, prepare_points
 from gridslam.kernels.scan_points import RangeLimits
@@ -55,20 +56,16 @@ class PreparedScan:
 
     def subset(self, max_points: int) -> OrientedPoints:
         """At most `max_points` of the points used for matching, distributed evenly over the scan."""
-        if len(self.points) <= max_points:
-            return self.matching_points
-        chosen = (np.arange(max_points) * len(self.points)) // max_points
+        chosen = evenly_spaced(len(self.points), max_points)
         return OrientedPoints(self.points[chosen], self.normals[chosen])
 
 
 def scan_set(scans: Sequence[OrientedPoints]) -> ScanSet:
     """Many scans as one array, for kernels."""
-    first = np.zeros(len(scans) + 1, np.int64)
-    np.cumsum([len(scan.points) for scan in scans], out=first[1:])
     return ScanSet(
         np.concatenate([scan.points for scan in scans]),
         np.concatenate([scan.normals for scan in scans]),
-        first,
+        offsets_of(len(scan.points) for scan in scans),
     )
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event
+from gridslam.core.stamps import NS_PER_S
 from gridslam.methods.base import Estimate, Method, RunResult
-
-NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor, ImageDraw, ImageFont
 
+from gridslam.core.arrays import cumulative_distance
 from gridslam.core.texts import visible
 from gridslam.maps.picture import ink
 
@@ -180,7 +181,7 @@ def _paint(canvas: ink.Canvas, shape: Stroke | Disc | Area | Raster) -> None:
 
 def _dashes(points: Floats, dash_px: float, gap_px: float) -> Iterator[Floats]:
     """The parts of a polyline `(n, 2)` that a dashed line shows."""
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    travel = cumulative_distance(points)
     starts = np.arange(0.0, travel[-1], dash_px + gap_px)
     ends = np.minimum(starts + dash_px, travel[-1])
     tips = [

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.kernels.scan_points import LEVEL, Projection, Sweep
@@ -57,7 +58,7 @@ class Beams:
         n = len(self.ranges)
         if n <= max_beams:
             return self
-        chosen = (np.arange(max_beams) * n) // max_beams
+        chosen = evenly_spaced(n, max_beams)
         returned = self.returned[chosen]
         order = np.cumsum(self.returned) - 1
         return Beams(

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.kernels.likelihood_field import sum_over_offsets
 from gridslam.sensors.likelihood_field import FAR, DistanceField, Table
 
@@ -67,14 +68,14 @@ class PoseSearch:
     def search(self, points: Floats, table: Table) -> PoseHypotheses:
         """Poses that explain points `(m, 2)` in the robot's frame best, scored by the table of the distance field."""
         settings = self._settings
-        coarse = points if len(points) <= settings.points else points[_evenly(len(points), settings.points)]
+        coarse = points[evenly_spaced(len(points), settings.points)]
         return self.refine(self._coarse_poses(coarse), points, table)
 
     def refine(self, poses: Floats, points: Floats, table: Table) -> PoseHypotheses:
         """The local maxima of the score near the given poses `(n, 3)`, one for each bin."""
         settings = self._settings
         step_m, step_rad = 0.5 * self._cell_m, np.pi / settings.headings
-        few = points[_evenly(len(points), min(len(points), _CLIMB_POINTS))]
+        few = points[evenly_spaced(len(points), _CLIMB_POINTS)]
         scores = self._field.table_sums(table, few, poses)
         for _ in range(5):
             poses, scores = climb(
@@ -201,7 +202,3 @@ def best_per_bin(
     _, first = np.unique((row * (col.max(initial=0) + 1) + col) * size + yaw, return_index=True)
     kept = np.sort(first)[:max_count]
     return poses[kept], scores[kept]
-
-
-def _evenly(n: int, count: int) -> NDArray[np.int64]:
-    return (np.arange(count) * n) // count

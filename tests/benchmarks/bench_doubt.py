@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, assess_map
-from gridslam.lidar_slam.map_consistency.passages import distance_driven
 from tests.benchmarks.bench_places import ape_rmse
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.real_places import data_dir
@@ -39,7 +39,7 @@ def rows() -> Iterator[Row]:
     for seed, (name, place, ape_ratio) in enumerate(places()):
         for made in maps_of(loop_graph(place), seed):
             off = largest_loop_error(made.poses, place.truth)
-            ape = ape_rmse(made.poses, place.truth) / (ape_ratio * distance_driven(place.truth)[-1])
+            ape = ape_rmse(made.poses, place.truth) / (ape_ratio * cumulative_distance(place.truth)[-1])
             is_right = off <= RIGHT_M and ape <= 1.0
             if not (is_right or off > WRONG_M or ape > WRONG_RATIO):
                 continue
@@ -69,7 +69,7 @@ def places() -> Iterator[tuple[str, TrackedPlace, float]]:
 
 def largest_loop_error(estimated: Floats, truth: Floats) -> float:
     """The largest error (m) of the relative position of two poses at the same place, far apart along the path."""
-    travel = distance_driven(truth)
+    travel = cumulative_distance(truth)
     kept = np.flatnonzero(np.diff(np.floor(travel), prepend=-1.0) > 0)
     pairs = cKDTree(truth[kept, :2]).query_pairs(1.0, output_type="ndarray")
     first, second = kept[pairs[:, 0]], kept[pairs[:, 1]]

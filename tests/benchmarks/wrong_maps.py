@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.lidar_slam.key_scans import distribute_corrections
 from gridslam.lidar_slam.loop_closure.trajectory import close_trajectory
-from gridslam.lidar_slam.map_consistency.passages import distance_driven
 from tests.benchmarks.tracked_places import TrackedPlace
 
 Floats = NDArray[np.float64]
@@ -57,14 +57,14 @@ class MadeMap:
 
 def loop_graph(place: TrackedPlace) -> LoopGraph:
     """The graph of a tracked place; every third node of two passages is joined."""
-    nodes = np.flatnonzero(np.diff(np.floor(distance_driven(place.track) / NODE_M), prepend=-1.0) > 0)
+    nodes = np.flatnonzero(np.diff(np.floor(cumulative_distance(place.track) / NODE_M), prepend=-1.0) > 0)
     nodes[0] = 0
     steps = se2.between(place.track[nodes[:-1]], place.track[nodes[1:]])
     std = np.sqrt(np.hypot(steps[:, 0], steps[:, 1]) + 0.5)[:, None] * STEP_STD_PER_SQRT_M
     count = len(nodes)
     chain = _edges(np.arange(count - 1), np.arange(1, count), steps, std)
     truth = place.truth[nodes]
-    travel = distance_driven(truth)
+    travel = cumulative_distance(truth)
     pairs = cKDTree(truth[:, :2]).query_pairs(SAME_PLACE_M, output_type="ndarray")
     pairs = pairs[np.abs(travel[pairs[:, 0]] - travel[pairs[:, 1]]) > APART_M]
     pairs = pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]

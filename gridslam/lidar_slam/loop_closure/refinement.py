@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
 from gridslam.kernels.segment_clouds import SegmentClouds
 from gridslam.kernels.segment_registration import SegmentPairs, SubmapMembers, register_segments
@@ -78,7 +79,7 @@ def register_visits(poses: Floats, segments: Segments, clouds: SegmentClouds, fi
     last = np.minimum(centres + HALF_SUBMAP_SEGMENTS, highest)
     members = [se2.between(poses[c], poses[a : b + 1]) for c, a, b in zip(centres, first, last, strict=True)]
     submaps = SubmapMembers(
-        first, last, _offsets(last - first + 1), np.concatenate(members), _offsets(counts)
+        first, last, offsets_of(last - first + 1), np.concatenate(members), offsets_of(counts)
     )
     pairs = SegmentPairs(query, se2.between(poses[target], poses[query]))
     found, information, inlier_ratio = register_segments(
@@ -101,7 +102,3 @@ def _runs_of(keys: Ints, values: Ints) -> Iterator[tuple[int, Ints]]:
     starts = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
     for start, end in zip(starts, [*starts[1:], len(keys)], strict=True):
         yield int(keys[start]), values[start:end]
-
-
-def _offsets(counts: Ints) -> Ints:
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import rotated, unpacked
 from gridslam.kernels import relative_covariance
@@ -212,16 +213,12 @@ def _submap_pairs(
     return SubmapPairs(
         target_first=columns[0],
         target_last=columns[1],
-        target_row=_rows(target_poses),
+        target_row=offsets_of(map(len, target_poses)),
         target_poses=np.concatenate(target_poses),
         query_first=columns[2],
         query_last=columns[3],
-        query_row=_rows(query_poses),
+        query_row=offsets_of(map(len, query_poses)),
         query_poses=np.concatenate(query_poses),
         starts=np.array(starts),
         windows=np.array(windows),
     )
-
-
-def _rows(parts: Sequence[Floats]) -> Ints:
-    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
 from gridslam.kernels import segment_clouds
 from gridslam.kernels.segment_clouds import SegmentClouds
@@ -76,7 +77,7 @@ def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segme
         surfaces = scan_set([scan.surface_points for scan in own])
         clouds.append(segment_clouds.segment_cloud(surfaces, local, viewpoints, CLOUD_CELL_M, MAX_RANGE_M))
         returns = np.concatenate([scan.returns for scan in own])
-        first = _offsets([scan.returns for scan in own])
+        first = offsets_of(len(scan.returns) for scan in own)
         beams.append(
             segment_clouds.segment_beams(
                 returns, first, poses=local, viewpoints=viewpoints, step=BEAM_STEP, max_range_m=MAX_RANGE_M
@@ -86,9 +87,9 @@ def collect_clouds(scans: Sequence[PreparedScan], poses: Floats, segments: Segme
     return SegmentClouds(
         np.concatenate(points),
         np.concatenate([cloud.normals for cloud in clouds]),
-        _offsets(points),
+        offsets_of(map(len, points)),
         np.concatenate(beams),
-        _offsets(beams),
+        offsets_of(map(len, beams)),
     )
 
 
@@ -116,9 +117,3 @@ def deform_track(track: Floats, segments: Segments, poses: Floats) -> Floats:
     from_left = se2.compose(poses[left], se2.between(track[at[left]], track))
     from_right = se2.compose(poses[left + 1], se2.between(track[at[left + 1]], track))
     return se2.interpolate(from_left, from_right, fraction)
-
-
-def _offsets(parts: Sequence[Floats]) -> Ints:
-    first = np.zeros(len(parts) + 1, np.int64)
-    np.cumsum([len(part) for part in parts], out=first[1:])
-    return first

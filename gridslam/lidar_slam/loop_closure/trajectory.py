@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, ClosedLoops, close_loops
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
@@ -84,7 +85,7 @@ def close_trajectory(
     poses[0] = track[0]
     loops = closed.accepted.edges
     unspanned = unspanned_stretches(loops, segments, len(track))
-    travel_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))])
+    travel_m = cumulative_distance(track)
     return ClosedTrajectory(
         poses,
         _edges_between_key_scans(loops, segments),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import cumulative_distance
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.map_consistency.contradictions import find_contradictions
@@ -23,7 +24,6 @@ from gridslam.lidar_slam.map_consistency.doubtful_places import (
 )
 from gridslam.lidar_slam.map_consistency.observations import observe
 from gridslam.lidar_slam.map_consistency.passages import (
-    distance_driven,
     find_passages,
     spaced_scans,
 )
@@ -115,7 +115,7 @@ def assess_map(
 
     `loops` are the accepted loop closures between the key scans, with the covariance of each match; `drift` is the front end's.
     """
-    rows = spaced_scans(distance_driven(poses)) if len(poses) else np.zeros(0, np.int64)
+    rows = spaced_scans(cumulative_distance(poses)) if len(poses) else np.zeros(0, np.int64)
     if len(rows) < MIN_SCANS:
         return MapConsistency(
             0.0,
@@ -127,7 +127,7 @@ def assess_map(
             revisited=0.0,
             longest_unchecked_m=0.0,
         )
-    passages = find_passages(poses[rows], distance_driven(poses)[rows])
+    passages = find_passages(poses[rows], cumulative_distance(poses)[rows])
     observations = observe(scans, rows, poses[rows], passages)
     found = find_contradictions(observations)
     strained = max_strained(track, poses, rows, drift or DriftModel())

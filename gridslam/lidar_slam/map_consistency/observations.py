@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.kernels import free_space
 from gridslam.lidar_slam.map_consistency.passages import Passages
 from gridslam.lidar_slam.scans import PreparedScan
@@ -72,10 +73,10 @@ def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: 
     viewpoints = np.array([viewpoint for viewpoint, _, _ in taken])
     returns = [points for _, points, _ in taken]
     profiles = free_space.Profiles(
-        *free_space.scan_profiles(np.concatenate(returns), _offsets(returns), viewpoints, SECTORS)
+        *free_space.scan_profiles(np.concatenate(returns), offsets_of(map(len, returns)), viewpoints, SECTORS)
     )
     chosen = [points for _, _, points in taken]
-    first = _offsets(chosen)
+    first = offsets_of(map(len, chosen))
     testimony = free_space.testimony(
         np.concatenate(chosen),
         first,
@@ -101,9 +102,3 @@ def observe(scans: Sequence[PreparedScan], rows: Ints, poses: Floats, passages: 
 def _parts_of(scan: PreparedScan) -> tuple[Floats, Floats, Floats]:
     """The viewpoint (2,) and the returns of a scan, and the points that are compared with others; the rest is not kept."""
     return scan.viewpoint, scan.returns, scan.subset(MAX_POINTS).points
-
-
-def _offsets(parts: Sequence[Floats]) -> Ints:
-    first = np.zeros(len(parts) + 1, np.int64)
-    np.cumsum([len(part) for part in parts], out=first[1:])
-    return first

@@ -41,11 +41,6 @@ class Passages:
         return self.partners.scan[rows][self.partners.is_other[rows]]
 
 
-def distance_driven(poses: Floats) -> Floats:
-    """Distance (m) driven up to each of the poses `(n, 3)`."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
-
-
 def spaced_scans(travel_m: Floats) -> Ints:
     """Rows of scans about `SPACING_M` apart."""
     return np.flatnonzero(np.diff(np.floor(travel_m / SPACING_M), prepend=-1.0) > 0)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 from gridslam.graph.pose_graph import Edges, chi_squared
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.map_consistency.passages import distance_driven
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,7 +40,7 @@ class StrainedPath:
 
 def max_strained(track: Floats, poses: Floats, rows: Ints, drift: DriftModel) -> StrainedPath | None:
     """The most strained part of the path between two of the scans `rows`, given all poses in track and map, `(n, 3)` both."""
-    travel_m = distance_driven(track)[rows]
+    travel_m = cumulative_distance(track)[rows]
     variances = drift.cumulative_variances(track)[rows]
     found = []
     for length_m in LENGTHS_M:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairwise_disagreement
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import directed_edges
@@ -28,7 +29,6 @@ from gridslam.lidar_slam.loop_closure.closure import (
     MIN_SCORE,
 )
 from gridslam.lidar_slam.loop_closure.search import LoopMatches
-from gridslam.lidar_slam.sessions.session import offsets
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -191,7 +191,7 @@ def _pairs(poses: Floats, queries: Ints, centre: Floats, window: Floats) -> Subm
         target_poses=np.zeros((count, 3)),
         query_first=first,
         query_last=last,
-        query_row=offsets((last - first + 1).tolist()),
+        query_row=offsets_of((last - first + 1).tolist()),
         query_poses=np.concatenate(members),
         starts=np.tile(centre, (count, 1)),
         windows=np.tile(window, (count, 1)),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import offsets_of
 from gridslam.core.trajectory import Trajectory
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.key_scans import distribute_corrections
@@ -94,7 +95,7 @@ class Session:
     @property
     def first_key(self) -> Ints:
         """Drive d owns the key scans first_key[d]..first_key[d + 1] - 1 `(d + 1,)`."""
-        return offsets([len(drive.keys) for drive in self.drives])
+        return offsets_of(len(drive.keys) for drive in self.drives)
 
     @property
     def scans(self) -> Sequence[PreparedScan]:
@@ -127,11 +128,6 @@ class Session:
     def trajectory(self, drive: int) -> Trajectory:
         """The path of one drive over all its scans."""
         return self.drives[drive].corrected(self.poses_of(drive))
-
-
-def offsets(counts: Sequence[int]) -> Ints:
-    """Sums of the counts before each item, and of all `(n + 1,)`."""
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
 def renumbered(edges: Edges, key: Ints) -> Edges:

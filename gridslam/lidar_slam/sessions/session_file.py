@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import offsets_of
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
@@ -23,7 +24,7 @@ from gridslam.lidar_slam.sessions.drawn_file import SCHEMA as DRAWN_SCHEMA
 from gridslam.lidar_slam.sessions.drawn_file import drawn_arrays, drawn_in, frame_document
 from gridslam.lidar_slam.sessions.object_records import SCHEMA as OBJECT_SCHEMA
 from gridslam.lidar_slam.sessions.object_records import records_in
-from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session, offsets
+from gridslam.lidar_slam.sessions.session import Constraints, Drive, Session
 from gridslam.lidar_slam.sessions.stored_scans import (
     CHUNK_SCANS,
     MAX_POINT_M,
@@ -235,11 +236,11 @@ def _total(counts: NDArray[np.generic]) -> int:
 
 def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
     a, logs = arrays, head["logs"]
-    first_scan, first_key = offsets(a["drive.scans"].tolist()), offsets(a["drive.keys"].tolist())
+    first_scan, first_key = offsets_of(a["drive.scans"].tolist()), offsets_of(a["drive.keys"].tolist())
     if not len(logs) or (a["drive.keys"] < 1).any():
         raise ValueError("a drive has no key scans")
-    first_chunk = offsets((-(-a["drive.keys"] // CHUNK_SCANS)).tolist())
-    ends = offsets(a["chunk.bytes"].tolist())
+    first_chunk = offsets_of((-(-a["drive.keys"] // CHUNK_SCANS)).tolist())
+    ends = offsets_of(a["chunk.bytes"].tolist())
     content = memoryview(a["points"].tobytes())
     chunks = [content[start:end] for start, end in pairwise(ends.tolist())]
     drives = []

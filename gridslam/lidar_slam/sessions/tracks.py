@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.segments import Segments, cut_segments, deform_track, track_edges
-from gridslam.lidar_slam.sessions.session import Drive, offsets
+from gridslam.lidar_slam.sessions.session import Drive
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,7 +38,7 @@ class JointTracks:
         """Segments of a length in the tracks of drives."""
         tracks = [drive.key_track for drive in drives]
         own = [cut_segments(track, length_m) for track in tracks]
-        first_key = offsets([len(track) for track in tracks])
+        first_key = offsets_of([len(track) for track in tracks])
         travel, travelled_m = [], 0.0
         for part in own:
             travel.append(part.travel_m + travelled_m)
@@ -48,7 +49,7 @@ class JointTracks:
             ),
             np.concatenate([part.reference + k for part, k in zip(own, first_key[:-1], strict=True)]),
             np.concatenate(travel),
-            offsets([len(part) for part in own]),
+            offsets_of([len(part) for part in own]),
         )
         return JointTracks(tracks, own, joint, first_key)
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.filters.particles import Particles, main_cluster
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.drawing import DrawnMap
@@ -58,7 +59,7 @@ class DrawingLocalizer:
 
     def start(self, points: Floats) -> DrawingBelief:
         """Estimate pose and scale from the points `(m, 2)` of the first scan."""
-        used = evenly(points, 2 * MAX_POINTS)
+        used = points[evenly_spaced(len(points), 2 * MAX_POINTS)]
         self.states = first_states(self._config, self._drawn, used, self._rng)
         previous = 0.0
         for power in ANNEALING:
@@ -94,7 +95,7 @@ class DrawingLocalizer:
     def update(self, points: Floats) -> DrawingBelief:
         """Weigh the particles by a scan's points `(m, 2)`, return the belief, and resample if N_eff is low."""
         settings = self._config.localization
-        used = evenly(points, MAX_POINTS)
+        used = points[evenly_spaced(len(points), MAX_POINTS)]
         likelihood = self._likelihood.log_likelihood(used, self.states)
         prior = self._aspect_prior() if settings.separate_scales else 0.0
         penalty = WALL_PENALTY * ~self._likelihood.is_free(self.states)
@@ -117,7 +118,7 @@ class DrawingLocalizer:
         scatter[:, :2] *= np.exp(state[3:])
         if not self._config.localization.separate_scales:
             scatter[:, 4] = scatter[:, 3]
-        replaced = (np.arange(count) * len(self.states)) // count
+        replaced = evenly_spaced(len(self.states), count)
         self.states[replaced] = state + scatter
 
     def shift(self, offset: Floats) -> None:
@@ -192,9 +193,3 @@ def first_scales(config: HandmapSlamConfig, n: int, rng: np.random.Generator) ->
         mean = rng.uniform(float(np.log(low)), float(np.log(high)), n)
     aspect = advanced.aspect_std * rng.standard_normal(n) if settings.separate_scales else np.zeros(n)
     return np.column_stack([mean + aspect, mean - aspect])
-
-
-def evenly(points: Floats, max_points: int) -> Floats:
-    """At most `max_points` of the points, evenly spaced."""
-    n = len(points)
-    return points if n <= max_points else points[(np.arange(max_points) * n) // max_points]

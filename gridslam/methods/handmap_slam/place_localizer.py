@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.kernels.stretched_places import PlacePoints, normal_equations
 from gridslam.maps.drawing import DrawnMap
@@ -22,7 +23,6 @@ from gridslam.methods.handmap_slam.localizer import (
     DrawingBelief,
     DrawingLocalizer,
     belief_of,
-    evenly,
 )
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import (
@@ -171,7 +171,7 @@ class PlaceLocalizer:
 
     def _refined(self, belief: DrawingBelief, points: Floats) -> DrawingBelief:
         """The belief with its mean moved to where the scan's points lie best on drawn walls, within its standard deviations."""
-        used = np.ascontiguousarray(evenly(points, REFINED_POINTS))
+        used = np.ascontiguousarray(points[evenly_spaced(len(points), REFINED_POINTS)])
         every = PlacePoints(used, np.array([0, len(used)]))
         scale = np.exp(0.5 * belief.state[3:].sum())
         information = 1.0 / np.maximum(belief.std, MIN_STD * [scale, scale, 1.0, 1.0, 1.0]) ** 2

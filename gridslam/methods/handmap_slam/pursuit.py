@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 from gridslam.kernels.wheel_window import free_distances
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints
@@ -152,5 +153,5 @@ def look_ahead(path: Floats, distance_m: float) -> Floats:
     """The point `(2,)` of a path `(n, 2)` (robot's frame) that lies `distance_m` beyond the one nearest to the robot."""
     nearest = int(np.hypot(path[:, 0], path[:, 1]).argmin())
     rest = path[nearest:]
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(rest, axis=0).T))])
+    along = cumulative_distance(rest)
     return np.asarray(rest[min(int(np.searchsorted(along, distance_m)), len(rest) - 1)])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 
 Floats = NDArray[np.float64]
 
@@ -33,5 +34,4 @@ def overlap_of(before: Floats, after: Floats, step: Floats) -> float:
 
 
 def _thinned(points: Floats) -> Floats:
-    count = min(len(points), MAX_POINTS)
-    return points[np.arange(count) * len(points) // count]
+    return points[evenly_spaced(len(points), MAX_POINTS)]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import cumulative_distance
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -47,7 +48,7 @@ def jumps_m(poses: Floats, odometry: Floats, is_localized: Bools) -> Floats:
     motion = se2.between(odometry[rows[:-1]], odometry[rows[1:]])
     away = se2.between(se2.compose(poses[rows[:-1]], motion), poses[rows[1:]])
     distance = np.hypot(away[:, 0], away[:, 1])
-    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(odometry[:, :2], axis=0).T))])
+    travel = cumulative_distance(odometry)
     limit = MIN_JUMP_M + MAX_DRIFT_RATIO * (travel[rows[1:]] - travel[rows[:-1]])
     return np.asarray(distance[distance > limit])
 

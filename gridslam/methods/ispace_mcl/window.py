@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
 from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.methods.ispace_mcl.environment import CameraObservation
@@ -69,7 +70,7 @@ class _WindowScan:
 
     def beams(self, max_beams: int) -> BeamSegments:
         """At most `max_beams` of the beams, evenly from the scan."""
-        endpoints = self.points[_evenly(len(self.points), max_beams)]
+        endpoints = self.points[evenly_spaced(len(self.points), max_beams)]
         return BeamSegments(np.broadcast_to(self.viewpoint, endpoints.shape), endpoints)
 
 
@@ -114,7 +115,7 @@ class ScanWindow:
         The new scan replaces the last one if that is close to the one before. The last one's `observations` of the fixed cameras
         are kept.
         """
-        kept = points if len(points) <= _MAX_POINTS else points[_evenly(len(points), _MAX_POINTS)]
+        kept = points[evenly_spaced(len(points), _MAX_POINTS)]
         if not self._scans:
             first = _WindowScan(odometry, viewpoint, kept, np.zeros(3), True, list(observations))
             self._scans.append(first)
@@ -194,7 +195,7 @@ def matched_step(before: Floats, after: Floats, step: Floats) -> Floats:
     yaw_steps = int(np.ceil(window_rad / _YAW_STEP_RAD))
     found, score = correlate(
         FieldPyramid(field_pyramid(field, _LEVELS), origin, _CELL_M),
-        np.ascontiguousarray(moving[_evenly(len(moving), min(_MATCH_POINTS, len(moving)))]),
+        np.ascontiguousarray(moving[evenly_spaced(len(moving), _MATCH_POINTS)]),
         step,
         SearchWindow(window_m, _YAW_STEP_RAD, yaw_steps),
         _MIN_SCORE,
@@ -240,7 +241,3 @@ def _likelihood_image(points: Floats) -> tuple[NDArray[np.uint8], Floats]:
             rows, cols = cells[:, 1] + dr, cells[:, 0] + dc
             image[rows, cols] = np.maximum(image[rows, cols], value)
     return image, np.array([-half * _CELL_M, -half * _CELL_M])
-
-
-def _evenly(n: int, max_count: int) -> NDArray[np.int64]:
-    return (np.arange(min(max_count, n)) * n) // max(min(max_count, n), 1)

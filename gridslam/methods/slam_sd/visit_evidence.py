@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_spaced
 from gridslam.kernels import object_weights
 from gridslam.kernels.object_weights import ObservedBeams
 from gridslam.lidar_slam.scans import PreparedScan
@@ -97,8 +98,8 @@ def gather_evidence(
     centre: Floats,
 ) -> VisitEvidence:
     """The evidence of a visit; `centre` (2,) is roughly where the object is. There must be at least one return."""
-    scans = _evenly(scans, MAX_SCANS)
-    rounds = _evenly(rounds, MAX_ROUNDS)
+    scans = [scans[k] for k in evenly_spaced(len(scans), MAX_SCANS)]
+    rounds = [rounds[k] for k in evenly_spaced(len(rounds), MAX_ROUNDS)]
     points = [se2.transform_points(scan.pose, scan.scan.returns) for scan in scans]
     viewpoints = np.array([scan.viewpoint for scan in scans]).reshape(-1, 3)
     stamps = np.array([scan.stamp_ns for scan in scans], np.int64)
@@ -124,9 +125,3 @@ def _beams(origins: Floats, endpoints: Floats, walls: Walls) -> ObservedBeams:
     used = ranges > MIN_RANGE_M
     rays = np.column_stack([origins, offset / np.maximum(ranges, MIN_RANGE_M)[:, None]])[used]
     return ObservedBeams(rays, ranges[used], walls.distances(endpoints[used]))
-
-
-def _evenly(items: Sequence[T], max_items: int) -> list[T]:
-    """At most `max_items` of the items, evenly distributed."""
-    n = len(items)
-    return list(items) if n <= max_items else [items[(i * n) // max_items] for i in range(max_items)]

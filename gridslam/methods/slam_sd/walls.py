@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import evenly_spaced
+
 Floats = NDArray[np.float64]
 
 ANGLES = 90  # number of angles of the Hough accumulator: 2 degrees
@@ -59,9 +61,7 @@ def find_walls(points: Floats, min_length_m: float) -> Walls:
     Lines are found in a Hough accumulator, then fitted by robust least squares: a closed door 2 cm in front of the wall
     does not tilt the line.
     """
-    if len(points) > MAX_POINTS:
-        points = points[(np.arange(MAX_POINTS) * len(points)) // MAX_POINTS]
-    remaining = points
+    remaining = points = points[evenly_spaced(len(points), MAX_POINTS)]
     found: list[tuple[float, ...]] = []
     for _ in range(2 * MAX_WALLS):
         if len(remaining) < MIN_REMAINING_POINTS or len(found) == MAX_WALLS:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gridslam.core.arrays import cumulative_distance
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.layout import XY
 from gridslam.simulation.robot_config import GripLosses, Wheels
@@ -94,8 +95,7 @@ def drift_of(route: Sequence[XY], yaw_error_per_m: float, scale_error: float) ->
     across it.
     """
     corners = np.array(route)
-    steps = np.diff(corners, axis=0)
-    ends = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+    ends = cumulative_distance(corners)
     s = np.arange(0.0, ends[-1], SAMPLE_M)
     points = np.column_stack([np.interp(s, ends, corners[:, 0]), np.interp(s, ends, corners[:, 1])])
     stretch = min(round(STRETCH_M / SAMPLE_M), len(s) - 1)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import offsets_of
 from gridslam.kernels.stretched_edges import PlaceEdges, add_edge_equations, edge_residuals
 from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
@@ -59,7 +60,7 @@ class Fitted:
 
 def _points(pieces: list[Floats]) -> PlacePoints:
     """The points of all places in one array."""
-    starts = np.concatenate([[0], np.cumsum([len(v) for v in pieces])]).astype(np.int64)
+    starts = offsets_of(map(len, pieces))
     return PlacePoints(np.ascontiguousarray(np.concatenate([*pieces, np.zeros((0, 2))])), starts)
 
 

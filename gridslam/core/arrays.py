@@ -1,0 +1,28 @@
+"""Small operations on arrays that many modules share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+def evenly_spaced(n: int, max_count: int) -> Ints:
+    """Indices of at most `max_count` of n items, evenly distributed; all of them if there are no more."""
+    count = min(n, max_count)
+    return (np.arange(count, dtype=np.int64) * n) // max(count, 1)
+
+
+def offsets_of(counts: Iterable[int]) -> Ints:
+    """Where each group of items begins `(n + 1,)` if the groups `(n,)` lie one behind the other, and where the last one ends."""
+    return np.concatenate([[0], np.cumsum(np.fromiter(counts, np.int64))])
+
+
+def cumulative_distance(points: Floats) -> Floats:
+    """Distance along the path `(n,)` from its first point to each of the points or poses `(n, 2)` or `(n, 3)`, in their unit."""
+    steps = np.diff(points[:, :2], axis=0)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
