@@ -14,6 +14,21 @@ index, key path) and what to do about it.
 
 from __future__ import annotations
 
+import struct
+import zlib
+
+# What decoders of damaged pictures raise; a size in a damaged file can ask for any memory.
+PICTURE_DAMAGE = (
+    OSError,
+    ValueError,
+    SyntaxError,
+    EOFError,
+    IndexError,
+    MemoryError,
+    struct.error,
+    zlib.error,
+)
+
 
 class GridslamError(Exception):
     """Base of all errors raised on purpose; `str(error)` is the one line that the user sees."""

@@ -149,8 +149,10 @@ def compound(
     return compose(T_m_a, T_a_b), propagated + rotate_covariance(step_covariance, yaw)
 
 
-def rotate_covariance(covariance: ArrayLike, yaw_rad: float) -> Array:
-    """A covariance over x, y, yaw `(3, 3)` in axes rotated by `yaw_rad`: R C R'."""
+def rotate_covariance(covariance: ArrayLike, yaw_rad: ArrayLike) -> Array:
+    """Covariances over x, y, yaw `(..., 3, 3)` in axes rotated by `yaw_rad` `(...)`: R C R'."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(rotation @ np.asarray(covariance, dtype=np.float64) @ rotation.T)
+    rotation = np.zeros((*np.shape(yaw_rad), 3, 3))
+    rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 1, 0], rotation[..., 1, 1] = c, -s, s, c
+    rotation[..., 2, 2] = 1.0
+    return np.asarray(rotation @ np.asarray(covariance, dtype=np.float64) @ rotation.swapaxes(-1, -2))

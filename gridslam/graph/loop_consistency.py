@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.poses import rotate_covariance
 from gridslam.graph.pose_graph import Edges
-from gridslam.graph.relative_covariance import relative_covariances, rotated
+from gridslam.graph.relative_covariance import relative_covariances
 from gridslam.kernels.relative_covariance import DirectedEdges
 
 Floats = NDArray[np.float64]
@@ -33,7 +34,7 @@ def pairwise_disagreement(poses: Floats, graph: DirectedEdges, loops: Edges) -> 
     error = placed[None] - predicted
     error[..., 2] = se2.wrap_angle(error[..., 2])
     paths = relative_covariances(poses, graph, a, a) + relative_covariances(poses, graph, b, b)
-    own = rotated(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
+    own = rotate_covariance(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
     lever = predicted - placed[:, None]
     moved = np.broadcast_to(np.eye(3), (*lever.shape[:2], 3, 3)).copy()
     moved[..., 0, 2], moved[..., 1, 2] = -lever[..., 1], lever[..., 0]
@@ -51,7 +52,7 @@ def departures(poses: Floats, graph: DirectedEdges, loops: Edges) -> Floats:
     a, b = loops.source, loops.target
     error = (se2.compose(poses[a], loops.T_source_target) - poses[b])[:, :2]
     expected = relative_covariances(poses, graph, a, b)[np.arange(len(a)), np.arange(len(a))]
-    own = rotated(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
+    own = rotate_covariance(np.asarray(np.linalg.inv(loops.information), np.float64), poses[a, 2])
     weight = np.linalg.inv((expected + own)[:, :2, :2])
     return np.asarray(np.sqrt(np.einsum("ij,ijk,ik->i", error, weight, error)))
 

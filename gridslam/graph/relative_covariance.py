@@ -64,12 +64,3 @@ def reversed_covariances(motions: Floats, covariances: Floats) -> Floats:
     adjoint[:, 1, 0], adjoint[:, 1, 1], adjoint[:, 1, 2] = -s, c, -(c * x + s * y)
     adjoint[:, 2, 2] = 1.0
     return np.asarray(adjoint @ covariances @ adjoint.transpose(0, 2, 1))
-
-
-def rotated(covariances: Floats, yaw_rad: Floats) -> Floats:
-    """Covariances `(m, 3, 3)` given in frames of the headings `(m,)`, in the axes that the headings are measured from."""
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
-    rotation = np.zeros((len(yaw_rad), 3, 3))
-    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0], rotation[:, 1, 1] = c, -s, s, c
-    rotation[:, 2, 2] = 1.0
-    return np.asarray(rotation @ covariances @ rotation.transpose(0, 2, 1))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gridslam.kernels.compiled import compiled
 
 STACK = 256  # nodes that wait in the depth-first search: at most 4 per level
+LEVEL, ROW, COL, BOUND = range(4)  # columns of nodes: pyramid level, offset in cells, bound of the score
 
 
 class FieldPyramid(NamedTuple):
@@ -99,7 +100,7 @@ def _best_in_block(
     window: int,
     best: int,
 ) -> tuple[int, int, int, bool]:
-    """Depth-first branch and bound below the node stack[0] = (level, dr, dc, bound), the child with the best bound first.
+    """Depth-first branch and bound below the node stack[0], the child with the best bound first.
 
     Returns the best score, its offset (dr, dc), and whether it is better than `best`.
     """
@@ -107,7 +108,8 @@ def _best_in_block(
     depth = 1
     while depth:
         depth -= 1
-        level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+        level, bound = stack[depth, LEVEL], stack[depth, BOUND]
+        dr, dc = stack[depth, ROW], stack[depth, COL]
         if bound <= best:
             continue
         if level == 0:
@@ -123,10 +125,11 @@ def _best_in_block(
             if score <= best:
                 continue
             j = depth
-            while j > first and stack[j - 1, 3] > score:
+            while j > first and stack[j - 1, BOUND] > score:
                 stack[j] = stack[j - 1]
                 j -= 1
-            stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
+            stack[j, LEVEL], stack[j, BOUND] = level - 1, score
+            stack[j, ROW], stack[j, COL] = r, c
             depth += 1
     return best, best_dr, best_dc, is_better
 
@@ -152,7 +155,7 @@ def correlate(
     per_axis = (2 * window) // block + 1
     n_yaw = 2 * yaw_steps + 1
     rows, cols = np.empty((n_yaw, n), np.int64), np.empty((n_yaw, n), np.int64)
-    nodes = np.empty((n_yaw * per_axis * per_axis, 4), np.int64)  # level, dr, dc, bound
+    nodes = np.empty((n_yaw * per_axis * per_axis, 4), np.int64)
     for k in range(n_yaw):
         yaw = start[2] + (k - yaw_steps) * search.yaw_step_rad
         _cells_under(pyramid, points, start[:2], yaw, rows[k], cols[k])
@@ -160,13 +163,13 @@ def correlate(
             for b in range(per_axis):
                 dr, dc = a * block - window, b * block - window
                 node = nodes[(k * per_axis + a) * per_axis + b]
-                node[0], node[1], node[2] = top, dr, dc
-                node[3] = _score(levels[top], rows[k], cols[k], dr, dc)
+                node[LEVEL], node[ROW], node[COL] = top, dr, dc
+                node[BOUND] = _score(levels[top], rows[k], cols[k], dr, dc)
     best = int(np.floor(min_score * n))
     best_k, best_dr, best_dc = -1, 0, 0
     stack = np.empty((STACK, 4), np.int64)
-    for index in np.argsort(-nodes[:, 3], kind="mergesort"):
-        if nodes[index, 3] <= best:
+    for index in np.argsort(-nodes[:, BOUND], kind="mergesort"):
+        if nodes[index, BOUND] <= best:
             break
         k = index // (per_axis * per_axis)
         stack[0] = nodes[index]

@@ -25,7 +25,7 @@ FLAT = 4  # of the boxes for flat and steep rays: the longer side over the short
 
 
 class Ray(NamedTuple):
-    """A ray in a grid, in cells from its lower-left corner: origin (x, y) and unit direction (dx, dy)."""
+    """Origin (x, y) and unit direction (dx, dy): in cells from the lower-left corner of a grid, in metres among segments."""
 
     x: float
     y: float

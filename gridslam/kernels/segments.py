@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
 from gridslam.kernels.grid_traversal import Traversal, advance
+from gridslam.kernels.raycast import Ray
 from gridslam.kernels.threads import run_in_ranges
 
 _PARALLEL = 1e-14
@@ -121,7 +122,7 @@ def _cast_static(
     starts: NDArray[np.int32],
     items: NDArray[np.int32],
     grid: BucketGrid,
-    ray: tuple[float, float, float, float],
+    ray: Ray,
     max_range: float,
 ) -> tuple[float, int]:
     """Distance and index of the nearest static segment; (`max_range`, -1) if there is none."""
@@ -208,7 +209,7 @@ def _cast_segments(
     n, k = segments.shape[0], moving.shape[0]
     for i in range(first, last):
         ox, oy, dx, dy = rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3]
-        best, index = _cast_static(segments, starts, items, grid, (ox, oy, dx, dy), max_range)
+        best, index = _cast_static(segments, starts, items, grid, Ray(ox, oy, dx, dy), max_range)
         for j in range(k):
             distance = _segment_distance(moving[j], ox, oy, dx, dy)
             if distance < best:

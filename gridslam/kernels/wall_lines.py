@@ -17,9 +17,10 @@ from gridslam.kernels.compiled import compiled
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOMENTS = 7  # count, w, wx, wy, wxx, wxy, wyy
+COUNT, W, WX, WY, WXX, WXY, WYY = range(7)  # columns of moments
+MOMENTS = 7  # number of columns
 ON_WALL_SQUARED = (
-    9.0  # squared distance of a point on a wall, at most, in variances: three standard deviations
+    9.0  # largest squared distance of a point on a wall, in variances: three standard deviations
 )
 
 
@@ -100,11 +101,11 @@ def _line(
     moments: Floats, min_points: float, max_thickness_m: float
 ) -> tuple[bool, float, float, float, float]:
     """Whether moments `(7,)` are a wall segment, its centre of gravity (x, y), and its unit normal (x, y)."""
-    if moments[0] < min_points or moments[1] <= 0.0:
+    if moments[COUNT] < min_points or moments[W] <= 0.0:
         return False, 0.0, 0.0, 0.0, 0.0
-    x, y = moments[2] / moments[1], moments[3] / moments[1]
-    xx, xy = moments[4] / moments[1] - x * x, moments[5] / moments[1] - x * y
-    yy = moments[6] / moments[1] - y * y
+    x, y = moments[WX] / moments[W], moments[WY] / moments[W]
+    xx, xy = moments[WXX] / moments[W] - x * x, moments[WXY] / moments[W] - x * y
+    yy = moments[WYY] / moments[W] - y * y
     half, root = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     across, along = math.sqrt(max(half - root, 0.0)), math.sqrt(max(half + root, 0.0))
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy)  # of the direction along the line
@@ -118,13 +119,13 @@ def _collect_moments(moments: Floats, members: Ints, positions: Floats, weights:
     moments[:] = 0.0
     for k in members:
         w, x, y = weights[k], positions[k, 0], positions[k, 1]
-        moments[0] += 1.0
-        moments[1] += w
-        moments[2] += w * x
-        moments[3] += w * y
-        moments[4] += w * x * x
-        moments[5] += w * x * y
-        moments[6] += w * y * y
+        moments[COUNT] += 1.0
+        moments[W] += w
+        moments[WX] += w * x
+        moments[WY] += w * y
+        moments[WXX] += w * x * x
+        moments[WXY] += w * x * y
+        moments[WYY] += w * y * y
 
 
 @compiled
@@ -133,7 +134,7 @@ def _pool(pooled: Floats, moments: Floats, row: int, col: int) -> None:
     pooled[:] = 0.0
     for i in range(max(row - 1, 0), min(row + 2, moments.shape[0])):
         for j in range(max(col - 1, 0), min(col + 2, moments.shape[1])):
-            for k in range(7):
+            for k in range(MOMENTS):
                 pooled[k] += moments[i, j, k]
 
 

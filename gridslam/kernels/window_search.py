@@ -17,6 +17,8 @@ from gridslam.kernels.correlative_matching import field_pyramid
 
 LEVELS = 5
 STACK = 4 * LEVELS  # nodes waiting in the depth-first search
+YAW, ROW, COL, BOUND = range(4)  # columns of the first nodes: yaw index, offset in cells, bound of the score
+LEVEL = 0  # column of waiting nodes, in the place of the yaw index, which is that of the first node
 
 
 class LikelihoodField(NamedTuple):
@@ -122,25 +124,22 @@ def _highest(
 ) -> _Peak:
     """The highest place above `min_total`; with a first peak (total >= 0) only places away from it count.
 
-    Branch and bound from the `nodes` (k, dr, dc, bound), in the order of falling bounds.
+    Branch and bound from the `nodes` `(m, 4)`, in the order of falling bounds.
     """
     top = pyramid.shape[0] - 1
     best = _Peak(-1, 0, 0, min_total)
     stack = np.empty((STACK, 4), np.int64)
     for index in order:
-        if nodes[index, 3] <= best.total:
+        if nodes[index, BOUND] <= best.total:
             break
-        k = nodes[index, 0]
-        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = (
-            top,
-            nodes[index, 1],
-            nodes[index, 2],
-            nodes[index, 3],
-        )
+        k = nodes[index, YAW]
+        copy_row(stack, 0, nodes[index])
+        stack[0, LEVEL] = top
         depth = 1
         while depth:
             depth -= 1
-            level, dr, dc, bound = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
+            level, bound = stack[depth, LEVEL], stack[depth, BOUND]
+            dr, dc = stack[depth, ROW], stack[depth, COL]
             if bound <= best.total:
                 continue
             if level == 0:
@@ -160,10 +159,11 @@ def _highest(
                 if score <= best.total:
                     continue
                 j = depth
-                while j > base and stack[j - 1, 3] > score:
+                while j > base and stack[j - 1, BOUND] > score:
                     copy_row(stack, j, stack[j - 1])
                     j -= 1
-                stack[j, 0], stack[j, 1], stack[j, 2], stack[j, 3] = level - 1, r, c, score
+                stack[j, LEVEL], stack[j, BOUND] = level - 1, score
+                stack[j, ROW], stack[j, COL] = r, c
                 depth += 1
     return best
 
@@ -199,10 +199,10 @@ def search_window(
         for a in range(per_r):
             for b in range(per_c):
                 dr, dc = a * block - window_r, b * block - window_c
-                nodes[m, 0], nodes[m, 1], nodes[m, 2] = k, dr, dc
-                nodes[m, 3] = _sum_under(pyramid[top], rows[k], cols[k], dr, dc)
+                nodes[m, YAW], nodes[m, ROW], nodes[m, COL] = k, dr, dc
+                nodes[m, BOUND] = _sum_under(pyramid[top], rows[k], cols[k], dr, dc)
                 m += 1
-    order = np.argsort(-nodes[:, 3], kind="mergesort")
+    order = np.argsort(-nodes[:, BOUND], kind="mergesort")
     full = 255.0 * n
     none = _Peak(-1, 0, 0, -1)
     best = _highest(

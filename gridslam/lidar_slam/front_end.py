@@ -55,7 +55,9 @@ RECENT_SCANS = 11  # scans since which odometry is compared when it stutters
 
 DIAGONAL = (range(3), range(3))
 NO_SEARCH = YawSearch(YAW_STEP_RAD, 0, YAW_SEARCH_POINTS, YAW_SEARCH_SIGMA_M, YAW_SEARCH_CORRESPONDENCE_M)
-REGISTRATION = Registration(SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_M, MAX_ITERATIONS, 0.0)
+REGISTRATION = Registration(
+    SIGMA_M, MAX_CORRESPONDENCE_M, FINAL_CORRESPONDENCE_M, MAX_ITERATIONS, min_correspondences=0.0
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.drawing_picture import DAMAGE as DAMAGE
 from gridslam.maps.drawing_picture import FORMATS as FORMATS
 from gridslam.maps.drawing_picture import MAX_PIXELS as MAX_PIXELS
 from gridslam.maps.drawing_picture import brightness_of, is_photograph, read_picture

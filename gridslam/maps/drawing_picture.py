@@ -5,9 +5,7 @@ Arrays have the top row first.
 
 from __future__ import annotations
 
-import struct
 import warnings
-import zlib
 from pathlib import Path
 
 import cv2
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gridslam.core.errors import MapError
+from gridslam.core.errors import PICTURE_DAMAGE, MapError
 from gridslam.maps.image_levels import check_header
 
 Levels = NDArray[np.uint8]
@@ -24,7 +22,6 @@ MAX_PIXELS = 16_000_000
 MIN_SIDE_PX = 16
 PHOTOGRAPH_SIDE_PX = 1600  # a photograph's longer side, to which it is reduced
 FORMATS = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM")
-DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 
 ORIENTATION_TAG = 0x0112  # EXIF
 # What makes a picture upright, by EXIF orientation; 1 is upright already.
@@ -41,6 +38,9 @@ UPRIGHT = {
 PAINTED_LEVELS, PAINTED_RATIO = 8, 0.85
 STRONG_COLOUR = 60  # smallest difference between the channels of a coloured stroke, once the paper is white
 MIN_COLOURED_RATIO = 0.001  # with a smaller fraction of coloured pixels the drawing counts as grey
+DRAWN_ALPHA = 0.5  # opacity above which a pixel belongs to a stroke
+MIN_OPEN_RATIO = 0.05  # smallest fraction of transparent pixels around strokes; with less, the opaque ones are the sheet
+MIDDLE_LEVEL = 127.0  # levels above are bright
 
 
 def read_picture(path: Path) -> NDArray[np.uint8]:
@@ -60,7 +60,7 @@ def read_picture(path: Path) -> NDArray[np.uint8]:
         raise MapError(f"{path}: the drawing has more than {MAX_PIXELS} pixels; draw it smaller") from None
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise MapError(f"{path}: {error.strerror}") from None
-    except DAMAGE as error:
+    except PICTURE_DAMAGE as error:
         raise MapError(f"{path}: not a readable picture ({error}); save the drawing as PNG or JPEG") from None
 
 
@@ -99,27 +99,36 @@ def _check_size(path: Path, width: int, height: int) -> None:
 def _pixels(image: Image.Image) -> NDArray[np.uint8]:
     """Brightness of a grey opaque picture, stretched to 0..255 if it has more than 8 bits; colours of any other.
 
-    Transparent pixels are paper: white, or black if the strokes are bright.
+    Transparent pixels are paper.
     """
     if image.mode.startswith(("I", "F")):
-        values = np.asarray(image, dtype=np.float64)
-        known = values[np.isfinite(values)]
-        low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
-        if low > high:
-            low = high = 0.0
-        finite = np.nan_to_num(values, nan=low, posinf=high, neginf=low)
-        scaled = (finite - low) * (255.0 / max(high - low, 1e-9))
-        return np.asarray(np.rint(scaled).astype(np.uint8))
+        return _stretched(np.asarray(image, dtype=np.float64))
     if image.mode in ("1", "L") and "transparency" not in image.info:
         return np.array(image.convert("L"))
     if "A" not in image.mode.upper() and "transparency" not in image.info:
         return np.array(image.convert("RGB"))
-    rgba = np.asarray(image.convert("RGBA"))
+    return _on_paper(np.asarray(image.convert("RGBA")))
+
+
+def _stretched(values: NDArray[np.float64]) -> Levels:
+    """Levels from 0 to 255 between the smallest and the largest finite value of a grey picture with more than 8 bits."""
+    known = values[np.isfinite(values)]
+    low, high = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+    if low > high:
+        low = high = 0.0
+    finite = np.nan_to_num(values, nan=low, posinf=high, neginf=low)
+    scaled = (finite - low) * (255.0 / max(high - low, 1e-9))
+    return np.asarray(np.rint(scaled).astype(np.uint8))
+
+
+def _on_paper(rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colours `(rows, cols, 3)` of a partly transparent picture on paper: white, or black if the strokes are bright."""
     colours = np.ascontiguousarray(rgba[..., :3])
     grey = cv2.cvtColor(colours, cv2.COLOR_RGB2GRAY)
     alpha = rgba[..., 3].astype(np.float32) / np.float32(255.0)
-    drawn = alpha > 0.5
-    strokes_are_bright = bool((~drawn).mean() > 0.05 and drawn.any() and np.median(grey[drawn]) > 127.0)
+    drawn = alpha > DRAWN_ALPHA
+    is_open = (~drawn).mean() > MIN_OPEN_RATIO and drawn.any()
+    strokes_are_bright = bool(is_open and np.median(grey[drawn]) > MIDDLE_LEVEL)
     paper = np.float32(0.0 if strokes_are_bright else 255.0)
     blended = colours * alpha[..., None] + paper * (1.0 - alpha[..., None])
     return np.asarray(np.rint(blended).astype(np.uint8))
@@ -129,7 +138,7 @@ def _upright(pixels: NDArray[np.uint8], image: Image.Image) -> NDArray[np.uint8]
     """The pixels as a viewer shows them, rotated or mirrored by the EXIF orientation."""
     try:
         orientation = image.getexif().get(ORIENTATION_TAG)
-    except (*DAMAGE, KeyError, TypeError, AttributeError, OverflowError):
+    except (*PICTURE_DAMAGE, KeyError, TypeError, AttributeError, OverflowError):
         return pixels  # damaged EXIF data does not make the picture unreadable
     if not isinstance(orientation, int) or orientation not in UPRIGHT:
         return pixels

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import struct
 import warnings
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gridslam.core.errors import MapError
+from gridslam.core.errors import PICTURE_DAMAGE, MapError
 from gridslam.core.plain_files import open_plain_file
 
 MAX_PIXELS = 100_000_000  # 500 m x 500 m at 5 cm; a float32 map of that size takes 400 MB
@@ -24,9 +22,6 @@ ROWS_AT_ONCE = 256  # of a large image
 MAX_HEADER_BYTES = 65_536  # of a PGM
 _NUMBER = rb"(?:\s|#[^\r\n]*[\r\n])+\d+"
 PNM_HEADER = re.compile(rb"P[14](?:%b){2}\s|P[2356](?:%b){3}\s" % (_NUMBER, _NUMBER))
-
-# A size in a damaged file can ask for any memory.
-_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +57,7 @@ def read_levels(path: Path, max_pixels: int = MAX_PIXELS) -> ImageLevels:
         raise MapError(
             f"{path}: too many pixels, at most {MAX_PIXELS} are read: crop the map or use coarser cells"
         ) from None
-    except _DAMAGE as error:
+    except PICTURE_DAMAGE as error:
         raise MapError(
             f"{path}: not a readable PGM, PNG or BMP image ({error}); save the map again"
         ) from None

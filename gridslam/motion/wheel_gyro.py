@@ -18,6 +18,7 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Imu, Odometry, WheelTicks
 from gridslam.kernels import wheel_gyro as kernel
 from gridslam.kernels.wheel_gyro import WheelGyroVariances, WheelIncrements
+from gridslam.motion.odometry_limits import OdometryLimits
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ class WheelGyroNoise:
 
 
 @dataclass(frozen=True, slots=True)
-class MotionLimits:
+class MotionLimits(OdometryLimits):
     """Motion beyond these limits is a jump of the encoders; a longer silence of the gyro is a gap."""
 
     max_speed_mps: float = 3.0
@@ -243,12 +244,8 @@ class WheelGyro:
 
     def _add(self, increment: _Increment, stream: str) -> None:
         """Buffer an increment between two messages; one beyond the limits is lost."""
-        limits = self._limits
         distance = math.hypot(increment.forward_m, increment.lateral_m)
-        if (
-            distance > limits.tolerance_m + limits.max_speed_mps * increment.seconds
-            or abs(increment.yaw_rad) > limits.tolerance_rad + limits.max_yaw_rate_radps * increment.seconds
-        ):
+        if self._limits.has_jumped(distance, increment.yaw_rad, increment.seconds):
             self.counters[f"{stream}.jumps"] += 1
             increment = _Increment(increment.stamp_ns, increment.seconds, is_lost=1.0)
         self.travelled_m += distance

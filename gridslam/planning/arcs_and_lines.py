@@ -127,7 +127,7 @@ def _is_pose_free(space: Space, pose: Floats) -> bool:
     radius_m = max(space.inner_radius_m, MIN_DISC_RADIUS_M)
     world = space.world if np.isfinite(pose[2]) else space.world_for_disc(radius_m)
     x, y, yaw = np.nan_to_num(pose)
-    return bool(pose_clearance(world, x, y, yaw, curvature=0.0, spin=0.0) >= 0.0)
+    return bool(pose_clearance(world, x, y, yaw, forward=1.0, rotation=0.0) >= 0.0)
 
 
 class _PathPlanner:

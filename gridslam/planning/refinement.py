@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.poses import wrap_angle
 from gridslam.kernels.planning.circles import chain_parts, minimise_travel_time
+from gridslam.kernels.planning.drive_limits import ANGLE, CURVATURE, LENGTH, YAW
 from gridslam.kernels.planning.shortcut import shortcut
 from gridslam.planning.space import Space
 from gridslam.planning.travel_time import ZERO, SpeedLimits, parts_of, travel_time_of
@@ -109,8 +110,8 @@ class Refiner:
             if not time < best_time:
                 break
             best, best_time = parts, time
-            driven = best[best[:, 3] > ZERO]
-            first_pose, motions = driven[0, :3].copy(), driven[:, 3:5].copy()
+            driven = best[best[:, LENGTH] > ZERO]
+            first_pose, motions = driven[0, :3].copy(), driven[:, LENGTH:ANGLE].copy()
         return best
 
 
@@ -123,11 +124,11 @@ def _with_turns_in_place(parts: Floats, start: Floats, goal: Floats) -> Floats:
     """The parts, with turns on the spot before and after them where the yaws differ from those wanted."""
     rows = []
     if not _has_same_yaw(parts[0, :3], start):
-        rows.append([*start, 0.0, 0.0, float(wrap_angle(parts[0, 2] - start[2]))])
+        rows.append([*start, 0.0, 0.0, float(wrap_angle(parts[0, YAW] - start[YAW]))])
     rows.extend(parts.tolist())
-    end = _end_pose(parts[0, :3], parts[:, 3:5])
-    if not np.isnan(goal[2]) and not _has_same_yaw(end, goal):
-        rows.append([*end, 0.0, 0.0, float(wrap_angle(goal[2] - end[2]))])
+    end = _end_pose(parts[0, :3], parts[:, LENGTH:ANGLE])
+    if not np.isnan(goal[YAW]) and not _has_same_yaw(end, goal):
+        rows.append([*end, 0.0, 0.0, float(wrap_angle(goal[YAW] - end[YAW]))])
     return np.array(rows)
 
 
@@ -135,14 +136,14 @@ def _circles(motions: Floats, first_pose: Floats, radius_m: float) -> Floats:
     """The chain of circles `(n, 4)` of forward motions; a circle is added at each end that is a line."""
     parts = parts_of(first_pose, motions)
     end = np.array([*_end_pose(first_pose, motions), 0.0, 0.0, 0.0])
-    arcs = [part for part in parts if part[4] != 0.0]
-    first_side = float(np.sign(arcs[0][4])) if arcs else 1.0
-    last_side = float(np.sign(arcs[-1][4])) if arcs else 1.0
-    rows = [_circle(part, 1.0 / abs(part[4]), float(np.sign(part[4]))) for part in arcs]
-    if parts[0, 4] == 0.0:
+    arcs = [part for part in parts if part[CURVATURE] != 0.0]
+    first_side = float(np.sign(arcs[0][CURVATURE])) if arcs else 1.0
+    last_side = float(np.sign(arcs[-1][CURVATURE])) if arcs else 1.0
+    rows = [_circle(part, 1.0 / abs(part[CURVATURE]), float(np.sign(part[CURVATURE]))) for part in arcs]
+    if parts[0, CURVATURE] == 0.0:
         rows.insert(0, _circle(parts[0], radius_m, first_side))
-    if parts[-1, 4] == 0.0 or len(rows) == 1:
-        rows.append(_circle(end, radius_m, -last_side if parts[-1, 4] else last_side))
+    if parts[-1, CURVATURE] == 0.0 or len(rows) == 1:
+        rows.append(_circle(end, radius_m, -last_side if parts[-1, CURVATURE] else last_side))
     return np.array(rows)
 
 
@@ -168,7 +169,7 @@ def _driven_backwards(parts: Floats) -> Floats:
     """The same parts driven backwards, last first."""
     out = parts[::-1].copy()
     for row, part in zip(out, parts[::-1], strict=True):
-        row[:3] = _end_pose(part[:3], part[None, 3:5])
-        row[2] += part[5]
-        row[3], row[5] = -part[3], -part[5]
+        row[:3] = _end_pose(part[:3], part[None, LENGTH:ANGLE])
+        row[YAW] += part[ANGLE]
+        row[LENGTH], row[ANGLE] = -part[LENGTH], -part[ANGLE]
     return out

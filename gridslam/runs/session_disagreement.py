@@ -20,7 +20,7 @@ from gridslam.methods.base import Picture, Table
 from gridslam.runs.run import Run
 from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
-SPACING = KeyScanSpacing(0.25, 0.25)
+SPACING = KeyScanSpacing(distance_m=0.25, rotation_rad=0.25)
 MEMORY_LIMIT_MB = 1024.0
 NEW, GONE = (30, 110, 200), (235, 130, 20)
 NOTE = "Where the place differs from the map: blue stands now and did not, orange stood and does not."

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.drawing import DAMAGE, FORMATS
+from gridslam.core.errors import PICTURE_DAMAGE, ConfigError, MapError
+from gridslam.maps.drawing import FORMATS
 from gridslam.maps.image_levels import check_header
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import GridGeometry
@@ -83,7 +83,7 @@ def _from_image(plan: FloorPlan, path: Path) -> tuple[NDArray[np.bool_], GridGeo
                         "scale the picture down and raise plan.resolution_m"
                     )
                 grey = np.asarray(_flattened(picture, plan.walls_are == "dark"))
-    except (*DAMAGE, MapError, Image.DecompressionBombError) as error:
+    except (*PICTURE_DAMAGE, MapError, Image.DecompressionBombError) as error:
         raise ConfigError(f"plan.file: {path}: not a readable picture ({error})") from None
     is_wall = grey < 128 if plan.walls_are == "dark" else grey >= 128
     return np.ascontiguousarray(is_wall[::-1]), GridGeometry(plan.resolution_m, plan.origin)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.core.trajectory import pose_at
+from gridslam.core.trajectory import Trajectory, pose_at
 
 STAMPS = [100, 200, 400]
 POSES = [np.array(p) for p in ([0.0, 0.0, 3.0], [1.0, 2.0, -3.0], [5.0, 2.0, -3.0])]
@@ -38,3 +38,14 @@ def test_there_is_no_pose_in_a_gap() -> None:
     stamps_ns, poses = [0, 10, 30], [np.zeros(3), np.zeros(3), np.zeros(3)]
     assert pose_at(5, stamps_ns, poses, max_gap_ns=20) is not None
     assert pose_at(20, stamps_ns, poses, max_gap_ns=20) is None
+
+
+def test_poses_at_many_stamps_equal_those_at_each_and_end_with_the_trajectory() -> None:
+    trajectory = Trajectory(np.array(STAMPS), np.array(POSES))
+    poses, inside = trajectory.at(np.array([50, 100, 150, 250, 400, 500]))
+    assert inside.tolist() == [False, True, True, True, True, False]
+    for stamp_ns, pose in zip((100, 150, 250, 400), poses[1:5], strict=True):
+        np.testing.assert_allclose(pose, pose_at(stamp_ns, STAMPS, POSES), atol=1e-12)
+    np.testing.assert_array_equal(poses[[0, -1]], [POSES[0], POSES[-1]])
+    nothing, found = Trajectory.empty().at(np.array([1]))
+    assert nothing.shape == (1, 3) and not found.any()

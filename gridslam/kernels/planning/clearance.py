@@ -37,7 +37,7 @@ def wall_distance(world: CollisionWorld, x: float, y: float, required: float) ->
     half = 0.5 * world.resolution
     i, j = int(np.rint(y / half)), int(np.rint(x / half))
     if i < 0 or j < 0 or i >= world.field.shape[0] or j >= world.field.shape[1]:
-        return -1.0
+        return OUTSIDE
     off = np.hypot(x - j * half, y - i * half)
     bound = float(world.field[i, j] - off)
     if bound >= required or world.field[i, j] + off < required:
@@ -81,13 +81,13 @@ def pose_clearance(
     x: float,
     y: float,
     yaw: float,
-    curvature: float,
-    spin: float,
+    forward: float,
+    rotation: float,
 ) -> float:
-    """Distance (m) that the robot can drive before a disc can touch an obstacle; negative if one is within the margin.
+    """How far the robot can move before a disc can touch an obstacle; OUTSIDE if one is within the margin.
 
-    On an arc of the given `curvature` (1/m) a disc moves faster the farther its centre lies from the turning centre. With `spin`
-    = 1 the result is the angle (rad) of a turn on the spot instead.
+    Its motion is a multiple of `forward` (m) and `rotation` (rad), and the result is that multiple: metres for 1 and a curvature,
+    radians for 0 and 1. A disc moves faster the farther its centre lies from the turning centre.
     """
     c, s = np.cos(yaw), np.sin(yaw)
     free_distance = 1e9
@@ -96,8 +96,8 @@ def pose_clearance(
         px, py = x + c * ox - s * oy, y + s * ox + c * oy
         free = wall_distance(world, px, py, radius + world.margin) - radius
         if free < world.margin:
-            return -1.0
-        speed = np.hypot(ox, oy) if spin > 0.0 else np.hypot(1.0 - curvature * oy, curvature * ox)
+            return OUTSIDE
+        speed = np.hypot(forward - rotation * oy, rotation * ox)
         free_distance = min(free_distance, (free + PROGRESS * world.margin) / max(speed, MIN_SPEED))
     return free_distance
 
@@ -120,7 +120,7 @@ def is_free(
     sign = 1.0 if length >= 0.0 else -1.0
     while True:
         px, py, pyaw = advance(x, y, yaw, sign * travelled, curvature)
-        free_distance = pose_clearance(world, px, py, pyaw, curvature, 0.0)
+        free_distance = pose_clearance(world, px, py, pyaw, forward=1.0, rotation=curvature)
         if free_distance < 0.0:
             return False
         if travelled >= total:
@@ -140,7 +140,7 @@ def is_free_to_turn(
     travelled, total = 0.0, abs(angle)
     sign = 1.0 if angle >= 0.0 else -1.0
     while True:
-        free_distance = pose_clearance(world, x, y, yaw + sign * travelled, 0.0, 1.0)
+        free_distance = pose_clearance(world, x, y, yaw + sign * travelled, forward=0.0, rotation=1.0)
         if free_distance < 0.0:
             return False
         if travelled >= total:

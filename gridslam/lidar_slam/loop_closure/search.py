@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import offsets_of
+from gridslam.core.poses import rotate_covariance
 from gridslam.graph.pose_graph import Edges
-from gridslam.graph.relative_covariance import rotated, unpacked
+from gridslam.graph.relative_covariance import unpacked
 from gridslam.kernels import relative_covariance
 from gridslam.kernels.relative_covariance import CandidateLimits, DirectedEdges
 from gridslam.kernels.segment_clouds import SegmentClouds
@@ -175,7 +176,7 @@ def match_candidates(
 def edge_information(information: Floats, yaw_rad: Floats) -> Floats:
     """Information `(m, 3, 3)` of edges from that of the registered points, in frames of the headings `(m,)` in the sources."""
     covariance = np.asarray(np.linalg.inv(INFORMATION_WEIGHT * information + MIN_INFORMATION), np.float64)
-    covariance = rotated(covariance, yaw_rad)
+    covariance = rotate_covariance(covariance, yaw_rad)
     covariance += np.diag([MATCH_STD_M**2, MATCH_STD_M**2, MATCH_STD_RAD**2])
     return np.asarray(np.linalg.inv(covariance), np.float64)
 

@@ -20,7 +20,7 @@ Bools = NDArray[np.bool_]
 
 SECTORS = 256
 MAX_POINTS = 160  # largest number of points of a scan that are compared with others
-TOLERANCES = free_space.Tolerances(0.3, 0.01, 15.0)
+TOLERANCES = free_space.Tolerances(floor_m=0.3, per_m=0.01, max_range_m=15.0)
 
 
 @dataclass(frozen=True, slots=True)

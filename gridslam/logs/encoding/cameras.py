@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import struct
 import warnings
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.errors import PICTURE_DAMAGE
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 MAX_PIXELS = 1 << 26  # largest camera image: 8192 x 8192
-_DAMAGE = (OSError, ValueError, SyntaxError, EOFError, IndexError, MemoryError, struct.error, zlib.error)
 _LEAVES = frozenset(
     {
         "image",
@@ -81,7 +79,7 @@ def opened_picture(data: bytes, formats: tuple[str, ...], max_pixels: int = MAX_
                 if picture.width * picture.height > max_pixels:
                     raise ValueError(f"{picture.width} x {picture.height} pixels are too many")
                 yield picture
-    except (*_DAMAGE, Pillow.DecompressionBombError) as error:
+    except (*PICTURE_DAMAGE, Pillow.DecompressionBombError) as error:
         raise ValueError(f"not a picture: {error}") from error
 
 

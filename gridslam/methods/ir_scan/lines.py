@@ -8,9 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.wall_lines import (
+    COUNT,
     MOMENTS,
+    WX,
+    WXX,
+    WXY,
+    WY,
+    WYY,
     MapPoints,
     PoseEquations,
+    W,
     WallCriteria,
     equations_on_lines,
     pooled_sums,
@@ -50,18 +57,18 @@ class Lines:
 
 
 def lines_of_moments(moments: Floats) -> Lines:
-    """Lines by total least squares from moments `(n, 7)`: count, w, wx, wy, wxx, wxy, wyy."""
+    """Lines by total least squares from moments `(n, 7)`."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = moments[:, 2] / moments[:, 1], moments[:, 3] / moments[:, 1]
-        xx = moments[:, 4] / moments[:, 1] - x * x
-        xy = moments[:, 5] / moments[:, 1] - x * y
-        yy = moments[:, 6] / moments[:, 1] - y * y
+        x, y = moments[:, WX] / moments[:, W], moments[:, WY] / moments[:, W]
+        xx = moments[:, WXX] / moments[:, W] - x * x
+        xy = moments[:, WXY] / moments[:, W] - x * y
+        yy = moments[:, WYY] / moments[:, W] - y * y
     half, root = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # of the direction along the line
     normals = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     across = np.sqrt(np.maximum(half - root, 0.0))
     along = np.sqrt(np.maximum(half + root, 0.0))
-    return Lines(np.stack([x, y], axis=1), normals, across, along, moments[:, 0])
+    return Lines(np.stack([x, y], axis=1), normals, across, along, moments[:, COUNT])
 
 
 def moments_of(points: Floats, weights: Floats) -> Floats:

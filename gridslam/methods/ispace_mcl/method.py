@@ -15,6 +15,7 @@ from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.odometry_check import OdometryCheck
+from gridslam.lidar_slam.odometry_noise import JUMP_TOLERANCE_M, JUMP_TOLERANCE_RAD
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Doubt, Estimate, Picture, RunResult
@@ -42,7 +43,7 @@ Floats = NDArray[np.float64]
 MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
 JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 # Distance (m) and rotation (rad) between the key scans of the odometry check
-CHECK_SPACING = KeyScanSpacing(0.25, 0.25)
+CHECK_SPACING = KeyScanSpacing(distance_m=0.25, rotation_rad=0.25)
 CHECK_MEMORY_MB = 500.0
 CHECK_IMAGES_BYTES = 100_000_000  # held back until the odometry is checked; with more the check ends early
 # Further updates while the robot has not moved since the start or a jump: they help the global search, but more scans of one
@@ -58,7 +59,9 @@ class IspaceMcl:
         advanced = config.advanced
         detection = detection_parameters(advanced.camera_background)
         self._localizer = Localizer(config, occupancy, random_stream(seed, "localizer"))
-        self._scans = ScanPoses(OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_M, JUMP_RAD))
+        self._scans = ScanPoses(
+            OdometryLimits(advanced.max_speed_mps, MAX_YAW_RATE_RADPS, JUMP_TOLERANCE_M, JUMP_TOLERANCE_RAD)
+        )
         self._odometry_check = OdometryCheck(_tracker, self._localizer.stopwatch)
         self._seen_bytes = 0  # of images
         self._sensor_extrinsics: dict[str, LidarExtrinsics] = {}

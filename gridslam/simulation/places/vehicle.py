@@ -20,7 +20,7 @@ from gridslam.simulation.sensor_suite import Sensors
 
 
 class Scanner(NamedTuple):
-    """A make of lidar."""
+    """A make of lidar: beams over a field of view, largest range, standard deviation and step of its ranges."""
 
     beams: int
     field_of_view_deg: float
@@ -30,17 +30,17 @@ class Scanner(NamedTuple):
 
 
 INDOORS = (
-    Scanner(181, 180.0, 8.0, 0.012, 0.01),
-    Scanner(360, 360.0, 12.0, 0.02, 0.01),
-    Scanner(271, 270.0, 25.0, 0.015, 0.001),
-    Scanner(541, 270.0, 30.0, 0.012, 0.001),
-    Scanner(181, 180.0, 80.0, 0.02, 0.01),
+    Scanner(beams=181, field_of_view_deg=180.0, range_max_m=8.0, noise_m=0.012, resolution_m=0.01),
+    Scanner(beams=360, field_of_view_deg=360.0, range_max_m=12.0, noise_m=0.02, resolution_m=0.01),
+    Scanner(beams=271, field_of_view_deg=270.0, range_max_m=25.0, noise_m=0.015, resolution_m=0.001),
+    Scanner(beams=541, field_of_view_deg=270.0, range_max_m=30.0, noise_m=0.012, resolution_m=0.001),
+    Scanner(beams=181, field_of_view_deg=180.0, range_max_m=80.0, noise_m=0.02, resolution_m=0.01),
 )
 OUTDOORS = (
-    Scanner(361, 180.0, 80.0, 0.02, 0.01),
-    Scanner(541, 270.0, 30.0, 0.015, 0.001),
-    Scanner(541, 270.0, 50.0, 0.02, 0.001),
-    Scanner(720, 360.0, 60.0, 0.02, 0.005),
+    Scanner(beams=361, field_of_view_deg=180.0, range_max_m=80.0, noise_m=0.02, resolution_m=0.01),
+    Scanner(beams=541, field_of_view_deg=270.0, range_max_m=30.0, noise_m=0.015, resolution_m=0.001),
+    Scanner(beams=541, field_of_view_deg=270.0, range_max_m=50.0, noise_m=0.02, resolution_m=0.001),
+    Scanner(beams=720, field_of_view_deg=360.0, range_max_m=60.0, noise_m=0.02, resolution_m=0.005),
 )
 BASE_M = 0.45
 STRETCH_M, SAMPLE_M = 100.0, 0.5
