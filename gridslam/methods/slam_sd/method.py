@@ -6,8 +6,7 @@ Without tag reads this is a lidar SLAM.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,37 +18,25 @@ from gridslam.core.messages import Event, TagInventory
 from gridslam.core.random import random_stream
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
-from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.front_end import FrontEnd
-from gridslam.lidar_slam.grid_map import draw_map
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
-from gridslam.lidar_slam.loop_closure.drift import DriftModel
-from gridslam.lidar_slam.loop_closure.trajectory import ClosedTrajectory, close_trajectory
-from gridslam.lidar_slam.map_consistency.assessment import MapConsistency, assess_map
 from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.lidar_slam.sessions.continuation import Continued, continue_session
-from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
-from gridslam.lidar_slam.sessions.session_map import SessionMap, draw_session
-from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.map_consistency import with_consistency
 from gridslam.methods.slam_sd.config import SlamSdConfig
-from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer, TaggedObjects
-from gridslam.methods.slam_sd.object_result import ObjectResult
+from gridslam.methods.slam_sd.drive_closing import DriveClosing
+from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
 from gridslam.methods.slam_sd.session_result import (
-    constraints_of,
-    drive_of,
-    refuse_repeated_log,
-    scans_to_compare,
     with_drives,
     with_session_file,
 )
 from gridslam.methods.slam_sd.single_track import SingleTrack
+from gridslam.methods.slam_sd.tagged_objects import TaggedObjects
 from gridslam.motion.scan_poses import PlacedScan
 
 Floats = NDArray[np.float64]
@@ -60,17 +47,6 @@ DIAGNOSTIC_UNITS = {
     "particle_std": "m",
     "matched_particles": "fraction",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class _ClosedDrive:
-    """Final poses `(k, 3)` of the key scans, the loops between them, the session, and how it was continued, if it was."""
-
-    poses: Floats
-    loops: Edges
-    session: Session | None = None
-    continued: Continued | None = None
-    measures: Mapping[str, object] = field(default_factory=dict)
 
 
 class SlamSd:
@@ -130,12 +106,15 @@ class SlamSd:
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
         self._objects.finish(self._filter.best_trajectory)
-        drive = self._closed_drive()
-        consistency = self._assessed(drive)
+        closing = DriveClosing(
+            self._config, self._tracker, self._objects, self._stopwatch, self._session, self._log_name
+        )
+        drive = closing.closed(self._filter.best_trajectory)
+        consistency = closing.assessed(drive)
         return_freed_memory()
         tracker = self._tracker
         trajectory = tracker.corrected(drive.poses)
-        static, drawn, objects = self._drawn(drive, trajectory)
+        static, drawn, objects = closing.drawn(drive, trajectory)
         result = RunResult(
             trajectory,
             occupancy=static,
@@ -158,49 +137,6 @@ class SlamSd:
                 result = with_session_file(result, session)
         result = replace(result, timings_s=dict(self._stopwatch.seconds))
         return result if objects is None else objects.added_to(result)
-
-    def _closed_drive(self) -> _ClosedDrive:
-        """The drive with its loops closed, unless that is disabled, and the session after it."""
-        poses = self._filter.best_trajectory
-        if not self._config.pose_graph.enabled:
-            return _ClosedDrive(poses, Edges.none())
-        with self._stopwatch.stage("loop_closure"):
-            closed, measures = self._optimised(poses)
-            session, continued = self._session_with(closed)
-            poses = closed.poses if continued is None else session.poses_of(len(session.drives) - 1)
-        return _ClosedDrive(poses, closed.loops, session, continued, {"pose_graph": measures})
-
-    def _assessed(self, drive: _ClosedDrive) -> MapConsistency:
-        """Consistency of the map of this drive, or of that of all drives of its session."""
-        with self._stopwatch.stage("map_consistency"):
-            if drive.continued is not None:
-                return assess_map(*scans_to_compare(drive.continued.session), self._drift)
-            tracker = self._tracker
-            return assess_map(
-                tracker.key_scans, drive.poses, tracker.key_poses, drive.loops, self._track_drift
-            )
-
-    def _drawn(
-        self, drive: _ClosedDrive, trajectory: Trajectory
-    ) -> tuple[OccupancyGrid, SessionMap | None, ObjectResult | None]:
-        """The map, what else is drawn of a session that goes on, and the objects."""
-        config, tracker = self._config, self._tracker
-        resolution_m = config.map.resolution_m
-        if config.pose_graph.enabled:
-            resolution_m = config.pose_graph.resolution_m or resolution_m
-        path, drawn = drive.poses, None
-        with self._stopwatch.stage("draw_map"):
-            if drive.continued is not None:
-                drawn = draw_session(drive.continued.session, resolution_m, config.memory_limit_mb)
-                static = drawn.grid
-                if drive.continued.is_joined:
-                    path = drive.continued.session.poses
-            else:
-                masked = self._objects.returns_on_objects(tracker.key_scans, drive.poses)
-                static = draw_map(
-                    tracker.key_scans, drive.poses, resolution_m, config.memory_limit_mb, masked
-                )
-            return static, drawn, self._objects.result(static, path, trajectory)
 
     def _measures(self) -> dict[str, object]:
         """Numbers about tracking and filter, for the report."""
@@ -234,7 +170,7 @@ class SlamSd:
     def _path_filter(self, seed: int) -> ParticleFilter | SingleTrack:
         """The particle filter, where its result is used: loop closure starts from the front end's track."""
         config = self._config
-        is_needed = not config.pose_graph.enabled or isinstance(self._objects, TaggedObjects)
+        is_needed = not config.pose_graph.enabled or self._objects.may_find
         if not is_needed and config.advanced.filter.run == "needed":
             return SingleTrack()
         return ParticleFilter(
@@ -243,51 +179,6 @@ class SlamSd:
             config.memory_limit_mb,
             random_stream(seed, "slam-sd.filter"),
         )
-
-    @property
-    def _drift(self) -> DriftModel:
-        return DriftModel.of(self._config.advanced.loop_closure)
-
-    @property
-    def _track_drift(self) -> DriftModel:
-        """The drift of this drive's track, with what it may have slipped without odometry."""
-        return replace(self._drift, slips_m2=self._tracker.key_slips_m2)
-
-    def _optimised(self, key_poses: Floats) -> tuple[ClosedTrajectory, dict[str, object]]:
-        """The key scans after loop closure, given their poses `(k, 3)`, and its measures; moved objects give no constraint."""
-        closed = close_trajectory(
-            self._objects.all_without_moved_objects(self._tracker.key_scans, key_poses),
-            self._tracker.key_poses,
-            self._objects.landmarks(key_poses),
-            self._track_drift,
-        )
-        self._objects.update_history(closed.poses)
-        moved_m = np.hypot(*(closed.poses - key_poses)[:, :2].T)
-        largest = {"largest_correction_m": round(float(moved_m.max()), 4)}
-        return closed, {**closed.measures, **largest}
-
-    def _session_with(self, closed: ClosedTrajectory) -> tuple[Session, Continued | None]:
-        """The session after this drive; and if it continues an earlier one, how."""
-        tracker = self._tracker
-        scans = self._objects.all_without_objects(tracker.key_scans, closed.poses)
-        drive = drive_of(self._log_name, tracker, scans)
-        constraints = constraints_of(closed, self._objects.landmarks(closed.poses))
-        if self._session is None:
-            objects = self._objects.records(ObjectRecords.none())
-            return Session((drive,), closed.poses, np.zeros(1, np.int64), constraints, objects), None
-        refuse_repeated_log(self._session, drive)
-        continued = continue_session(self._session, drive, closed.poses, constraints, self._drift)
-        session = continued.session
-        earlier, first_key = session.objects, int(session.first_key[-2])
-        if continued.is_joined:
-            self._objects.continue_histories(earlier, first_key, session.poses)
-            objects = self._objects.records(earlier)
-        else:
-            own = self._objects.records(ObjectRecords.none())
-            own = replace(own, anchor=own.anchor + first_key)
-            objects = ObjectRecords.concatenate([earlier, own])
-        session = replace(session, objects=objects)
-        return session, replace(continued, session=session)
 
     def _process_scan(self, placed: PlacedScan) -> None:
         """Track one scan; a key scan also goes through the filter and to the objects."""
@@ -316,11 +207,10 @@ class SlamSd:
 
     def _update_objects(self, scan: PreparedScan) -> None:
         """Give the key scan to the objects, and weight the particles by the objects that were found again."""
-        if isinstance(self._objects, TaggedObjects):
-            self._objects.add_key_scan(scan, self._tracker.pose, self._filter.best_trajectory)
-            weights = self._objects.log_weights(self._filter.trajectories)
-            if weights is not None:
-                self._filter.add_evidence(weights)
+        self._objects.add_key_scan(scan, self._tracker.pose, self._filter.best_trajectory)
+        weights = self._objects.log_weights(self._filter.trajectories) if self._objects.may_find else None
+        if weights is not None:
+            self._filter.add_evidence(weights)
 
     def _record_diagnostics(self) -> None:
         for name, value in self._filter.diagnostics.items():
