@@ -14,7 +14,7 @@ from gridslam.lidar_slam.config import (
     PoseGraphConfig,
     ScanConfig,
 )
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_config import ObjectEvidenceConfig, ObjectsConfig
 
 
 class FilterConfig(StrictModel):

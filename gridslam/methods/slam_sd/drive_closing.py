@@ -22,8 +22,8 @@ from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_map import SessionMap, draw_session
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.slam_sd.config import SlamSdConfig
-from gridslam.methods.slam_sd.object_layer import ObjectLayer
-from gridslam.methods.slam_sd.object_result import ObjectResult
+from gridslam.methods.slam_sd.objects.object_layer import ObjectLayer
+from gridslam.methods.slam_sd.objects.object_result import ObjectResult
 from gridslam.methods.slam_sd.session_result import (
     constraints_of,
     drive_of,

@@ -29,14 +29,14 @@ from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.map_consistency import with_consistency
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.drive_closing import DriveClosing
-from gridslam.methods.slam_sd.object_layer import NoObjects, ObjectLayer
+from gridslam.methods.slam_sd.objects.object_layer import NoObjects, ObjectLayer
+from gridslam.methods.slam_sd.objects.tagged_objects import TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
 from gridslam.methods.slam_sd.session_result import (
     with_drives,
     with_session_file,
 )
 from gridslam.methods.slam_sd.single_track import SingleTrack
-from gridslam.methods.slam_sd.tagged_objects import TaggedObjects
 from gridslam.motion.scan_poses import PlacedScan
 
 Floats = NDArray[np.float64]

@@ -9,13 +9,13 @@ import numpy as np
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.slam_sd.joint_estimation import LocatedObject, VisitedObject, locate_jointly
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
-from gridslam.methods.slam_sd.object_filter import LIDAR_WEIGHT, ObjectFilter, ObjectPosterior
-from gridslam.methods.slam_sd.object_model import ObjectModel, object_models
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.pose_prior import PriorEstimate
-from gridslam.methods.slam_sd.visit_evidence import (
+from gridslam.methods.slam_sd.objects.joint_estimation import LocatedObject, VisitedObject, locate_jointly
+from gridslam.methods.slam_sd.objects.object_config import ObjectEvidenceConfig, ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_filter import LIDAR_WEIGHT, ObjectFilter, ObjectPosterior
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel, object_models
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.pose_prior import PriorEstimate
+from gridslam.methods.slam_sd.objects.visit_evidence import (
     InventoryRound,
     KeyScanObservation,
     VisitEvidence,

@@ -11,16 +11,16 @@ from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import optimise
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.slam_sd.composition import compose_map
-from gridslam.methods.slam_sd.doors import closed_yaw_of
-from gridslam.methods.slam_sd.landmarks import Reobservation, landmark_edges, log_object_weights
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
-from gridslam.methods.slam_sd.object_model import ObjectModel, object_models
-from gridslam.methods.slam_sd.point_masks import points_on
-from gridslam.methods.slam_sd.smoothing import episodes_of, estimates_of_one_hinge
-from gridslam.methods.slam_sd.tag_visits import OpenVisits
-from gridslam.methods.slam_sd.visit_evidence import InventoryRound
-from gridslam.methods.slam_sd.walls import Walls, find_walls
+from gridslam.methods.slam_sd.objects.composition import compose_map
+from gridslam.methods.slam_sd.objects.doors import closed_yaw_of
+from gridslam.methods.slam_sd.objects.landmarks import Reobservation, landmark_edges, log_object_weights
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel, object_models
+from gridslam.methods.slam_sd.objects.point_masks import points_on
+from gridslam.methods.slam_sd.objects.smoothing import episodes_of, estimates_of_one_hinge
+from gridslam.methods.slam_sd.objects.tag_visits import OpenVisits
+from gridslam.methods.slam_sd.objects.visit_evidence import InventoryRound
+from gridslam.methods.slam_sd.objects.walls import Walls, find_walls
 
 SECOND = 1_000_000_000
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
-from gridslam.methods.slam_sd.object_history import ObjectHistory
-from gridslam.methods.slam_sd.object_records import estimates_in, records_of
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.object_tracker import ObjectTracker
+from gridslam.methods.slam_sd.objects.object_config import ObjectEvidenceConfig, ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_history import ObjectHistory
+from gridslam.methods.slam_sd.objects.object_records import estimates_in, records_of
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.object_tracker import ObjectTracker
 from tests.methods.slam_sd.test_object_parts import SECOND, episode, model_of
 
 FIRST_DRIVE = [np.array([0.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])]

@@ -21,7 +21,7 @@ from gridslam.maps.tag_database import ObjectTag, TagDatabase, load_tag_database
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
-from gridslam.methods.slam_sd.object_config import ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_config import ObjectsConfig
 
 SAMPLE = Path(__file__).resolve().parents[3] / "sample_logs" / "slam-sd-tags.mcap"
 TRUTH = SAMPLE.with_suffix(".truth")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gridslam.methods.slam_sd.visit_evidence import InventoryRound
+from gridslam.methods.slam_sd.objects.visit_evidence import InventoryRound
 
 PAUSE_NS = 4_000_000_000  # time without a read after which a visit is over
 

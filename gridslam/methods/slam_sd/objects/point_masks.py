@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.kernels import object_weights
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.methods.slam_sd.object_history import ObjectHistory
+from gridslam.methods.slam_sd.objects.object_history import ObjectHistory
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -14,8 +14,8 @@ from gridslam.core.arrays import evenly_spaced
 from gridslam.kernels import object_weights
 from gridslam.kernels.object_weights import ObservedBeams
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.walls import Walls, find_walls
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.walls import Walls, find_walls
 from gridslam.sensors.rfid import RoundGeometry, range_profile
 
 Floats = NDArray[np.float64]

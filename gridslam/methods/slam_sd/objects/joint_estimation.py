@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.slam_sd.object_filter import ObjectFilter, ObjectPosterior
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.pose_prior import PriorEstimate
-from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
+from gridslam.methods.slam_sd.objects.object_filter import ObjectFilter, ObjectPosterior
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.pose_prior import PriorEstimate
+from gridslam.methods.slam_sd.objects.visit_evidence import VisitEvidence
 
 Floats = NDArray[np.float64]
 

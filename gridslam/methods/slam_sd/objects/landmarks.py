@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
 
 Floats = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from gridslam.core import poses as se2
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.kernels import object_weights
 from gridslam.kernels.object_weights import EndpointMixture
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.pose_prior import ObjectPosePrior, PriorEstimate
-from gridslam.methods.slam_sd.visit_evidence import VisitEvidence
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.pose_prior import ObjectPosePrior, PriorEstimate
+from gridslam.methods.slam_sd.objects.visit_evidence import VisitEvidence
 
 Floats = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
-from gridslam.methods.slam_sd.tag_visits import TagVisit
-from gridslam.methods.slam_sd.visit_evidence import KeyScanObservation
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.tag_visits import TagVisit
+from gridslam.methods.slam_sd.objects.visit_evidence import KeyScanObservation
 
 Floats = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.maps.occupancy import OccupancyGrid
-from gridslam.methods.slam_sd.object_history import ObjectHistory
-from gridslam.methods.slam_sd.object_result import ObjectResult
+from gridslam.methods.slam_sd.objects.object_history import ObjectHistory
+from gridslam.methods.slam_sd.objects.object_result import ObjectResult
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.walls import Walls
+from gridslam.methods.slam_sd.objects.walls import Walls
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
 
 Floats = NDArray[np.float64]
 

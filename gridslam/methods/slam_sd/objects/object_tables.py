@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core.poses import wrap_angle
 from gridslam.core.stamps import format_stamp
 from gridslam.methods.base import Table
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
 
 Floats = NDArray[np.float64]
 

@@ -8,11 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.object_filter import ObjectFilter
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.tag_visits import PAUSE_NS
-from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation, gather_evidence
+from gridslam.methods.slam_sd.objects.object_filter import ObjectFilter
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.tag_visits import PAUSE_NS
+from gridslam.methods.slam_sd.objects.visit_evidence import (
+    InventoryRound,
+    KeyScanObservation,
+    gather_evidence,
+)
 from gridslam.sensors.rfid import AntennaModel, RoundGeometry, range_profile
 
 Floats = NDArray[np.float64]

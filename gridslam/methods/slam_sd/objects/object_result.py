@@ -12,9 +12,9 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.preview import render_map
 from gridslam.methods.base import Picture, PlacedObject, RunResult, Table
-from gridslam.methods.slam_sd.composition import compose_map
-from gridslam.methods.slam_sd.object_history import ObjectHistory
-from gridslam.methods.slam_sd.object_tables import history_table, objects_table, state_of
+from gridslam.methods.slam_sd.objects.composition import compose_map
+from gridslam.methods.slam_sd.objects.object_history import ObjectHistory
+from gridslam.methods.slam_sd.objects.object_tables import history_table, objects_table, state_of
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]

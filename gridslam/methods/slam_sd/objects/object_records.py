@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
 
 
 def records_of(histories: Iterable[ObjectHistory]) -> ObjectRecords:

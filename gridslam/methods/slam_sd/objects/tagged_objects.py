@@ -17,16 +17,16 @@ from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase
-from gridslam.methods.slam_sd.landmarks import landmark_edges, log_object_weights
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
-from gridslam.methods.slam_sd.object_history import ObjectHistory
-from gridslam.methods.slam_sd.object_model import object_models
-from gridslam.methods.slam_sd.object_records import records_of
-from gridslam.methods.slam_sd.object_result import ObjectResult, result_of
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.object_tracker import ObjectTracker
-from gridslam.methods.slam_sd.point_masks import footprints_at_key_scan, points_on, without_points_on
-from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation
+from gridslam.methods.slam_sd.objects.landmarks import landmark_edges, log_object_weights
+from gridslam.methods.slam_sd.objects.object_config import ObjectEvidenceConfig, ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_history import ObjectHistory
+from gridslam.methods.slam_sd.objects.object_model import object_models
+from gridslam.methods.slam_sd.objects.object_records import records_of
+from gridslam.methods.slam_sd.objects.object_result import ObjectResult, result_of
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.object_tracker import ObjectTracker
+from gridslam.methods.slam_sd.objects.point_masks import footprints_at_key_scan, points_on, without_points_on
+from gridslam.methods.slam_sd.objects.visit_evidence import InventoryRound, KeyScanObservation
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gridslam.methods.slam_sd.object_config import ObjectEvidenceConfig, ObjectsConfig
+from gridslam.methods.slam_sd.objects.object_config import ObjectEvidenceConfig, ObjectsConfig
 from gridslam.sensors.rfid import AntennaModel
 
 

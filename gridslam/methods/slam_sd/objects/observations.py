@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.absence import LEAD_NS
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.tag_visits import TagVisit
-from gridslam.methods.slam_sd.visit_evidence import (
+from gridslam.methods.slam_sd.objects.absence import LEAD_NS
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.tag_visits import TagVisit
+from gridslam.methods.slam_sd.objects.visit_evidence import (
     InventoryRound,
     KeyScanObservation,
     VisitEvidence,

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.pose_prior import PriorEstimate
-from gridslam.methods.slam_sd.tag_visits import TagVisit
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.pose_prior import PriorEstimate
+from gridslam.methods.slam_sd.objects.tag_visits import TagVisit
 
 Floats = NDArray[np.float64]
 

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.methods.slam_sd.doors import MAX_HINGE_DISTANCE_M, closed_yaw_of
-from gridslam.methods.slam_sd.joint_estimation import LocatedObject
-from gridslam.methods.slam_sd.object_filter import LIDAR_WEIGHT
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.observations import RunObservations
-from gridslam.methods.slam_sd.pose_prior import PriorEstimate
-from gridslam.methods.slam_sd.tag_visits import TagVisit
+from gridslam.methods.slam_sd.objects.doors import MAX_HINGE_DISTANCE_M, closed_yaw_of
+from gridslam.methods.slam_sd.objects.joint_estimation import LocatedObject
+from gridslam.methods.slam_sd.objects.object_filter import LIDAR_WEIGHT
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.observations import RunObservations
+from gridslam.methods.slam_sd.objects.pose_prior import PriorEstimate
+from gridslam.methods.slam_sd.objects.tag_visits import TagVisit
 
 Floats = NDArray[np.float64]
 

@@ -18,26 +18,35 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
-from gridslam.methods.slam_sd.absence import log_silence, scans_see_nothing
-from gridslam.methods.slam_sd.joint_estimation import LocatedObject, VisitedObject, locate_jointly
-from gridslam.methods.slam_sd.landmarks import Reobservation
-from gridslam.methods.slam_sd.object_estimation import (
+from gridslam.methods.slam_sd.objects.absence import log_silence, scans_see_nothing
+from gridslam.methods.slam_sd.objects.joint_estimation import LocatedObject, VisitedObject, locate_jointly
+from gridslam.methods.slam_sd.objects.landmarks import Reobservation
+from gridslam.methods.slam_sd.objects.object_estimation import (
     earlier_estimate,
     estimate_of,
     has_moved,
     is_seen_by_lidar,
     replace_last_estimate,
 )
-from gridslam.methods.slam_sd.object_filter import LIDAR_WEIGHT, READ_WEIGHT, ObjectFilter, ObjectPosterior
-from gridslam.methods.slam_sd.object_history import ObjectEpisode, ObjectHistory
-from gridslam.methods.slam_sd.object_model import ObjectModel
-from gridslam.methods.slam_sd.object_records import after_earlier_drives
-from gridslam.methods.slam_sd.object_settings import ObjectSettings
-from gridslam.methods.slam_sd.observations import RunObservations
-from gridslam.methods.slam_sd.read_gating import ReadGate
-from gridslam.methods.slam_sd.smoothing import episodes_of, estimates_of_one_hinge, passes_without_read
-from gridslam.methods.slam_sd.tag_visits import OpenVisits, TagVisit
-from gridslam.methods.slam_sd.visit_evidence import InventoryRound, KeyScanObservation
+from gridslam.methods.slam_sd.objects.object_filter import (
+    LIDAR_WEIGHT,
+    READ_WEIGHT,
+    ObjectFilter,
+    ObjectPosterior,
+)
+from gridslam.methods.slam_sd.objects.object_history import ObjectEpisode, ObjectHistory
+from gridslam.methods.slam_sd.objects.object_model import ObjectModel
+from gridslam.methods.slam_sd.objects.object_records import after_earlier_drives
+from gridslam.methods.slam_sd.objects.object_settings import ObjectSettings
+from gridslam.methods.slam_sd.objects.observations import RunObservations
+from gridslam.methods.slam_sd.objects.read_gating import ReadGate
+from gridslam.methods.slam_sd.objects.smoothing import (
+    episodes_of,
+    estimates_of_one_hinge,
+    passes_without_read,
+)
+from gridslam.methods.slam_sd.objects.tag_visits import OpenVisits, TagVisit
+from gridslam.methods.slam_sd.objects.visit_evidence import InventoryRound, KeyScanObservation
 
 Floats = NDArray[np.float64]
 
