@@ -32,7 +32,7 @@ DRAWING = InputKind(
     "drawing",
     reader="gridslam.maps.drawing:load_drawing",
     is_needed=True,
-    example="gridslam.simulation.scripted:scripted_drawing",
+    example="gridslam.simulation.driving.scripted:scripted_drawing",
 )
 SESSION = InputKind(
     "session",
@@ -108,7 +108,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
         "handmap-slam": MethodEntry(
             config="gridslam.methods.handmap_slam.config:HandmapSlamConfig",
             mapper="gridslam.methods.handmap_slam.method:HandmapSlam",
-            explorer="gridslam.methods.handmap_slam.mapping_explorer:MappingExplorer",
+            explorer="gridslam.methods.handmap_slam.driving.mapping_explorer:MappingExplorer",
             needs=("scan",),
             uses=("odom", "imu"),
             inputs=(DRAWING,),

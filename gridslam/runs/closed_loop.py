@@ -13,7 +13,7 @@ from typing import Literal, Protocol
 from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.methods.base import Method, RunResult
 from gridslam.runs.feed import Clock, Progress, Show, Stop
-from gridslam.simulation.contact import ContactWatch
+from gridslam.simulation.driving.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
 
 STEPS_PER_COMMAND = 10  # number of steps of 10 ms per command

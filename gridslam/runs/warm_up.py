@@ -24,7 +24,7 @@ from gridslam.planning.arcs_and_lines import plan_path
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.planning.options import PlanOptions
 from gridslam.runs.run_config import load_config
-from gridslam.simulation.scripted import Noise, scripted_drawing, scripted_log
+from gridslam.simulation.driving.scripted import Noise, scripted_drawing, scripted_log
 from gridslam.simulation.world_config import WorldConfig
 
 _logger = logging.getLogger("gridslam")

@@ -27,9 +27,9 @@ from gridslam.core.stamps import format_stamp
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import save_map
 from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.simulation.driving.robot_config import route_length_m
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.geometry import radians
-from gridslam.simulation.robot_config import route_length_m
-from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.shapes import Door
 from gridslam.simulation.simulator import Simulator

@@ -13,17 +13,17 @@ from typing import Protocol
 
 from gridslam.core.messages import Event, Odometry, Transform, canonical_yaw
 from gridslam.core.random import random_stream
-from gridslam.simulation.absolute_poses import AbsolutePoseSource
-from gridslam.simulation.camera_config import RgbdCamera, StereoCamera
-from gridslam.simulation.cameras import CameraSensor
-from gridslam.simulation.drive import STEP_NS, DrivenRobot
-from gridslam.simulation.encoders import BASE_FRAME, Encoders
-from gridslam.simulation.extrinsics import static_transform
-from gridslam.simulation.gyro import GyroSensor
-from gridslam.simulation.infrared import InfraredRangers
-from gridslam.simulation.lidar import LidarSensor
-from gridslam.simulation.rfid import RfidReader
+from gridslam.simulation.driving.drive import STEP_NS, DrivenRobot
 from gridslam.simulation.scene import Scene
+from gridslam.simulation.sensors.absolute_poses import AbsolutePoseSource
+from gridslam.simulation.sensors.camera_config import RgbdCamera, StereoCamera
+from gridslam.simulation.sensors.cameras import CameraSensor
+from gridslam.simulation.sensors.encoders import BASE_FRAME, Encoders
+from gridslam.simulation.sensors.extrinsics import static_transform
+from gridslam.simulation.sensors.gyro import GyroSensor
+from gridslam.simulation.sensors.infrared import InfraredRangers
+from gridslam.simulation.sensors.lidar import LidarSensor
+from gridslam.simulation.sensors.rfid import RfidReader
 from gridslam.simulation.world_config import WorldConfig
 
 MAP_FRAME = "map"

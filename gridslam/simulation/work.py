@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gridslam.core.errors import ConfigError
-from gridslam.simulation.camera_config import StereoCamera
-from gridslam.simulation.robot_config import route_length_m
+from gridslam.simulation.driving.robot_config import route_length_m
+from gridslam.simulation.sensors.camera_config import StereoCamera
 
 if TYPE_CHECKING:
     from gridslam.simulation.world_config import WorldConfig

@@ -16,10 +16,10 @@ from gridslam.config.overrides import apply_overrides, overridden_keys
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError
 from gridslam.core.stamps import NS_PER_S
-from gridslam.simulation.camera_config import RgbdCamera
+from gridslam.simulation.driving.robot_config import Robot
 from gridslam.simulation.places.build import with_place
-from gridslam.simulation.robot_config import Robot
-from gridslam.simulation.sensor_suite import Sensors
+from gridslam.simulation.sensors.camera_config import RgbdCamera
+from gridslam.simulation.sensors.sensor_suite import Sensors
 from gridslam.simulation.shapes import (
     Box,
     Cylinder,

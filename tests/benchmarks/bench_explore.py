@@ -17,9 +17,9 @@ from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
 from gridslam.maps.drawing import drawn_map, load_drawing
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.pathfinder import CostGrid, find_path, observed_costs
-from gridslam.methods.handmap_slam.plan_grid import plan_grid
-from gridslam.methods.handmap_slam.pursuit import Pursuit
+from gridslam.methods.handmap_slam.driving.pathfinder import CostGrid, find_path, observed_costs
+from gridslam.methods.handmap_slam.driving.plan_grid import plan_grid
+from gridslam.methods.handmap_slam.driving.pursuit import Pursuit
 from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints, ScanMemory
 from gridslam.planning.art_gallery import gallery_of, greedy_cover, scatter
 from gridslam.planning.dwa import DifferentialDrive, WheelSpeeds

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.evaluation.association import associate
+from gridslam.methods.ispace_mcl.cameras.fixed_cameras import FixedCameras
+from gridslam.methods.ispace_mcl.cameras.robot_passes import about
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.fixed_cameras import FixedCameras
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from gridslam.methods.ispace_mcl.robot_passes import about
 from tests.benchmarks.harness import Row, say
 from tests.benchmarks.ispace_corridors import world_of
 from tests.benchmarks.seen_corridor import SeenDrive, drive_through

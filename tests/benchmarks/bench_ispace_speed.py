@@ -19,15 +19,15 @@ from gridslam.filters.resampling import AdaptiveSize, resample
 from gridslam.kernels.threads import on_threads
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.methods.ispace_mcl.confidence import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
-from gridslam.methods.ispace_mcl.config import LidarWeightName
-from gridslam.methods.ispace_mcl.environment import (
+from gridslam.methods.ispace_mcl.cameras.environment import (
     CameraObservation,
     DensityWeight,
     DetectionWeight,
     moving_cells,
 )
-from gridslam.methods.ispace_mcl.relocalization import MAX_BEAMS, SEARCH, Relocalizer
+from gridslam.methods.ispace_mcl.confidence import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
+from gridslam.methods.ispace_mcl.config import LidarWeightName
+from gridslam.methods.ispace_mcl.search.relocalization import MAX_BEAMS, SEARCH, Relocalizer
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH, FixedCamera, FloorDetections

@@ -12,11 +12,11 @@ import numpy as np
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
 from gridslam.core.random import random_stream
-from gridslam.simulation.camera_config import RgbdCamera
-from gridslam.simulation.cameras import CameraSensor
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.geometry import radians
 from gridslam.simulation.record import record_world
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.sensors.camera_config import RgbdCamera
+from gridslam.simulation.sensors.cameras import CameraSensor
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import load_world
 from tests.benchmarks.harness import Row

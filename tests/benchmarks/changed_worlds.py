@@ -21,9 +21,9 @@ from gridslam.lidar_slam.sessions.session_file import read_session
 from gridslam.methods.base import RunResult
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
-from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import validate_world
 

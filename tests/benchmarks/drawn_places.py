@@ -25,7 +25,7 @@ from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.method import HandmapSlam
 from gridslam.planning.descent import Inflation, cell_costs, cost_to_go, descend_cost_to_go
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world

@@ -19,9 +19,9 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.method import IrScanLocalizer, IrScanMapper
-from gridslam.simulation.extrinsics import planar
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.scene import Scene
+from gridslam.simulation.sensors.extrinsics import planar
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig, load_world

@@ -19,8 +19,8 @@ from rosbags.typesys import get_types_from_msg
 from scipy.spatial.transform import Rotation
 
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.record import tum_line
-from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import validate_world

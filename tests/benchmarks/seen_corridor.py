@@ -18,7 +18,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.sensors.fixed_camera import FloorDetections
 from gridslam.sensors.floor_cells import FloorCells
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.truth_map import true_map
 from gridslam.simulation.world_config import WorldConfig

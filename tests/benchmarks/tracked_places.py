@@ -18,9 +18,9 @@ from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.logs import open_log
 from gridslam.motion.scan_poses import PlacedScan
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
-from gridslam.simulation.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import validate_world
 

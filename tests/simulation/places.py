@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gridslam.core.messages import Event
-from gridslam.simulation.route import drive_route
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, validate_world
 

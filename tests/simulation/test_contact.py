@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gridslam.simulation.contact import ContactWatch, surface_distance
+from gridslam.simulation.driving.contact import ContactWatch, surface_distance
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, validate_world
 

@@ -14,12 +14,12 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import LaserScan, Odometry
 from gridslam.core.random import random_stream
+from gridslam.simulation.driving.robot_config import route_length_m
+from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.places.build import place_document
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.corridors import corridors
 from gridslam.simulation.places.vehicle import drift_of
-from gridslam.simulation.robot_config import route_length_m
-from gridslam.simulation.route import drive_route
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, load_world, validate_world

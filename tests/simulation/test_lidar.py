@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import LaserScan
-from gridslam.simulation.drive import STEP_S
+from gridslam.simulation.driving.drive import STEP_S
 from gridslam.simulation.simulator import Simulator
 from tests.reference.segment_casting import cast_one
 from tests.simulation.places import EXACT_LIDAR, recorded, room

@@ -11,9 +11,9 @@ import pytest
 
 from gridslam.core.messages import AbsolutePose, Range, TagInventory
 from gridslam.core.random import random_stream
-from gridslam.simulation.infrared import read_ranges
 from gridslam.simulation.scene import Scene
-from gridslam.simulation.sensor_config import Infrared
+from gridslam.simulation.sensors.infrared import read_ranges
+from gridslam.simulation.sensors.sensor_config import Infrared
 from gridslam.simulation.simulator import Simulator
 from tests.simulation.places import driven, recorded, room
 

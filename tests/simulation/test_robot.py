@@ -11,8 +11,8 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Imu, Odometry, WheelTicks
 from gridslam.core.random import random_stream
-from gridslam.simulation.drive import STEP_S, DrivenRobot
-from gridslam.simulation.robot_config import Wheels
+from gridslam.simulation.driving.drive import STEP_S, DrivenRobot
+from gridslam.simulation.driving.robot_config import Wheels
 from gridslam.simulation.simulator import Simulator
 from tests.simulation.places import driven, recorded, room
 

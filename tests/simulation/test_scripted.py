@@ -4,7 +4,7 @@ import numpy as np
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan, Odometry, Range
-from gridslam.simulation.scripted import LASER_X_M, Noise, ranges_from, scripted_log, true_path, walls
+from gridslam.simulation.driving.scripted import LASER_X_M, Noise, ranges_from, scripted_log, true_path, walls
 
 
 def test_ranges_are_the_distances_to_the_walls_ahead() -> None:

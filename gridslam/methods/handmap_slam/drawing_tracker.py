@@ -14,6 +14,7 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.matching.lines import LineSegments, ransac_lines
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
+from gridslam.methods.handmap_slam.driving.visited_poses import VisitedPose, VisitedPoses
 from gridslam.methods.handmap_slam.line_observation import (
     LineObserver,
     ObservedLine,
@@ -22,7 +23,6 @@ from gridslam.methods.handmap_slam.line_observation import (
 )
 from gridslam.methods.handmap_slam.localizer import DrawingBelief, DrawingLocalizer
 from gridslam.methods.handmap_slam.place_localizer import PlaceLocalizer
-from gridslam.methods.handmap_slam.visited_poses import VisitedPose, VisitedPoses
 
 Floats = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from gridslam.core.messages import LaserScan
 from gridslam.kernels.scan_points import RangeLimits, scan_to_points
 from gridslam.kernels.visibility import pass_beams
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.plan_grid import PlanGrid
+from gridslam.methods.handmap_slam.driving.plan_grid import PlanGrid
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 
 Floats = NDArray[np.float64]

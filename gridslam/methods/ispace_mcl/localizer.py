@@ -19,6 +19,12 @@ from gridslam.filters.resampling import (
     resample_strata,
 )
 from gridslam.maps.occupancy import OccupancyGrid
+from gridslam.methods.ispace_mcl.cameras.environment import (
+    CameraObservation,
+    DensityWeight,
+    DetectionWeight,
+    all_moving,
+)
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
@@ -29,16 +35,10 @@ from gridslam.methods.ispace_mcl.confidence import (
 )
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.continuity import BROKEN_OVERLAP
-from gridslam.methods.ispace_mcl.environment import (
-    CameraObservation,
-    DensityWeight,
-    DetectionWeight,
-    all_moving,
-)
-from gridslam.methods.ispace_mcl.initial_particles import initial_particles
 from gridslam.methods.ispace_mcl.lasting_walls import lasting_walls
-from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer, TrackedPose
-from gridslam.methods.ispace_mcl.search_schedule import SearchSchedule
+from gridslam.methods.ispace_mcl.search.initial_particles import initial_particles
+from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, Relocalizer, TrackedPose
+from gridslam.methods.ispace_mcl.search.search_schedule import SearchSchedule
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.methods.ispace_mcl.window import ScanWindow
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion

@@ -19,18 +19,18 @@ from gridslam.lidar_slam.odometry_noise import JUMP_TOLERANCE_M, JUMP_TOLERANCE_
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Doubt, Estimate, Picture, RunResult
-from gridslam.methods.ispace_mcl.confidence import FilterUpdate
-from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.doubt import doubt_of
-from gridslam.methods.ispace_mcl.fixed_cameras import (
+from gridslam.methods.ispace_mcl.cameras.fixed_cameras import (
     DENSITY_MAX_AGE_S,
     MAX_AGE_S,
     FixedCameras,
     detection_parameters,
 )
+from gridslam.methods.ispace_mcl.cameras.onboard_depth import MAX_DEPTH_M, OnboardDepth
+from gridslam.methods.ispace_mcl.cameras.pictures import coverage_picture
+from gridslam.methods.ispace_mcl.confidence import FilterUpdate
+from gridslam.methods.ispace_mcl.config import IspaceMclConfig
+from gridslam.methods.ispace_mcl.doubt import doubt_of
 from gridslam.methods.ispace_mcl.localizer import Localizer
-from gridslam.methods.ispace_mcl.onboard_depth import MAX_DEPTH_M, OnboardDepth
-from gridslam.methods.ispace_mcl.pictures import coverage_picture
 from gridslam.methods.ispace_mcl.record import LocalizationHistory
 from gridslam.motion.odometry_limits import OdometryLimits
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses

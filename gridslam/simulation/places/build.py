@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from gridslam.config.base import StrictModel
 from gridslam.config.errors import config_error
 from gridslam.core.random import random_stream
+from gridslam.simulation.driving.robot_config import Robot
 from gridslam.simulation.places.campus import campus
 from gridslam.simulation.places.config import Kind, Place
 from gridslam.simulation.places.corridors import corridors
@@ -19,7 +20,6 @@ from gridslam.simulation.places.layout import Layout, rotation
 from gridslam.simulation.places.office import office
 from gridslam.simulation.places.travel import travel
 from gridslam.simulation.places.vehicle import sensors, wheels
-from gridslam.simulation.robot_config import Robot
 from gridslam.simulation.shapes import Person, Wall
 
 Document = dict[str, Any]

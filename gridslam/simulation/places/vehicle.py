@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gridslam.core.arrays import cumulative_distance
+from gridslam.simulation.driving.robot_config import GripLosses, Wheels
 from gridslam.simulation.places.config import Kind
 from gridslam.simulation.places.layout import XY
-from gridslam.simulation.robot_config import GripLosses, Wheels
-from gridslam.simulation.sensor_config import Lidar, SensorExtrinsics, WheelOdometry
-from gridslam.simulation.sensor_suite import Sensors
+from gridslam.simulation.sensors.sensor_config import Lidar, SensorExtrinsics, WheelOdometry
+from gridslam.simulation.sensors.sensor_suite import Sensors
 
 
 class Scanner(NamedTuple):

@@ -15,7 +15,7 @@ from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.method import HandmapSlam
-from gridslam.simulation.scripted import scripted_drawing, scripted_log
+from gridslam.simulation.driving.scripted import scripted_drawing, scripted_log
 
 MARGIN_M = 1.0
 START = (3.0, 2.5, 0.0)  # of the scripted robot in the drawing at scale 1

@@ -14,10 +14,10 @@ from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.base import Estimate
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.exploration_report import exploration_measures, tour_table
-from gridslam.methods.handmap_slam.explorer import Explorer
+from gridslam.methods.handmap_slam.driving.exploration_report import exploration_measures, tour_table
+from gridslam.methods.handmap_slam.driving.explorer import Explorer
 from gridslam.runs.explore import drive_of
-from gridslam.simulation.contact import ContactWatch
+from gridslam.simulation.driving.contact import ContactWatch
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import WorldConfig, validate_world
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.methods.handmap_slam.config import ExplorationConfig
-from gridslam.methods.handmap_slam.frontier_tour import FrontierTour
-from gridslam.methods.handmap_slam.observed_grid import frontier_cells, frontier_gallery
+from gridslam.methods.handmap_slam.driving.frontier_tour import FrontierTour
+from gridslam.methods.handmap_slam.driving.observed_grid import frontier_cells, frontier_gallery
 from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints
 
 

@@ -9,8 +9,8 @@ from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.pathfinder import CostGrid, FoundPath, find_path, observed_costs
-from gridslam.methods.handmap_slam.plan_grid import PlanGrid, plan_grid
+from gridslam.methods.handmap_slam.driving.pathfinder import CostGrid, FoundPath, find_path, observed_costs
+from gridslam.methods.handmap_slam.driving.plan_grid import PlanGrid, plan_grid
 from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints, ScanMemory, beam_endpoints
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 

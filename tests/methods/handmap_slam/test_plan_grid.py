@@ -8,7 +8,7 @@ import pytest
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
-from gridslam.methods.handmap_slam.plan_grid import plan_grid
+from gridslam.methods.handmap_slam.driving.plan_grid import plan_grid
 
 
 def drawn(rows: int = 40, cols: int = 60) -> DrawnMap:

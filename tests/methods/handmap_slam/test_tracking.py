@@ -13,10 +13,10 @@ from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
+from gridslam.methods.handmap_slam.driving.visited_poses import VisitedPose, VisitedPoses
 from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from gridslam.methods.handmap_slam.line_observation import LineObserver
 from gridslam.methods.handmap_slam.localizer import DrawingLocalizer
-from gridslam.methods.handmap_slam.visited_poses import VisitedPose, VisitedPoses
 
 SEMI_AXES_M = (6.0, 4.0)
 CENTRE_M = (8.0, 6.0)

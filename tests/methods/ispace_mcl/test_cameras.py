@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import CameraInfo, DepthImage, Image, Transform, readonly
-from gridslam.methods.ispace_mcl.fixed_cameras import FixedCameras
+from gridslam.methods.ispace_mcl.cameras.fixed_cameras import FixedCameras
 from gridslam.sensors.fixed_camera import COLOUR_AND_DEPTH
 from gridslam.sensors.floor_cells import FloorCells
 

@@ -10,7 +10,7 @@ import pytest
 
 from gridslam.filters.particles import Particles
 from gridslam.maps.occupancy import GridGeometry
-from gridslam.methods.ispace_mcl.environment import (
+from gridslam.methods.ispace_mcl.cameras.environment import (
     CameraObservation,
     DensityWeight,
     DetectionLikelihood,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from gridslam.methods.ispace_mcl.pictures import FloorCounts
+from gridslam.methods.ispace_mcl.cameras.pictures import FloorCounts
 from gridslam.sensors.floor_cells import FloorCells
 
 
@@ -12,7 +12,7 @@ from gridslam.sensors.floor_cells import FloorCells
 def test_floor_cells_are_counted_on_the_map_cells_about_their_centres(
     resolution_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gridslam.methods.ispace_mcl.pictures.CELLS_AT_ONCE", 60)
+    monkeypatch.setattr("gridslam.methods.ispace_mcl.cameras.pictures.CELLS_AT_ONCE", 60)
     rng = np.random.default_rng(0)
     grid = OccupancyGrid(np.zeros((29, 23), np.float32), GridGeometry(resolution_m, (-0.3, 0.2), 0.3))
     cells = FloorCells(rng.integers(-8, 12, (200, 2)), 0.1)

@@ -8,17 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core import poses as se2
+from gridslam.methods.ispace_mcl.cameras.environment import CameraObservation
 from gridslam.methods.ispace_mcl.continuity import overlap_of
-from gridslam.methods.ispace_mcl.environment import CameraObservation
-from gridslam.methods.ispace_mcl.hypothesis_scores import (
+from gridslam.methods.ispace_mcl.search.hypothesis_scores import (
     BROKEN_LOG_ODDS,
     KIDNAPPING_LOG_ODDS,
     kidnapping_log_odds,
     with_filter,
     with_kidnapping,
 )
-from gridslam.methods.ispace_mcl.relocalization import SEARCH, Relocalizer
-from gridslam.methods.ispace_mcl.search_schedule import SearchSchedule
+from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, Relocalizer
+from gridslam.methods.ispace_mcl.search.search_schedule import SearchSchedule
 from gridslam.methods.ispace_mcl.window import PastScan, ScanWindow, matched_step
 from gridslam.sensors.floor_cells import FloorCells
 from gridslam.sensors.likelihood_field import distance_field

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.methods.ispace_mcl.robot_passes import RobotPasses, about
+from gridslam.methods.ispace_mcl.cameras.robot_passes import RobotPasses, about
 
 PLACE = np.array([2.0, 1.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.methods.ispace_mcl.tracks import MAX_FRAMES, MovingObjectTracker, objects_of
+from gridslam.methods.ispace_mcl.cameras.tracks import MAX_FRAMES, MovingObjectTracker, objects_of
 from gridslam.sensors.floor_cells import FloorCells
 
 S = 10**9

@@ -1,0 +1,1 @@
+"""Closed loop: where to observe from, in which order, and how to drive there."""

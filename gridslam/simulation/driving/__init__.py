@@ -1,0 +1,1 @@
+"""The simulated robot: its wheels, its driver and its route."""
