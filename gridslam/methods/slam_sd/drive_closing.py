@@ -67,7 +67,7 @@ class DriveClosing:
         return ClosedDrive(poses, closed.loops, session, continued, {"pose_graph": measures})
 
     def assessed(self, drive: ClosedDrive) -> MapConsistency:
-        """How consistent the map of this drive is, or that of all drives of its session."""
+        """Consistency of the map of this drive, or of that of all drives of its session."""
         with self.stopwatch.stage("map_consistency"):
             if drive.continued is not None:
                 return assess_map(*scans_to_compare(drive.continued.session), self._drift)

@@ -24,7 +24,10 @@ Bools = NDArray[np.bool_]
 
 
 class ObjectLayer(Protocol):
-    """The objects of a run, as slam-sd uses them."""
+    """The objects of a run, as slam-sd uses them.
+
+    A `path` `(k, 3)` holds the poses of all key scans in the map frame.
+    """
 
     @property
     def counters(self) -> Counter[str]:
@@ -47,7 +50,10 @@ class ObjectLayer(Protocol):
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """Compute the antennas' poses of the waiting rounds up to the last scan."""
+        """Compute the antennas' poses of the waiting rounds up to the last scan.
+
+        `stamps_ns` and `track` `(3,)` each are the last scans' stamps and poses in the front end's frame.
+        """
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
         """Take in one key scan at a pose (3,) of the front end's frame; `path` `(k, 3)` is the best particle's so far."""
@@ -59,24 +65,24 @@ class ObjectLayer(Protocol):
         """Process what waits at the end of the log; `path` `(k, 3)` are the poses of the key scans."""
 
     def update_history(self, path: Floats) -> None:
-        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+        """Repeat the decision which objects were moved, with better poses `(k, 3)` of the key scans."""
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """Pose graph edges between key scans from which an object was found at the same place."""
+        """Pose graph edges between key scans from which an object was found at the same place; `path` `(k, 3)`."""
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on objects."""
+        """Key scan `key` without the endpoints on objects."""
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects."""
+        """All key scans without the endpoints on objects; `path` `(k, 3)`."""
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects that have been moved."""
+        """All key scans without the endpoints on objects that have been moved; `path` `(k, 3)`."""
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+        """Masks `(r,)` of the returns of each key scan that lie on an object; None if no object was found."""
 
     def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
         """Let the histories follow those of earlier drives; `path` `(k, 3)` are the poses of the key scans of all drives.
@@ -88,7 +94,7 @@ class ObjectLayer(Protocol):
         """The estimates of all objects for the session; those of earlier drives if this one has no tags."""
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
-        """Maps, tables and the picture of the objects; None if no object was found."""
+        """Maps, tables and the picture of the objects for a `path` `(k, 3)`; None if no object was found."""
 
 
 class NoObjects:
@@ -109,7 +115,7 @@ class NoObjects:
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """No round waits."""
+        """Do nothing: no round waits (see `ObjectLayer`)."""
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
         """The scan shows no tagged object."""
@@ -119,17 +125,17 @@ class NoObjects:
         return None
 
     def finish(self, path: Floats) -> None:
-        """Nothing waits."""
+        """Do nothing: no round waits (see `ObjectLayer`)."""
 
     def update_history(self, path: Floats) -> None:
-        """Nothing was found."""
+        """Do nothing: there are no objects (see `ObjectLayer`)."""
 
     def landmarks(self, path: Floats) -> Edges | None:
         """No edges: there are no objects."""
         return None
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """The scan itself."""
+        """The scan itself (see `ObjectLayer`)."""
         return scan
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
@@ -147,7 +153,7 @@ class NoObjects:
         return None
 
     def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
-        """There are no histories."""
+        """Do nothing: there are no histories (see `ObjectLayer`)."""
 
     def records(self, earlier: ObjectRecords) -> ObjectRecords:
         """Those of earlier drives."""

@@ -75,7 +75,7 @@ class TaggedObjects:
         track: Sequence[Floats],
         sensor_extrinsics: Mapping[str, LidarExtrinsics],
     ) -> None:
-        """Give the waiting rounds up to the last scan their antennas' poses, interpolated between scans."""
+        """Give the waiting rounds up to the last scan their antennas' poses, interpolated between scans (see `ObjectLayer`)."""
         due = [event for event in self._waiting if event.stamp_ns <= stamps_ns[-1]]
         self._waiting = [event for event in self._waiting if event.stamp_ns > stamps_ns[-1]]
         for event in due:
@@ -110,30 +110,30 @@ class TaggedObjects:
             self._tracker.finish(path)
 
     def update_history(self, path: Floats) -> None:
-        """Decide again which objects were moved, with better poses `(k, 3)` of the key scans."""
+        """Repeat the decision which objects were moved, with better poses `(k, 3)` of the key scans."""
         self._tracker.update_episodes(path)
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """Edges between the key scans from which an object was found at the same place."""
+        """Edges between key scans from which an object was found at the same place; `path` `(k, 3)`."""
         return landmark_edges(self.found, path) if self.found else None
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
-        """A key scan without the endpoints on tagged objects."""
+        """Key scan `key` without the endpoints on tagged objects."""
         return self._without(self.found, key, scan, path)
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on tagged objects."""
+        """All key scans without the endpoints on tagged objects; `path` `(k, 3)`."""
         return [self._without(self.found, key, scan, path) for key, scan in enumerate(scans)]
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """All key scans without the endpoints on objects that have been moved."""
+        """All key scans without the endpoints on objects that have been moved; `path` `(k, 3)`."""
         moved = [found for found in self.found if found.has_moved]
         return [self._without(moved, key, scan, path) for key, scan in enumerate(scans)]
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """Masks over the returns of each key scan that lie on an object; None if no object was found."""
+        """Masks `(r,)` of the returns of each key scan that lie on an object; None if no object was found."""
         found = self.found
         if not found:
             return None
