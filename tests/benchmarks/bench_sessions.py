@@ -113,6 +113,7 @@ def _changed_places() -> Iterator[Row]:
         yield Row(f"sessions.{kind}.recall", found / max(true, 1), "of changed cells")
         yield Row(f"sessions.{kind}.recall.worst", min(recalls), "of changed cells")
         yield Row(f"sessions.{kind}.static_lost", lost / max(static, 1), "of cells of static walls")
+        yield Row(f"sessions.{kind}.lost_piece", max(place.lost_piece_m for place in each), "m")
         yield Row(f"sessions.{kind}.unjoined", sum(place.unjoined for place in each), f"of {len(SEEDS)}")
         yield Row(
             f"sessions.{kind}.ape_ratio",
@@ -122,31 +123,35 @@ def _changed_places() -> Iterator[Row]:
 
 
 class Changed(NamedTuple):
-    """Cells reported rightly, reported, found, and changed, of static walls lost, and all; drives that were not joined; error of
-    the path by that of each drive alone."""
+    """Cells reported rightly, reported, found, and changed, of static walls lost, and all; the longest lost piece of a wall;
+    drives that were not joined; error of the path by that of each drive alone."""
 
     counts: Sequence[int]
+    lost_piece_m: float
     unjoined: int
     ape_ratio: float
 
 
 def _changed_place(kind: Kind, seed: int) -> Changed:
     drives = drives_of(kind, seed)
-    counts = np.zeros(6, np.int64)
+    counts, lost_piece_m = np.zeros(6, np.int64), 0.0
     for k in range(1, len(drives.results)):
-        counts += [*scores(drives, k), *static_walls(drives, k)]
+        *static, piece_m = static_walls(drives, k)
+        counts += [*scores(drives, k), *static]
+        lost_piece_m = max(lost_piece_m, piece_m)
     last = drives.results[-1]
     joint = [
         truth_to_map(last.trajectories[f"trajectory_{k + 1}"], t)[1] for k, t in enumerate(drives.truths)
     ]
     alone = [truth_to_map(r.trajectory, t)[1] for r, t in zip(drives.alone, drives.truths, strict=True)]
     unjoined = sum(not r.measures["session"]["is_joined"] for r in drives.results[1:])  # type: ignore[index]
-    right, reported, found, true, lost, static = counts.tolist()
+    right, reported, found, true, lost, standing = counts.tolist()
     say(
         f"{kind} {seed}: right {right} of {reported} reported, found {found} of {true} changed, static walls lost {lost} of "
-        f"{static}, not joined {unjoined}, APE {np.mean(joint):.3f} m, alone {np.mean(alone):.3f} m"
+        f"{standing}, at most {lost_piece_m:.2f} m of one, not joined {unjoined}, APE {np.mean(joint):.3f} m, "
+        f"alone {np.mean(alone):.3f} m"
     )
-    return Changed(counts.tolist(), unjoined, float(np.mean(joint) / np.mean(alone)))
+    return Changed(counts.tolist(), lost_piece_m, unjoined, float(np.mean(joint) / np.mean(alone)))
 
 
 def _tagged_corridor() -> Iterator[Row]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gridslam.core import poses as se2
@@ -40,7 +42,7 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
     """Reported cells that are right, and all; true cells that were reported, and all, of drive number k.
 
     A true cell lies on the contour of a changed piece, stands in the map of the drive that met it alone, and is free in that
-    of the other one alone.
+    of the other one alone. A cell is right also where a piece changed earlier, and no drive has seen that before this one.
     """
     result = drives.results[k]
     T_map_truth, _ = truth_to_map(result.trajectories[f"trajectory_{k + 1}"], drives.truths[k])
@@ -52,12 +54,13 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
     ):
         cells = layer.geometry.centres(np.argwhere(np.asarray(layer.values) == sign * (k + 1)))
         reported += len(cells)
+        contours = np.concatenate([np.zeros((0, 2)), *(contour_points(piece) for piece in pieces)])
+        at = se2.transform_points(T_map_truth, contours)
+        near = np.concatenate([at, se2.transform_points(T_map_truth, _changed_unseen(drives, k, sign))])
+        if len(cells) and len(near):
+            right += int((cKDTree(near).query(cells)[0] <= NEAR_M).sum())
         if not pieces:
             continue
-        contours = np.concatenate([contour_points(piece) for piece in pieces])
-        at = se2.transform_points(T_map_truth, contours)
-        if len(cells):
-            right += int((cKDTree(at).query(cells)[0] <= NEAR_M).sum())
         stands, was_free = _state(drives, with_piece, contours)[0], _state(drives, without, contours)[1]
         is_true = stands & was_free
         true += int(is_true.sum())
@@ -66,10 +69,24 @@ def scores(drives: Drives, k: int) -> tuple[int, int, int, int]:
     return right, reported, found, true
 
 
-def static_walls(drives: Drives, k: int) -> tuple[int, int]:
+def _changed_unseen(drives: Drives, k: int, sign: int) -> Floats:
+    """Points `(n, 2)` of pieces that appeared (1), or vanished (-1), before drive k, and that no drive since has seen so."""
+    changed, back = (drives.appeared, drives.vanished)[::sign]
+    points = [np.zeros((0, 2))]
+    for j in range(1, k):
+        later = [piece for each in back[j + 1 : k + 1] for piece in each]
+        lasting = [piece for piece in changed[j] if not any(np.array_equal(piece, other) for other in later)]
+        if lasting:
+            contours = np.concatenate([contour_points(piece) for piece in lasting])
+            states = [_state(drives, drive, contours)[0 if sign > 0 else 1] for drive in range(j, k)]
+            points.append(contours[~np.any(states, axis=0)])
+    return np.concatenate(points)
+
+
+def static_walls(drives: Drives, k: int) -> tuple[int, int, float]:
     """Points of static walls that drive k and the one before it have in their own maps: those lost in the joint map, and all.
 
-    A point is lost without an occupied cell within `NEAR_M`.
+    A point is lost without an occupied cell within `NEAR_M`. The third value is the length of the longest lost piece (m).
     """
     result = drives.results[k]
     assert result.occupancy is not None
@@ -78,7 +95,21 @@ def static_walls(drives: Drives, k: int) -> tuple[int, int]:
     occupied = np.argwhere(np.nan_to_num(result.occupancy.probability, nan=0.0) > OCCUPIED)
     walls = cKDTree(result.occupancy.geometry.centres(occupied))
     is_lost = walls.query(se2.transform_points(T_map_truth, drives.static[stands]))[0] > NEAR_M
-    return int(is_lost.sum()), int(stands.sum())
+    return int(is_lost.sum()), int(stands.sum()), longest_piece_m(drives.static[stands][is_lost])
+
+
+def longest_piece_m(points: Floats) -> float:
+    """The length of the longest piece of a wall among points `(n, 2)` about a cell apart."""
+    pairs = (
+        cKDTree(points).query_pairs(2.0 * CELL_M, output_type="ndarray")
+        if len(points)
+        else np.zeros((0, 2), int)
+    )
+    links = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(len(points), len(points)))
+    count, label = connected_components(links, directed=False)
+    return max(
+        (CELL_M + float(np.hypot(*np.ptp(points[label == c], axis=0))) for c in range(count)), default=0.0
+    )
 
 
 def _state(drives: Drives, k: int, points: Floats) -> tuple[Bools, Bools]:
