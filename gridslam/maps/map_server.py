@@ -84,21 +84,27 @@ def _cells_in(path: Path, meta: MapYaml, image: ImageLevels) -> NDArray[np.int8]
     """nav2's cell values of a map's image, with those of grey 205 unknown if it is a map saver's and its YAML makes them free.
 
     Map savers write 205 for unknown cells. With a free_thresh of 0.25, which old savers wrote beside it, or in scale mode, a
-    robot that must not enter unknown cells would drive out of the building.
+    robot that must not enter unknown cells would drive out of the building. Cells of grey 205 that are occupied get a warning.
     """
     _warn_about_unusual_values(path, meta, image)
     cells = cells_of_image(image, meta.mode, meta.occupied_thresh, meta.free_thresh, meta.negate)
-    is_read_as_free = meta.free_thresh >= 1.0 - PIXEL_UNKNOWN / 255 or meta.mode == "scale"
-    if meta.negate or meta.mode == "raw" or not is_read_as_free:
+    if meta.mode == "raw":
         return cells
-    is_free = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1]
-    is_free &= cells == 0
-    count = int(np.count_nonzero(is_free))
-    if not count:
-        return cells
+    is_grey = (image.levels == _level(PIXEL_UNKNOWN, image))[::-1] & ((cells == 0) | (cells == 100))
+    count = int(np.count_nonzero(is_grey))
     neighbours = [_level(PIXEL_UNKNOWN + step, image) for step in (-1, 1)]
     if count <= SPIKE_RATIO * sum(int(np.count_nonzero(image.levels == level)) for level in neighbours):
-        return cells  # a graded image, in which 205 is a grey value like any other
+        return cells  # a graded image, in which 205 is a grey value like any other, or no such cell
+    if meta.negate or (cells[is_grey] > 0).any():
+        logger.warning(
+            "%s: %d cells of grey 205, which map savers write for unknown, are not unknown with negate %d and occupied_thresh %g; "
+            "map savers write negate: 0 and occupied_thresh: 0.65",
+            path,
+            count,
+            meta.negate,
+            meta.occupied_thresh,
+        )
+        return cells
     logger.warning(
         "%s: %d cells of grey 205 are read as unknown, as map savers mean it, although mode %s with free_thresh %g makes them "
         "free; set mode: trinary and free_thresh: 0.196",
@@ -107,7 +113,7 @@ def _cells_in(path: Path, meta: MapYaml, image: ImageLevels) -> NDArray[np.int8]
         meta.mode,
         meta.free_thresh,
     )
-    cells[is_free] = UNKNOWN
+    cells[is_grey] = UNKNOWN
     return cells
 
 

@@ -289,6 +289,16 @@ def test_grey_205_of_a_map_saver_is_unknown_for_any_threshold(
     assert "2 cells of grey 205 are read as unknown" in caplog.text
 
 
+@pytest.mark.parametrize(("negate", "thresholds"), [(1, (0.65, 0.196)), (0, (0.0065, 0.00196))])
+def test_a_map_savers_unknown_cells_that_its_yaml_makes_occupied_get_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, negate: int, thresholds: tuple[float, float]
+) -> None:
+    pixels = Image.fromarray(np.array([[205, 205, 254, 0]], np.uint8))
+    with caplog.at_level(logging.WARNING):
+        load_map(write_map(tmp_path, pixels, negate=negate, thresholds=thresholds))
+    assert "2 cells of grey 205, which map savers write for unknown, are not unknown" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("occupied", "free", "says"),
     [
