@@ -23,6 +23,8 @@ from gridslam.evaluation.run_files import (
 from gridslam.evaluation.trajectory_formats import read_poses
 from gridslam.maps.map_server import load_map
 
+BAG_ENDINGS = (".mcap", ".db3", ".bag")
+
 
 def load_truth(
     path: Path | None,
@@ -55,6 +57,10 @@ def load_result(path: Path, truth: Truth, topic: str | None = None) -> Result:
 
     Raises InputError: there is no result, or one of its files is damaged.
     """
+    if topic is None and path.is_file() and path.suffix in BAG_ENDINGS:
+        raise InputError(
+            f"{path}: a log; name the topic of its poses with --topic (gridslam info lists the topics)"
+        )
     paths = Paths(trajectory=path) if topic is not None else run_paths(path)
     with_map = truth.occupancy is not None and paths.map_yaml is not None
     needs_trajectory = truth.trajectory is not None or truth.relations is not None

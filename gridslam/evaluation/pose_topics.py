@@ -13,10 +13,12 @@ from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import Transform
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.trajectory_formats import is_pose_line
 from gridslam.logs.codecs.transform import unusable_reason
 from gridslam.logs.config import LogConfig
 from gridslam.logs.log import Log
 from gridslam.logs.open import open_log
+from gridslam.logs.tum import lines_of
 
 ARROW = "->"
 Edge = tuple[str, str]  # parent, child
@@ -29,6 +31,10 @@ def read_topic(path: Path, topic: str, option: str = "--truth-topic") -> PoseSer
     LogError: the log is unreadable. InputError: no pose can be used.
     """
     name = f"{path.name} {topic}"
+    if is_trajectory_file(path):
+        raise ConfigError(
+            f"{option} {topic}: {path} is a trajectory file, which has no topics; leave the option out"
+        )
     if ARROW in topic:
         parent, _, child = (part.strip() for part in topic.partition(ARROW))
         trajectory = _tf_poses(path, parent, child, option)
@@ -42,6 +48,15 @@ def read_topic(path: Path, topic: str, option: str = "--truth-topic") -> PoseSer
     if not len(trajectory):
         raise InputError(f"{path}: no usable pose on {topic}")
     return PoseSeries.of(name, trajectory)
+
+
+def is_trajectory_file(path: Path) -> bool:
+    """Whether a file's first line is a pose of one of the formats of trajectories."""
+    try:
+        first = next(iter(lines_of(path, "")), None)
+    except InputError:  # no text
+        return False
+    return first is not None and is_pose_line(first[1])
 
 
 def _tf_poses(path: Path, parent: str, child: str, option: str) -> Trajectory:

@@ -77,6 +77,12 @@ def read_poses(path: Path) -> PoseSeries:
     return _timed(path, lines, len(words))
 
 
+def is_pose_line(words: list[str]) -> bool:
+    """Whether the fields of a line are the numbers of a pose."""
+    widths = (TUM_WORDS, PLANAR_WORDS, KITTI_WORDS)
+    return all(map(_is_number, words)) and (len(words) in widths or len(words) > EUROC_WORDS)
+
+
 def _timed(path: Path, lines: list[tuple[str, list[str]]], width: int) -> PoseSeries:
     """TUM or planar lines."""
     form = "t x y z qx qy qz qw" if width == TUM_WORDS else "t x y yaw"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gridslam.core.errors import ConfigError
@@ -37,7 +37,7 @@ def convert_log(
 ) -> Conversion:
     """Write the streams of a log, including the truth; `as_rosbag2`: to a rosbag2 folder.
 
-    Where `topics` are given, only their streams are written.     `start_s` and `end_s` count from the log's first stamp, both
+    Where `topics` are given, only their streams are written. `start_s` and `end_s` count from the log's first stamp, both
     included. Extrinsics are always written. Raises ConfigError for a topic that the log lacks, for a span that holds no
     message, and where the output exists; with `force` where it is no log of its format, or the log that is read.
     """
@@ -65,7 +65,8 @@ def convert_log(
     with open_writer(output, force, as_rosbag2) as writer:
         for kind, topic, event in log.events_by_stream(with_truth=True):
             if isinstance(event, Transform) and event.is_static:
-                writer.write(event)
+                # A recorder writes them again at the start of each part; with their old times a part would begin there.
+                writer.write(event if first is None else replace(event, stamp_ns=max(event.stamp_ns, first)))
                 continue
             if (kind, topic) not in names or (first is not None and event.stamp_ns < first):
                 continue

@@ -15,6 +15,8 @@ READABLE = (
     "a folder of KITTI odometry, EuRoC or TUM RGB-D, an MRPT rawlog, HDF5"
 )
 
+MAX_NAMED = 5  # largest number of logs of a folder that an error names
+
 
 def open_log(path: str | Path, config: LogConfig | None = None, kinds: Collection[str] | None = None) -> Log:
     """Open a log and index it: afterwards its streams, their counts and most damage are known.
@@ -49,6 +51,7 @@ def _source(path: Path, config: LogConfig) -> Source:
 
             if (dataset := open_dataset(path)) is not None:
                 return dataset
+            _refuse_folder_of_logs(path)
         return open_csv_folder(path, config)
     if not path.is_file():
         raise LogError(f"{path}: a pipe or a device; logs are read more than once: save it to a file first")
@@ -71,6 +74,18 @@ def _source(path: Path, config: LogConfig) -> Source:
 
         return open_hdf5(path, config)
     return _text_source(path, config)
+
+
+def _refuse_folder_of_logs(folder: Path) -> None:
+    """Raise LogError: the folder is no log itself, but holds some."""
+    from gridslam.logs.find import logs_inside
+
+    inside = logs_inside(folder)
+    if inside != [folder]:
+        names = ", ".join(path.name for path in inside[:MAX_NAMED]) + (
+            ", ..." if len(inside) > MAX_NAMED else ""
+        )
+        raise LogError(f"{folder}: a folder with {len(inside)} logs: {names}; name one of them")
 
 
 def _parts(folder: Path, config: LogConfig) -> Source | None:

@@ -97,8 +97,8 @@ def _cells_in(path: Path, meta: MapYaml, image: ImageLevels) -> NDArray[np.int8]
         return cells  # a graded image, in which 205 is a grey value like any other, or no such cell
     if meta.negate or (cells[is_grey] > 0).any():
         logger.warning(
-            "%s: %d cells of grey 205, which map savers write for unknown, are not unknown with negate %d and occupied_thresh %g; "
-            "map savers write negate: 0 and occupied_thresh: 0.65",
+            "%s: %d cells of grey 205, which map savers write for unknown, are not unknown with negate %d and occupied_thresh "
+            "%g; map savers write negate: 0 and occupied_thresh: 0.65",
             path,
             count,
             meta.negate,

@@ -163,7 +163,7 @@ def test_a_folder_that_holds_logs_is_told_to_name_one(
     sample_mcap(tmp_path / "tuesday.mcap")
     code, _, err = run(capsys, "info", tmp_path)
     assert code == 3
-    assert "it holds monday.mcap, tuesday.mcap: name one of them" in err
+    assert "a folder with 2 logs: monday.mcap, tuesday.mcap; name one of them" in err
 
 
 def test_a_pipe_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import AbsolutePose, Odometry, Transform, readonly
 from gridslam.core.poses import quaternion_of_yaw
+from gridslam.evaluation.document import Truth
+from gridslam.evaluation.from_files import load_result
 from gridslam.evaluation.pose_topics import read_topic
 from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.ros.encode import encode
@@ -85,3 +87,14 @@ def test_a_pair_of_frames_is_composed_along_the_tree(bag: Path, pair: str, expec
 def test_a_topic_that_is_not_there_is_an_error_with_those_that_are(bag: Path, topic: str, says: str) -> None:
     with pytest.raises(ConfigError, match=says):
         read_topic(bag, topic)
+
+
+def test_a_trajectory_file_has_no_topics_and_a_log_needs_one(bag: Path, tmp_path: Path) -> None:
+    trajectory = tmp_path / "poses.tum"
+    trajectory.write_text("1 0 0 0 0 0 0 1\n")
+    with pytest.raises(
+        ConfigError, match=r"--truth-topic /odom: .* is a trajectory file, which has no topics"
+    ):
+        read_topic(trajectory, "/odom")
+    with pytest.raises(InputError, match="a log; name the topic of its poses with --topic"):
+        load_result(bag, Truth())

@@ -10,6 +10,7 @@ import pytest
 from gridslam.core.errors import ConfigError, LogError
 from gridslam.logs import open_log
 from gridslam.logs.config import LogConfig
+from gridslam.logs.convert import convert_log
 from gridslam.logs.find import find_logs
 from gridslam.logs.write import write_log
 
@@ -77,3 +78,20 @@ def test_a_span_that_the_log_does_not_have_is_refused(small_log: Path) -> None:
 def test_a_name_that_is_too_long_is_refused_in_a_line() -> None:
     with pytest.raises(LogError, match="File name too long"):
         find_logs("x" * 5000)
+
+
+def test_a_folder_of_logs_is_no_log_and_the_error_names_them(folder: Path) -> None:
+    with pytest.raises(
+        LogError, match=r"a folder with 3 logs: monday.mcap, tuesday.mcap, wednesday; name one"
+    ):
+        open_log(folder)
+
+
+def test_a_recording_that_is_cut_and_converted_is_one_log_again(small_log: Path, tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    for number, (start_s, end_s) in enumerate([(None, 1.0), (1.0, 2.0), (2.0, None)]):
+        with open_log(small_log) as log:
+            convert_log(log, tmp_path / "parts" / f"drive_{number}.mcap", start_s=start_s, end_s=end_s)
+            whole = {event.stamp_ns for event in log.events()}
+    with open_log(tmp_path / "parts") as log:
+        assert {event.stamp_ns for event in log.events()} == whole

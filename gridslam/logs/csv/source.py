@@ -181,15 +181,5 @@ def _found_streams(folder: Path) -> list[CsvStream]:
     if not found:
         raise LogError(
             f"{folder}: no log: neither {LAYOUT_FILE} nor one of {', '.join(default_files())} is in it"
-            f"{_logs_inside(folder)}"
         )
     return list(found.values())
-
-
-def _logs_inside(folder: Path) -> str:
-    """A hint that names the logs in a folder, for somebody who gave the folder and meant one of them."""
-    names = sorted(file.name for file in folder.iterdir() if file.name.endswith(LOG_ENDINGS))
-    if not names:
-        return ""
-    more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
-    return f"; it holds {', '.join(names[:_MAX_NAMED])}{more}: name one of them"
