@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.numpy_files import npz_bytes, read_npz
+from gridslam.lidar_slam.sessions.session_file import DIGEST, with_digest
 from tests.fuzz.damage import changed
 from tests.fuzz.value_trees import ODD
 
@@ -60,6 +61,9 @@ def damaged_session(content: bytes, rng: random.Random) -> bytes:
     else:
         for name in rng.sample(list(arrays), rng.choice((1, 1, 2))):
             arrays[name] = _odd_array(arrays[name], rng)
+    if rng.random() < 0.9:  # or the digest alone would tell
+        arrays.pop(DIGEST, None)
+        arrays = dict(with_digest(arrays.items()))
     packed = npz_bytes(arrays.items())
     return _odd_archive(packed, rng) if rng.random() < 0.2 else packed
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.core.plain_files import read_plain_file
 from gridslam.core.stamps import END_NS
+from gridslam.core.texts import is_storable
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import packed, unpacked
 from gridslam.lidar_slam.sessions.drawn_file import MAX_CELLS as MAX_DRAWN_CELLS
@@ -36,7 +38,8 @@ from gridslam.lidar_slam.sessions.stored_scans import (
 Arrays = dict[str, NDArray[Any]]
 
 FILE_NAME = "session.npz"
-FORMAT, VERSION = "gridslam session", 3
+DIGEST = "digest"  # name of the array with the SHA-256 of all others
+FORMAT, VERSION = "gridslam session", 4
 MAX_FILE_BYTES = MAX_UNPACKED_BYTES = 1 << 28  # without the points, which are unpacked when they are needed
 MAX_POINT_BYTES = 1 << 29  # largest size of the unpacked points: some 100,000 key scans
 MAX_SCAN_POINTS = 100_000
@@ -86,7 +89,30 @@ EDGE_SCHEMA = {"source": ("<i8", 0), "target": ("<i8", 0), "motion": ("<f8", 3),
 
 def session_bytes(session: Session) -> bytes:
     """The content of session.npz; the same session gives the same bytes."""
-    return npz_bytes(_arrays(session), stored=("points",))
+    return npz_bytes(with_digest(_arrays(session)), stored=("points",))
+
+
+def with_digest(arrays: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The arrays by name, and at last the digest of their contents, by which a later change is noticed."""
+    digests = {}
+    for name, values in arrays:
+        digests[name] = _digest_of(values)
+        yield name, values
+    yield DIGEST, np.frombuffer(bytes.fromhex(_digest_of_all(digests)), np.uint8)
+
+
+def _digest_of(values: NDArray[Any]) -> str:
+    """The digest of an array: its type, shape and content."""
+    digest = hashlib.sha256(f"{values.dtype.str} {values.shape}".encode())
+    is_plain = values.dtype.kind in "biuf"  # which damaged files need not have
+    digest.update(
+        np.ascontiguousarray(values).reshape(-1).view(np.uint8).data if is_plain else values.tobytes()
+    )
+    return digest.hexdigest()
+
+
+def _digest_of_all(digests: dict[str, str]) -> str:
+    return hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
 
 
 def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
@@ -136,7 +162,8 @@ def read_session(content: bytes, name: str) -> Session:
     """The session of a file's content. Raises InputError, which names the file: damaged, or of another version."""
     try:
         arrays = read_npz(io.BytesIO(content), MAX_UNPACKED_BYTES)
-        head = _head(arrays.pop("head", None))
+        head = _head(arrays.get("head"))
+        _check_digest(arrays)
         _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **(DRAWN_SCHEMA if head["drawn"] else {})})
         if MIN_KEY_BYTES * len(arrays["key.pose"]) > len(content):
             raise ValueError(f"it claims to hold {len(arrays['key.pose'])} key scans in {len(content)} bytes")
@@ -147,6 +174,15 @@ def read_session(content: bytes, name: str) -> Session:
         raise InputError(
             f"{name}: not a session that can be continued: {error}; map its logs again"
         ) from None
+
+
+def _check_digest(arrays: Arrays) -> None:
+    """Raises ValueError: the arrays are not those that were written."""
+    stored = arrays.pop(DIGEST, np.zeros(0, np.uint8))
+    if stored.tobytes().hex() != _digest_of_all(
+        {name: _digest_of(values) for name, values in arrays.items()}
+    ):
+        raise ValueError("its content was changed after it was written")
 
 
 def _head(head: NDArray[np.generic] | None) -> dict[str, Any]:
@@ -165,10 +201,12 @@ def _head(head: NDArray[np.generic] | None) -> dict[str, Any]:
     if kind != FORMAT:
         raise ValueError("it is another kind of file")
     if version != VERSION:
-        raise ValueError(f"version {str(version)[:20]}, this program reads version {VERSION}")
+        raise ValueError(f"version {repr(version)[:20]}, this program reads version {VERSION}")
     for names in (logs, objects):
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise ValueError("its logs or objects have no names")
+        if not isinstance(names, list) or not all(
+            isinstance(name, str) and is_storable(name) for name in names
+        ):
+            raise ValueError("its logs or objects have no names that can be written")
     return {"logs": logs, "objects": objects, "drawn": drawn}
 
 

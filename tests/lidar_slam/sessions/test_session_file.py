@@ -15,7 +15,14 @@ from gridslam.graph.relative_covariance import packed
 from gridslam.lidar_slam.sessions import drawn_file, session_file
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
 from gridslam.lidar_slam.sessions.session import Session
-from gridslam.lidar_slam.sessions.session_file import read_session, session_bytes
+from gridslam.lidar_slam.sessions.session_file import (
+    DIGEST,
+    FORMAT,
+    VERSION,
+    read_session,
+    session_bytes,
+    with_digest,
+)
 from gridslam.lidar_slam.sessions.session_map import draw_session
 from gridslam.lidar_slam.sessions.stored_scans import POINT_UNIT_M
 from tests.lidar_slam.sessions.rings import LAP, drive_along, session_of
@@ -114,16 +121,30 @@ def test_estimates_of_objects_are_read_back(session: Session) -> None:
 
 
 def changed(session: Session, **arrays: object) -> bytes:
-    """The session's file with other values for some arrays; None leaves one out."""
+    """The session's file with other values for some arrays, and the right digest; None leaves one out."""
     content = {
         **read_npz(io.BytesIO(session_bytes(session)), 1 << 28),
         **{k.replace("__", "."): v for k, v in arrays.items()},
     }
-    return npz_bytes((name, np.asarray(values)) for name, values in content.items() if values is not None)
+    del content[DIGEST]
+    return npz_bytes(with_digest((name, np.asarray(v)) for name, v in content.items() if v is not None))
+
+
+def test_a_change_of_numbers_in_their_range_is_noticed(session: Session) -> None:
+    arrays = read_npz(io.BytesIO(session_bytes(session)), 1 << 28)
+    for name in ("key.pose", "scan.track", "visits.motion", "points", "drive.range_m"):
+        altered = {**arrays, name: arrays[name][::-1]}
+        if name == "drive.range_m":
+            altered[name] = arrays[name] + 0.5
+        with pytest.raises(InputError, match="its content was changed after it was written"):
+            read_session(npz_bytes(altered.items()), "session.npz")
+    reordered = npz_bytes(sorted(arrays.items()))
+    assert session_bytes(read_session(reordered, "session.npz")) == session_bytes(session)
 
 
 def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
     head = np.frombuffer(b'{"format": "gridslam session", "version": 99, "logs": ["a"]}', np.uint8)
+    half = f'{{"format": "{FORMAT}", "version": {VERSION}, "logs": ["\\ud800"], "objects": []}}'.encode()
     poses = session.poses.copy()
     poses[3, 0] = np.nan
     keys = session.drives[0].keys.copy()
@@ -131,6 +152,7 @@ def test_wrong_content_is_refused_with_its_reason(session: Session) -> None:
     edges = packed(session.constraints.visits.information)
     for content, reason in (
         (changed(session, head=head), "version 99"),
+        (changed(session, head=np.frombuffer(half, np.uint8)), "no names that can be written"),
         (changed(session, head=None), "no readable head"),
         (changed(session, head=np.ones(9, np.complex128)), "no readable head"),
         (changed(session, points=None), "points is missing"),
