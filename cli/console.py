@@ -14,11 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gridslam.core.texts import shortened
+
 if TYPE_CHECKING:
     from gridslam.runs.feed import Progress
 
 UPDATE_EVERY_S = 0.1
-MAX_LINE = 2000  # characters of a message
 
 
 @dataclass(slots=True)
@@ -75,14 +76,6 @@ def escaped(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
-
-
-def shortened(line: str) -> str:
-    """The line without its middle, where it is longer than a screen."""
-    if len(line) <= MAX_LINE:
-        return line
-    half = MAX_LINE // 2
-    return f"{line[:half]} ... {line[-half:]}"
 
 
 def emit(text: str) -> None:

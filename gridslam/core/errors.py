@@ -17,6 +17,8 @@ from __future__ import annotations
 import struct
 import zlib
 
+from gridslam.core.texts import shortened
+
 # What decoders of damaged pictures raise; a size in a damaged file can ask for any memory.
 PICTURE_DAMAGE = (
     OSError,
@@ -34,6 +36,10 @@ class GridslamError(Exception):
     """Base of all errors raised on purpose; `str(error)` is the one line that the user sees."""
 
     exit_code = 70
+
+    def __str__(self) -> str:
+        """The message, without its middle where names from a file make it longer than a screen."""
+        return shortened(super().__str__())
 
 
 class ConfigError(GridslamError):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 _INVISIBLE = re.compile(
     "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200b-\\u200f\\u2028-\\u202e\\u2060-\\u206f\\ufeff]"
 )
+MAX_LINE = 2000  # characters of a message for people
 
 
 def is_storable(text: str) -> bool:
@@ -51,3 +52,11 @@ def is_number(word: str | bytes) -> bool:
 def visible(text: str) -> str:
     """The text with escapes such as `\\u202e` in place of characters that would act on the reader's screen or hide."""
     return _INVISIBLE.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def shortened(line: str) -> str:
+    """The line without its middle, where it is longer than a screen."""
+    if len(line) <= MAX_LINE:
+        return line
+    half = MAX_LINE // 2
+    return f"{line[:half]} ... {line[-half:]}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any
@@ -115,10 +115,27 @@ def load_world(
     """
     path = _path_of(name_or_path)
     document = apply_overrides(read_yaml(path), overrides)
-    if seed is not None:
-        document["seed"] = seed
-    document = with_place(document, name_or_path, overridden_keys(overrides))
-    return validate_world(document, name_or_path, overrides), path
+    return _world_of(document, name_or_path, overrides, seed), path
+
+
+def load_worlds(
+    name_or_path: str, overrides: Sequence[str], seeds: Sequence[int]
+) -> Iterator[tuple[WorldConfig, Path]]:
+    """As `load_world` for each of the seeds; the file is read once, and checked again only where a place is made by the seed."""
+    path = _path_of(name_or_path)
+    document = apply_overrides(read_yaml(path), overrides)
+    world: WorldConfig | None = None
+    for seed in seeds:
+        if world is None or "place" in document:
+            world = _world_of(document, name_or_path, overrides, seed)
+        yield world.model_copy(update={"seed": seed}), path
+
+
+def _world_of(
+    document: dict[str, Any], source: str, overrides: Sequence[str], seed: int | None
+) -> WorldConfig:
+    given = document if seed is None else {**document, "seed": seed}
+    return validate_world(with_place(given, source, overridden_keys(overrides)), source, overrides)
 
 
 def validate_world(document: dict[str, Any], source: str, overrides: Sequence[str] = ()) -> WorldConfig:

@@ -19,7 +19,8 @@ from gridslam.logs.find import find_logs
 from gridslam.sweep.gates import SweepGate, parse_sweep_gate
 
 MAX_SEEDS = 100_000
-MAX_RUNS = 100_000  # planned before the first begins, in about a millisecond each
+# Planned before the first begins: a run takes about a millisecond of it, a world that is made by its seed some 60
+MAX_RUNS, MAX_SIMULATIONS = 100_000, 10_000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+=-]*(\.[A-Za-z0-9_+=-]+)*")
 
 Name = Annotated[str, Field(max_length=80, description="Also the name of a folder.")]
@@ -159,6 +160,11 @@ class SweepConfig(StrictModel):
         if runs > MAX_RUNS:
             raise ValueError(
                 f"logs x configs x overrides x seeds are {runs} runs; at most {MAX_RUNS} are made"
+            )
+        simulations = sum(entry.world is not None for entry in self.logs) * len(self.seeds)
+        if simulations > MAX_SIMULATIONS:
+            raise ValueError(
+                f"worlds x seeds are {simulations} simulations; at most {MAX_SIMULATIONS} are made"
             )
         for entry in self.logs:
             if self.command == "map" and entry.map is not None:

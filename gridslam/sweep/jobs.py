@@ -14,7 +14,7 @@ from gridslam.core.files import real_path
 from gridslam.methods import registry
 from gridslam.report.run_yaml import settings_of
 from gridslam.runs.run_config import load_config
-from gridslam.simulation.world_config import builtin_worlds, load_world
+from gridslam.simulation.world_config import builtin_worlds, load_worlds
 from gridslam.sweep.config import LogEntry, SweepConfig
 from gridslam.sweep.contents import Hashes, content_key, program_key
 
@@ -118,21 +118,22 @@ def _check_method(sweep: SweepConfig, name: str) -> bool:
 
 def simulations(sweep: SweepConfig, folder: Path, output: Path, hashes: Hashes) -> Iterator[SimulateJob]:
     """The simulation jobs. Raises ConfigError: a world is invalid."""
-    for entry, seed in product(sweep.logs, sweep.seeds):
+    for entry in sweep.logs:
         if entry.world is None:
             continue
         builtin = entry.world in builtin_worlds() and not (folder / entry.world).exists()
-        world, path = load_world(entry.world if builtin else str(folder / entry.world), entry.world_set, seed)
-        document = world.model_dump(mode="json")
-        plan = hashes.of(path.parent / world.plan.file) if world.plan else ""
-        yield SimulateJob(
-            label=f"{entry.label} seed {seed}",
-            key=content_key(program=program_key(), world=document, plan=plan),
-            program=program_key(),
-            world=document,
-            world_folder=real_path(path.parent),
-            directory=simulated(output, entry.label, seed),
-        )
+        name = entry.world if builtin else str(folder / entry.world)
+        for world, path in load_worlds(name, entry.world_set, sweep.seeds):
+            document = world.model_dump(mode="json")
+            plan = hashes.of(path.parent / world.plan.file) if world.plan else ""
+            yield SimulateJob(
+                label=f"{entry.label} seed {world.seed}",
+                key=content_key(program=program_key(), world=document, plan=plan),
+                program=program_key(),
+                world=document,
+                world_folder=real_path(path.parent),
+                directory=simulated(output, entry.label, world.seed),
+            )
 
 
 def simulated(output: Path, name: str, seed: int) -> Path:

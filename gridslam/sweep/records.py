@@ -13,12 +13,14 @@ from typing import Any
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import write_atomic
 from gridslam.core.plain_files import MAX_JSON_BYTES, read_plain_file
+from gridslam.core.texts import is_storable
 from gridslam.report.directory import is_run_directory
 from gridslam.report.document import json_bytes
 from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.jobs import RunJob, SimulateJob
 
 MARKER, FORMAT, VERSION = "sweep.json", "gridslam sweep", 1
+MAX_MEASURE = 1e150  # so that its square is a number
 
 
 @contextmanager
@@ -104,4 +106,15 @@ class Records:
             isinstance(document.get(k), kind)
             for k, kind in (("key", str), ("evaluation_key", str), ("measures", dict), ("cost", dict))
         )
-        return document if is_whole else {}
+        if not is_whole or not all(map(_is_measure, document["measures"].items())):
+            return {}
+        return document if all(map(_is_measure, document["cost"].items())) else {}
+
+
+def _is_measure(item: tuple[str, object]) -> bool:
+    """Whether a name and its value can be written to tables."""
+    name, value = item
+    is_number = isinstance(value, bool | int | float) and abs(value) <= MAX_MEASURE
+    return is_storable(name) and (
+        value is None or is_number or (isinstance(value, str) and is_storable(value))
+    )

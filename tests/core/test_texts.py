@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from gridslam.core.errors import LogError
 from gridslam.core.stamps import parse_stamp
 from gridslam.core.texts import is_number, parse_number, parse_numbers
 
@@ -28,3 +29,10 @@ def test_numbers_are_read_as_float_reads_them() -> None:
     assert parse_numbers([word.encode() for word in words]) == parse_numbers(words)
     assert math.isnan(parse_number("nan")) and math.isnan(parse_number(b"NaN"))
     assert parse_numbers([]) == []
+
+
+def test_an_error_that_repeats_a_long_name_keeps_its_beginning_and_its_end() -> None:
+    text = str(LogError(f"log.csv: no column {'a' * 100_000!r} where the ranges begin"))
+    assert len(text) < 2010
+    assert text.startswith("log.csv: no column 'aaa")
+    assert text.endswith("aaa' where the ranges begin")

@@ -51,6 +51,7 @@ def test_configs_are_named_by_their_files(tmp_path: Path) -> None:
         ({"seeds": "5..3"}, "expected FIRST..LAST"),
         ({"seeds": "0..999999999"}, "at most"),
         ({"seeds": "0..99999", "overrides": {"a": [], "b": []}}, "are 200000 runs; at most 100000"),
+        ({"seeds": "0..10000", "logs": [{"world": "office"}]}, "are 10001 simulations; at most 10000"),
         ({"seeds": [1, 1]}, "seed '1' is given twice"),
         ({"seeds": []}, "seeds"),
         ({"logs": []}, "logs"),

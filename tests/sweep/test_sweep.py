@@ -222,6 +222,16 @@ def test_a_damaged_record_means_that_the_run_is_made_again(bench: Bench, text: s
     assert bench.ran == ["room plain default seed 0"]
 
 
+@pytest.mark.parametrize("value", [[1], 10**400, "\ud800"])
+def test_a_record_of_what_no_table_holds_is_none(bench: Bench, value: object) -> None:
+    bench.run(seeds=0)
+    record = bench.output / "records/runs/room/plain/default/seed-0.json"
+    document = json.loads(record.read_text())
+    record.write_text(json.dumps({**document, "measures": {**document["measures"], "a": value}}))
+    bench.run(seeds=0)
+    assert bench.ran == ["room plain default seed 0"]
+
+
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write everywhere")
 def test_a_folder_that_cannot_be_written_is_told(bench: Bench) -> None:
     bench.folder.chmod(0o500)
