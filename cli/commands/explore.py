@@ -30,7 +30,8 @@ ExploringConfig = Annotated[
     ),
 ]
 DrawingFile = Annotated[
-    Path, typer.Option("--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place.")
+    Path | None,
+    typer.Option("--drawing", metavar="PNG", readable=False, help="A hand-drawn map of the place."),
 ]
 StartInDrawing = Annotated[
     str | None,
@@ -65,8 +66,8 @@ MaxDuration = Annotated[
 
 def run(
     world: WorldName,
-    drawing: DrawingFile,
     output: Output,
+    drawing: DrawingFile = None,
     config: ExploringConfig = EXPLORING[0],  # the config of the method's own name
     start_in_drawing: StartInDrawing = None,
     further: Inputs = None,

@@ -107,7 +107,7 @@ def grid_extent(
     cols, rows = (int(v) for v in hi - lo)
     if bytes_per_cell * rows * cols > memory_limit_mb * 1e6:
         raise MethodError(
-            f"the map would have {cols} x {rows} cells, more than method.memory_limit_mb = {memory_limit_mb:g} holds: "
+            f"the map would have {cols} x {rows} cells, more than memory_limit_mb = {memory_limit_mb:g} holds: "
             "the trajectory is wrong, or raise the limit, or coarsen method.map.resolution_m"
         )
     return lo, rows, cols

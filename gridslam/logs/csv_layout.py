@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from gridslam.config.base import StrictModel
 from gridslam.core.stamps import END_S, NS_PER_S
-from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES
+from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, UNITS_OF
 
 if TYPE_CHECKING:
     CsvKind: TypeAlias = str
@@ -30,19 +30,6 @@ Unit: TypeAlias = Literal[
     "rad/s",
     "deg/s",
 ]
-
-
-_LENGTHS = frozenset({"m", "cm", "mm"})
-_ANGLES = frozenset({"rad", "deg", "rad_clockwise", "deg_clockwise"})
-_TIMES = frozenset({"s", "ms", "us", "ns"})
-UNITS_OF: dict[str, frozenset[str]] = {
-    **dict.fromkeys(("stamp", "time_increment"), _TIMES),
-    **dict.fromkeys(("x", "y", "z", "r", "range", "range_min", "range_max", "baseline"), _LENGTHS),
-    **dict.fromkeys(("yaw", "bearing", "angle_min", "angle_increment", "left", "right"), _ANGLES),
-    "vx": _LENGTHS | {"m/s"},  # a length or an angle stands for one per second
-    "wz": _ANGLES | {"rad/s", "deg/s"},
-}
-"""The units that a column may have; columns that are missing here have none."""
 
 
 class FrameExtrinsics(StrictModel):

@@ -6,6 +6,7 @@ A new kind takes three files: its class in `core/messages.py`, its codec in `log
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 from gridslam.core.messages import (
@@ -40,16 +41,35 @@ from gridslam.logs.codecs import (
     transform,
     wheels,
 )
-from gridslam.logs.message_kind import CsvTableKind, FromFoxglove, FromRos, MessageKind
+from gridslam.logs.message_kind import (
+    ANGLES,
+    LENGTHS,
+    RATES,
+    SPEEDS,
+    TIMES,
+    CsvTableKind,
+    FromFoxglove,
+    FromRos,
+    MessageKind,
+    RowGroups,
+)
 from gridslam.logs.skips import SkipReason
 
 TRUTH_TOPIC = "/ground_truth"
 _POSE = ("x", "y", "yaw")
+_UNITS_OF_POSE = {"x": LENGTHS, "y": LENGTHS, "yaw": ANGLES}
 _QUATERNION = ("qw", "qx", "qy", "qz")
-_COVARIANCE = ("var_x", "var_y", "var_yaw")
 _MATRICES = (*(f"k{i}" for i in range(9)), *(f"p{i}" for i in range(12)))
 _ROTATION = tuple(f"r{i}" for i in range(9))
 _DISTORTION = tuple(f"d{i}" for i in range(camera_info.DISTORTION_COLUMNS))
+_ODOMETRY_TABLE = CsvTableKind(
+    odometry.from_csv,
+    odometry.to_csv,
+    required=_POSE,
+    optional=("vx", "wz", "frame", "child_frame"),
+    default_frame="odom",
+    units={**_UNITS_OF_POSE, "vx": SPEEDS, "wz": RATES},
+)
 
 # In order of precedence: at equal stamps, what a scan needs comes before it.
 _KINDS = (
@@ -64,7 +84,11 @@ _KINDS = (
             transform.to_csv,
             required=("parent", "child", "x", "y", "z", *_QUATERNION),
             default_frame="tf",
+            texts=("parent", "child"),
+            units=dict.fromkeys(("x", "y", "z"), LENGTHS),
+            frame_column="",
             rows_name_frames=True,
+            apart_by=("frame_id", "child_frame_id"),
         ),
         unusable_reason=transform.unusable_reason,
         is_named_by_camera=True,
@@ -81,6 +105,9 @@ _KINDS = (
             required=("camera", "width", "height", *_MATRICES),
             optional=(*_DISTORTION, *_ROTATION, "model", "d_rest", "frame"),
             default_frame="camera_info",
+            texts=("camera", "model"),
+            lists=("d_rest",),
+            naming_column="camera",
             rows_name_frames=True,
         ),
         unusable_reason=camera_info.unusable_reason,
@@ -91,16 +118,13 @@ _KINDS = (
         "odom",
         Odometry,
         ros={"nav_msgs/msg/Odometry": odometry.from_ros},
+        shared_foxglove={"foxglove.PoseInFrame": odometry.from_foxglove},
+        claims=odometry.is_odometry,
         to_ros=odometry.to_ros,
-        csv=CsvTableKind(
-            odometry.from_csv,
-            odometry.to_csv,
-            required=_POSE,
-            optional=("vx", "wz", "frame", "child_frame"),
-            default_frame="odom",
-        ),
+        csv=_ODOMETRY_TABLE,
         unusable_reason=odometry.unusable_reason,
-        is_single=True,
+        several="one",
+        may_be_truth=True,
     ),
     MessageKind(
         "imu",
@@ -113,9 +137,10 @@ _KINDS = (
             required=("wz",),
             optional=("wx", "wy", *_QUATERNION, "ax", "ay", "az", "frame"),
             default_frame="imu",
+            units={"wz": RATES},
         ),
         unusable_reason=imu.unusable_reason,
-        is_single=True,
+        several="densest",
         is_sensor=True,
     ),
     MessageKind(
@@ -129,9 +154,10 @@ _KINDS = (
             required=("left", "right"),
             optional=("frame",),
             default_frame="base_link",
+            units=dict.fromkeys(("left", "right"), ANGLES),
         ),
         unusable_reason=wheels.unusable_reason,
-        is_single=True,
+        several="one",
     ),
     MessageKind(
         "pose",
@@ -144,14 +170,17 @@ _KINDS = (
             required=(*_POSE, "var_x", "var_y", "var_yaw"),
             optional=("cov_xy", "cov_xyaw", "cov_yyaw", "frame"),
             default_frame="map",
+            units=_UNITS_OF_POSE,
         ),
         unusable_reason=pose.unusable_reason,
-        is_single=True,
+        several="one",
+        may_be_truth=True,
     ),
     MessageKind(
         "tags",
         TagInventory,
         ros={"gridslam_msgs/msg/TagInventory": tags.from_ros},
+        definitions={"gridslam_msgs/msg/TagInventory": tags.DEFINITION},
         to_ros=tags.to_ros,
         csv=CsvTableKind(
             tags.from_csv,
@@ -159,7 +188,10 @@ _KINDS = (
             required=("antenna", "tag_id", "rssi"),
             optional=("frame",),
             default_frame="tags",
+            texts=("antenna", "tag_id"),
+            naming_column="antenna",
             rows_name_frames=True,
+            groups=RowGroups(by="antenna", item="tag_id"),
         ),
         unusable_reason=tags.unusable_reason,
         is_sensor=True,
@@ -174,6 +206,8 @@ _KINDS = (
             ranger.to_csv,
             required=("sensor", "bearing", "range", "range_min", "range_max"),
             default_frame="range",
+            texts=("sensor",),
+            units={"bearing": ANGLES, **dict.fromkeys(("range", "range_min", "range_max"), LENGTHS)},
             frame_column="sensor",
             rows_name_frames=True,
         ),
@@ -195,10 +229,15 @@ _KINDS = (
             required=("angle_min", "angle_increment", "range_min", "range_max"),
             optional=("time_increment", "frame"),
             default_frame="laser",
+            units={
+                "time_increment": TIMES,
+                **dict.fromkeys(("angle_min", "angle_increment"), ANGLES),
+                **dict.fromkeys(("r", "range_min", "range_max"), LENGTHS),
+            },
             has_ranges=True,
         ),
         unusable_reason=scan.unusable_reason,
-        is_single=True,
+        several="of_own_frames",
         is_sensor=True,
     ),
     MessageKind(
@@ -213,7 +252,13 @@ _KINDS = (
         unusable_reason=cloud.unusable_reason,
         is_sensor=True,
     ),
-    MessageKind("stereo", StereoPair, to_ros=image.stereo_to_ros, is_sensor=True),
+    MessageKind(
+        "stereo",
+        StereoPair,
+        to_ros=image.stereo_to_ros,
+        csv_parts=image.stereo_to_images,
+        is_sensor=True,
+    ),
     MessageKind(
         "disparity",
         Disparity,
@@ -225,6 +270,9 @@ _KINDS = (
             required=("camera", "file", "focal", "baseline"),
             optional=("frame",),
             default_frame="disparity",
+            texts=("camera", "file"),
+            units={"baseline": LENGTHS},
+            naming_column="camera",
             rows_name_frames=True,
             has_pictures=True,
         ),
@@ -235,6 +283,12 @@ _KINDS = (
     MessageKind(
         "depth",
         DepthImage,
+        shared_ros={
+            "sensor_msgs/msg/Image": depth.from_ros,
+            "sensor_msgs/msg/CompressedImage": depth.from_compressed,
+        },
+        shared_foxglove={"foxglove.RawImage": depth.from_foxglove},
+        claims=depth.is_depth,
         to_ros=depth.to_ros,
         csv=CsvTableKind(
             depth.from_csv,
@@ -242,6 +296,8 @@ _KINDS = (
             required=("camera", "file"),
             optional=("frame",),
             default_frame="depth",
+            texts=("camera", "file"),
+            naming_column="camera",
             rows_name_frames=True,
             has_pictures=True,
         ),
@@ -266,6 +322,8 @@ _KINDS = (
             required=("camera", "file"),
             optional=("raw", "frame"),
             default_frame="image",
+            texts=("camera", "file"),
+            naming_column="camera",
             rows_name_frames=True,
             has_pictures=True,
         ),
@@ -274,20 +332,16 @@ _KINDS = (
     ),
     MessageKind(
         "truth",
-        csv=CsvTableKind(
-            odometry.from_csv,
-            odometry.to_csv,
-            required=_POSE,
-            optional=("vx", "wz", "frame", "child_frame"),
-            default_frame="map",
-        ),
+        csv=replace(_ODOMETRY_TABLE, default_frame="map"),
         unusable_reason=odometry.unusable_reason,
+        may_be_truth=True,
         is_event=False,
     ),
     MessageKind(
         "pose_stamped",
         ros={"geometry_msgs/msg/PoseStamped": odometry.from_pose_stamped},
         foxglove={"foxglove.PoseInFrame": odometry.from_foxglove},
+        may_be_truth=True,
         is_event=False,
     ),
     MessageKind("joints", is_event=False),
@@ -300,7 +354,17 @@ EVENT_KINDS = tuple(kind.name for kind in _KINDS if kind.is_event)
 CSV_KINDS: Mapping[str, CsvTableKind] = MappingProxyType(
     {kind.name: kind.csv for kind in _KINDS if kind.csv is not None}
 )
-WITHOUT_TABLE = frozenset({"cloud"})  # events that a CSV folder cannot hold
+# Events that a CSV folder cannot hold.
+WITHOUT_TABLE = frozenset(k.name for k in _KINDS if k.is_event and k.csv is None and k.csv_parts is None)
+UNITS_OF: Mapping[str, frozenset[str]] = MappingProxyType(
+    {"stamp": TIMES}
+    | {column: units for table in CSV_KINDS.values() for column, units in table.units.items()}
+)
+"""The units that a column may have; columns that are missing here have none."""
+ROS_DEFINITIONS: Mapping[str, str] = MappingProxyType(
+    {name: text for kind in _KINDS for name, text in kind.definitions.items()}
+)
+"""Definitions of our own message types by name."""
 OLDER_NAMES: Mapping[str, str] = MappingProxyType({"fix": "pose"})  # accepted where files name a kind
 
 _OF_MESSAGE = {kind.message: kind for kind in _KINDS if kind.message is not None}
@@ -335,6 +399,11 @@ def foxglove_converter(name: str) -> FromFoxglove | None:
     """The conversion of decoded messages of a Foxglove type; None where the kind has none of its own."""
     kind = _OF_FOXGLOVE_TYPE.get(name)
     return None if kind is None else kind.foxglove[name]
+
+
+def kinds_sharing(type_name: str) -> list[MessageKind]:
+    """The kinds that claim some of the streams whose schema, of ROS or Foxglove, is usually that of another kind."""
+    return [kind for kind in _KINDS if type_name in kind.shared_ros or type_name in kind.shared_foxglove]
 
 
 def unusable_reason(event: Event) -> SkipReason | None:

@@ -14,7 +14,6 @@ from gridslam.logs.streams import RecordedStream
 
 _ROBOT_FRAMES = ("base_link", "base_footprint")
 TRUTH_TOPIC = "/ground_truth"  # where simulators and motion capture publish the true pose
-_TRUTH_KINDS = frozenset({"odom", "pose", "pose_stamped", "truth"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +100,7 @@ def _by_precedence(kind_of: dict[int, str], streams: Sequence[RecordedStream]) -
 
 def _truth(streams: Sequence[RecordedStream], listed: Sequence[int], config: LogConfig) -> int | None:
     """The stream of the true pose: named by config, or marked as such by its format."""
-    candidates = [i for i in listed if streams[i].kind in _TRUTH_KINDS]
+    candidates = [i for i in listed if KINDS[streams[i].kind].may_be_truth]
     for index in candidates:
         if streams[index].topic == (config.truth or TRUTH_TOPIC) or streams[index].kind == "truth":
             return index
@@ -135,13 +134,14 @@ def _of_one_kind(kind: str, candidates: list[int], streams: Sequence[RecordedStr
 
     Raises ConfigError: the kind is one of which a method takes one.
     """
-    if not KINDS[kind].is_single:
+    several = KINDS[kind].several
+    if several == "all":
         return candidates
     used = [i for i in candidates if len(streams[i].stamps_ns)]
     frames = [frame for i in used for frame in streams[i].frames]
-    if kind == "scan" and used and len(set(frames)) == len(frames):
+    if several == "of_own_frames" and used and len(set(frames)) == len(frames):
         return used
-    if kind == "imu":
+    if several == "densest":
         return [max(candidates, key=lambda i: len(streams[i].stamps_ns))]
     raise ConfigError(_ambiguous(kind, [streams[i] for i in candidates]))
 

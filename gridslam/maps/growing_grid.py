@@ -66,6 +66,6 @@ class GrowingGrid:
         needed_mb = 8e-6 * float(np.prod(size + 1.0)) * float(np.prod(self.values.shape[2:]))
         if not needed_mb <= self._limit_mb:
             raise MethodError(
-                f"the map would need {needed_mb:.0f} MB, more than method.memory_limit_mb = {self._limit_mb:g}: "
+                f"the map would need {needed_mb:.0f} MB, more than memory_limit_mb = {self._limit_mb:g}: "
                 "either the trajectory is wrong, or raise the limit or coarsen method.resolution_m"
             )

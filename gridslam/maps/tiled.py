@@ -197,6 +197,6 @@ class TileStore:
     def _check_memory(self, wanted_bytes: float) -> None:
         if wanted_bytes > self.memory_limit_mb * 1e6:
             raise MethodError(
-                f"the map would need {wanted_bytes / 1e6:.0f} MB, more than method.memory_limit_mb = {self.memory_limit_mb:g}: "
-                "the trajectory is wrong, or raise the limit, lower method.particles or coarsen the cells"
+                f"the map would need {wanted_bytes / 1e6:.0f} MB, more than memory_limit_mb = {self.memory_limit_mb:g}: "
+                "the trajectory is wrong, or raise the limit, use fewer particles or coarsen the cells"
             )

@@ -11,7 +11,7 @@ import numpy as np
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from gridslam.logs.ros.types import TAG_INVENTORY
+from gridslam.logs.codecs.tags import DEFINITION as TAG_INVENTORY
 
 HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
 HUMBLE.register(get_types_from_msg(TAG_INVENTORY, "gridslam_msgs/msg/TagInventory"))

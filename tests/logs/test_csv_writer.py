@@ -177,7 +177,7 @@ def tags(antenna: str = "left", *ids: str, stamp_s: int = 1, frame: str = "base"
         ([tags("left", "x", "", "z")], "without an id"),
         ([tags("left", "")], "without an id"),
         ([tags("left", "\ud800")], "ud800"),
-        ([tags("left", "x"), tags("left", "y")], "two inventories of antenna 'left' with stamp 1.000000000"),
+        ([tags("left", "x"), tags("left", "y")], "two messages of antenna 'left' with stamp 1.000000000"),
         ([Range(S, "ir\n", 0.0, 1.0, 0.1, 2.0)], r"'ir\\n'"),
         ([Image(S, "cam ", np.zeros((2, 2), np.uint8), "left")], "'cam '"),
         ([Transform(S, "a\r\nb", "c", (0, 0, 0), (1, 0, 0, 0))], r"'a\\r\\nb'"),

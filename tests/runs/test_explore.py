@@ -142,6 +142,14 @@ def test_events_are_released_in_the_order_of_their_stamps_after_the_delay() -> N
     assert [e.stamp_ns for e in order.rest()] == [60]
 
 
+def test_without_the_drawing_that_the_method_needs_nothing_is_explored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["explore", "hand-round", "-o", str(tmp_path / "run"), "--quiet"]) == 2
+    assert "--drawing FILE: handmap-slam needs it" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
 def test_without_a_start_the_robot_is_localized_in_the_drawing_and_explores(tmp_path: Path) -> None:
     # A round hall: only irregularities of the drawing distinguish the directions, and any of them will do.
     drawing = DRAWING.with_name("round.png")

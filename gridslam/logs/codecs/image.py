@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gridslam.core.messages import Image, StereoPair, readonly
+from gridslam.core.messages import Event, Image, StereoPair, readonly
 from gridslam.logs.encoding.cameras import camera_of
 from gridslam.logs.encoding.cdr import CdrWriter
 from gridslam.logs.encoding.csv_fields import name_field
@@ -86,6 +86,15 @@ def stereo_to_ros(pair: StereoPair, topic: str | None) -> list[Encoded]:
             body,
         )
     return messages
+
+
+def stereo_to_images(pair: StereoPair, topic: str | None) -> list[tuple[Event, str]]:
+    """The left and the right image of a pair with their topics, as a CSV folder holds them."""
+    found: list[tuple[Event, str]] = []
+    for side, pixels in (("left", pair.left), ("right", pair.right)):
+        camera = f"{(topic or 'stereo').strip('/')}/{side}"
+        found.append((Image(pair.stamp_ns, pair.frame_id, pixels, camera), f"/{camera}/image_rect"))
+    return found
 
 
 def from_csv(rows: list[Row]) -> Image:

@@ -39,6 +39,11 @@ def from_ros(message: Any, topic: str) -> Odometry:
     )
 
 
+def is_odometry(message: Any, topic: str) -> bool:
+    """Whether a decoded foxglove.PoseInFrame is odometry: its frame is an odometry frame."""
+    return "odom" in str(message.frame_id)
+
+
 def from_pose_stamped(message: Any, topic: str) -> Odometry:
     """Odometry from a decoded geometry_msgs/PoseStamped; its velocities are unknown (NaN)."""
     position = message.pose.position

@@ -16,6 +16,8 @@ from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
 from gridslam.logs.encoding.ros_fields import plain_name, valid_head
 from gridslam.logs.skips import SkipReason
 
+DEFINITION = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
+
 
 def unusable_reason(tags: TagInventory) -> SkipReason | None:
     """The reason why no method can use the inventory; None where it can."""

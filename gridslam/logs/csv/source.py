@@ -18,6 +18,7 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.csv.table import CsvTable
 from gridslam.logs.csv_layout import CsvLayout, CsvStream, default_files
 from gridslam.logs.encoding.csv_row import path_inside
+from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip
 from gridslam.logs.streams import RecordedStream
@@ -84,9 +85,11 @@ class TableSource:
         path, lines = open_table(stream)
         table = CsvTable(self._path, path, stream, self.message_counts, lines)
         stamps, frames = table.index()
-        child = (stream.child_frame or "base_link") if stream.kind == "odom" else ""
+        kind = KINDS[stream.kind]
+        moves_base = kind.is_event and kind.csv is not None and "child_frame" in kind.csv.optional
+        child = (stream.child_frame or "base_link") if moves_base else ""
         detail = ""
-        if stream.kind == "tf" and len(edge := table.edges()) == 1:
+        if kind.message is Transform and len(edge := table.edges()) == 1:
             (parent, child), frames = edge.pop(), {}
             frames[parent], detail = None, f"{parent}->{child}"
         self._tables.append(table)

@@ -34,10 +34,7 @@ _FACTORS: dict[str, Callable[[float], float]] = {
     "deg/s": math.radians,
 }
 _RANGE_DIVISORS = {"cm": 100.0, "mm": 1000.0}
-_TEXT_COLUMNS = frozenset(
-    {"sensor", "antenna", "tag_id", "camera", "file", "frame", "child_frame", "parent", "child", "model"}
-)
-_LIST_COLUMNS = frozenset({"d_rest"})  # of several numbers
+_FRAME_COLUMNS = ("frame", "child_frame")  # texts in the tables of all kinds that have them
 _MAX_FRAMES = 1000
 
 
@@ -55,10 +52,12 @@ class CsvTable:
         self.stream = stream
         self.path = path
         self._kind = CSV_KINDS[stream.kind]
+        self._texts = frozenset((*self._kind.texts, *_FRAME_COLUMNS))
         self._columns = TableColumns(
             folder,
             frame=self._kind.default_frame if stream.frame is None else stream.frame,
             frame_column=self._kind.frame_column,
+            naming_column=self._kind.naming_column,
             child_frame="base_link" if stream.child_frame is None else stream.child_frame,
             range_divisor=_RANGE_DIVISORS.get(stream.units.get("r", "m")),
             invalid=tuple(stream.invalid),
@@ -122,7 +121,7 @@ class CsvTable:
         columns = self._columns
         if columns.frame_column in columns.places:
             return True
-        return columns.frame_falls_back and self._kind.rows_name_frames and self.stream.kind != "tf"
+        return columns.frame_falls_back and self._kind.rows_name_frames and bool(columns.frame_column)
 
     def _row_clock(self) -> tuple[int, int]:
         clock = self.stream.row_stamps
@@ -154,7 +153,7 @@ class CsvTable:
         columns.number_places = tuple(
             place
             for name, place in columns.places.items()
-            if name != "stamp" and name not in _TEXT_COLUMNS | _LIST_COLUMNS
+            if name != "stamp" and name not in self._texts and name not in kind.lists
         )
         if kind.has_ranges:
             first = stream.columns.get("r", "r") + "0"
@@ -165,7 +164,7 @@ class CsvTable:
             columns.range_end = None if end == len(names) else end
 
     def _add_constant(self, name: str, value: float | str) -> None:
-        if name in _TEXT_COLUMNS:
+        if name in self._texts:
             self._columns.texts[name] = str(value)
         elif isinstance(value, str):
             raise LogError(f"{self.path}: log.yaml gives the text {value!r} for the number {name}")
@@ -203,18 +202,16 @@ class CsvTable:
             yield Row(self._columns, number, stamp, fields)
 
     def _groups(self) -> Iterator[list[Row]]:
-        """The rows of each event: tags of one stamp and antenna belong together, else each row is one."""
-        if self.stream.kind != "tags":
+        """The rows of each event: those that the kind's table groups belong together, else each row is one."""
+        if self._kind.groups is None:
             for row in self._rows():
                 yield [row]
             return
+        by, item = self._kind.groups
         group: list[Row] = []
         for row in self._rows():
-            same = group and (row.stamp_ns, row.text("antenna")) == (
-                group[0].stamp_ns,
-                group[0].text("antenna"),
-            )
-            if not same or not row.text("tag_id") or not group[0].text("tag_id"):
+            same = group and (row.stamp_ns, row.text(by)) == (group[0].stamp_ns, group[0].text(by))
+            if not same or not row.text(item) or not group[0].text(item):
                 if group:
                     yield group
                 group = []

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import csv
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,18 +12,25 @@ from typing import IO, Any
 
 import yaml
 
-from gridslam.core.errors import ConfigError, LogError
-from gridslam.core.files import check_name, identity_of, partial_folder, put_folder, real_path
-from gridslam.core.messages import Event, Image, Odometry, StereoPair, TagInventory, Transform
+from gridslam.core.errors import LogError
+from gridslam.core.files import identity_of, partial_folder, put_folder, real_path
+from gridslam.core.messages import Event, Odometry, Transform
 from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.core.texts import is_storable
 from gridslam.logs.csv.source import LAYOUT_FILE
+from gridslam.logs.csv.written_folder import check_csv_free
 from gridslam.logs.encoding.csv_fields import name_field
 from gridslam.logs.encoding.csv_pictures import PictureWriter
-from gridslam.logs.kinds import CSV_KINDS, OLDER_NAMES, TRUTH_TOPIC, WITHOUT_TABLE, kind_of_event
+from gridslam.logs.kinds import (
+    CSV_KINDS,
+    PRECEDENCE,
+    TRUTH_TOPIC,
+    WITHOUT_TABLE,
+    kind_of_event,
+)
+from gridslam.logs.message_kind import CsvTableKind
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames
-_PICTURE_FOLDERS = tuple(f"{name}_" for name, kind in CSV_KINDS.items() if kind.has_pictures)
 
 
 @dataclass(slots=True)
@@ -38,7 +44,7 @@ class _TableFile:
     frames: dict[str, str]  # those of the first row, by column
     place: int  # of the frames among the columns
     rows_name_frames: bool = False
-    last_round: tuple[int, str] | None = None  # stamp and antenna, where the last row is a tag's
+    last_group: tuple[int, str] | None = None  # stamp and grouping column, where the last row has an item
 
 
 class CsvFolderWriter:
@@ -80,10 +86,9 @@ class CsvFolderWriter:
                 f"stamp {event.stamp_ns} ns of a {type(event).__name__} cannot be written: 0 to 2^31 s can"
             )
         _refuse_unwritable(event, topic)
-        if isinstance(event, StereoPair):
-            for side, pixels in (("left", event.left), ("right", event.right)):
-                camera = f"{(topic or 'stereo').strip('/')}/{side}"
-                self.write(Image(event.stamp_ns, event.frame_id, pixels, camera), f"/{camera}/image_rect")
+        if (parts_of := kind_of_event(event).csv_parts) is not None:
+            for part, its_topic in parts_of(event, topic):
+                self.write(part, its_topic)
         elif isinstance(event, Transform) and event.is_static:
             self._mount(event)
         else:
@@ -104,7 +109,8 @@ class CsvFolderWriter:
             for file in self._files.values():
                 file.stream.close()
             layout: dict[str, object] = {"version": 1}
-            if base_frame := self._base_frames.get("odom") or self._base_frames.get("truth"):
+            by_kind = sorted(self._base_frames, key=PRECEDENCE.__getitem__)
+            if base_frame := next(filter(None, map(self._base_frames.get, by_kind)), None):
                 layout["base_frame"] = base_frame
             layout["streams"] = [file.layout for file in self._files.values()]
             if self._extrinsics:
@@ -129,17 +135,18 @@ class CsvFolderWriter:
         self._extrinsics[transform.child_frame_id] = entry
 
     def _append(self, kind: str, event: Any, topic: str | None) -> None:
-        edge = (event.frame_id, event.child_frame_id) if kind == "tf" else ()
-        key = (kind, topic or "", *edge)
+        table = CSV_KINDS[kind]
+        key = (kind, topic or "", *(getattr(event, name) for name in table.apart_by))
         file = self._files.get(key)
         if file is None:
             file = self._files[key] = self._open(kind, event, topic)
-        if isinstance(event, TagInventory):
-            _refuse_to_join(file, event)
         frames = _frames(kind, event)
         if frames != file.frames and not file.rows_name_frames:
             self._name_frames(file)
-        for fields in CSV_KINDS[kind].to_rows(event, self._pictures):
+        rows = table.to_rows(event, self._pictures)
+        if table.groups is not None:
+            _refuse_to_join(file, table, event, rows[0])
+        for fields in rows:
             row = [format_stamp(event.stamp_ns), *fields]
             if file.rows_name_frames:
                 row[file.place : file.place] = map(name_field, frames.values())
@@ -152,12 +159,12 @@ class CsvFolderWriter:
             name = f"{kind}_{number}.csv"
         self._names.add(name)
         frames = _frames(kind, event)
-        if kind in ("odom", "truth") and not self._base_frames.get(kind):
+        table = CSV_KINDS[kind]
+        if "child_frame" in table.optional and not self._base_frames.get(kind):
             self._base_frames[kind] = event.child_frame_id
         path = self._folder / name
         stream = self._aside.enter_context(path.open("w", encoding="utf-8", newline=""))
         layout = {"kind": kind, "file": name, **({"topic": topic} if topic else {}), "frame": "", **frames}
-        table = CSV_KINDS[kind]
         columns = ["stamp", *table.required, *(c for c in table.optional if c not in _FRAMES)]
         file = _TableFile(
             path,
@@ -191,36 +198,6 @@ class CsvFolderWriter:
         file.rows_name_frames = True
 
 
-def check_csv_free(path: Path, force: bool) -> None:
-    """Raises ConfigError unless nothing is at the path, or `force` and a folder that this writer has written."""
-    check_name(path)
-    if not path.exists():
-        return
-    if not force:
-        raise ConfigError(f"{path}: exists already; choose another name or give --force")
-    if not path.is_dir() or not _is_written(path):
-        raise ConfigError(
-            f"{path}: exists and is no folder of {LAYOUT_FILE} and CSV files that gridslam wrote, so it is never "
-            "replaced; choose another name"
-        )
-
-
-def _is_written(folder: Path) -> bool:
-    """Whether a folder is empty, or holds log.yaml and else only what the writer makes."""
-    entries = list(folder.iterdir())
-    return not entries or ((folder / LAYOUT_FILE).is_file() and all(map(_is_part, entries)))
-
-
-def _is_part(entry: Path) -> bool:
-    if entry.is_dir() and not entry.is_symlink():
-        pictures = all(file.is_file() and file.suffix in (".png", ".npy") for file in entry.iterdir())
-        return pictures and entry.name.startswith(_PICTURE_FOLDERS)
-    table = re.fullmatch(r"(\w+?)(_\d+)?\.csv", entry.name)
-    return entry.is_file() and (
-        entry.name == LAYOUT_FILE or (table is not None and table[1] in (*CSV_KINDS, *OLDER_NAMES))
-    )
-
-
 def _refuse_unwritable(event: Event, topic: str | None) -> None:
     """Raises LogError for an event without a table, and for a name that log.yaml cannot hold."""
     kind = kind_of_event(event).name
@@ -237,16 +214,19 @@ def _frames(kind: str, event: Any) -> dict[str, str]:
     """The frames of an event by column; empty for kinds whose rows name their frames anyway."""
     if CSV_KINDS[kind].rows_name_frames:
         return {}
-    frames = {"frame": event.frame_id}
-    return {**frames, "child_frame": event.child_frame_id} if kind in ("odom", "truth") else frames
+    return {
+        column: getattr(event, f"{column}_id") for column in _FRAMES if column in CSV_KINDS[kind].optional
+    }
 
 
-def _refuse_to_join(file: _TableFile, inventory: TagInventory) -> None:
-    """Raises LogError for a second inventory that would read back as a part of the one before."""
-    this = (inventory.stamp_ns, inventory.antenna) if inventory.tag_ids else None
-    if this is not None and this == file.last_round:
+def _refuse_to_join(file: _TableFile, table: CsvTableKind, event: Event, row: Sequence[str]) -> None:
+    """Raises LogError for an event that would read back as a part of the one before; `row` is its first."""
+    assert table.groups is not None
+    by, item = (row[table.required.index(column)] for column in table.groups)
+    this = (event.stamp_ns, by) if item else None
+    if this is not None and this == file.last_group:
         raise LogError(
-            f"two inventories of antenna {inventory.antenna!r} with stamp {format_stamp(inventory.stamp_ns)}: "
-            "rows of one stamp and antenna are one inventory in a CSV file; name the output OUT.mcap"
+            f"two messages of {table.groups.by} {by!r} with stamp {format_stamp(event.stamp_ns)}: "
+            f"rows of one stamp and {table.groups.by} are one message in a CSV file; name the output OUT.mcap"
         )
-    file.last_round = this
+    file.last_group = this

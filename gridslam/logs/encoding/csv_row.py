@@ -23,6 +23,7 @@ class TableColumns:
     folder: Path
     frame: str = ""  # frame_id of rows that name none
     frame_column: str = "frame"
+    naming_column: str = ""  # names the frame where the frame's column does not
     child_frame: str = "base_link"
     places: dict[str, int] = field(default_factory=dict)  # our name -> field number
     texts: dict[str, str] = field(default_factory=dict)  # constants of text columns
@@ -35,7 +36,7 @@ class TableColumns:
     range_divisor: float | None = None
     invalid: tuple[float, ...] = ()
     invalid_from: float | None = None
-    frame_falls_back: bool = True  # to the antenna or the camera, where a row names no frame
+    frame_falls_back: bool = True  # to the naming column, where a row names no frame
 
     def mark_invalid(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Set readings `(beams,)`, in the file's unit, to NaN in place where they mean no return; returns the same array."""
@@ -77,7 +78,7 @@ class Row:
         named = self.text(columns.frame_column)
         if named or not columns.frame_falls_back:
             return named or columns.frame
-        return self.text("antenna") or self.text("camera") or columns.frame
+        return self.text(columns.naming_column) or columns.frame
 
     def text(self, name: str, default: str = "") -> str:
         """A text column; `default` where the column is missing or the field is empty."""

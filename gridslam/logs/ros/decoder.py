@@ -7,10 +7,17 @@ from collections.abc import Callable
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
-from gridslam.logs.codecs import depth, ranger, transform
+from gridslam.logs.codecs import ranger, transform
 from gridslam.logs.config import LogConfig
-from gridslam.logs.kinds import kind_of_foxglove_type, kind_of_ros_type, ros_converter
-from gridslam.logs.message_kind import FromRos
+from gridslam.logs.kinds import (
+    KINDS,
+    foxglove_converter,
+    kind_of_foxglove_type,
+    kind_of_ros_type,
+    kinds_sharing,
+    ros_converter,
+)
+from gridslam.logs.message_kind import FromFoxglove
 from gridslam.logs.ros import fast_cdr, foxglove, protobuf
 from gridslam.logs.ros.container import Channel, Schema
 from gridslam.logs.ros.joints import JointState, Servos, joint_state, wheel_places, wheels_of
@@ -33,11 +40,8 @@ _FAST: dict[str, Callable[[bytes], Event]] = {
     "nav_msgs/msg/Odometry": fast_cdr.odometry,
     "sensor_msgs/msg/Imu": fast_cdr.imu,
 }
+_JOINTS, _RANGE = "sensor_msgs/msg/JointState", "sensor_msgs/msg/Range"  # are decoded with their context
 _LITTLE = b"\x00\x01"
-_DEPTH_CONVERTERS: dict[str, FromRos] = {
-    "sensor_msgs/msg/Image": depth.from_ros,
-    "sensor_msgs/msg/CompressedImage": depth.from_compressed,
-}
 _NO_SERVOS = Servos()
 
 
@@ -67,6 +71,8 @@ class ChannelDecoder:
         elif self.kind != "other" and schema is not None:
             self._use_schema(schema)
         self._convert = ros_converter(self.type)
+        self._convert_foxglove: FromFoxglove | None = foxglove_converter(self.type)
+        self._with_context = {_JOINTS: self._wheels, _RANGE: self._reading}.get(self.type)
 
     def _use_json(self, schema: Schema | None, is_protobuf: bool) -> None:
         name = schema.name if schema else ""
@@ -94,20 +100,21 @@ class ChannelDecoder:
     @property
     def is_tf(self) -> bool:
         """Whether one message holds many transforms."""
-        return self.kind == "tf"
+        return KINDS[self.kind].message is Transform
 
     def classify(self, data: bytes) -> None:
         """Settle the kind by the first message, where the type leaves it open."""
         if self.unusable_reason:
             return
-        if self.type in _DEPTH_CONVERTERS and depth.is_depth(self._decode(data), self.topic):
-            self.kind, self._convert = "depth", _DEPTH_CONVERTERS[self.type]
-        elif self.type == "sensor_msgs/msg/JointState":
+        if self.type == _JOINTS:
             self.joint_names = tuple(self.joints(data).names)
             if wheel_places(self.joint_names, self._config.wheels) is None:
-                self.kind = "joints"
-        elif self.is_json and self.kind != "other":
-            self.kind = foxglove.kind_of_message(self.type, self.kind, self._decode(data), self.topic)
+                self.kind, self._with_context = "joints", None
+        for kind in kinds_sharing(self.type):
+            if kind.claims is not None and kind.claims(self._decode(data), self.topic):
+                self.kind = kind.name
+                self._convert = kind.shared_ros.get(self.type, self._convert)
+                self._convert_foxglove = kind.shared_foxglove.get(self.type, self._convert_foxglove)
 
     def head(self, data: bytes) -> tuple[int, str] | None:
         """(stamp_ns, frame) without decoding the rest; None without a valid stamp."""
@@ -134,19 +141,24 @@ class ChannelDecoder:
         is_little = data[:2] == _LITTLE
         if self._fast is not None and is_little:
             return self._fast(data)
-        if self.kind == "wheels":
-            return wheels_of(self.joints(data), self._config.wheels)
-        if self.kind == "range":
-            bearing_of = (servos or _NO_SERVOS).bearing
-            if self._is_standard and is_little:
-                return fast_cdr.reading(data, bearing_of)
-            return ranger.from_ros(self._decode(data), bearing_of)
+        if self._with_context is not None:
+            return self._with_context(data, servos or _NO_SERVOS)
         message = self._decode(data)
         if self.is_json and kind_of_foxglove_type(self.type):
-            return foxglove.event(self.type, self.kind, message, self.topic)
+            return foxglove.event(self._convert_foxglove, message, self.topic)
         if self._convert is None:
             raise ValueError("no conversion")
         return self._convert(message, self.topic)
+
+    def _wheels(self, data: bytes, _: Servos) -> Event:
+        """The wheel angles of a JointState message."""
+        return wheels_of(self.joints(data), self._config.wheels)
+
+    def _reading(self, data: bytes, servos: Servos) -> Event:
+        """A ranger's reading with the bearing that its servo has."""
+        if self._is_standard and data[:2] == _LITTLE:
+            return fast_cdr.reading(data, servos.bearing)
+        return ranger.from_ros(self._decode(data), servos.bearing)
 
     def joints(self, data: bytes) -> JointState:
         """The joints of a JointState message."""

@@ -10,11 +10,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
-from gridslam.logs.codecs import depth
 from gridslam.logs.codecs.transform import INVALID_STAMP_NS
 from gridslam.logs.encoding.foxglove_fields import stamp_ns_of
 from gridslam.logs.encoding.ros_fields import frame_name
-from gridslam.logs.kinds import foxglove_converter
+from gridslam.logs.message_kind import FromFoxglove
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
@@ -24,15 +23,6 @@ def parse(data: bytes) -> Any:
     if not isinstance(message, SimpleNamespace):
         raise ValueError("not a JSON object")
     return message
-
-
-def kind_of_message(type_name: str, kind: str, message: Any, topic: str) -> str:
-    """A pose in an odometry frame is odometry; a raw image may hold depths."""
-    if type_name == "foxglove.PoseInFrame" and "odom" in str(message.frame_id):
-        return "odom"
-    if kind == "image" and hasattr(message, "encoding") and depth.is_depth(message, topic):
-        return "depth"
-    return kind
 
 
 def head(message: Any) -> tuple[int | None, str]:
@@ -67,12 +57,11 @@ def transforms(message: Any, is_static: bool) -> list[Transform]:
     return found
 
 
-def event(type_name: str, kind: str, message: Any, topic: str) -> Event:
+def event(converter: FromFoxglove | None, message: Any, topic: str) -> Event:
     """The event of any Foxglove message but transforms."""
     stamp, frame = head(message)
     if stamp is None:
         raise UnusableMessageError(SkipReason.BAD_STAMP)
-    converter = depth.from_foxglove if kind == "depth" else foxglove_converter(type_name)
     if converter is None:
         raise ValueError("no conversion")
     return converter(stamp, frame, message, topic)

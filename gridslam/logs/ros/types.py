@@ -7,11 +7,11 @@ from collections.abc import Callable
 from functools import cache, lru_cache
 from typing import Any
 
+from gridslam.logs.kinds import ROS_DEFINITIONS
 from gridslam.logs.ros.container import Schema
 from gridslam.logs.ros.definitions import checked_types, is_type_name
 
 MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
-TAG_INVENTORY = "std_msgs/Header header\nstring antenna\nstring[] tag_ids\nfloat32[] rssi_dbm\n"
 
 # The fields that the hand-written decoders in `fast_cdr` expect.
 _STANDARD_FIELDS = {
@@ -150,5 +150,6 @@ def ros2_types() -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(TAG_INVENTORY, "gridslam_msgs/msg/TagInventory"))
+    for name, definition in ROS_DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, name))
     return store
