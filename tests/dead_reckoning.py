@@ -59,7 +59,7 @@ class DeadReckoning:
 
     def _take_scan(self, scan: LaserScan) -> None:
         if self.config.fail == "method":
-            raise MethodError("the test method was told to fail: set method.fail=no")
+            raise MethodError("the test method was asked to fail: set method.fail=no")
         if self.config.fail == "bug":
             raise ZeroDivisionError("a bug on purpose")
         if self.config.announce and not self.stamps:
@@ -89,7 +89,7 @@ class DeadReckoning:
                     ("stamp_ns", "deviation"), list(zip(self.stamps, deviation.tolist(), strict=True))
                 )
             },
-            series={"particle_spread": Series(stamps, deviation, "m")},
+            series={"particle_std": Series(stamps, deviation, "m")},
             counters={"used.scan": len(stamps), "skipped.scan.too_short": 0},
             timings_s={"marking": 0.0},
             measures={"confidence": {"mean": float(deviation.mean())}},

@@ -81,7 +81,7 @@ def test_a_path_is_a_setting_and_a_value_without_a_form_in_yaml_is_an_error() ->
     config = gridslam.load_config({"method": {"name": "slam-sd"}, "log": {"csv": Path("layout.yaml")}})
     assert config.log.csv == Path("layout.yaml")
     with pytest.raises(
-        gridslam.ConfigError, match=r"^method\.particles: <object .* is a object; give numbers"
+        gridslam.ConfigError, match=r"^method\.particles: <object .* is of type object; give numbers"
     ):
         gridslam.load_config("slam-sd", settings={"particles": object()})
 

@@ -101,15 +101,15 @@ def rotate(
     from gridslam.maps.load import load_any_map
 
     grid = load_any_map(map_path, MAX_CELLS)  # a turned map is not smaller
-    turn = np.radians(yaw) if yaw is not None else -wall_direction(grid)
-    if not np.isfinite(turn):
+    rotation = np.radians(yaw) if yaw is not None else -wall_direction(grid)
+    if not np.isfinite(rotation):
         raise ConfigError("--yaw: expected a number of degrees")
     _save(
-        moved(grid, np.array([0.0, 0.0, float(turn)])),
+        moved(grid, np.array([0.0, 0.0, float(rotation)])),
         output,
         mode,
         force,
-        [("turned", f"{np.degrees(turn):.3f} deg")],
+        [("turned", f"{np.degrees(rotation):.3f} deg")],
     )
 
 

@@ -30,5 +30,5 @@ def plain_value(value: object, key: str) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise ConfigError(
-        f"{key}: {short(value)} is a {type(value).__name__}; give numbers, texts, lists, mappings or arrays"
+        f"{key}: {short(value)} is of type {type(value).__name__}; give numbers, texts, lists, mappings or arrays"
     )

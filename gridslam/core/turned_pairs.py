@@ -16,7 +16,7 @@ Pose = tuple[float, float, float]
 Readings = NDArray[np.float32]
 
 # Between the scans of a pair: several beams, and most of the view in common
-MIN_TURN_RAD, MAX_TURN_RAD = 0.1, 0.5
+MIN_ROTATION_RAD, MAX_ROTATION_RAD = 0.1, 0.5
 MAX_MOVE_M = 0.1  # largest movement in between: readings change by no more
 MIN_PAIRS, MAX_PAIRS = 20, 300
 MIN_COMMON_BEAMS = 20
@@ -41,12 +41,12 @@ class TurnedPairs:
             self._first = pose, ranges
             return
         (x, y, yaw), first = self._first
-        turn = math.remainder(pose[2] - yaw, 2.0 * math.pi)
+        rotation_rad = math.remainder(pose[2] - yaw, 2.0 * math.pi)
         has_moved = math.hypot(pose[0] - x, pose[1] - y) > MAX_MOVE_M
-        if abs(turn) < MIN_TURN_RAD and not has_moved:
+        if abs(rotation_rad) < MIN_ROTATION_RAD and not has_moved:
             return
-        if not has_moved and abs(turn) <= MAX_TURN_RAD and len(first) == len(ranges):
-            self._pairs.append((turn, first, ranges))
+        if not has_moved and abs(rotation_rad) <= MAX_ROTATION_RAD and len(first) == len(ranges):
+            self._pairs.append((rotation_rad, first, ranges))
         self._first = pose, ranges
 
     def better_step(
@@ -69,8 +69,8 @@ class TurnedPairs:
 def _cost(pairs: Iterable[tuple[float, Readings, Readings]], step_rad: float) -> float:
     """Mean over pairs of the median difference (m) of readings of one bearing; infinite with too little in common."""
     costs = []
-    for turn, first, second in pairs:
-        shift = round(turn / step_rad)
+    for rotation_rad, first, second in pairs:
+        shift = round(rotation_rad / step_rad)
         before, after = first[max(shift, 0) :], second[max(-shift, 0) :]
         common = min(len(before), len(after))
         before, after = before[:common], after[:common]

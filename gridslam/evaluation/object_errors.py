@@ -52,7 +52,7 @@ def object_errors(
     difference = se2.between(true, se2.compose(T_truth_map, estimated))
     position = np.hypot(difference[:, 0], difference[:, 1])
     is_correct = [
-        bool(distance <= max_position_m) and _agrees(found[i], truth[i])
+        bool(distance <= max_position_m) and _has_true_state(found[i], truth[i])
         for i, distance in zip(ids, position, strict=True)
     ]
     doors = {i for i, obj in truth.items() if obj.state is not None}
@@ -68,7 +68,7 @@ def object_errors(
     )
 
 
-def _agrees(found: MapObject, truth: MapObject) -> bool:
+def _has_true_state(found: MapObject, truth: MapObject) -> bool:
     return (
         truth.category in (None, found.category)
         and truth.moved in (None, found.moved)

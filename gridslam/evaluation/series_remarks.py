@@ -64,7 +64,7 @@ def _orientation_remarks(series: PoseSeries) -> Iterator[str]:
         yield f"{series.name}: yaw follows the path only if it is 57.3 times as large: radians in a column of degrees?"
         return
     moves = len(series) > 2 and np.ptp(series.positions_m[:, :2], axis=0).max() > MIN_MOTION_M
-    if moves and np.ptp(yaw) < 1e-6 and _turns(series.positions_m[:, :2]):
+    if moves and np.ptp(yaw) < 1e-6 and _changes_direction(series.positions_m[:, :2]):
         yield f"{series.name}: the heading is the same in all poses although the path turns: no orientation was recorded?"
 
 
@@ -80,7 +80,11 @@ def _looks_like_degrees(series: PoseSeries) -> bool:
 def _looks_like_radians(series: PoseSeries) -> bool:
     """Yaw within a few degrees that follows a path with turns as if it were radians that were taken for degrees."""
     assert series.yaw is not None
-    if not len(series) or np.ptp(series.yaw) > MAX_TINY_YAW_RAD or not _turns(series.positions_m[:, :2]):
+    if (
+        not len(series)
+        or np.ptp(series.yaw) > MAX_TINY_YAW_RAD
+        or not _changes_direction(series.positions_m[:, :2])
+    ):
         return False
     as_radians, as_given = _deviations(series, np.degrees(series.yaw), series.yaw)
     return as_radians < FOLLOWS and as_given > DEVIATES
@@ -100,7 +104,7 @@ def _deviations(series: PoseSeries, *yaws: Floats) -> list[float]:
     return [float(1.0 - np.hypot(np.cos(off).mean(), np.sin(off).mean())) for off in offs]
 
 
-def _turns(positions: Floats) -> bool:
+def _changes_direction(positions: Floats) -> bool:
     """Whether the course of a path changes by more than 45 degrees."""
     steps = np.diff(positions, axis=0)
     steps = steps[np.hypot(steps[:, 0], steps[:, 1]) > 1e-3]

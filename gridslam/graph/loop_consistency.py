@@ -57,22 +57,22 @@ def departures(poses: Floats, graph: DirectedEdges, loops: Edges) -> Floats:
     return np.asarray(np.sqrt(np.einsum("ij,ijk,ik->i", error, weight, error)))
 
 
-def largest_cliques(agree: Bools) -> list[Ints]:
+def largest_cliques(is_consistent: Bools) -> list[Ints]:
     """Disjoint sets of nodes that all agree with each other `(m, m)`, the largest first, each found greedily."""
-    left = np.ones(len(agree), np.bool_)
+    left = np.ones(len(is_consistent), np.bool_)
     cliques = []
     while left.any():
         best: list[int] = []
-        degree = (agree & left).sum(axis=1)
+        degree = (is_consistent & left).sum(axis=1)
         for start in np.flatnonzero(left):
-            clique, common = [int(start)], agree[start] & left
+            clique, common = [int(start)], is_consistent[start] & left
             common[start] = False
             while common.any():
                 options = np.flatnonzero(common)
-                inside = (agree[np.ix_(options, options)]).sum(axis=1)
+                inside = (is_consistent[np.ix_(options, options)]).sum(axis=1)
                 chosen = int(options[np.lexsort((options, -degree[options], -inside))[0]])
                 clique.append(chosen)
-                common &= agree[chosen]
+                common &= is_consistent[chosen]
                 common[chosen] = False
             if len(clique) > len(best):
                 best = clique

@@ -1,4 +1,4 @@
-"""Reports that kernels are being compiled, and for how long: once per installation, as numba keeps them in its cache."""
+"""Reports that kernels are being compiled, and measures the time; compiled kernels are kept by `machine_code_cache`."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ class _FirstStart(event.Listener):
 
 @contextmanager
 def announcing_compilation(report: Callable[[], None]) -> Iterator[None]:
-    """Within the block `report` is called once, when a kernel is compiled that numba's cache does not hold."""
+    """Within the block, call `report` when the first kernel is compiled; kernels loaded from the cache do not count."""
     with event.install_listener("numba:compile", _FirstStart(report)):
         yield
 
 
 class CompilationClock(event.Listener):
-    """How long kernels have been compiled for, in `seconds`; those that another one calls are part of it."""
+    """Measures compilation: `seconds` is the total so far; a kernel compiled while compiling its caller counts once."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -41,15 +41,17 @@ class CompilationClock(event.Listener):
         self._started = 0.0
 
     def now(self) -> float:
-        """A clock (s) that stands still while kernels are compiled."""
+        """Time (s) of a clock that leaves out compilation; only differences have a meaning."""
         return time.perf_counter() - self.seconds
 
     def on_start(self, event: event.Event) -> None:
+        """Called by numba before a kernel is compiled."""
         if not self._depth:
             self._started = time.perf_counter()
         self._depth += 1
 
     def on_end(self, event: event.Event) -> None:
+        """Called by numba after a kernel was compiled."""
         self._depth -= 1
         if not self._depth:
             self.seconds += time.perf_counter() - self._started
@@ -57,7 +59,7 @@ class CompilationClock(event.Listener):
 
 @contextmanager
 def timing_compilation() -> Iterator[CompilationClock]:
-    """A clock that runs while kernels are compiled within the block."""
+    """Measures the time that compilation takes within the block."""
     clock = CompilationClock()
     with event.install_listener("numba:compile", clock):
         yield clock

@@ -23,7 +23,7 @@ class Profiles(NamedTuple):
 
 
 class Partners(NamedTuple):
-    """The scans that are asked about scan i's points: scan[first[i]:first[i + 1]].
+    """The scans that are compared with scan i's points: scan[first[i]:first[i + 1]].
 
     `is_other` is True for a scan of another passage, False for one of the same passage.
     """
@@ -79,7 +79,7 @@ def scan_profiles(
 def _verdict(
     nearest: NDArray[np.float32], farthest: NDArray[np.float32], x: float, y: float, limits: Tolerances
 ) -> int:
-    """What a profile `(sectors,)` says of a point (x, y) seen from its viewpoint: 1 free, -1 on a surface, 0 nothing."""
+    """State of a point (x, y) by a profile `(sectors,)` seen from its viewpoint: 1 free, -1 on a surface, 0 unknown."""
     distance = np.sqrt(x * x + y * y)  # hypot takes ten times as long, and no coordinate is near its limits
     if distance > limits.max_range_m or distance < 1e-3:
         return 0
@@ -109,9 +109,10 @@ def testimony(
     partners: Partners,
     limits: Tolerances,
 ) -> Testimony:
-    """What the partners of every scan say of its points, given all scans' poses `(n, 3)`.
+    """Observations of every scan's points by its partners, given all scans' poses `(n, 3)` and profiles.
 
-    Scan i owns points[first[i]:first[i + 1]], in the robot's frame as the viewpoints `(n, 2)` are.
+    Scan i owns points[first[i]:first[i + 1]] `(m, 2)`, in the robot's frame as the viewpoints `(n, 2)` are. `limits` are the
+    distances (m) within which a point counts as on a surface, and the largest range.
     """
     free_by_others = np.zeros(len(points), np.int16)
     occupied_by_others = np.zeros(len(points), np.int16)
@@ -177,9 +178,10 @@ def testimony_of_shifts(
     profiles: Profiles,
     limits: Tolerances,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How often scans see points `(m, 2)` of the map free, and on a surface, if all points are shifted: `(k,)` both.
+    """Counts `(k,)` of points that scans see free, and `(k,)` on a surface, for each shift `(k, 2)` of the points `(m, 2)`.
 
-    The scans' poses `(n, 3)`, viewpoints `(n, 2)` and profiles have the same order; the shifts `(k, 2)` are in the map's axes.
+    Points and shifts are in the map's frame; `limits` as in `testimony`. The scans' poses `(n, 3)`, viewpoints `(n, 2)` and
+    profiles have the same order.
     """
     free, occupied = np.zeros(len(shifts), np.int64), np.zeros(len(shifts), np.int64)
     run_in_ranges(

@@ -54,9 +54,9 @@ def start_traversal(x0: float, y0: float, x1: float, y1: float) -> Traversal:
 
 
 @compiled
-def steps_to(traversal: Traversal, end_row: int, end_col: int) -> int:
-    """Number of `advance` calls from the current cell to the cell (end_row, end_col) of the line's end."""
-    return abs(end_row - traversal.row) + abs(end_col - traversal.col)
+def steps_to(traversal: Traversal, endpoint_row: int, endpoint_col: int) -> int:
+    """Number of `advance` calls from the current cell to the cell (endpoint_row, endpoint_col) of the line's end."""
+    return abs(endpoint_row - traversal.row) + abs(endpoint_col - traversal.col)
 
 
 @compiled

@@ -23,13 +23,13 @@ def add_readings(
     """
     for k in range(origins.shape[0]):
         row, col = origins[k, 0], origins[k, 1]
-        end_row, end_col = endpoints[k, 0], endpoints[k, 1]
-        rows, cols = abs(end_row - row), abs(end_col - col)
-        step_row, step_col = (1 if end_row > row else -1), (1 if end_col > col else -1)
+        endpoint_row, endpoint_col = endpoints[k, 0], endpoints[k, 1]
+        rows, cols = abs(endpoint_row - row), abs(endpoint_col - col)
+        step_row, step_col = (1 if endpoint_row > row else -1), (1 if endpoint_col > col else -1)
         first_row, first_col = row, col
         squared_range = float(rows * rows + cols * cols)
         error = cols - rows
-        while row != end_row or col != end_col:
+        while row != endpoint_row or col != endpoint_col:
             squared_distance = float((row - first_row) ** 2 + (col - first_col) ** 2)
             pos[row, col] += bel[k] * (squared_distance / squared_range - 1.0)
             doubled = 2 * error
@@ -39,7 +39,7 @@ def add_readings(
             if doubled < cols:
                 error += cols
                 row += step_row
-        pos[end_row, end_col] += bel[k]
+        pos[endpoint_row, endpoint_col] += bel[k]
 
 
 @compiled
@@ -127,8 +127,8 @@ def count_crossed(
     rows, cols = crossed.shape
     for k in range(origins.shape[0]):
         line = start_traversal(origins[k, 0], origins[k, 1], endpoints[k, 0], endpoints[k, 1])
-        end_row, end_col = int(np.floor(endpoints[k, 1])), int(np.floor(endpoints[k, 0]))
-        for _ in range(steps_to(line, end_row, end_col) + 1):
+        endpoint_row, endpoint_col = int(np.floor(endpoints[k, 1])), int(np.floor(endpoints[k, 0]))
+        for _ in range(steps_to(line, endpoint_row, endpoint_col) + 1):
             if 0 <= line.row < rows and 0 <= line.col < cols:
                 crossed[line.row, line.col] += 1.0
             line = advance(line)

@@ -17,7 +17,7 @@ from gridslam.kernels.compiled import compiled
 from gridslam.kernels.raycast import RAYS_EACH, Ray, cast
 from gridslam.kernels.threads import run_in_ranges
 
-POINTS_EACH = 100_000  # that a range of poses has at least
+POINTS_EACH = 100_000  # smallest number of points in a range of poses
 _BLOCK = 256  # poses; their working arrays fit into the fastest cache
 
 
@@ -146,7 +146,7 @@ def _is_blocked(walls: VisibilityMap, line: Ray, aside: float) -> bool:
 def sum_over_beams(
     walls: VisibilityMap, table: NDArray[np.float32], beams: BeamCells, poses: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """As `sum_over_points` for the endpoints of beams; a blocked beam takes the last entry of the table.
+    """Sums `(n,)` of the table at the endpoints of beams, for poses `(n, 3)`; a blocked beam takes its last entry.
 
     A beam is blocked if a wall lies farther than the tolerance before its endpoint, and also when the endpoint is moved aside by
     the slack to either side: a beam along a wall may graze it.

@@ -57,12 +57,12 @@ def insert_beams(
     for i in range(points.shape[0]):
         x1 = (pose[0] + c * points[i, 0] - s * points[i, 1]) / resolution_m
         y1 = (pose[1] + s * points[i, 0] + c * points[i, 1]) / resolution_m
-        end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
+        endpoint_row, endpoint_col = int(np.floor(y1)), int(np.floor(x1))
         line = start_traversal(x0, y0, x1, y1)
-        for _ in range(steps_to(line, end_row, end_col)):
+        for _ in range(steps_to(line, endpoint_row, endpoint_col)):
             _add(tile_map, line.row, line.col, update.miss, update.limit)
             line = advance(line)
-        _add(tile_map, end_row, end_col, update.hit, update.limit)
+        _add(tile_map, endpoint_row, endpoint_col, update.hit, update.limit)
 
 
 @compiled
@@ -118,9 +118,9 @@ def insert_scan_dense(
 ) -> None:
     """Insert one scan into a dense grid (rows, cols): a cell changes at most once per scan, and a hit overrides a miss.
 
-    The beams are in cells (x, y) from the grid's lower-left corner; `is_hit` `(m,)` says which ones met something at their
-    endpoint. `last_update` (rows, cols) records which scan changed a cell last: no two scans have the same number until it is
-    cleared to 0.
+    The beams are in cells (x, y) from the grid's lower-left corner; `is_hit` `(m,)` marks those that met something at their
+    endpoint. `log_odds` (rows, cols) is changed by `update`. `last_update` (rows, cols) holds the `scan_number` of the scan that
+    changed a cell last: no two scans have the same number until it is cleared to 0.
     """
     hit, miss, limit = update.hit, update.miss, update.limit
     ends_cells = beams.endpoints
@@ -135,9 +135,9 @@ def insert_scan_dense(
     x0, y0 = beams.origin[0], beams.origin[1]
     for i in range(ends_cells.shape[0]):
         x1, y1 = ends_cells[i, 0], ends_cells[i, 1]
-        end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
+        endpoint_row, endpoint_col = int(np.floor(y1)), int(np.floor(x1))
         line = start_traversal(x0, y0, x1, y1)
-        for _ in range(steps_to(line, end_row, end_col)):
+        for _ in range(steps_to(line, endpoint_row, endpoint_col)):
             row, col = line.row, line.col
             if 0 <= row < rows and 0 <= col < cols and last_update[row, col] != scan_number:
                 last_update[row, col] = scan_number

@@ -88,7 +88,7 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
                 _logger.warning("%s", MachineCodeCache.complaint)
 
     def _key(self, signature: Any, codegen: Any) -> tuple[str, ...]:
-        """What machine code is for: a signature on a type of processor, of this bytecode, made by this numba."""
+        """Key of machine code: its signature, the type of processor, the bytecode and the version of numba."""
         return (str(signature), str(codegen.magic_tuple()), self._bytecode, str(numba.__version__))
 
     def _name(self, key: tuple[str, ...]) -> str:
@@ -127,7 +127,7 @@ def _digest(body: bytes | memoryview) -> bytes:
 
 
 def folders_of(module: Path) -> tuple[Path, ...]:
-    """Where the machine code of a kernel module is kept, and where else it may lie ready.
+    """Folders of a kernel module's machine code: the one that it is written to, then those that it may be read from.
 
     An installation that was warmed up serves also those who cannot write into it.
     """
@@ -137,7 +137,7 @@ def folders_of(module: Path) -> tuple[Path, ...]:
 
 @functools.cache
 def cache_directory(module: Path) -> Path:
-    """Where the machine code of a kernel module is kept: one folder for each state of it and of the kernels it uses.
+    """Folder for the machine code of a kernel module; another one for each state of it and of the kernels that it uses.
 
     Left to itself numba looks at one source file at a time, and would go on using code that has constants of another
     file's older state compiled into it. The folder lies below NUMBA_CACHE_DIR where that is set, else beside the sources; in
@@ -216,7 +216,7 @@ def _private_temporary_folder() -> Path:
 
 
 def _is_writable(folder: Path) -> bool:
-    """Whether the folder takes new files; it is made if need be. Only trying tells, of all kinds of file systems."""
+    """Whether files can be written to the folder, which is made if it is missing; permissions alone do not show it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()

@@ -12,7 +12,7 @@ from gridslam.kernels.compiled import compiled
 _PARALLEL = 1e-9
 _ROOT_TWO_PI = 2.5066282746310002
 _MAX_BACKGROUND_SIGMAS = 5.0  # a surface farther from an endpoint than this does not explain it
-_MIN_DISTANCE_M = 1e-3  # of a tag from the antenna
+_MIN_DISTANCE_M = 1e-3  # smallest distance of a tag from the antenna
 _MAX_READ_PROBABILITY = 0.99  # keeps the logarithm of a missed read finite
 
 

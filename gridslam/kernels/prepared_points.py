@@ -48,7 +48,11 @@ def prepare_points(
     twist: NDArray[np.float64],
     density: PointDensity,
 ) -> PreparedPoints:
-    """The points of one scan in the robot's frame, given T_base_laser (3,) and the robot's velocity (vx, vy, wz) (3,)."""
+    """The points of one scan in the robot's frame, given T_base_laser (3,) and the robot's velocity (vx, vy, wz) (3,).
+
+    `ranges_m` `(beams,)` are its readings, `sweep` the directions and times of the beams, `limits` the usable ranges; `density`
+    sets which of the points are kept for matching.
+    """
     returns, beams = scan_to_points(ranges_m, sweep, limits, extrinsics, twist)
     all_normals = surface_normals(returns, beams, extrinsics[:2])
     kept = thin_out(returns, density.spacing_m, density.max_points)

@@ -20,8 +20,8 @@ from gridslam.kernels.threads import run_in_ranges
 _PARALLEL = 1e-12  # direction cosines below this never cross a grid line
 _NEVER = 1e300
 _LARGEST = 255
-RAYS_EACH = 4000  # that a range of poses has at least
-FLAT = 4  # of the boxes for flat and steep rays: the longer side over the shorter one
+RAYS_EACH = 4000  # smallest number of rays in a range of poses
+FLAT = 4  # longer side over the shorter one of the boxes for flat and steep rays
 
 
 class Ray(NamedTuple):

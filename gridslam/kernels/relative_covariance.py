@@ -30,7 +30,7 @@ class DirectedEdges(NamedTuple):
 
 
 class CandidateLimits(NamedTuple):
-    """Which nodes may show the same place as another, and are not known well enough relative to it.
+    """Criteria for loop candidates: nodes that may show the same place, with an uncertain relative pose.
 
     Candidates lie at least `min_travel_m` back on the trajectory, and within `view_m` of each other if `max_stds` standard
     deviations of their relative position are allowed for. That is between `min_std_m` and `max_std_m` in its widest direction.
@@ -229,7 +229,8 @@ def loop_candidates(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """For every node the number of its candidates `(n,)`, their nodes `(n, max_passages)` and their covariances given its pose.
 
-    The latter are `(n, max_passages, 6)`. Only the nodes that `is_target` `(n,)` names are candidates.
+    The latter are `(n, max_passages, 6)`. The nodes have `poses` `(n, 3)` and the distances `travel_m` `(n,)` driven up to them,
+    `edges` join them, and candidates meet the `limits`. Only the nodes that `is_target` `(n,)` marks are candidates.
     """
     n = poses.shape[0]
     counts = np.zeros(n, np.int64)

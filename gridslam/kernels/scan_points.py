@@ -21,7 +21,7 @@ MIN_CHORD_NORMALS_COS = 0.9  # cosine of the angle between the normals at the en
 
 
 class Projection(NamedTuple):
-    """What a horizontal plane sees of the sensor's plane: (x, y) of the sensor is (x_per_x * x + x_per_y * y, y_per_y * y)."""
+    """Projection of a sensor's plane onto the horizontal: (x, y) becomes (x_per_x * x + x_per_y * y, y_per_y * y)."""
 
     x_per_x: float
     x_per_y: float

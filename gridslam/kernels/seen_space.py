@@ -1,4 +1,4 @@
-"""What a submap has seen free, and whether another one's walls stand in it."""
+"""Free space that a submap has observed, and the fraction of another one's walls that stand in it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gridslam.kernels.surfels import OrientedPoints, nearest_surfel
 from gridslam.kernels.tiles import TileMap
 
 UNSEEN, FREE, NEAR_SURFACE = 0, 1, 2
-STEP_CELLS = 0.7  # along a beam
-CLEAR_CELLS = 1.5  # before its end
+STEP_CELLS = 0.7  # step along a beam
+CLEAR_CELLS = 1.5  # distance before a beam's end up to which its cells are free
 
 
 class SeenSpace(NamedTuple):
-    """What is known of each cell: `cells` uint8 (rows, cols), UNSEEN, FREE or NEAR_SURFACE; lower-left corner (2,), cell size."""
+    """State of each cell: `cells` uint8 (rows, cols), UNSEEN, FREE or NEAR_SURFACE; lower-left corner (2,) (m), cell size."""
 
     cells: NDArray[np.uint8]
     corner: NDArray[np.float64]

@@ -15,14 +15,16 @@ from gridslam.kernels.surfel_registration import PosePrior
 from gridslam.kernels.surfels import CHANNELS, OrientedPoints, insert_surfels
 from gridslam.kernels.tiles import TILE_BITS, TILE_CELLS, ScanSet, TileMap
 
-OPEN_STD_M, OPEN_STD_RAD = 0.3, 0.05  # of a registration along a direction that the points leave open
+# Standard deviations of a registration along a direction that the points leave open
+OPEN_STD_M, OPEN_STD_RAD = 0.3, 0.05
 MAX_LEVERAGE = 4.0  # times the mean: no single point decides a match
-MIN_NORMAL_FRACTION = 0.02  # of the normals counts as pointing everywhere, so that leverage stays finite
+# Fraction of the normals that counts as pointing everywhere, so that leverage stays finite
+MIN_NORMAL_FRACTION = 0.02
 HASH_FACTOR = np.int64(0x9E3779B97F4A7C15 - (1 << 64))  # 2^64 divided by the golden ratio
 
 
 class SegmentClouds(NamedTuple):
-    """What the segments have seen, each in the frame of its reference pose.
+    """Points and beams of segments, each in the frame of its reference pose.
 
     Segment i owns `points` `(n, 2)` and their `normals` `(n, 2)` from first_point[i] to first_point[i + 1], and `beams`
     `(m, 4)` from (x, y) to (x, y) from first_beam[i] to first_beam[i + 1].
@@ -83,7 +85,10 @@ def segment_beams(
     step: int,
     max_range_m: float,
 ) -> NDArray[np.float64]:
-    """Every `step`-th beam of the scans `(m, 4)`, from its origin to its endpoint or as far as the range, seen from `poses`."""
+    """Every `step`-th beam `(m, 4)` of scans at `poses` `(n, 3)`: origin x, y and endpoint x, y (m), cut at `max_range_m`.
+
+    Scan i owns endpoints[first_endpoint[i]:first_endpoint[i + 1]] `(e, 2)`, in its robot's frame as `viewpoints` `(n, 2)` are.
+    """
     beams = np.empty((endpoints.shape[0] // step + poses.shape[0], 4))
     count = 0
     for i in range(poses.shape[0]):

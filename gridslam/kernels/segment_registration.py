@@ -45,7 +45,9 @@ def register_segments(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Register segments in submaps: poses `(p, 3)`, information `(p, 3, 3)`, inlier ratios `(p,)`.
 
-    At most about `max_points` of a segment are used; the information is scaled to all of its points.
+    `pairs` names the segment of `clouds` and the submap of `submaps` that belong together. Submaps are drawn with surface
+    elements of `surfel_cell_m`, and `registration` sets the robust loss. At most about `max_points` of a segment are used; the
+    information is scaled to all of its points.
     """
     n = pairs.starts.shape[0]
     poses, information, ratio = pairs.starts.copy(), np.zeros((n, 3, 3)), np.zeros(n)

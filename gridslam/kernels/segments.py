@@ -174,8 +174,9 @@ def cast_segments(
     rays: NDArray[np.float64],
     max_range: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """Cast rays `(m, 4)` (origin x, y, unit direction x, y) up to `max_range`.
+    """Cast rays `(m, 4)` (origin x, y, unit direction x, y) up to `max_range` (m).
 
+    Bucket b of the `grid` holds the static segments items[starts[b]:starts[b + 1]].
     Returns the distances `(m,)` (`max_range` if nothing is hit), the index of the shape that is hit `(m,)` (static segments,
     then moving segments `(k, 4)`, then circles `(c, 3)`; -1 for none), and the cosine of the angle of incidence `(m,)`.
     """

@@ -1,4 +1,4 @@
-"""What machine code needs once in a process."""
+"""Preparation of numba, once in a process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matching of one submap in another: the best pose in a whole window, its strongest rival, and what the scans say of it.
+"""Matching of one submap in another: the best pose in a whole window, its strongest rival, and its agreement with the scans.
 
 The target submap is drawn three times: as a likelihood field for the search, as surface elements for the registration, and as
 the cells that its beams have crossed, in which the query submap must have no walls.
@@ -41,7 +41,7 @@ MIN_POINTS = 30  # a submap with fewer is not matched
 
 
 class SubmapPairs(NamedTuple):
-    """Which submaps are matched: query k is searched for in target k.
+    """Pairs of submaps to match: query k is searched for in target k.
 
     Target k is the segments target_first[k]..target_last[k], seen from its frame at target_poses `(., 3)` from row
     target_row[k]; the query likewise. `starts` `(k, 3)` are the queries' expected poses in the targets' frames, `windows`

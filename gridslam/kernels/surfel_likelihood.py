@@ -59,6 +59,7 @@ def log_likelihood(
 ) -> float:
     """Log likelihood of a scan seen from `pose` (3,), given the surfaces and the log-odds `cells` of one map.
 
+    `viewpoint` (2,) is the lidar in the robot's frame, `model` the noise of an endpoint.
     An endpoint at distance e from a surface counts log((1 - random_ratio) exp(-e^2 / (2 sigma^2)) + random_ratio). An
     endpoint without a surface counts as e = inf where the map knows free space or has a wall in front of it. On unknown
     ground it counts as e = sigma, so that new ground speaks neither for nor against a pose.
@@ -101,7 +102,10 @@ def log_likelihood_all(
     poses: NDArray[np.float64],
     model: EndpointModel,
 ) -> NDArray[np.float64]:
-    """`log_likelihood` `(n,)` for every particle, at its pose `(n, 3)` in its own map."""
+    """`log_likelihood` `(n,)` of a `scan` for every particle, at its pose `(n, 3)` in its own map.
+
+    `surfaces`, `cells`, `viewpoint` (2,) and `model` as there.
+    """
     n = poses.shape[0]
     out = np.empty(n)
     run_in_ranges(_log_likelihood_all, n, (surfaces, cells, viewpoint, scan, poses, model, out))

@@ -97,7 +97,10 @@ def _insert_surfels_all(
 def nearest_surfel(
     tile_map: TileMap, x: float, y: float, nx: float, ny: float, max_distance_m: float
 ) -> tuple[int, int, int]:
-    """(tile, row, col) of the surface element nearest to (x, y) that faces the same way as (nx, ny); tile -1 if there is none."""
+    """(tile, row, col) of the surface element nearest to (x, y) that faces the same way as (nx, ny); tile -1 if there is none.
+
+    `tile_map` is a map of surface elements; elements farther than `max_distance_m` are ignored.
+    """
     directory, pool, origin = tile_map.directory, tile_map.pool, tile_map.origin
     size = tile_map.resolution_m
     span_m = min(max_distance_m, MAX_SEARCH_CELLS * size)

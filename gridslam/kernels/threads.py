@@ -16,7 +16,8 @@ from typing import Any
 
 import numba
 
-RANGES_PER_THREAD = 8  # so that threads end at about the same time although items differ in cost
+# Number of ranges, so that threads end at about the same time although items differ in cost
+RANGES_PER_THREAD = 8
 
 _count = int(vars(numba.config)["NUMBA_NUM_THREADS"])  # the number of cores, or NUMBA_NUM_THREADS
 

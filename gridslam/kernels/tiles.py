@@ -127,7 +127,11 @@ def mark_beam_tiles(
     points: NDArray[np.float64],
     resolution_m: float,
 ) -> None:
-    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross (see `grid_traversal`)."""
+    """Mark the tiles that the beams from `viewpoint` (2,) to the points `(m, 2)` cross (see `grid_traversal`).
+
+    Viewpoint and points are in the robot's frame at `pose` (3,). `wanted` bool (rows, cols) begins with the tile `origin` (2,),
+    and a cell is `resolution_m` wide.
+    """
     c, s = np.cos(pose[2]), np.sin(pose[2])
     tile_m = resolution_m * TILE_CELLS
     x0 = (pose[0] + c * viewpoint[0] - s * viewpoint[1]) / tile_m
@@ -135,13 +139,13 @@ def mark_beam_tiles(
     for i in range(points.shape[0]):
         x1 = (pose[0] + c * points[i, 0] - s * points[i, 1]) / tile_m
         y1 = (pose[1] + s * points[i, 0] + c * points[i, 1]) / tile_m
-        end_row, end_col = int(np.floor(y1)), int(np.floor(x1))
+        endpoint_row, endpoint_col = int(np.floor(y1)), int(np.floor(x1))
         line = start_traversal(x0, y0, x1, y1)
         _mark(wanted, line.row - origin[0], line.col - origin[1])
-        for _ in range(steps_to(line, end_row, end_col)):
+        for _ in range(steps_to(line, endpoint_row, endpoint_col)):
             line = advance(line)
             _mark(wanted, line.row - origin[0], line.col - origin[1])
-        _mark(wanted, end_row - origin[0], end_col - origin[1])
+        _mark(wanted, endpoint_row - origin[0], endpoint_col - origin[1])
 
 
 @compiled
@@ -153,7 +157,11 @@ def mark_tiles_of_scans(
     scans: ScanSet,
     with_beams: bool,
 ) -> None:
-    """Mark the tiles of all scans, seen from `poses` `(s, 3)`: those of the endpoints, or those that the beams cross."""
+    """Mark the tiles of all scans, seen from `poses` `(s, 3)`: those of the endpoints, or those that the beams cross.
+
+    `wanted` bool (rows, cols) has the rows and columns of `tile_map`. `viewpoint` (2,) is the lidar in the robot's frame;
+    `with_beams` chooses the tiles that the beams cross.
+    """
     origin, resolution_m = tile_map.origin, tile_map.resolution_m
     for i in range(poses.shape[0]):
         own = scans.points[scans.first_point[i] : scans.first_point[i + 1]]
@@ -221,7 +229,8 @@ def own_tiles_of_scan(
 ) -> tuple[int, int, int]:
     """`own_tiles` for the scan's tiles in scan.maps[first:].
 
-    Stops at the first map for which too few tiles are free. Returns the number of free tiles left, the index at which it
+    `wanted` bool (rows, cols) is scratch space, and `n_free` tiles of the `pool` are free. Stops at the first map for
+    which these are too few. Returns the number of free tiles left, the index at which it
     stopped (len(scan.maps): all done), and how many tiles the next map needs.
     """
     tile_m = maps.resolution_m * TILE_CELLS

@@ -46,8 +46,9 @@ def visible_faces(
 ) -> NDArray[np.bool_]:
     """Whether any face of each of `count` walls is visible from each point `(p, 2)`, as `(p, count)`; lengths in cells.
 
-    Faces have centres `(n, 2)` and belong to the walls `owners` `(n,)`. A ray to a face may end half a cell early: the cell that
-    it hits first is then the next one of the same wall.
+    Faces have centres `face_centres` `(n, 2)` and belong to the walls `owners` `(n,)`; `squares` are the largest free boxes
+    about each cell, and nothing beyond `max_range` is visible. A ray to a face may end half a cell early: the cell that it hits
+    first is then the next one of the same wall.
     """
     seen = np.zeros((points.shape[0], count), np.bool_)
     for i in range(points.shape[0]):
@@ -80,6 +81,7 @@ def pass_beams(
 ) -> None:
     """Count in each cell `(rows, cols)` the beams that pass it and the surfaces in it; lengths in cells.
 
+    `passed` and `hit` are changed; `is_hit` `(n,)` marks beams that end at a surface.
     Beams run from `origin` `(2,)` to `endpoints` `(n, 2)` and are followed up to `max_range`; their last `stand_off` before a
     surface is not counted as passed. Endpoints of neighbouring beams no more than `max_gap` apart are joined by a surface.
     """

@@ -25,7 +25,7 @@ ON_WALL_SQUARED = (
 
 
 class WallCriteria(NamedTuple):
-    """What counts as a wall segment and how points on it are weighted.
+    """Criteria for a wall segment, and the weighting of points on it.
 
     `map_variance` (m^2) is that of the wall about its straight line; residuals beyond `robust_sigmas` standard deviations
     lose their weight.

@@ -124,14 +124,14 @@ class LaterBodies:
         turning = [view for turned, view in views if turned >= turned_rad - MIN_ROTATION_RAD]
         if len(turning) == len(views):  # the robot has not turned so far yet
             return None
-        limits_m = _body_limits(np.array(_views_of_turn(views, turning), np.float64))
+        limits_m = _body_limits(np.array(_views_of_rotation(views, turning), np.float64))
         if not limits_m.any():
             return None
         views.clear()
         return OwnBody(beams, limits_m)
 
 
-def _views_of_turn(
+def _views_of_rotation(
     views: Sequence[tuple[float, NDArray[np.float32]]], turning: Sequence[NDArray[np.float32]]
 ) -> list[NDArray[np.float32]]:
     """The views of the last MIN_ROTATION_RAD, and as many before them as make MIN_VIEWS."""

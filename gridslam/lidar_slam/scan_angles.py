@@ -71,7 +71,9 @@ def find_wrong_angles(
         step = pairs.better_step(beams, stated, others, max_ratio)
         if step is not None:
             angles = ScanAngles(lidar, stated, step)
-            if is_contradicted or _fits_better(angles, _scans_that_turn(own, poses[:, 2]), build_tracker):
+            if is_contradicted or _matches_better(
+                angles, _scans_in_rotation(own, poses[:, 2]), build_tracker
+            ):
                 found.append(angles)
     return found
 
@@ -89,7 +91,7 @@ def _other_steps(beams: int, stated_rad: float) -> list[float]:
     ]
 
 
-def _scans_that_turn(scans: Sequence[LaserScan], yaws: Floats) -> Sequence[LaserScan]:
+def _scans_in_rotation(scans: Sequence[LaserScan], yaws: Floats) -> Sequence[LaserScan]:
     """The COMPARED_SCANS scans one after the other between which the robot turns most."""
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.unwrap(yaws))))])
     last = max(len(scans) - COMPARED_SCANS, 0)
@@ -97,7 +99,7 @@ def _scans_that_turn(scans: Sequence[LaserScan], yaws: Floats) -> Sequence[Laser
     return scans[start : start + COMPARED_SCANS]
 
 
-def _fits_better(
+def _matches_better(
     angles: ScanAngles, scans: Sequence[LaserScan], build_tracker: Callable[[], ScanTracker]
 ) -> bool:
     """Whether scans match each other better with the angles found than with those stated."""

@@ -23,7 +23,7 @@ from gridslam.core.stamps import END_NS
 from gridslam.logs.checks.depth_units import DepthUnits
 from gridslam.logs.checks.plausibility import ScanPlausibility
 from gridslam.logs.checks.scan_units import CloudUnits
-from gridslam.logs.checks.wheel_turns import WheelTurns
+from gridslam.logs.checks.wheel_revolutions import WheelRevolutions
 from gridslam.logs.codecs import odometry
 from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
@@ -203,7 +203,7 @@ def _repairs(
         elif kind == "depth":
             found[index] = DepthUnits(stream.label, message_counts).repaired
         elif kind == "wheels":
-            found[index] = WheelTurns(stream.label, message_counts).repaired
+            found[index] = WheelRevolutions(stream.label, message_counts).repaired
     return found
 
 

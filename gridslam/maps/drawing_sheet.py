@@ -137,12 +137,12 @@ def _quadrilateral(area: NDArray[np.uint8]) -> tuple[Floats, float] | None:
     hull = cv2.convexHull(contour)
     length = cv2.arcLength(hull, True)
     for tolerance in TOLERANCES:
-        rough = cv2.approxPolyDP(hull, float(tolerance * length), True).reshape(-1, 2)
-        if len(rough) <= 4:
+        polygon = cv2.approxPolyDP(hull, float(tolerance * length), True).reshape(-1, 2)
+        if len(polygon) <= 4:
             break
-    if len(rough) != 4:
+    if len(polygon) != 4:
         return None
-    corners = _with_fitted_sides(rough.astype(np.float64), contour.reshape(-1, 2).astype(np.float64))
+    corners = _with_fitted_sides(polygon.astype(np.float64), contour.reshape(-1, 2).astype(np.float64))
     slack = MAX_OUTSIDE * max(rows, cols)
     if corners is None or (corners < -slack).any() or (corners > np.array([cols, rows]) + slack).any():
         return None
@@ -151,10 +151,10 @@ def _quadrilateral(area: NDArray[np.uint8]) -> tuple[Floats, float] | None:
     return corners, float((covered & area).sum() / max(int((covered | area).sum()), 1))
 
 
-def _with_fitted_sides(rough: Floats, contour: Floats) -> Floats | None:
+def _with_fitted_sides(polygon: Floats, contour: Floats) -> Floats | None:
     """Corners where lines fitted to the contour along each side meet."""
     lines = []
-    for start, end in zip(rough, np.roll(rough, -1, axis=0), strict=True):
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         along = end - start
         length = float(np.hypot(*along))
         if length < CLOSED_PX:

@@ -190,10 +190,10 @@ def _resampled_parts(
     covered = geometry.cells(se2.transform_points(T_new_old, grid.geometry.centres(corners)))
     low = np.clip(covered.min(axis=0) - 1, 0, shape)
     high = np.clip(covered.max(axis=0) + 2, low, shape)
-    (first_row, first_col), (end_row, end_col) = low.tolist(), high.tolist()
-    block = max(BLOCK_CELLS // max(end_col - first_col, 1), 1)
-    for first in range(first_row, end_row, block):
-        part = slice(first, min(first + block, end_row)), slice(first_col, end_col)
+    (first_row, first_col), (stop_row, stop_col) = low.tolist(), high.tolist()
+    block = max(BLOCK_CELLS // max(stop_col - first_col, 1), 1)
+    for first in range(first_row, stop_row, block):
+        part = slice(first, min(first + block, stop_row)), slice(first_col, stop_col)
         yield part, values_under(grid, T_old_new, geometry, part)
 
 

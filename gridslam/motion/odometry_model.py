@@ -32,10 +32,10 @@ class OdometryNoise:
 def sample_motion(poses: Floats, step: Floats, noise: OdometryNoise, rng: np.random.Generator) -> Floats:
     """Poses `(n, 3)` after an odometry step `(3,)` in the robot's frame, each with noise of its own."""
     distance = float(np.hypot(step[0], step[1]))
-    turn_1 = float(np.arctan2(step[1], step[0])) if distance >= _STANDING_M else 0.0
-    turn_2 = float(se2.wrap_angle(step[2] - turn_1))
+    rotation_1 = float(np.arctan2(step[1], step[0])) if distance >= _STANDING_M else 0.0
+    rotation_2 = float(se2.wrap_angle(step[2] - rotation_1))
     # Driving backwards is no turn of half a circle there and back.
-    noisy_1, noisy_2 = _smallest_yaw_change(turn_1), _smallest_yaw_change(turn_2)
+    noisy_1, noisy_2 = _smallest_yaw_change(rotation_1), _smallest_yaw_change(rotation_2)
     deviations = np.sqrt(
         [
             noise.alpha1 * noisy_1**2 + noise.alpha2 * distance**2,
@@ -48,11 +48,11 @@ def sample_motion(poses: Floats, step: Floats, noise: OdometryNoise, rng: np.ran
     wild = round(noise.wild_fraction * n)
     if wild:
         drawn[:, rng.integers(0, n, wild)] *= noise.wild_factor
-    heading = poses[:, 2] + (turn_1 + drawn[0])
+    heading = poses[:, 2] + (rotation_1 + drawn[0])
     length = distance + drawn[1]
     x = poses[:, 0] + length * np.cos(heading)
     y = poses[:, 1] + length * np.sin(heading)
-    return np.stack([x, y, se2.wrap_angle(heading + (turn_2 + drawn[2]))], axis=1)
+    return np.stack([x, y, se2.wrap_angle(heading + (rotation_2 + drawn[2]))], axis=1)
 
 
 def _smallest_yaw_change(angle_rad: float) -> float:

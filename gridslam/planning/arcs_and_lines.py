@@ -146,8 +146,8 @@ class _PathPlanner:
         """The fastest of all candidates. Raises MethodError if there is none."""
         difference = self.goal - self.start
         if self.options.turn_on_spot and np.hypot(*difference[:2]) < SAME_PLACE_M:
-            turn = np.array([[*self.start, 0.0, 0.0, wrap_angle(difference[2])]])
-            self._keep("turning on the spot", turn)
+            turn_on_spot_alone = np.array([[*self.start, 0.0, 0.0, wrap_angle(difference[2])]])
+            self._keep("turning on the spot", turn_on_spot_alone)
         guide_paths: list[Floats] = []
         for weight in OBSTACLE_WEIGHTS:
             cost = self.search.cost_to_go(weight)
@@ -168,9 +168,9 @@ class _PathPlanner:
 
     def _keep_along(self, name: str, guide_path: Floats, cost: Costs) -> None:
         """Add the candidates along one guide path."""
-        for turns in (False, True) if self.options.turn_on_spot else (False,):
-            label = f"{name}, turning on the spot" if turns else name
-            self._keep(label, self._path(cost, guide_path, turns, is_first=not self.found))
+        for turns_on_spot in (False, True) if self.options.turn_on_spot else (False,):
+            label = f"{name}, turning on the spot" if turns_on_spot else name
+            self._keep(label, self._path(cost, guide_path, turns_on_spot, is_first=not self.found))
             if self.found and _is_long(guide_path):
                 return
         if self.options.min_radius_m == 0.0 and len(guide_path) > 1:
@@ -184,10 +184,10 @@ class _PathPlanner:
             candidate = PathCandidate(name, length_m, travel_time_of(parts, self.options.limits))
             self.found.append((candidate, parts))
 
-    def _path(self, cost: Costs, guide_path: Floats, turns: bool, is_first: bool) -> Floats | None:
+    def _path(self, cost: Costs, guide_path: Floats, turns_on_spot: bool, is_first: bool) -> Floats | None:
         """The refined path `(n, 6)` along a guide path; None if there is none, unless it is the first: then MethodError."""
         start, goal = self.start.copy(), self.goal.copy()
-        if turns:
+        if turns_on_spot:
             start[2], goal[2] = guide_path[0, 2], guide_path[-1, 2]
         goals = goal[None]
         if np.isnan(goal[2]):

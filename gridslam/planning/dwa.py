@@ -35,7 +35,7 @@ class DifferentialDrive:
     base_m: float
     acceleration_mps2: float  # of each wheel
     max_speed_mps: float  # of each wheel
-    max_turn_radps: float
+    max_yaw_rate_radps: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def reachable_speeds(current: WheelSpeeds, drive: DifferentialDrive, settings: D
     if max(abs(current.left_mps), abs(current.right_mps)) <= step:
         speeds = np.concatenate([speeds, np.zeros((1, 2))])
     turning = np.abs(speeds[:, 1] - speeds[:, 0]) / drive.base_m
-    kept = turning <= max(drive.max_turn_radps, float(turning.min()))
+    kept = turning <= max(drive.max_yaw_rate_radps, float(turning.min()))
     forward = speeds.mean(axis=1)
     kept &= forward >= min(-STANDING_MPS, float(forward[kept].max()))
     return np.asarray(speeds[kept])

@@ -238,8 +238,8 @@ def _shortened(label: str) -> str:
     low, high = 0, len(label)  # characters to leave out; binary search, as names may be very long
     while low < high:
         middle = (low + high) // 2
-        fits = text_width("..." + label[middle:], TEXT) <= MAX_LABEL_PX
-        low, high = (low, middle) if fits else (middle + 1, high)
+        has_room = text_width("..." + label[middle:], TEXT) <= MAX_LABEL_PX
+        low, high = (low, middle) if has_room else (middle + 1, high)
     return "..." + label[low:]
 
 

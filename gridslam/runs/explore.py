@@ -126,7 +126,7 @@ def drive_of(world: WorldConfig) -> DifferentialDrive:
         base_m=wheels.base_m,
         acceleration_mps2=wheels.acceleration_mps2,
         max_speed_mps=wheels.max_speed_mps,
-        max_turn_radps=MAX_YAW_RATE_RADPS,
+        max_yaw_rate_radps=MAX_YAW_RATE_RADPS,
     )
 
 

@@ -29,7 +29,7 @@ from gridslam.simulation.world_config import WorldConfig
 
 _logger = logging.getLogger("gridslam")
 DRIVE = DifferentialDrive(
-    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
+    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_yaw_rate_radps=10.0
 )
 COMMAND_EVERY = 50  # events
 STUTTER = Noise(frozen=range(100, 112))  # tracking is lost and recovers

@@ -79,14 +79,14 @@ def reliability(scan: InfraredScan, neighbour_m: float) -> Floats:
     a sweep have one neighbour, which counts twice; a single sample has none and gets 0.
     """
     n = len(scan)
-    agrees = np.zeros(max(n - 1, 0), bool)
+    is_near_next = np.zeros(max(n - 1, 0), bool)
     paired = np.zeros(max(n - 1, 0), bool)
     if n > 1:
         with np.errstate(invalid="ignore"):
-            agrees = np.abs(np.diff(scan.range_m)) < neighbour_m  # False beside NaN and infinity
+            is_near_next = np.abs(np.diff(scan.range_m)) < neighbour_m  # False beside NaN and infinity
         paired = scan.sensor[1:] == scan.sensor[:-1]
-    with_next = np.r_[agrees & paired, False][:n]
-    with_last = np.r_[False, agrees & paired][:n]
+    with_next = np.r_[is_near_next & paired, False][:n]
+    with_last = np.r_[False, is_near_next & paired][:n]
     has_next = np.r_[paired, False][:n]
     has_last = np.r_[False, paired][:n]
     count = has_next.astype(np.int64) + has_last

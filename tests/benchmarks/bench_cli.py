@@ -18,15 +18,15 @@ from gridslam.report.write import write_run
 from gridslam.runs.run import Run
 from gridslam.runs.run_config import load_config
 from gridslam.runs.run_counts import merge_counts
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 
 ALONE = True
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Start-up of `--help`, and a run directory of a 100 m x 100 m map with 10,000 poses."""
-    yield Row("cli.help", min(help_s() for _ in range(3)), "s")
-    yield Row("report.write", write_s(), "s")
+    yield BenchmarkRow("cli.help", min(help_s() for _ in range(3)), "s")
+    yield BenchmarkRow("report.write", write_s(), "s")
 
 
 def help_s() -> float:
@@ -51,7 +51,7 @@ def large_run() -> Run:
     stamps = np.arange(10_000, dtype=np.int64) * 100_000_000
     poses = np.cumsum(rng.normal(0, 0.05, (10_000, 3)), axis=0)
     grid = OccupancyGrid(rng.random((2000, 2000), np.float32), GridGeometry(0.05, (-50.0, -50.0)))
-    series = {name: Series(stamps, rng.random(10_000)) for name in ("spread", "n_eff")}
+    series = {name: Series(stamps, rng.random(10_000)) for name in ("particle_std", "n_eff")}
     return Run(
         command="map",
         config=load_config("slam-sd"),

@@ -20,8 +20,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.harness import Row, say
-from tests.benchmarks.localization_drives import Drive, corridor_drive, errors_m, localized, place_drive
+from tests.benchmarks.harness import BenchmarkRow, say
+from tests.benchmarks.localization_drives import (
+    LocalizationDrive,
+    corridor_drive,
+    errors_m,
+    localized,
+    place_drive,
+)
 
 DRIVES = int(os.environ.get("GRIDSLAM_CONFIDENCE_DRIVES", "10"))
 FIRST_SEED = 1000
@@ -34,14 +40,14 @@ PICTURE, KEPT = Path("out") / "confidence.png", Path("out") / "confidence"
 Floats = NDArray[np.float64]
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The fraction of the poses called localized that are right, and of right poses that are called so."""
     found = measured(DRIVES)
     called, confidence, error = (np.concatenate([f[i] for f in found.values()]) for i in range(3))
     right = error <= WITHIN_M
-    yield Row("confidence.localized_right", float(right[called > 0].mean()), "")
-    yield Row("confidence.right_localized", float(called[right].mean()), "")
-    yield Row("confidence.calibration_error", calibration_error(confidence, right), "")
+    yield BenchmarkRow("confidence.localized_right", float(right[called > 0].mean()), "")
+    yield BenchmarkRow("confidence.right_localized", float(called[right].mean()), "")
+    yield BenchmarkRow("confidence.calibration_error", calibration_error(confidence, right), "")
 
 
 def measured(drives: int) -> dict[str, Floats]:
@@ -78,7 +84,7 @@ def kept_drive(number: int) -> Floats:
     return np.asarray(np.load(file, allow_pickle=False), np.float64)
 
 
-def drive_of(kind: str, seed: int) -> tuple[Drive, Drive]:
+def drive_of(kind: str, seed: int) -> tuple[LocalizationDrive, LocalizationDrive]:
     """The drive of a seed, and the one whose map is given."""
     if kind == "symmetric":
         drive = corridor_drive(seed)

@@ -18,7 +18,7 @@ from gridslam.core import poses as se2
 from gridslam.core.arrays import cumulative_distance
 from gridslam.lidar_slam.map_consistency.assessment import DOUBTFUL, assess_map
 from tests.benchmarks.bench_places import ape_rmse
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 from tests.benchmarks.tracked_places import TrackedPlace, place_of, tracked_log, tracked_place
 from tests.benchmarks.wrong_maps import loop_graph, maps_of
@@ -33,7 +33,7 @@ WRONG_RATIO = 3.0  # that of a wrong map, at least, over that of a right one
 Floats = NDArray[np.float64]
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Area under the ROC curve, wrong maps that pass, right maps that are doubted."""
     doubts: dict[bool, list[float]] = {True: [], False: []}
     for seed, (name, place, ape_ratio) in enumerate(places()):
@@ -51,9 +51,11 @@ def rows() -> Iterator[Row]:
     say(
         f"doubt: {len(right)} right maps up to {max(right):.3f}, {len(wrong)} wrong ones from {min(wrong):.3f}"
     )
-    yield Row("doubt.roc_area", roc_area(right, wrong), "", 0.97, at_least=True)
-    yield Row("doubt.missed", sum(d <= DOUBTFUL for d in wrong), f"of {len(wrong)} wrong maps", 0)
-    yield Row("doubt.false_alarms", sum(d > DOUBTFUL for d in right), f"of {len(right)} right maps", 1)
+    yield BenchmarkRow("doubt.roc_area", roc_area(right, wrong), "", 0.97, at_least=True)
+    yield BenchmarkRow("doubt.missed", sum(d <= DOUBTFUL for d in wrong), f"of {len(wrong)} wrong maps", 0)
+    yield BenchmarkRow(
+        "doubt.false_alarms", sum(d > DOUBTFUL for d in right), f"of {len(right)} right maps", 1
+    )
 
 
 def places() -> Iterator[tuple[str, TrackedPlace, float]]:

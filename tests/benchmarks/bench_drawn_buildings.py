@@ -21,7 +21,7 @@ from gridslam.maps.drawing import drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.localizer import first_states
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp, warp_of
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.mapped_buildings import MappedBuilding, mapped_building
 from tests.benchmarks.people_drawings import PeopleDrawing, drawing_of
 
@@ -33,7 +33,7 @@ LOST_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
-class Trial:
+class DrawnTrial:
     """A drawing laid over a map: the fractions of its poses within 1 m, of those said to be doubtful, and of those wrong and not
     said to be; whether it is said to fit; the cost of a place, and CPU time (s)."""
 
@@ -45,7 +45,7 @@ class Trial:
     cpu_s: float
 
 
-def trial(seed: int, is_wrong: bool = False) -> Trial:
+def trial(seed: int, is_wrong: bool = False) -> DrawnTrial:
     """A drawing of a building over its own map, or over that of the next building."""
     place = seed % PLACES
     own = mapped_building(place)
@@ -59,7 +59,7 @@ def trial(seed: int, is_wrong: bool = False) -> Trial:
         points = own.poses[:, :2]
         errors = drawing.errors_m(points, warp.to_drawing(points, warp.graph.owners))
     doubtful = warp.doubtful_poses
-    return Trial(
+    return DrawnTrial(
         within_1m=float((errors < 1.0).mean()),
         doubtful=float(doubtful.mean()),
         wrong_unsaid=float(((errors > WRONG_M) & ~doubtful).mean()),
@@ -81,33 +81,39 @@ def laid_over(
     return warp_of(drawn, mapped.occupancy, mapped.poses, first, rng)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """All figures."""
     yield from figures(0, DRAWINGS, WRONG)
 
 
-def figures(first: int, count: int, wrong_count: int) -> Iterator[Row]:
+def figures(first: int, count: int, wrong_count: int) -> Iterator[BenchmarkRow]:
     """Figures of drawings by seed, each said when it is done."""
     right = [_said(seed) for seed in range(first, first + count)]
     fractions = [t.within_1m for t in right]
-    yield Row("drawn_buildings.within_1m", float(np.mean(fractions)), "fraction of poses within 1 m")
-    yield Row("drawn_buildings.within_1m.worst", min(fractions), "fraction of poses within 1 m")
-    yield Row(
+    yield BenchmarkRow("drawn_buildings.within_1m", float(np.mean(fractions)), "fraction of poses within 1 m")
+    yield BenchmarkRow("drawn_buildings.within_1m.worst", min(fractions), "fraction of poses within 1 m")
+    yield BenchmarkRow(
         "drawn_buildings.wrong_unsaid", float(np.mean([t.wrong_unsaid for t in right])), "fraction of poses"
     )
-    yield Row("drawn_buildings.wrong_unsaid.worst", max(t.wrong_unsaid for t in right), "fraction of poses")
-    yield Row("drawn_buildings.doubtful", float(np.mean([t.doubtful for t in right])), "fraction of poses")
+    yield BenchmarkRow(
+        "drawn_buildings.wrong_unsaid.worst", max(t.wrong_unsaid for t in right), "fraction of poses"
+    )
+    yield BenchmarkRow(
+        "drawn_buildings.doubtful", float(np.mean([t.doubtful for t in right])), "fraction of poses"
+    )
     unsaid = sum(t.fits and t.within_1m < LOST_FRACTION for t in right)
-    yield Row("drawn_buildings.lost_unsaid", unsaid, "drawings")
-    yield Row("drawn_buildings.right.said_to_fit", float(np.mean([t.fits for t in right])), "fraction")
-    yield Row("drawn_buildings.cpu", max(t.cpu_s for t in right), "s")
+    yield BenchmarkRow("drawn_buildings.lost_unsaid", unsaid, "drawings")
+    yield BenchmarkRow(
+        "drawn_buildings.right.said_to_match", float(np.mean([t.fits for t in right])), "fraction"
+    )
+    yield BenchmarkRow("drawn_buildings.cpu", max(t.cpu_s for t in right), "s")
     if wrong_count:
         wrong = [_said(seed, is_wrong=True) for seed in range(first, first + wrong_count)]
         fitting = float(np.mean([t.fits for t in wrong]))
-        yield Row("drawn_buildings.wrong.said_to_fit", fitting, "fraction")
+        yield BenchmarkRow("drawn_buildings.wrong.said_to_match", fitting, "fraction")
 
 
-def _said(seed: int, is_wrong: bool = False) -> Trial:
+def _said(seed: int, is_wrong: bool = False) -> DrawnTrial:
     result = trial(seed, is_wrong)
     say(
         f"{seed}{' over another building' if is_wrong else ''}: within_1m {result.within_1m:.3f} doubtful {result.doubtful:.2f} "

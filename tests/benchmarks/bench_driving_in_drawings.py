@@ -17,7 +17,7 @@ from gridslam.maps.drawing import drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_tracker import localizer_of
 from tests.benchmarks.bench_drawn_buildings import PLACES
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.mapped_buildings import mapped_building
 from tests.benchmarks.people_drawings import drawing_of
 
@@ -43,21 +43,21 @@ def trial(seed: int) -> tuple[float, float, float]:
     return float((errors < NEAR_M).mean()), float((errors > LOST_M).mean()), elapsed
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """All figures."""
     yield from figures(0, DRAWINGS)
 
 
-def figures(first: int, count: int) -> Iterator[Row]:
+def figures(first: int, count: int) -> Iterator[BenchmarkRow]:
     """Figures of drawings by seed, each said when it is done."""
     found = []
     for seed in range(first, first + count):
         found.append(trial(seed))
         say("{}: within 1 m {:.3f}, farther than 3 m {:.3f}, cpu {:.1f}".format(seed, *found[-1]))
     near, lost, _ = np.array(found).T
-    yield Row("driving_in_drawings.within_1m", float(near.mean()), "fraction of poses")
-    yield Row("driving_in_drawings.within_1m.worst", float(near.min()), "fraction of poses")
-    yield Row("driving_in_drawings.lost", float(lost.mean()), "fraction of poses")
+    yield BenchmarkRow("driving_in_drawings.within_1m", float(near.mean()), "fraction of poses")
+    yield BenchmarkRow("driving_in_drawings.within_1m.worst", float(near.min()), "fraction of poses")
+    yield BenchmarkRow("driving_in_drawings.lost", float(lost.mean()), "fraction of poses")
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evalu
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 
 ALONE = True
 
@@ -24,14 +24,18 @@ POSES = 7_000
 RELATIONS = 100_000
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Both programs start from trajectories in memory and compute the same measures."""
     truth, estimate = random_walk(0), random_walk(1)
     ours = fastest(lambda: evaluate(Result(estimate), Truth(truth), EvaluationOptions(align="se2")))
     evos = fastest(lambda: evo_measures(truth, estimate), repeats=1)
-    yield Row("evaluation.trajectory_over_evo", ours / evos, "", bound=0.1)
-    yield Row("evaluation.relations", fastest(lambda: relation_errors(estimate, relations())), "s", bound=0.5)
-    yield Row("evaluation.walls", fastest(lambda: wall_distances(*maps(), np.zeros(3)), 1), "s", bound=5.0)
+    yield BenchmarkRow("evaluation.trajectory_over_evo", ours / evos, "", bound=0.1)
+    yield BenchmarkRow(
+        "evaluation.relations", fastest(lambda: relation_errors(estimate, relations())), "s", bound=0.5
+    )
+    yield BenchmarkRow(
+        "evaluation.walls", fastest(lambda: wall_distances(*maps(), np.zeros(3)), 1), "s", bound=5.0
+    )
 
 
 def fastest(measure: Callable[[], object], repeats: int = 3) -> float:

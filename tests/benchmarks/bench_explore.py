@@ -25,18 +25,18 @@ from gridslam.planning.art_gallery import gallery_of, greedy_cover, scatter
 from gridslam.planning.dwa import DifferentialDrive, WheelSpeeds
 from gridslam.planning.tour import tour_length
 from tests.benchmarks.explorations import BUILDING_START, DRAWINGS, ExplorationResult, run_set, trials
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.reference.planning import minimum_cover
 
 Floats = NDArray[np.float64]
 
 DRIVE = DifferentialDrive(
-    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_turn_radps=10.0
+    radius_m=0.25, base_m=0.4, acceleration_mps2=0.8, max_speed_mps=1.5, max_yaw_rate_radps=10.0
 )
 SEEDS = range(10)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """All figures."""
     yield from cover_rows()
     yield from tour_rows()
@@ -45,7 +45,7 @@ def rows() -> Iterator[Row]:
     yield from correction_rows()
 
 
-def cover_rows() -> Iterator[Row]:
+def cover_rows() -> Iterator[BenchmarkRow]:
     """Size of the greedy cover over the minimum, on the two built-in drawings, 80 candidates, seeds 0 to 9."""
     for name in ("corridor", "building"):
         drawn = drawn_map(load_drawing(DRAWINGS / f"{name}.png"))
@@ -55,11 +55,11 @@ def cover_rows() -> Iterator[Row]:
             visible = gallery.visible_from(scatter(drawn.free, 80, np.random.default_rng(seed)), 60.0)
             ratios.append(len(greedy_cover(visible)) / minimum_cover(visible))
             bounds.append(np.log(int(visible.any(axis=0).sum())))
-        yield Row(f"explore.cover.{name}.over_optimum", float(np.mean(ratios)), "x")
-        yield Row(f"explore.cover.{name}.worst", max(ratios), "x", bound=float(min(bounds)))
+        yield BenchmarkRow(f"explore.cover.{name}.over_optimum", float(np.mean(ratios)), "x")
+        yield BenchmarkRow(f"explore.cover.{name}.worst", max(ratios), "x", bound=float(min(bounds)))
 
 
-def tour_rows() -> Iterator[Row]:
+def tour_rows() -> Iterator[BenchmarkRow]:
     """Length of the local search over the optimum, which the program uses up to 13 places; seeds 0 to 9."""
     ratios = []
     for seed in SEEDS:
@@ -67,11 +67,11 @@ def tour_rows() -> Iterator[Row]:
         table = np.asarray(np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)))
         best = tour_length(table, np.asarray(exact_tour(table)))
         ratios.append(tour_length(table, np.asarray(improved_tour(table, np.arange(13)))) / best)
-    yield Row("explore.tour.local_search.over_optimum", float(np.mean(ratios)), "x")
-    yield Row("explore.tour.local_search.worst", max(ratios), "x", bound=1.25)
+    yield BenchmarkRow("explore.tour.local_search.over_optimum", float(np.mean(ratios)), "x")
+    yield BenchmarkRow("explore.tour.local_search.worst", max(ratios), "x", bound=1.25)
 
 
-def cycle_rows() -> Iterator[Row]:
+def cycle_rows() -> Iterator[BenchmarkRow]:
     """CPU time of a command (DWA over 121 pairs of speeds, three scans of 360 beams) and of a new path in the building."""
     scan = _scan_about()
     pursuit = Pursuit(ExplorationConfig(), DRIVE)
@@ -79,7 +79,7 @@ def cycle_rows() -> Iterator[Row]:
         pursuit.add_scan(np.zeros(3), scan)
     pursuit.follow(np.column_stack([np.linspace(0.0, 3.0, 60), np.zeros(60)]), np.zeros(3))
     stamps = iter(range(10**9, 10**12, 10**8))
-    yield Row(
+    yield BenchmarkRow(
         "explore.command",
         cpu_ms(lambda: pursuit.command(next(stamps), np.zeros(3), WheelSpeeds(0.3, 0.3)), 100),
         "ms",
@@ -97,34 +97,36 @@ def cycle_rows() -> Iterator[Row]:
         cell_cost = observed_costs(grid, blocked, cleared, 0.25, config)
         find_path(CostGrid(grid, cell_cost, blocked), pose, np.array([24.0, 24.0]), 0.25, 0.2)
 
-    yield Row("explore.path", cpu_ms(plan, 10), "ms")
+    yield BenchmarkRow("explore.path", cpu_ms(plan, 10), "ms")
 
 
-def loop_rows() -> Iterator[Row]:
+def loop_rows() -> Iterator[BenchmarkRow]:
     """Whole explorations, seeds 0 and 1: finished, without contact, with an accurate and complete map."""
     for name in ("corridor-35-corrected", "building-distorted", "curved"):
         found = runs_of(name)
         finished = float(np.mean([run.ended == "finished" for run in found]))
-        yield Row(f"explore.{name}.finished", finished, "fraction", bound=1.0, at_least=True)
-        yield Row(f"explore.{name}.map_error", max(run.map_error_m for run in found), "m", bound=0.05)
-        yield Row(
+        yield BenchmarkRow(f"explore.{name}.finished", finished, "fraction", bound=1.0, at_least=True)
+        yield BenchmarkRow(
+            f"explore.{name}.map_error", max(run.map_error_m for run in found), "m", bound=0.05
+        )
+        yield BenchmarkRow(
             f"explore.{name}.coverage", min(run.coverage for run in found), "fraction", 0.95, at_least=True
         )
-        yield Row(
+        yield BenchmarkRow(
             f"explore.{name}.clearance", min(run.clearance_m for run in found), "m", bound=0.0, at_least=True
         )
-        yield Row(f"explore.{name}.cpu", max(run.cpu_s for run in found), "s", bound=60.0)
+        yield BenchmarkRow(f"explore.{name}.cpu", max(run.cpu_s for run in found), "s", bound=60.0)
 
 
-def correction_rows() -> Iterator[Row]:
+def correction_rows() -> Iterator[BenchmarkRow]:
     """The paper's form in a corridor 1.4 times as long as drawn, lidar of 8 m, seeds 0 and 1: mean distance between the maps."""
     distances = {}
     for how in ("corrected", "uncorrected"):
         runs = runs_of(f"corridor-35-paper-8m-{how}")
         distances[how] = float(np.mean([run.mean_distance_m for run in runs]))
-        yield Row(f"explore.paper.corridor-35.{how}", distances[how], "m")
+        yield BenchmarkRow(f"explore.paper.corridor-35.{how}", distances[how], "m")
     gain = distances["uncorrected"] / distances["corrected"]
-    yield Row("explore.paper.corridor-35.gain", gain, "x", bound=3.0, at_least=True)
+    yield BenchmarkRow("explore.paper.corridor-35.gain", gain, "x", bound=3.0, at_least=True)
 
 
 def runs_of(name: str) -> list[ExplorationResult]:

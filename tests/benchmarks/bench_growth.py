@@ -14,7 +14,7 @@ from typing import Any
 
 from tests.benchmarks.bench_places import simulated
 from tests.benchmarks.bench_slam_sd import command, report_of
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 
 ALONE = True
 
@@ -22,13 +22,13 @@ TRAVELS_KM = [km for km in (0.5, 1.0, 2.0, 4.0) if km <= float(os.environ.get("G
 ROUNDS = 3  # of all travels in turn; of each travel the fastest run counts: the rest is the machine's
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Ratios of the times of two runs of which one has twice the travel."""
     with tempfile.TemporaryDirectory() as scratch:
         yield from growth(Path(scratch))
 
 
-def growth(folder: Path) -> Iterator[Row]:
+def growth(folder: Path) -> Iterator[BenchmarkRow]:
     """Time and memory over the travel in one place."""
     logs = {km: simulated("office", 100, 1000.0 * km, folder) for km in TRAVELS_KM}
     reports: dict[float, list[Any]] = {km: [] for km in TRAVELS_KM}
@@ -42,4 +42,4 @@ def growth(folder: Path) -> Iterator[Row]:
         peak = max(report["memory"]["peak_mb"] for report in reports[km])
         say(f"office, {km:g} km: {seconds[km]:.1f} s, {peak:.0f} MB")
     for less, more in pairwise(TRAVELS_KM):
-        yield Row(f"growth.{less:g}_to_{more:g}_km.time", seconds[more] / seconds[less], "x", 2.2)
+        yield BenchmarkRow(f"growth.{less:g}_to_{more:g}_km.time", seconds[more] / seconds[less], "x", 2.2)

@@ -19,7 +19,7 @@ from gridslam.maps.drawing import Drawing, load_drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from tests.benchmarks.drawn_places import (
     DRAWINGS,
-    Judged,
+    JudgedPlace,
     built_in_drive,
     free_fraction,
     in_distorted_building,
@@ -27,7 +27,7 @@ from tests.benchmarks.drawn_places import (
     return_error_m,
     sketched_drive,
 )
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 
 SEEDS = range(10)
@@ -53,7 +53,7 @@ SKETCHES: dict[str, tuple[str, float, tuple[float, float], tuple[float, float]]]
 SKETCH_SETTINGS = {"aspect_std": 0.4}  # people do not preserve the ratio of width to height
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """All figures."""
     yield from corridor_rows()
     yield from building_rows()
@@ -70,7 +70,7 @@ def paper_settings() -> dict[str, Any]:
     return dict(yaml.safe_load(text)["method"])
 
 
-def corridor_rows() -> Iterator[Row]:
+def corridor_rows() -> Iterator[BenchmarkRow]:
     """Corridors of four lengths, one drawing; best settings and the paper's, with and without correction."""
     drawing = load_drawing(DRAWINGS / "corridor.png")
     kinds: dict[str, dict[str, Any]] = {
@@ -87,15 +87,19 @@ def corridor_rows() -> Iterator[Row]:
             errors = [r.drawing_errors(r.true_poses[:, :2] * stretch + 1.2) for r in runs]
             label = f"handmap.corridor-{length}.{kind}"
             yield from summary(label, runs, 0.05 if kind == "best" else None)
-            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units")
-            yield Row(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
-            yield Row(f"{label}.x_observed", min(x_observed(r) for r in runs), "fraction of updates")
+            yield BenchmarkRow(f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units")
+            yield BenchmarkRow(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
+            yield BenchmarkRow(f"{label}.x_observed", min(x_observed(r) for r in runs), "fraction of updates")
             if kind == "best":
-                yield Row(f"{label}.scale_x", worst_scale(runs, "scale_x", 25.0 / length), "relative", 0.05)
-                yield Row(f"{label}.cpu", 1e3 * max(r.cpu_per_scan_s for r in runs), "ms a scan", 10.0)
+                yield BenchmarkRow(
+                    f"{label}.scale_x", worst_scale(runs, "scale_x", 25.0 / length), "relative", 0.05
+                )
+                yield BenchmarkRow(
+                    f"{label}.cpu", 1e3 * max(r.cpu_per_scan_s for r in runs), "ms a scan", 10.0
+                )
 
 
-def building_rows() -> Iterator[Row]:
+def building_rows() -> Iterator[BenchmarkRow]:
     """The building with both drawings, start given and found."""
     for name, start in (("building", BUILDING_START), ("building-distorted", DISTORTED_START)):
         drawing = load_drawing(DRAWINGS / f"{name}.png")
@@ -109,8 +113,10 @@ def building_rows() -> Iterator[Row]:
             else:
                 expected = [in_distorted_building(r.true_poses[:, :2]) for r in runs]
             errors = [r.drawing_errors(w) for r, w in zip(runs, expected, strict=True)]
-            yield Row(f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units", 1.0)
-            yield Row(
+            yield BenchmarkRow(
+                f"{label}.in_drawing", max(float(e.mean()) for e in errors), "drawing units", 1.0
+            )
+            yield BenchmarkRow(
                 f"{label}.within_1m",
                 min(float((e < 1.0).mean()) for e in errors),
                 "fraction",
@@ -118,11 +124,11 @@ def building_rows() -> Iterator[Row]:
                 at_least=True,
             )
             if name == "building":
-                yield Row(f"{label}.scale", worst_scale(runs, "scale", 1.0), "relative", 0.05)
+                yield BenchmarkRow(f"{label}.scale", worst_scale(runs, "scale", 1.0), "relative", 0.05)
             save_picture(runs[0], f"handmap_{name}{kind}")
 
 
-def curved_rows() -> Iterator[Row]:
+def curved_rows() -> Iterator[BenchmarkRow]:
     """An S-shaped corridor and a round hall, which have no straight lines."""
     for name, start in (("curved", CURVED_START), ("round", ROUND_START)):
         drawing = load_drawing(DRAWINGS / f"{name}.png")
@@ -131,7 +137,7 @@ def curved_rows() -> Iterator[Row]:
             runs = [judge(built_in_drive(f"hand-{name}", seed), config, drawing, seed) for seed in seeds]
             yield from summary(f"handmap.{name}.{kind}", runs, 0.08 if kind == "best" else None)
             if kind == "best":
-                yield Row(
+                yield BenchmarkRow(
                     f"handmap.{name}.inlier_ratio",
                     min(fact(r, "inlier_ratio") for r in runs),
                     "ratio",
@@ -141,7 +147,7 @@ def curved_rows() -> Iterator[Row]:
                 save_picture(runs[0], f"handmap_{name}")
 
 
-def stretched_rows() -> Iterator[Row]:
+def stretched_rows() -> Iterator[BenchmarkRow]:
     """The building's drawing stretched along its axes: both scales."""
     plain = load_drawing(DRAWINGS / "building.png")
     for scale_x, scale_y in STRETCHES:
@@ -152,57 +158,61 @@ def stretched_rows() -> Iterator[Row]:
         config = HandmapSlamConfig(start=(x * scale_x, y * scale_y, yaw))
         runs = [judge(built_in_drive("hand-building", seed), config, drawing, seed) for seed in FEW_SEEDS]
         label = f"handmap.stretched-{scale_x:g}-{scale_y:g}"
-        yield Row(f"{label}.scale_x", worst_scale(runs, "scale_x", scale_x), "relative", 0.05)
-        yield Row(f"{label}.scale_y", worst_scale(runs, "scale_y", scale_y), "relative", 0.05)
+        yield BenchmarkRow(f"{label}.scale_x", worst_scale(runs, "scale_x", scale_x), "relative", 0.05)
+        yield BenchmarkRow(f"{label}.scale_y", worst_scale(runs, "scale_y", scale_y), "relative", 0.05)
 
 
-def sketch_rows(folder: Path) -> Iterator[Row]:
+def sketch_rows(folder: Path) -> Iterator[BenchmarkRow]:
     """Drawings by people; the true plan serves as the place."""
-    for name, (plan, resolution, begin, start_px) in SKETCHES.items():
+    for name, (plan, resolution, world_start, start_px) in SKETCHES.items():
         drawing = load_drawing(folder / f"{name}.png")
         height = drawing.levels.shape[0]
         start = (0.1 * start_px[0], 0.1 * (height - start_px[1]))
         config = HandmapSlamConfig(start=(*start, 0.0), advanced=SKETCH_SETTINGS)
         runs = [
-            judge(sketched_drive(folder / f"{plan}.png", begin, resolution, seed), config, drawing, seed)
+            judge(
+                sketched_drive(folder / f"{plan}.png", world_start, resolution, seed), config, drawing, seed
+            )
             for seed in SKETCH_SEEDS
         ]
         label = f"handmap.sketch.{name}"
         yield from summary(label, runs)
-        yield Row(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
-        yield Row(f"{label}.coverage", min(fact(r, "coverage") for r in runs), "fraction")
-        yield Row(f"{label}.in_free", min(free_fraction(r, drawing, start) for r in runs), "fraction")
-        yield Row(f"{label}.return", max(return_error_m(r) for r in runs), "m")
+        yield BenchmarkRow(f"{label}.inlier_ratio", min(fact(r, "inlier_ratio") for r in runs), "ratio")
+        yield BenchmarkRow(f"{label}.coverage", min(fact(r, "coverage") for r in runs), "fraction")
+        yield BenchmarkRow(
+            f"{label}.in_free", min(free_fraction(r, drawing, start) for r in runs), "fraction"
+        )
+        yield BenchmarkRow(f"{label}.return", max(return_error_m(r) for r in runs), "m")
         save_picture(runs[0], f"handmap_{name}")
 
 
-def summary(label: str, runs: list[Judged], bound: float | None = 0.05) -> Iterator[Row]:
+def summary(label: str, runs: list[JudgedPlace], bound: float | None = 0.05) -> Iterator[BenchmarkRow]:
     """Map error: worst and mean of the seeds."""
     map_errors = [r.map_error_m for r in runs]
     say(f"{label}: map error by seed {np.round(map_errors, 4).tolist()}")
-    yield Row(f"{label}.map", max(map_errors), "m", bound)
-    yield Row(f"{label}.map_mean", float(np.mean(map_errors)), "m")
+    yield BenchmarkRow(f"{label}.map", max(map_errors), "m", bound)
+    yield BenchmarkRow(f"{label}.map_mean", float(np.mean(map_errors)), "m")
 
 
-def fact(run: Judged, key: str) -> float:
+def fact(run: JudgedPlace, key: str) -> float:
     """A number of the report's measures of the drawing."""
     facts = run.result.measures["drawing"]
     assert isinstance(facts, dict)
     return float(facts[key])
 
 
-def x_observed(run: Judged) -> float:
+def x_observed(run: JudgedPlace) -> float:
     """Fraction of the updates with drawn lines across x in view at which one of them was observed."""
     seen, unseen = (run.result.counters.get(f"lines.x.{k}", 0) for k in ("observed", "unobserved"))
     return seen / max(seen + unseen, 1)
 
 
-def worst_scale(runs: list[Judged], key: str, expected: float) -> float:
+def worst_scale(runs: list[JudgedPlace], key: str, expected: float) -> float:
     """Largest relative error of a scale over the seeds."""
     return max(abs(fact(r, key) / expected - 1.0) for r in runs)
 
 
-def save_picture(run: Judged, name: str) -> None:
+def save_picture(run: JudgedPlace, name: str) -> None:
     """Save the picture of a run."""
     PICTURES.mkdir(parents=True, exist_ok=True)
     Image.fromarray(run.result.pictures["drawing"].rgb).save(PICTURES / f"{name}.png")

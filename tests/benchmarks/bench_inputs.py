@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gridslam import api
 from gridslam.evaluation.document import EvaluationOptions
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.input_kinds import KINDS, MORE_KINDS, ORDINARY, drive
 
 SEED = 11
@@ -18,7 +18,7 @@ OPTIONS = EvaluationOptions(align="se2", sync="interpolate")
 FLOOR_M = 0.005  # errors below it count as it: the truth of a map of 5 cm cells
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Each kind's APE by that of the ordinary recording.
 
     INPUTS_SEEDS=1,2 measures other drives, INPUTS_KINDS=cloud,livox these kinds, which may be of `MORE_KINDS`.
@@ -50,4 +50,4 @@ def rows() -> Iterator[Row]:
         for kind in ORDINARY:
             worst[f"{kind}.ape"] = max(worst.get(f"{kind}.ape", 0.0), errors[kind])
     for name, value in worst.items():
-        yield Row(f"inputs.{name}", value, "m" if name.endswith(".ape") else "of the ordinary error")
+        yield BenchmarkRow(f"inputs.{name}", value, "m" if name.endswith(".ape") else "of the ordinary error")

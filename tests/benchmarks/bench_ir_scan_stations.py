@@ -9,14 +9,14 @@ import numpy as np
 from gridslam.methods.ir_scan.config import IrScanConfig
 from gridslam.methods.ir_scan.method import IrScanLocalizer
 from tests.benchmarks import infrared_stations as real
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 
 SEEDS = range(20)
 FEW_SEEDS = range(5)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Errors of stations disturbed by up to ten cells of 5 cm, before and after matching on the map of all six stations.
 
     `left_out`: on the map of the five other stations, which have little more than doors in common with it.
@@ -38,10 +38,12 @@ def rows() -> Iterator[Row]:
             after.append(real.errors(found, stations.xy))
         say(f"stations {kind}, seed 0, before (cm): {np.round(100 * before[0], 1).tolist()}")
         say(f"stations {kind}, seed 0, after, two sweeps each (cm): {np.round(100 * after[0], 1).tolist()}")
-        yield Row(f"ir_scan.stations.{kind}.before.mean", 100 * float(np.mean(before)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.after.mean", 100 * float(np.mean(after)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.after.max", 100 * float(np.max(after)), "cm")
-        yield Row(f"ir_scan.stations.{kind}.left_out.mean", 100 * left_out(stations, config, unmatched), "cm")
+        yield BenchmarkRow(f"ir_scan.stations.{kind}.before.mean", 100 * float(np.mean(before)), "cm")
+        yield BenchmarkRow(f"ir_scan.stations.{kind}.after.mean", 100 * float(np.mean(after)), "cm")
+        yield BenchmarkRow(f"ir_scan.stations.{kind}.after.max", 100 * float(np.max(after)), "cm")
+        yield BenchmarkRow(
+            f"ir_scan.stations.{kind}.left_out.mean", 100 * left_out(stations, config, unmatched), "cm"
+        )
 
 
 def left_out(stations: real.Stations, config: IrScanConfig, unmatched: IrScanConfig) -> float:

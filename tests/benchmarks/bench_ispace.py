@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.ispace_figure import draw_std
-from tests.benchmarks.ispace_trials import Trial, interval, trial
+from tests.benchmarks.ispace_trials import LocalizationTrial, interval, trial
 from tests.conftest import REPOSITORY
 
 SEEDS = int(os.environ.get("GRIDSLAM_ISPACE_SEEDS", "1"))
@@ -30,9 +30,9 @@ TABLE: Sequence[tuple[str, int, Sequence[str]]] = (
 )
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Success rates with their intervals, median times to convergence, and the picture of the standard deviations."""
-    curves: dict[str, Sequence[Trial]] = {}
+    curves: dict[str, Sequence[LocalizationTrial]] = {}
     for kind, worlds, configs in TABLE:
         for config in configs:
             trials = [trial(kind, number, config, seed) for number in range(worlds) for seed in range(SEEDS)]
@@ -43,22 +43,22 @@ def rows() -> Iterator[Row]:
     say(f"standard deviation of the particles over time: {FIGURE}")
 
 
-def summary(name: str, trials: Sequence[Trial]) -> Iterator[Row]:
+def summary(name: str, trials: Sequence[LocalizationTrial]) -> Iterator[BenchmarkRow]:
     """Success, time to convergence, and convergences that were lost again."""
     found = sum(t.found for t in trials)
     low, high = interval(found, len(trials))
     failed = [index for index, t in enumerate(trials) if not t.found]
     rate = f"{found} of {len(trials)} ({100 * low:.0f} to {100 * high:.0f} %)"
     say(f"{name}: {rate}; failed trials: {failed or 'none'}")
-    yield Row(f"{name}.found", 100.0 * found / len(trials), "%")
-    yield Row(
+    yield BenchmarkRow(f"{name}.found", 100.0 * found / len(trials), "%")
+    yield BenchmarkRow(
         f"{name}.converged", float(np.median([t.converged_s for t in trials if t.found] or [np.nan])), "s"
     )
     for stage, cost in costs(trials).items():
         say(f"  {stage}: {cost:.2f} ms an update")
 
 
-def costs(trials: Sequence[Trial]) -> Mapping[str, float]:
+def costs(trials: Sequence[LocalizationTrial]) -> Mapping[str, float]:
     """Milliseconds of wall clock an update, by stage."""
     updates = sum(t.updates for t in trials)
     stages = trials[0].timings_s

@@ -19,7 +19,7 @@ from gridslam.methods.ispace_mcl.cameras.fixed_cameras import FixedCameras
 from gridslam.methods.ispace_mcl.cameras.robot_passes import about
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.ispace_corridors import world_of
 from tests.benchmarks.seen_corridor import SeenDrive, drive_through
 
@@ -51,17 +51,17 @@ class ExtrinsicsTrial:
     moved: int
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Errors without and with the correction, of wrong extrinsics and of none; bumped cameras that are noticed."""
     for kind in ("wrong", "right", "bumped"):
         pairs = [(trial(seed, kind, False), trial(seed, kind, True)) for seed in SEEDS]
         label = f"ispace.extrinsics.{kind}"
         for name, k in (("given", 0), ("corrected", 1)):
-            yield Row(f"{label}.{name}.rms", max(pair[k].rms_m for pair in pairs), "m")
+            yield BenchmarkRow(f"{label}.{name}.rms", max(pair[k].rms_m for pair in pairs), "m")
         learned = [pair[1] for pair in pairs]
-        yield Row(f"{label}.floor.before", float(np.nanmean([t.before_m for t in learned])), "m")
-        yield Row(f"{label}.floor.after", float(np.nanmean([t.after_m for t in learned])), "m")
-        yield Row(f"{label}.moved", sum(t.moved for t in learned), "cameras")
+        yield BenchmarkRow(f"{label}.floor.before", float(np.nanmean([t.before_m for t in learned])), "m")
+        yield BenchmarkRow(f"{label}.floor.after", float(np.nanmean([t.after_m for t in learned])), "m")
+        yield BenchmarkRow(f"{label}.moved", sum(t.moved for t in learned), "cameras")
 
 
 def trial(seed: int, kind: str, learns: bool) -> ExtrinsicsTrial:

@@ -19,8 +19,8 @@ from gridslam.runs.run import run_localize
 from gridslam.runs.run_config import load_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig
-from tests.benchmarks.harness import Row, say
-from tests.benchmarks.ispace_trials import Trial, interval, judged
+from tests.benchmarks.harness import BenchmarkRow, say
+from tests.benchmarks.ispace_trials import LocalizationTrial, interval, judged
 from tests.benchmarks.real_places import data_dir
 from tests.conftest import REPOSITORY
 
@@ -38,7 +38,7 @@ PLACES: Mapping[str, tuple[float, float]] = {
 }
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Successes of 50 starts with their interval, and the median time to convergence, for every map."""
     folder = data_dir()
     if folder is None:
@@ -51,12 +51,12 @@ def rows() -> Iterator[Row]:
         say(
             f"{name}: {found} of {STARTS} ({100 * low:.0f} to {100 * high:.0f} %), failed: {failed or 'none'}"
         )
-        yield Row(f"ispace.maps.{name}.found", found, f"of {STARTS}")
+        yield BenchmarkRow(f"ispace.maps.{name}.found", found, f"of {STARTS}")
         times = [t.converged_s for t in trials if t.found]
-        yield Row(f"ispace.maps.{name}.converged", float(np.median(times or [np.nan])), "s")
+        yield BenchmarkRow(f"ispace.maps.{name}.converged", float(np.median(times or [np.nan])), "s")
 
 
-def trial(folder: Path, name: str, number: int) -> Trial:
+def trial(folder: Path, name: str, number: int) -> LocalizationTrial:
     """One drive through a place, localized with the drive's number as seed."""
     map_path = folder / "maps" / f"{name}.yaml"
     log = log_of(map_path, number)

@@ -21,18 +21,18 @@ from gridslam.methods.ispace_mcl.method import IspaceMcl
 from gridslam.sensors.likelihood_field import occupied_cells
 from gridslam.sensors.range_caster import range_caster
 from tests.benchmarks.bench_ispace_maps import route_through
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.real_places import data_dir
 
 Floats = NDArray[np.float64]
 
 PLACE, MINUTES, RATE_HZ = "depot", 30.0, 10.0
 BEAMS, MAX_RANGE_M, RANGE_STD_M = 360, 12.0, 0.02
-SPEED_MPS, TURN_RADPS = 0.5, 0.8
+SPEED_MPS, YAW_RATE_RADPS = 0.5, 0.8
 SCALE_ERROR, YAW_STD_PER_STEP = 0.01, 0.001  # of the odometry: m/m, rad
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """How many times faster than the log its localization is, in CPU time, and the errors at its end."""
     folder = data_dir()
     if folder is None:
@@ -48,11 +48,11 @@ def rows() -> Iterator[Row]:
     cost_s = time.process_time() - started
     off_m = np.hypot(*(result.trajectory.poses[:, :2] - truth[-len(result.trajectory) :, :2]).T)
     converged_s = cost_s - result.timings_s["odometry_check"]  # which is done once, at the start
-    yield Row("ispace.realtime.factor", len(truth) / RATE_HZ / converged_s, "x")
-    yield Row("ispace.realtime.scan", 1e3 * cost_s / len(truth), "ms")
-    yield Row("ispace.realtime.off", float(np.percentile(off_m, 95)), "m")
+    yield BenchmarkRow("ispace.realtime.factor", len(truth) / RATE_HZ / converged_s, "x")
+    yield BenchmarkRow("ispace.realtime.scan", 1e3 * cost_s / len(truth), "ms")
+    yield BenchmarkRow("ispace.realtime.off", float(np.percentile(off_m, 95)), "m")
     for stage, seconds in result.timings_s.items():
-        yield Row(f"ispace.realtime.{stage}", seconds, "s")
+        yield BenchmarkRow(f"ispace.realtime.{stage}", seconds, "s")
 
 
 def path_through(grid: OccupancyGrid, rng: np.random.Generator) -> Floats:
@@ -63,9 +63,9 @@ def path_through(grid: OccupancyGrid, rng: np.random.Generator) -> Floats:
     yaw = 0.0
     for start, end in pairwise(route):
         heading = float(np.arctan2(*(end - start)[::-1]))
-        turn = float(se2.wrap_angle(heading - yaw))
-        turned = np.arange(0.0, abs(turn), TURN_RADPS / RATE_HZ)
-        poses += [np.r_[start, yaw + np.sign(turn) * angle] for angle in turned]
+        rotation = float(se2.wrap_angle(heading - yaw))
+        turned = np.arange(0.0, abs(rotation), YAW_RATE_RADPS / RATE_HZ)
+        poses += [np.r_[start, yaw + np.sign(rotation) * angle] for angle in turned]
         length = float(np.hypot(*(end - start)))
         driven = np.arange(0.0, length, SPEED_MPS / RATE_HZ) / length
         poses += [np.r_[start + part * (end - start), heading] for part in driven]

@@ -38,7 +38,7 @@ from gridslam.sensors.pinhole import Pinhole
 from gridslam.sensors.pose_search import PoseSearch
 from gridslam.sensors.range_caster import range_caster
 from gridslam.sensors.visibility import BeamSegments, VisibilityField
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.conftest import REPOSITORY
 from tests.methods.ispace_mcl.building import building
 
@@ -50,16 +50,16 @@ ROWS, COLS = 480, 640
 WEIGHTS: tuple[LidarWeightName, ...] = ("likelihood-field", "beam", "range-difference")
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The steps of a round, and frames a second of subtraction and projection."""
     cv2.setNumThreads(1)
     with on_threads(1):
         yield from round_rows()
-        yield Row("ispace.search", 1e-3 * search_ms(), "s")
-    yield Row("ispace.camera.frames", 1e3 / frame_ms(), "/s")
+        yield BenchmarkRow("ispace.search", 1e-3 * search_ms(), "s")
+    yield BenchmarkRow("ispace.camera.frames", 1e3 / frame_ms(), "/s")
 
 
-def round_rows() -> Iterator[Row]:
+def round_rows() -> Iterator[BenchmarkRow]:
     """Propagate, weigh (by each model), environment (by each weight), resample."""
     grid = load_map(REPOSITORY / "sample_logs" / "ispace-mcl.truth" / "map.yaml")
     rng = np.random.default_rng(0)
@@ -68,23 +68,25 @@ def round_rows() -> Iterator[Row]:
         alpha1=0.1, alpha2=0.01, alpha3=0.03, alpha4=0.005, wild_fraction=0.05, wild_factor=3.0
     )
     step = np.array([0.2, 0.0, 0.02])
-    yield Row("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
+    yield BenchmarkRow("ispace.propagate", cpu_ms(lambda: sample_motion(poses, step, noise, rng)), "ms")
     occupied = occupied_cells(grid, 0.65)
     field = distance_field(occupied, grid.geometry, 2.0)
     beams, nothing = scan(rng), np.zeros((0, 2))
     for name in WEIGHTS:
         weigh = log_weight_of(name, field, occupied)
         cost = cpu_ms(lambda weigh=weigh: weigh(beams, poses, nothing))
-        yield Row(f"ispace.weigh.{name}", cost, "ms")
+        yield BenchmarkRow(f"ispace.weigh.{name}", cost, "ms")
     observations, particles = [observation(k, rng) for k in range(3)], Particles.even(poses)
     detection = DetectionWeight()
     cost = cpu_ms(lambda: particles.reweighted(detection.log_likelihood(observations, poses)))
-    yield Row("ispace.environment.detection", cost, "ms")
+    yield BenchmarkRow("ispace.environment.detection", cost, "ms")
     density = DensityWeight(as_printed=False)
-    yield Row("ispace.environment.density", cpu_ms(lambda: density.reweighted(observations, particles)), "ms")
+    yield BenchmarkRow(
+        "ispace.environment.density", cpu_ms(lambda: density.reweighted(observations, particles)), "ms"
+    )
     size = AdaptiveSize(min=PARTICLES, max=PARTICLES, error=0.02, quantile=2.33, bin_m=0.25, bin_rad=0.175)
     uneven = Particles(poses, rng.dirichlet(np.ones(PARTICLES)))
-    yield Row("ispace.resample", cpu_ms(lambda: resample(uneven, size, rng)), "ms")
+    yield BenchmarkRow("ispace.resample", cpu_ms(lambda: resample(uneven, size, rng)), "ms")
 
 
 def search_ms() -> float:

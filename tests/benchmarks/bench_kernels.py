@@ -20,7 +20,7 @@ from gridslam.kernels import (
     surfels,
 )
 from gridslam.maps.tiled import TileStore
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
 from tests.reference import correlative_matching as correlation_reference
 from tests.reference import log_odds as log_odds_reference
@@ -35,7 +35,7 @@ HIT, MISS, LIMIT = 0.9, -0.4, 2.0
 UPDATE = log_odds.LogOddsUpdate(HIT, MISS, LIMIT)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """From a scan's ranges to its place in the maps, and the simulator's rays."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(

@@ -11,7 +11,7 @@ from gridslam.kernels import infrared, wall_lines, wheel_gyro
 from gridslam.methods.ir_scan.lines import moments_of
 from gridslam.methods.ir_scan.wall_equations import by_cell
 from gridslam.motion.wheel_gyro import WheelGyroNoise
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
 from tests.reference import infrared as reference
 from tests.reference import wall_lines as lines_reference
@@ -23,7 +23,7 @@ READINGS, CELLS, MAX_SHIFT = 180, 400, 10  # of a stop; of a map 4 m wide; of th
 CRITERIA = wall_lines.WallCriteria(min_points=4.0, max_thickness_m=0.05, map_variance=1e-5, robust_sigmas=2.5)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The kernels of one stop."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(

@@ -15,7 +15,7 @@ from gridslam.kernels import drawn_field, likelihood_field, mcl, object_weights,
 from gridslam.kernels.beam import MeasuredBeams, RangeTable, sum_over_ranges
 from gridslam.kernels.likelihood_field import BeamCells, VisibilityMap
 from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs
 from tests.reference import drawn_field as drawn_reference
 from tests.reference import mcl as reference
@@ -28,7 +28,7 @@ ALONE = True
 BEAMS, PARTICLES, MAX_RANGE = 60, 200, 300.0  # range in cells
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Weights of particles on a map, resampling, and the weights of objects' poses."""
     rng = np.random.default_rng(0)
     occupied = rooms()

@@ -16,7 +16,7 @@ from gridslam.kernels.visibility import pass_beams
 from gridslam.kernels.wheel_window import free_distances
 from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
 from tests.reference import planning as reference
 from tests.reference import planning_grid as grid_reference
@@ -35,7 +35,7 @@ LIMITS = DriveLimits(
 )
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Costs, clearances, tours, visibility, and times."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(

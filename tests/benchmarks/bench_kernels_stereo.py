@@ -9,7 +9,7 @@ import numpy as np
 from gridslam.kernels import chain, polar_window, stereo_update
 from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
 from gridslam.kernels.stereo_columns import BinCriteria, HeightBand, measure_columns
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
 from tests.reference import chain as chain_reference
 from tests.reference import polar_window as window_reference
@@ -23,7 +23,7 @@ RAYS, CELLS = 60, 60
 BEARINGS = np.linspace(-0.6, 0.6, RAYS)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """From a disparity image to the cells, and the runs for the fit of the correlation."""
     rng = np.random.default_rng(0)
     return rows_of_pairs(

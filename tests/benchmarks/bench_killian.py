@@ -21,7 +21,7 @@ from gridslam.core.messages import LaserScan, Odometry
 from gridslam.logs import open_log
 from gridslam.logs.write import open_writer
 from tests.benchmarks.bench_slam_sd import cost, evaluated, mapped, report_of, rounded
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 
 SEEDS = range(2)
@@ -30,7 +30,7 @@ MAX_FILTER_MEAN_M = 0.060
 THIN_M, THIN_RAD = 1.0, 0.5
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The worst seed against its bound; every seed on stderr."""
     folder = data_dir()
     if folder is None:
@@ -42,10 +42,10 @@ def rows() -> Iterator[Row]:
         scores = [errors_of(run, relations) for run in runs]
         means, largest = [s["mean"] for s in scores], [s["max"] for s in scores]
         say(f"killian: relations.trans.mean (m): {rounded(means)}; max: {rounded(largest, 2)}")
-        yield Row("killian.mean", max(means), "m", 0.040)
-        yield Row("killian.largest", max(largest), "m", 1.0)
+        yield BenchmarkRow("killian.mean", max(means), "m", 0.040)
+        yield BenchmarkRow("killian.largest", max(largest), "m", 1.0)
         different = len({(run / "trajectory.tum").read_bytes() for run in runs})
-        yield Row("killian.different_results", different, f"of {len(runs)} seeds", 1)
+        yield BenchmarkRow("killian.different_results", different, f"of {len(runs)} seeds", 1)
         yield from cost("killian", [report_of(run) for run in runs])
         alone = [
             errors_of(mapped(log, "paper/slam-sd", seed, out / f"alone-{seed}"), relations)
@@ -54,10 +54,10 @@ def rows() -> Iterator[Row]:
         means = [s["mean"] for s in alone]
         say(f"killian, filter alone: relations.trans.mean (m): {rounded(means)}")
         good = sum(mean <= MAX_FILTER_MEAN_M for mean in means) / len(means)
-        yield Row("killian.filter_alone.good", good, "of the seeds", 0.9, at_least=True)
+        yield BenchmarkRow("killian.filter_alone.good", good, "of the seeds", 0.9, at_least=True)
         thin = thinned(log, out / "thin.mcap")
         mean = errors_of(mapped(thin, "slam-sd", 0, out / "thin"), relations)["mean"]
-        yield Row("killian.thinned.mean", mean, "m", 0.08)
+        yield BenchmarkRow("killian.thinned.mean", mean, "m", 0.08)
 
 
 def errors_of(run: Path, relations: Path) -> Any:

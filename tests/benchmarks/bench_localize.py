@@ -25,7 +25,7 @@ from gridslam.sensors.likelihood_field import (
     occupied_cells,
 )
 from gridslam.sensors.range_caster import RangeCaster, range_caster
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.real_places import data_dir, place
 from tests.methods.ispace_mcl.building import building
 from tests.reference.ray_traversal import cast_cell_by_cell
@@ -43,7 +43,7 @@ MIXTURE = BeamMixture(
 )
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Weighting, resampling and ray casting on each map, with particles over the whole map and in one place."""
     for name, grid in maps():
         yield from rows_of(name, grid)
@@ -63,7 +63,7 @@ def maps() -> Iterator[tuple[str, OccupancyGrid]]:
     yield "aces", place(folder, "aces").grid
 
 
-def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
+def rows_of(name: str, grid: OccupancyGrid) -> Iterator[BenchmarkRow]:
     """The rows of one map."""
     rng = np.random.default_rng(0)
     occupied = occupied_cells(grid, 0.65)
@@ -77,14 +77,14 @@ def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
         weigh = best_ms(lambda p=poses: field.table_sums(table, beams.points, p))
         reference = best_ms(lambda p=poses: numpy_sums(field, table, beams.points, p), 3)
         label = f"localize.{name}.{distribution}"
-        yield Row(f"{label}.field", weigh, "ms")
-        yield Row(f"{label}.field.over_numpy", reference / weigh, "x", 5.0, at_least=True)
-        yield Row(f"{label}.beam", best_ms(lambda p=poses: model.log_likelihood(beams, p), 7), "ms")
+        yield BenchmarkRow(f"{label}.field", weigh, "ms")
+        yield BenchmarkRow(f"{label}.field.over_numpy", reference / weigh, "x", 5.0, at_least=True)
+        yield BenchmarkRow(f"{label}.beam", best_ms(lambda p=poses: model.log_likelihood(beams, p), 7), "ms")
     bearings = np.linspace(-np.pi, np.pi, 100, endpoint=False)
     cast = best_ms(lambda: caster.ranges(everywhere, bearings, np.zeros(3), MAX_RANGE_M), 5)
     per_s = 1e3 * PARTICLES * len(bearings) / cast
-    yield Row(f"localize.{name}.rays", per_s / 1e6, "million/s")
-    yield Row(
+    yield BenchmarkRow(f"localize.{name}.rays", per_s / 1e6, "million/s")
+    yield BenchmarkRow(
         f"localize.{name}.rays.over_python",
         per_s / python_rays_per_s(occupied, grid, everywhere),
         "x",
@@ -93,15 +93,15 @@ def rows_of(name: str, grid: OccupancyGrid) -> Iterator[Row]:
     )
 
 
-def resampling_rows() -> Iterator[Row]:
+def resampling_rows() -> Iterator[BenchmarkRow]:
     """KLD-adaptive systematic resampling."""
     rng = np.random.default_rng(1)
     poses = rng.normal(0.0, (0.3, 0.3, 0.1), (PARTICLES, 3))
     particles = Particles.even(poses).reweighted(rng.normal(0.0, 1.0, PARTICLES))
     ours = best_ms(lambda: resample(particles, SIZE, rng))
     reference = best_ms(lambda: numpy_resample(particles, rng))
-    yield Row("localize.resampling", ours, "ms")
-    yield Row("localize.resampling.over_numpy", reference / ours, "x", 2.0, at_least=True)
+    yield BenchmarkRow("localize.resampling", ours, "ms")
+    yield BenchmarkRow("localize.resampling.over_numpy", reference / ours, "x", 2.0, at_least=True)
 
 
 def best_ms(call: Callable[[], object], times: int = 15) -> float:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from gridslam.core.messages import LaserScan, PointCloud, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.mcap.writer import McapWriter
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 
 ALONE = True
 
@@ -32,7 +32,7 @@ print(peak_memory_mb())
 """
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Opening and reading scans, by compression; clouds a second; peak memory with a log of 300 MB."""
     with tempfile.TemporaryDirectory() as folder:
         for compression in ("zstd", "lz4", "none"):
@@ -40,17 +40,17 @@ def rows() -> Iterator[Row]:
             write(path, compression, SCANS)
             pairs = [(seconds_of_reading(path), seconds_of_mcap(path)) for _ in range(RUNS)]
             ours, theirs = (min(seconds) for seconds in zip(*pairs, strict=True))
-            yield Row(f"logs.mcap.{compression}.scans", SCANS / ours, "1/s")
-            yield Row(f"logs.mcap.{compression}.over_mcap", ours / theirs, "x", bound=4.0)
+            yield BenchmarkRow(f"logs.mcap.{compression}.scans", SCANS / ours, "1/s")
+            yield BenchmarkRow(f"logs.mcap.{compression}.over_mcap", ours / theirs, "x", bound=4.0)
         clouds = Path(folder) / "clouds.mcap"
         write_clouds(clouds)
-        yield Row(
+        yield BenchmarkRow(
             "logs.mcap.clouds", max(clouds_per_s(clouds) for _ in range(RUNS)), "1/s", bound=60, at_least=True
         )
         write(Path(folder) / "large.mcap", "none", 10 * SCANS)
         size_mb = (Path(folder) / "large.mcap").stat().st_size / 1e6
-        yield Row("logs.mcap.large", size_mb, "MB")
-        yield Row("logs.mcap.large.memory", peak_mb(Path(folder) / "large.mcap"), "MB", bound=150)
+        yield BenchmarkRow("logs.mcap.large", size_mb, "MB")
+        yield BenchmarkRow("logs.mcap.large.memory", peak_mb(Path(folder) / "large.mcap"), "MB", bound=150)
 
 
 def write(path: Path, compression: str, count: int) -> None:

@@ -13,7 +13,7 @@ from gridslam.logs import open_log
 from gridslam.logs.write import open_writer
 from tests.benchmarks.bench_killian import errors_of
 from tests.benchmarks.bench_slam_sd import mapped, report_of
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 
 NS_PER_S = 10**9
@@ -62,7 +62,7 @@ FAULTS = {
 }
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Relations of each faulty log, and the faults that the runs did not name."""
     folder = data_dir()
     if folder is None:
@@ -73,13 +73,13 @@ def rows() -> Iterator[Row]:
         for name, fault in FAULTS.items():
             log = with_fault(lidar / "aces.clf.bz2", fault, Path(scratch) / f"{name}.mcap")
             run = mapped(log, "slam-sd", 0, Path(scratch) / name)
-            yield Row(f"odometry.aces.{name}", errors_of(run, lidar / "aces.relations")["mean"], "m")
+            yield BenchmarkRow(f"odometry.aces.{name}", errors_of(run, lidar / "aces.relations")["mean"], "m")
             report = report_of(run)
             notes = [note for note in report["log"]["problems"] if "contradicts" in note]
             check = report["measures"]["motion"]["odometry_check"]
             say(f"aces, odometry {name}: {notes} {check}")
             unnamed += not fault.is_named(notes, check)
-    yield Row("odometry.aces.unnamed", unnamed, f"of {len(FAULTS)}")
+    yield BenchmarkRow("odometry.aces.unnamed", unnamed, f"of {len(FAULTS)}")
 
 
 def with_fault(log: Path, fault: Fault, output: Path) -> Path:

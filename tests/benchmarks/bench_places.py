@@ -20,7 +20,7 @@ from gridslam.core import poses as se2
 from gridslam.evaluation.alignment import find_alignment
 from gridslam.logs.tum import read_trajectory
 from tests.benchmarks.bench_slam_sd import command, report_of, rounded
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.tracked_places import place_of
 
 SEEDS = range(int(os.environ.get("GRIDSLAM_PLACES", "6")))
@@ -42,7 +42,7 @@ class Score:
     status: str
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The worst place of each kind, and how many are right."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -50,13 +50,15 @@ def rows() -> Iterator[Row]:
         for name, indoors, bound in (("indoors", True, 0.1), ("outdoors", False, 0.3)):
             errors = [100.0 * score.ape for score in scores if score.indoors == indoors]
             say(f"places {name}: APE rmse (% of the travel): {rounded(errors)}")
-            yield Row(f"places.{name}.ape", max(errors), "% of travel", bound)
+            yield BenchmarkRow(f"places.{name}.ape", max(errors), "% of travel", bound)
             within = sum(error <= bound for error in errors)
-            yield Row(f"places.{name}.within", within, f"of {len(errors)}", len(errors), at_least=True)
+            yield BenchmarkRow(
+                f"places.{name}.within", within, f"of {len(errors)}", len(errors), at_least=True
+            )
         closed = float(np.mean([score.open_loops == 0.0 for score in scores]))
-        yield Row("places.closed", closed, f"of {len(scores)}", 1.0, at_least=True)
+        yield BenchmarkRow("places.closed", closed, f"of {len(scores)}", 1.0, at_least=True)
         complete = float(np.mean([score.status == "complete" for score in scores]))
-        yield Row("places.complete", complete, f"of {len(scores)}", 1.0, at_least=True)
+        yield BenchmarkRow("places.complete", complete, f"of {len(scores)}", 1.0, at_least=True)
 
 
 def scored(seed: int, folder: Path) -> Score:

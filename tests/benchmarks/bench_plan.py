@@ -28,7 +28,7 @@ from gridslam.planning.footprint import disc
 from gridslam.planning.options import PlanOptions
 from gridslam.planning.space import Space, make_space
 from gridslam.report.plan import SEGMENT_COLUMNS, segment_row
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 from tests.reference.path_checks import Squares, drive, escapes, largest_jump
 
@@ -39,7 +39,7 @@ MAPS = {
 }  # pairs of poses; tb3_sandbox is the same place
 ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
 KEPT_M = ROBOT_M + MARGIN_M
-HALF_TURN = np.array([0.0, 0.0, np.pi])
+OPPOSITE_HEADING = np.array([0.0, 0.0, np.pi])
 OCTILE = 1.0824  # largest ratio of the path over 8 neighbours to the straight line
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class PlanCounts:
     seconds: list[float] = field(default_factory=list)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Per map: pairs found, refused and failed, collisions, breaks, ratio of lengths, CPU time; and r0."""
     folder = data_dir()
     if folder is None:
@@ -68,18 +68,24 @@ def rows() -> Iterator[Row]:
         pairs = int(os.environ.get("GRIDSLAM_PLAN_PAIRS", few))
         grid = load_any_map(folder / "maps" / f"{name}.yaml")
         tally = measure(grid, name, pairs, reverse=False)
-        yield Row(f"plan.{name}.found", tally.found, f"of {pairs}")
-        yield Row(f"plan.{name}.refused", tally.refused, "headings that cannot be met")
-        yield Row(f"plan.{name}.failed", tally.failed, f"of {pairs}", 0)
-        yield Row(f"plan.{name}.collisions", tally.collisions, "paths", 0)
-        yield Row(f"plan.{name}.broken", tally.invalid, "paths", 0)
-        yield Row(f"plan.{name}.length_ratio", float(np.median(tally.ratios)), "of the any-angle length", 1.3)
-        yield Row(f"plan.{name}.cpu.median", float(np.median(tally.seconds)), "s")
-        yield Row(f"plan.{name}.cpu.max", float(np.max(tally.seconds)), "s")
+        yield BenchmarkRow(f"plan.{name}.found", tally.found, f"of {pairs}")
+        yield BenchmarkRow(f"plan.{name}.refused", tally.refused, "headings that cannot be met")
+        yield BenchmarkRow(f"plan.{name}.failed", tally.failed, f"of {pairs}", 0)
+        yield BenchmarkRow(f"plan.{name}.collisions", tally.collisions, "paths", 0)
+        yield BenchmarkRow(f"plan.{name}.broken", tally.invalid, "paths", 0)
+        yield BenchmarkRow(
+            f"plan.{name}.length_ratio", float(np.median(tally.ratios)), "of the any-angle length", 1.3
+        )
+        yield BenchmarkRow(f"plan.{name}.cpu.median", float(np.median(tally.seconds)), "s")
+        yield BenchmarkRow(f"plan.{name}.cpu.max", float(np.max(tally.seconds)), "s")
         backwards = measure(grid, name, pairs // 4, reverse=True)
-        yield Row(f"plan.{name}.reverse.failed", backwards.failed + backwards.refused, f"of {pairs // 4}", 0)
-        yield Row(f"plan.{name}.reverse.collisions", backwards.collisions + backwards.invalid, "paths", 0)
-        yield Row(f"correlation.{name}.r0", fit_correlation(grid).r0, "per cell")
+        yield BenchmarkRow(
+            f"plan.{name}.reverse.failed", backwards.failed + backwards.refused, f"of {pairs // 4}", 0
+        )
+        yield BenchmarkRow(
+            f"plan.{name}.reverse.collisions", backwards.collisions + backwards.invalid, "paths", 0
+        )
+        yield BenchmarkRow(f"correlation.{name}.r0", fit_correlation(grid).r0, "per cell")
 
 
 def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCounts:
@@ -94,7 +100,7 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCo
         except MethodError as error:
             tally.seconds.append(time.process_time() - started)
             text = str(error)
-            end = start if text.startswith("start") else goal + HALF_TURN
+            end = start if text.startswith("start") else goal + OPPOSITE_HEADING
             if "heading" in text and not reverse and not escapes(squares, end, RADIUS_M, KEPT_M, i):
                 tally.refused += 1
             else:
@@ -113,20 +119,20 @@ def measure(grid: OccupancyGrid, name: str, pairs: int, reverse: bool) -> PlanCo
 
 def is_valid(segments: list[dict[str, float]], poses: Floats, start: Floats, goal: Floats) -> bool:
     """Whether the path meets both ends with continuous heading and bounded curvature."""
-    gap, turn = largest_jump(segments)
+    gap, yaw_jump = largest_jump(segments)
     ends = np.abs(poses[[0, -1], :2] - [start[:2], goal[:2]]).max()
     yaws = np.abs(np.angle(np.exp(1j * (poses[[0, -1], 2] - [start[2], goal[2]])))).max()
     curvature = max(abs(s["angle_rad"]) / max(abs(s["length_m"]), 1e-12) for s in segments)
-    return bool(max(gap, ends) < 1e-4 and max(turn, yaws) < 1e-4 and curvature <= 1.0 / RADIUS_M + 1e-6)
+    return bool(max(gap, ends) < 1e-4 and max(yaw_jump, yaws) < 1e-4 and curvature <= 1.0 / RADIUS_M + 1e-6)
 
 
 def random_pairs(grid: OccupancyGrid, squares: Squares, count: int) -> Iterator[tuple[Floats, Floats]]:
     """Pairs of poses with random headings in one 4-connected component of cells where the robot fits."""
     rng = np.random.default_rng(0)
     space = robot_space(grid)
-    fits = space.field[1::2, 1::2] >= ROBOT_M + MARGIN_M
-    _, labels = cv2.connectedComponents(fits.astype(np.uint8), connectivity=4)
-    cells = np.argwhere(fits)
+    is_wide_enough = space.field[1::2, 1::2] >= ROBOT_M + MARGIN_M
+    _, labels = cv2.connectedComponents(is_wide_enough.astype(np.uint8), connectivity=4)
+    cells = np.argwhere(is_wide_enough)
     resolution_m = grid.geometry.resolution_m
     while count:
         pair = cells[rng.integers(len(cells), size=2)]

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.conftest import program_command
 
 ALONE = True
@@ -30,7 +30,7 @@ RUNS = 2  # of which the faster counts: the rest is the machine's
 Image = NDArray[np.uint8]
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Per map: CPU time, largest memory, and whether a path was found."""
     for name, make in MAPS.items():
         with tempfile.TemporaryDirectory() as folder:
@@ -38,11 +38,11 @@ def rows() -> Iterator[Row]:
             runs = [plan(Path(folder)) for _ in range(RUNS)]
             cpu_s, memory_mb, found = min(runs)
             refused_cpu_s = plan(Path(folder), "--min-radius=2")[0] if name == "buildings" else None
-        yield Row(f"plan_large.{name}.cpu", cpu_s, "s", MAX_CPU_S)
-        yield Row(f"plan_large.{name}.memory", memory_mb, "MB", MAX_MB)
-        yield Row(f"plan_large.{name}.found", found, "of 1", 1, at_least=True)
+        yield BenchmarkRow(f"plan_large.{name}.cpu", cpu_s, "s", MAX_CPU_S)
+        yield BenchmarkRow(f"plan_large.{name}.memory", memory_mb, "MB", MAX_MB)
+        yield BenchmarkRow(f"plan_large.{name}.found", found, "of 1", 1, at_least=True)
         if refused_cpu_s is not None:
-            yield Row(f"plan_large.{name}.refused.cpu", refused_cpu_s, "s", MAX_CPU_S)
+            yield BenchmarkRow(f"plan_large.{name}.refused.cpu", refused_cpu_s, "s", MAX_CPU_S)
 
 
 def plan(folder: Path, *options: str) -> tuple[float, float, bool]:

@@ -24,9 +24,9 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
 from tests.benchmarks.aged_maps import aged
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.passed_places import NAMES, passed_place, starts, travel_of
-from tests.benchmarks.real_places import Place, data_dir
+from tests.benchmarks.real_places import RealPlace, data_dir
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class DriveResult:
     wrong_m: float
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The fraction of successes, the median travel to convergence and the worst travel while wrong, for every log and task."""
     folder = data_dir()
     if folder is None:
@@ -71,18 +71,18 @@ def rows() -> Iterator[Row]:
             label = f"localize.{name}.{task}"
             found = [r for r in results if r.found]
             say(f"{label}: failed from {[k for k, r in enumerate(results) if not r.found] or 'nowhere'}")
-            yield Row(f"{label}.found", len(found) / STARTS, "", min_found, at_least=True)
-            yield Row(f"{label}.converged", float(np.median([r.converged_m for r in results])), "m")
-            yield Row(f"{label}.rms", float(np.median([r.rms_m for r in found] or [np.nan])), "m")
-            yield Row(f"{label}.wrong", max(r.wrong_m for r in results), "m")
+            yield BenchmarkRow(f"{label}.found", len(found) / STARTS, "", min_found, at_least=True)
+            yield BenchmarkRow(f"{label}.converged", float(np.median([r.converged_m for r in results])), "m")
+            yield BenchmarkRow(f"{label}.rms", float(np.median([r.rms_m for r in found] or [np.nan])), "m")
+            yield BenchmarkRow(f"{label}.wrong", max(r.wrong_m for r in results), "m")
 
 
-def results_of(here: Place, firsts: Sequence[int], task: str) -> list[DriveResult]:
+def results_of(here: RealPlace, firsts: Sequence[int], task: str) -> list[DriveResult]:
     """The results of a task from all starts."""
     return [trial(here, task, firsts, number) for number in range(len(firsts))]
 
 
-def trial(here: Place, task: str, firsts: Sequence[int], number: int) -> DriveResult:
+def trial(here: RealPlace, task: str, firsts: Sequence[int], number: int) -> DriveResult:
     """One drive from one of the starts."""
     rng = np.random.default_rng(number)
     events, stamps_ns, truth = drive_of(here, firsts[number])
@@ -130,7 +130,7 @@ def judged(found: Floats, truth: Floats, is_localized: NDArray[np.bool_]) -> Dri
     )
 
 
-def drive_of(here: Place, first: int) -> tuple[list[Event], NDArray[np.int64], Floats]:
+def drive_of(here: RealPlace, first: int) -> tuple[list[Event], NDArray[np.int64], Floats]:
     """The events of a drive of TRAVEL_M from a row of the poses, and its true poses `(n, 3)` at stamps `(n,)`."""
     travel = travel_of(here.poses)
     last = int(np.searchsorted(travel, travel[first] + TRAVEL_M))
@@ -140,7 +140,7 @@ def drive_of(here: Place, first: int) -> tuple[list[Event], NDArray[np.int64], F
     return events, stamps_ns, here.poses[first : last + 1]
 
 
-def is_far(here: Place, first: int, other: int) -> bool:
+def is_far(here: RealPlace, first: int, other: int) -> bool:
     """Whether a drive begins far from where another one ends."""
     _, _, truth = drive_of(here, other)
     return bool(np.hypot(*(here.poses[first] - truth[-1])[:2]) > FAR_M)
@@ -169,7 +169,7 @@ def as_start(pose: Floats) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-def wrong_start(here: Place, truth: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
+def wrong_start(here: RealPlace, truth: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
     """A free pose far from the truth."""
     free = free_cells(here.grid, 0.3)
     while True:

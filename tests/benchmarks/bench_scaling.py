@@ -18,7 +18,7 @@ import numpy as np
 from gridslam.maps.map_server import load_map, save_map
 from gridslam.maps.occupancy import OccupancyGrid
 from tests.benchmarks.bench_slam_sd import command, report_of
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 
 ALONE = True
 
@@ -30,7 +30,7 @@ MAP_PARTICLES = 2500
 Report = dict[str, Any]
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """slam-sd over particles and cells, ispace-mcl over particles and maps."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -50,7 +50,7 @@ def part_of(log: Path, seconds: float) -> Path:
     return part
 
 
-def slam_rows(log: Path) -> Iterator[Row]:
+def slam_rows(log: Path) -> Iterator[BenchmarkRow]:
     """The filter without pose graph optimisation, so that the particles dominate."""
     by_particles = {
         n: measured("map", log, "paper/slam-sd", f"method.particles={n}") for n in (15, 30, 60, 120)
@@ -64,7 +64,7 @@ def slam_rows(log: Path) -> Iterator[Row]:
         yield memory_ratio("slam_sd.cell_cm", by_cell, coarse, fine, (coarse / fine) ** 2)
 
 
-def localization_rows(log: Path, true_map: Path) -> Iterator[Row]:
+def localization_rows(log: Path, true_map: Path) -> Iterator[BenchmarkRow]:
     """A fixed number of particles on the true map."""
     by_particles = {
         n: measured("localize", log, "ispace-mcl", number_of_particles(n), true_map)
@@ -75,11 +75,11 @@ def localization_rows(log: Path, true_map: Path) -> Iterator[Row]:
         yield memory_ratio("ispace_mcl.particles", by_particles, few, many, 1.3)
 
 
-def map_rows(log: Path, true_map: Path, folder: Path) -> Iterator[Row]:
+def map_rows(log: Path, true_map: Path, folder: Path) -> Iterator[BenchmarkRow]:
     """A fixed number of particles on the true map with unknown around it, and on one of many such buildings side by side.
 
     Unknown cells cost memory and the time to prepare the map, included here. Many buildings are as much more to search, again and
-    again, for nothing tells one from the other: there the time of a search is what counts.
+    again, for nothing distinguishes them: there the time of a search is what counts.
     """
     grid = load_map(true_map)
     padded: dict[int, Report] = {}
@@ -150,13 +150,15 @@ def ratio(
     larger: int,
     bound: float,
     time_of: Callable[[Report], float] = process_time,
-) -> Row:
+) -> BenchmarkRow:
     """Ratio of the times of the larger and the smaller run."""
     times = [time_of(runs[key]) for key in (smaller, larger)]
-    return Row(f"scaling.{name}.{smaller}_to_{larger}.time", times[1] / times[0], "x", bound)
+    return BenchmarkRow(f"scaling.{name}.{smaller}_to_{larger}.time", times[1] / times[0], "x", bound)
 
 
-def memory_ratio(name: str, runs: Mapping[int, Report], smaller: int, larger: int, bound: float) -> Row:
+def memory_ratio(
+    name: str, runs: Mapping[int, Report], smaller: int, larger: int, bound: float
+) -> BenchmarkRow:
     """Ratio of the memory of the larger and the smaller run."""
     peaks = [runs[key]["memory"]["peak_mb"] for key in (smaller, larger)]
-    return Row(f"scaling.{name}.{smaller}_to_{larger}.memory", peaks[1] / peaks[0], "x", bound)
+    return BenchmarkRow(f"scaling.{name}.{smaller}_to_{larger}.memory", peaks[1] / peaks[0], "x", bound)

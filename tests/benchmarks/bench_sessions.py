@@ -33,7 +33,7 @@ from gridslam.simulation.places.config import Kind
 from gridslam.simulation.record import truth_folder
 from tests.benchmarks.change_scores import scores, static_walls, truth_to_map
 from tests.benchmarks.changed_worlds import drives_of, recorded
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir, events_of
 from tests.benchmarks.tagged_worlds import aligned, judged, simulated
 
@@ -46,13 +46,13 @@ COMPARED = 1, 7  # the second and the eighth drive: the first continues nothing
 OVERLAP = 0.06  # of the log, on each side of a cut
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Relations of cut logs, precision and recall of changed cells, and CPU time of the last of 1, 2, 4 and 8 drives."""
     for part in PARTS.values():
         yield from part()
 
 
-def _cut_log() -> Iterator[Row]:
+def _cut_log() -> Iterator[BenchmarkRow]:
     folder = data_dir()
     if folder is None:
         return
@@ -69,10 +69,10 @@ def _cut_log() -> Iterator[Row]:
         means[name] = float(relation_errors(result.trajectory, relations).errors.translation_m.mean())
         say(f"aces in {name}: relations.trans.mean {means[name]:.4f} m")
         if count > 1:
-            yield Row(f"sessions.aces.{name}.ratio", means[name] / means["one"], "of one drive")
+            yield BenchmarkRow(f"sessions.aces.{name}.ratio", means[name] / means["one"], "of one drive")
 
 
-def _changed_hall() -> Iterator[Row]:
+def _changed_hall() -> Iterator[BenchmarkRow]:
     """Two recorded drives through one corridor, with doors open and shut in between, in both orders."""
     folder = data_dir()
     if folder is None:
@@ -80,7 +80,7 @@ def _changed_hall() -> Iterator[Row]:
     drives = [events_of(folder / "wean_hall" / f"robotdata{k}.log.gz") for k in (1, 2)]
     results = [_mapped(order) for order in (drives, drives[::-1])]
     joined = sum(bool(result.measures["session"]["is_joined"]) for result in results)  # type: ignore[index]
-    yield Row("sessions.wean_hall.joined", joined, "of both orders")
+    yield BenchmarkRow("sessions.wean_hall.joined", joined, "of both orders")
 
 
 def _part(events: Sequence[Event], k: int, count: int) -> list[Event]:
@@ -104,18 +104,20 @@ def _mapped(drives: Sequence[Sequence[Event]]) -> RunResult:
     return result
 
 
-def _changed_places() -> Iterator[Row]:
+def _changed_places() -> Iterator[BenchmarkRow]:
     for kind in KINDS:
         each = [_changed_place(kind, seed) for seed in SEEDS]
         right, reported, found, true, lost, static = np.sum([place.counts for place in each], axis=0).tolist()
         recalls = [place.counts[2] / max(place.counts[3], 1) for place in each]
-        yield Row(f"sessions.{kind}.precision", right / max(reported, 1), "of reported cells")
-        yield Row(f"sessions.{kind}.recall", found / max(true, 1), "of changed cells")
-        yield Row(f"sessions.{kind}.recall.worst", min(recalls), "of changed cells")
-        yield Row(f"sessions.{kind}.static_lost", lost / max(static, 1), "of cells of static walls")
-        yield Row(f"sessions.{kind}.lost_piece", max(place.lost_piece_m for place in each), "m")
-        yield Row(f"sessions.{kind}.unjoined", sum(place.unjoined for place in each), f"of {len(SEEDS)}")
-        yield Row(
+        yield BenchmarkRow(f"sessions.{kind}.precision", right / max(reported, 1), "of reported cells")
+        yield BenchmarkRow(f"sessions.{kind}.recall", found / max(true, 1), "of changed cells")
+        yield BenchmarkRow(f"sessions.{kind}.recall.worst", min(recalls), "of changed cells")
+        yield BenchmarkRow(f"sessions.{kind}.static_lost", lost / max(static, 1), "of cells of static walls")
+        yield BenchmarkRow(f"sessions.{kind}.lost_piece", max(place.lost_piece_m for place in each), "m")
+        yield BenchmarkRow(
+            f"sessions.{kind}.unjoined", sum(place.unjoined for place in each), f"of {len(SEEDS)}"
+        )
+        yield BenchmarkRow(
             f"sessions.{kind}.ape_ratio",
             float(np.median([p.ape_ratio for p in each])),
             "of each drive alone",
@@ -154,7 +156,7 @@ def _changed_place(kind: Kind, seed: int) -> Changed:
     return Changed(counts.tolist(), lost_piece_m, unjoined, float(np.mean(joint) / np.mean(alone)))
 
 
-def _tagged_corridor() -> Iterator[Row]:
+def _tagged_corridor() -> Iterator[BenchmarkRow]:
     """The paper's corridor in three sessions, eight of its 24 objects moved during the second."""
     right = []
     with tempfile.TemporaryDirectory() as folder:
@@ -169,10 +171,10 @@ def _tagged_corridor() -> Iterator[Row]:
             T_truth_map, _ = aligned(path, read_trajectory(truth / "trajectory.tum"))
             right.append(sum(each.is_right for each in judged(result, truth / "objects.csv", T_truth_map)))
     say(f"tagged corridor, objects right in each session: {right}")
-    yield Row("sessions.tagged.right", min(right), "of 24")
+    yield BenchmarkRow("sessions.tagged.right", min(right), "of 24")
 
 
-def _known_change() -> Iterator[Row]:
+def _known_change() -> Iterator[BenchmarkRow]:
     """Localization in a changed place, on the map from before the change, and on that of the session that has seen it."""
     for seed in KNOWN_SEEDS:
         drives = drives_of("office", seed, number=2, travel_m=KNOWN_TRAVEL_M)
@@ -186,11 +188,11 @@ def _known_change() -> Iterator[Row]:
             localized = found.measures["localization"]["localized_fraction"]  # type: ignore[index]
             confidence = float(np.mean(found.series["confidence"].values))
             say(f"office {seed}, change {name}: localized {localized:.2f}, mean confidence {confidence:.2f}")
-            yield Row(f"sessions.{name}_change.localized.{seed}", localized, "of scans")
-            yield Row(f"sessions.{name}_change.confidence.{seed}", confidence, "")
+            yield BenchmarkRow(f"sessions.{name}_change.localized.{seed}", localized, "of scans")
+            yield BenchmarkRow(f"sessions.{name}_change.confidence.{seed}", confidence, "")
 
 
-def _cost() -> Iterator[Row]:
+def _cost() -> Iterator[BenchmarkRow]:
     """CPU time and memory of what a drive costs beyond its own tracking, when it is the first to the eighth.
 
     All drives follow the same route through the same place, so the new drive meets all earlier ones everywhere. The second and
@@ -220,8 +222,8 @@ def _cost() -> Iterator[Row]:
     say(
         f"memory (MB) after the last scan of the second and the eighth {np.round(list(memory.values()), 1).tolist()}"
     )
-    yield Row("sessions.cost.eighth", seconds[eighth] / seconds[second], "of the second")
-    yield Row("sessions.cost.memory.eighth", memory[eighth] / memory[second], "of the second")
+    yield BenchmarkRow("sessions.cost.eighth", seconds[eighth] / seconds[second], "of the second")
+    yield BenchmarkRow("sessions.cost.memory.eighth", memory[eighth] / memory[second], "of the second")
 
 
 def _tracked(events: Sequence[Event], session: Session | None, k: int) -> SlamSd:

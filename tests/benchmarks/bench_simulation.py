@@ -19,7 +19,7 @@ from gridslam.simulation.sensors.camera_config import RgbdCamera
 from gridslam.simulation.sensors.cameras import CameraSensor
 from gridslam.simulation.simulator import Simulator
 from gridslam.simulation.world_config import load_world
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 
 ALONE = True
 
@@ -27,14 +27,14 @@ SEEDS = 20
 LIDAR = ("sensors.lidar.rate_hz=10", "sensors.lidar.beams=360", "sensors.lidar.field_of_view_deg=360")
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Speed including writing the log; mean, deviation and maximum of the drift over 20 seeds."""
-    yield Row("simulation.lidar.ten_minutes", seconds_for_ten_minutes(), "s", bound=30.0)
-    yield Row("simulation.rgbd.frames", rgbd_frames_per_second(), "1/s", bound=5.0, at_least=True)
+    yield BenchmarkRow("simulation.lidar.ten_minutes", seconds_for_ten_minutes(), "s", bound=30.0)
+    yield BenchmarkRow("simulation.rgbd.frames", rgbd_frames_per_second(), "1/s", bound=5.0, at_least=True)
     drifts = np.array([final_drift(seed) for seed in range(SEEDS)])
-    yield Row("simulation.ir_laps.drift.mean", float(drifts.mean()), "m")
-    yield Row("simulation.ir_laps.drift.deviation", float(drifts.std()), "m")
-    yield Row("simulation.ir_laps.drift.largest", float(drifts.max()), "m")
+    yield BenchmarkRow("simulation.ir_laps.drift.mean", float(drifts.mean()), "m")
+    yield BenchmarkRow("simulation.ir_laps.drift.deviation", float(drifts.std()), "m")
+    yield BenchmarkRow("simulation.ir_laps.drift.largest", float(drifts.max()), "m")
 
 
 def seconds_for_ten_minutes() -> float:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 
 ALONE = True
@@ -23,7 +23,7 @@ SEEDS = range(5)
 CONFIGS = {"pose_graph": "slam-sd", "filter_alone": "paper/slam-sd"}
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The worst seed of each figure against its bound; every seed on stderr."""
     folder = data_dir()
     if folder is None:
@@ -41,10 +41,10 @@ def rows() -> Iterator[Row]:
             means = [score["trans"]["mean"] for score in scored]
             say(f"aces, {stage}: relations.trans.mean (m) of seeds 0 to 4: {rounded(means)}")
             say(f"aces, {stage}: relations.rot.mean (deg): {rounded([s['rot']['mean'] for s in scored])}")
-            yield Row(
+            yield BenchmarkRow(
                 f"slam_sd.aces.{stage}.relations", max(means), "m", 0.0345 if stage == "pose_graph" else 0.055
             )
-            yield Row(f"slam_sd.aces.{stage}.missed", max(s["missed"] for s in scored), "of 1279", 0)
+            yield BenchmarkRow(f"slam_sd.aces.{stage}.missed", max(s["missed"] for s in scored), "of 1279", 0)
             yield from cost(f"slam_sd.aces.{stage}", [report_of(run) for run in runs])
         reference = str(lidar / "mit-csail.reference.txt")
         runs = [mapped(lidar / "mit-csail.clf.bz2", "slam-sd", seed, out / f"mit-{seed}") for seed in SEEDS]
@@ -52,18 +52,18 @@ def rows() -> Iterator[Row]:
             evaluated(run, "--truth", reference, "--align", "se2")["ape"]["trans"]["rmse"] for run in runs
         ]
         say(f"mit-csail, loop closure: ape.trans.rmse (m) of seeds 0 to 4: {rounded(errors)}")
-        yield Row("slam_sd.mit_csail.ape", max(errors), "m", 0.15)
+        yield BenchmarkRow("slam_sd.mit_csail.ape", max(errors), "m", 0.15)
 
 
-def cost(name: str, reports: list[dict[str, Any]]) -> Iterator[Row]:
+def cost(name: str, reports: list[dict[str, Any]]) -> Iterator[BenchmarkRow]:
     """Time as a multiple of reading the same log in the same run, the seconds on stderr, and the largest memory."""
     timing = [report["timing"] for report in reports]
     say(f"{name}: total s: {rounded([t['total_s'] for t in timing], 1)}")
     for stage in timing[0]["method"]:
         say(f"{name}: {stage} s: {rounded([t['method'][stage] for t in timing], 1)}")
     ratio = statistics.median(t["process_s"] / t["read_s"] for t in timing)
-    yield Row(f"{name}.process_per_read", ratio, "x")
-    yield Row(f"{name}.memory", max(report["memory"]["peak_mb"] for report in reports), "MB", 400.0)
+    yield BenchmarkRow(f"{name}.process_per_read", ratio, "x")
+    yield BenchmarkRow(f"{name}.memory", max(report["memory"]["peak_mb"] for report in reports), "MB", 400.0)
 
 
 def mapped(log: Path, config: str, seed: int, folder: Path) -> Path:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.stereo_models import BayesModel
 from tests.benchmarks.stereo_trials import (
     MapScore,
@@ -30,7 +30,7 @@ FALSE_MATCH_RATES = (0.0, 0.05, 0.1, 0.2)
 STAGES: Mapping[str, Callable[[int, float], Stage]] = {"room": room_stage, "drive": drive_stage}
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """The mean of each figure over the rooms; the intervals go to stderr."""
     for kind in STAGES:
         yield from likelihood_rows(kind)
@@ -38,7 +38,7 @@ def rows() -> Iterator[Row]:
     yield from beyond_rows()
 
 
-def likelihood_rows(kind: str) -> Iterator[Row]:
+def likelihood_rows(kind: str) -> Iterator[BenchmarkRow]:
     """All models on the same rays, room by room."""
     scores: dict[float, dict[str, list[MapScore]]] = {rate: defaultdict(list) for rate in FALSE_MATCH_RATES}
     for seed in SEEDS:
@@ -49,7 +49,7 @@ def likelihood_rows(kind: str) -> Iterator[Row]:
         yield from rows_of(f"stereo_bayes.{kind}.false_{round(100 * rate):02d}", rate, scores[rate])
 
 
-def rows_of(label: str, rate: float, scores: Mapping[str, list[MapScore]]) -> Iterator[Row]:
+def rows_of(label: str, rate: float, scores: Mapping[str, list[MapScore]]) -> Iterator[BenchmarkRow]:
     """One rate of false matches."""
     chain = [s.log_loss for s in scores["chain"]]
     for name, found in scores.items():
@@ -61,15 +61,15 @@ def rows_of(label: str, rate: float, scores: Mapping[str, list[MapScore]]) -> It
             f"{label} {name}: log-loss {np.mean(losses):.4f}, IoU {np.mean(ious):.3f}, pieces of obstacles certain {certain} "
             f"of {pieces}, lost {lost} frames; log-loss minus the chain's {np.mean(worse):+.4f} [{low:+.4f}, {high:+.4f}]"
         )
-        yield Row(f"{label}.{name}.log_loss", float(np.mean(losses)), "nat")
-        yield Row(f"{label}.{name}.iou", float(np.mean(ious)), "")
-        yield Row(f"{label}.{name}.sure", 100.0 * certain / pieces, "%")
-        yield Row(f"{label}.{name}.lost", float(lost), "frames")
+        yield BenchmarkRow(f"{label}.{name}.log_loss", float(np.mean(losses)), "nat")
+        yield BenchmarkRow(f"{label}.{name}.iou", float(np.mean(ious)), "")
+        yield BenchmarkRow(f"{label}.{name}.sure", 100.0 * certain / pieces, "%")
+        yield BenchmarkRow(f"{label}.{name}.lost", float(lost), "frames")
         if name != "chain" and rate >= 0.05:
-            yield Row(f"{label}.{name}.worse_than_chain", low, "nat", 0.0, at_least=True)
+            yield BenchmarkRow(f"{label}.{name}.worse_than_chain", low, "nat", 0.0, at_least=True)
 
 
-def blur_rows() -> Iterator[Row]:
+def blur_rows() -> Iterator[BenchmarkRow]:
     """Poses with errors of 5 cm and 2 degrees, with and without averaging over the pose."""
     with_blur, without = config_of(), config_of("method.advanced.pose.blur=false")
     pairs = []
@@ -80,12 +80,12 @@ def blur_rows() -> Iterator[Row]:
     worse = losses[:, 1] - losses[:, 0]
     low, high = mean_interval(worse)
     say(f"stereo_bayes.blur: log-loss without minus with {worse.mean():+.4f} [{low:+.4f}, {high:+.4f}]")
-    yield Row("stereo_bayes.blur.with.log_loss", float(losses[:, 0].mean()), "nat")
-    yield Row("stereo_bayes.blur.without.log_loss", float(losses[:, 1].mean()), "nat")
-    yield Row("stereo_bayes.blur.gain", low, "nat", 0.0, at_least=True)
+    yield BenchmarkRow("stereo_bayes.blur.with.log_loss", float(losses[:, 0].mean()), "nat")
+    yield BenchmarkRow("stereo_bayes.blur.without.log_loss", float(losses[:, 1].mean()), "nat")
+    yield BenchmarkRow("stereo_bayes.blur.gain", low, "nat", 0.0, at_least=True)
 
 
-def beyond_rows() -> Iterator[Row]:
+def beyond_rows() -> Iterator[BenchmarkRow]:
     """Adaptive correlation and neighbouring rays against the plain chain, 10 % false matches."""
     alone = "method.advanced.correlation.across_rays=0"
     configs = {
@@ -102,4 +102,4 @@ def beyond_rows() -> Iterator[Row]:
         for name, gained in gains.items():
             low, high = mean_interval(np.array(gained))
             say(f"stereo_bayes.{kind}.{name}: gain over the plain chain [{low:+.4f}, {high:+.4f}]")
-            yield Row(f"stereo_bayes.{kind}.{name}.gain", float(np.mean(gained)), "nat")
+            yield BenchmarkRow(f"stereo_bayes.{kind}.{name}.gain", float(np.mean(gained)), "nat")

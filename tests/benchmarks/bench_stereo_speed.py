@@ -11,13 +11,13 @@ import numpy as np
 
 from gridslam.core.messages import AbsolutePose, CameraInfo, Event, Odometry, StereoPair, Transform
 from gridslam.methods.stereo_bayes.method import StereoBayes
-from tests.benchmarks.harness import Row
+from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.stereo_trials import config_of
 
 ALONE = True
 
 
-def rows(frames: int = 20) -> Iterator[Row]:
+def rows(frames: int = 20) -> Iterator[BenchmarkRow]:
     """The whole pipeline on pairs of 640 x 480: pairs a second, and the stages beside OpenCV's matching in the same run."""
     rng = np.random.default_rng(0)
     texture = cv2.GaussianBlur(rng.integers(0, 255, (480, 800)).astype(np.uint8), (0, 0), 1.2)
@@ -33,11 +33,11 @@ def rows(frames: int = 20) -> Iterator[Row]:
         method.process(AbsolutePose(stamp, "map", np.array([0.01 * k, 0.0, 0.002 * k]), 1e-3 * np.eye(3)))
         method.process(replace(pair, stamp_ns=stamp))
     took = time.perf_counter() - started
-    yield Row("stereo_bayes.speed.pairs", frames / took, "1/s")
+    yield BenchmarkRow("stereo_bayes.speed.pairs", frames / took, "1/s")
     stages = {name: 1e3 * (method.timings_s[name] - before[name]) / frames for name in before}
     for name, ms in stages.items():
-        yield Row(f"stereo_bayes.speed.{name}", ms, "ms")
-    yield Row("stereo_bayes.speed.map_per_disparity", stages["map"] / stages["disparity"], "x", 0.5)
+        yield BenchmarkRow(f"stereo_bayes.speed.{name}", ms, "ms")
+    yield BenchmarkRow("stereo_bayes.speed.map_per_disparity", stages["map"] / stages["disparity"], "x", 0.5)
 
 
 def stereo_head() -> Iterator[Event]:

@@ -20,14 +20,14 @@ from gridslam.methods.base import RunResult
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.method import IspaceMcl
 from gridslam.sensors.lidar_beams import beams_of, extrinsics_of
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir, events_of
 
 SEEDS = range(20)
 PICTURES = Path("out") / "benchmarks"
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Converged seeds of 20, the worst mean distance of endpoints to walls after a third of the log, and the time to it."""
     folder = data_dir()
     if folder is None:
@@ -48,13 +48,13 @@ def rows() -> Iterator[Row]:
         say(
             f"{name}: fraction of poses on the common path: {np.round((away < 0.5).mean(axis=1), 3).tolist()}"
         )
-        yield Row(f"localize.{name}.found", found, f"of {len(SEEDS)}", len(SEEDS), at_least=True)
-        yield Row(f"localize.{name}.wall_distance", max(distances), "m", 0.15)
-        yield Row(
+        yield BenchmarkRow(f"localize.{name}.found", found, f"of {len(SEEDS)}", len(SEEDS), at_least=True)
+        yield BenchmarkRow(f"localize.{name}.wall_distance", max(distances), "m", 0.15)
+        yield BenchmarkRow(
             f"localize.{name}.first_localized", float(np.median([localized_after(r) for r in results])), "s"
         )
         jumping = sum(jumps(result) > 0 for result in results)
-        yield Row(f"localize.{name}.leaping", jumping, f"of {len(SEEDS)}", 1.0)
+        yield BenchmarkRow(f"localize.{name}.leaping", jumping, f"of {len(SEEDS)}", 1.0)
         say(f"picture: {draw(grid, events, results[0], PICTURES / f'wean_{name}.png')}")
 
 

@@ -21,9 +21,9 @@ from gridslam.evaluation.map_registration import register_maps
 from gridslam.logs import open_log
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import OccupancyGrid
-from tests.benchmarks.harness import Row, say
+from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.localization_drives import (
-    Drive,
+    LocalizationDrive,
     corridor_drive,
     cropped,
     localized,
@@ -38,23 +38,23 @@ from tests.benchmarks.real_places import data_dir
 PAIRS = int(os.environ.get("GRIDSLAM_WRONG_MAPS", "10"))
 SEEDS = (200, 202, 203, 205, 206, 209)
 TRAVEL_M = 20.0
-ASYMMETRY_M = 0.1  # walls of a mirror image farther than this from a wall tell it from the original
-MIN_ASYMMETRIC = 0.01  # fraction of such walls below which nothing can tell them apart
+ASYMMETRY_M = 0.1  # walls of a mirror image farther than this from a wall distinguish it from the original
+MIN_ASYMMETRIC = 0.01  # fraction of such walls below which nothing distinguishes them
 MAPS = ("depot", "warehouse", "tb3_sandbox", "turtlebot3_world")
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[BenchmarkRow]:
     """Pairs that are said to be wrong, and right pairs that are doubted."""
     right = drives()
     doubted = [drive.name for drive in right if localized(drive, drive.grid, 0).doubt is not None]
     statuses = [judged(*pair) for pair in islice(pairs(right), PAIRS)]
     said = sum(status != "complete" for status in statuses)
     say(f"right maps that are doubted: {', '.join(doubted) or 'none'} (of {len(right)})")
-    yield Row("wrong_maps.said", said / len(statuses), f"of {len(statuses)}")
-    yield Row("wrong_maps.false_alarms", len(doubted), f"of {len(right)}")
+    yield BenchmarkRow("wrong_maps.said", said / len(statuses), f"of {len(statuses)}")
+    yield BenchmarkRow("wrong_maps.false_alarms", len(doubted), f"of {len(right)}")
 
 
-def judged(name: str, drive: Drive, grid: OccupancyGrid) -> str:
+def judged(name: str, drive: LocalizationDrive, grid: OccupancyGrid) -> str:
     """The status of a localization on a wrong map."""
     result = localized(drive, grid, 0)
     status = "complete" if result.doubt is None else result.doubt.status
@@ -62,18 +62,20 @@ def judged(name: str, drive: Drive, grid: OccupancyGrid) -> str:
     return status
 
 
-def drives() -> list[Drive]:
+def drives() -> list[LocalizationDrive]:
     """Drives with their right maps."""
     found = [place_drive(seed, TRAVEL_M) for seed in SEEDS]
     folder = data_dir()
     if folder is not None:
         floor = load_any_map(folder / "ros2" / "mac_1st_floor_final.yaml")
         with open_log(folder / "ros2" / "macfirst_floor_take_2_0.db3") as log:
-            found.append(Drive("a recorded corridor", tuple(log.events()), Trajectory.empty(), floor))
+            found.append(
+                LocalizationDrive("a recorded corridor", tuple(log.events()), Trajectory.empty(), floor)
+            )
     return found
 
 
-def pairs(right: list[Drive]) -> Iterator[tuple[str, Drive, OccupancyGrid]]:
+def pairs(right: list[LocalizationDrive]) -> Iterator[tuple[str, LocalizationDrive, OccupancyGrid]]:
     """Names, drives and wrong maps."""
     for drive in [*right, corridor_drive(7)]:
         asymmetric = asymmetry(drive.grid)

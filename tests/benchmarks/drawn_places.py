@@ -64,7 +64,7 @@ class RecordedDrive:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedPlace:
     """A run: mean distance (m) from mapped to true walls, and the poses in the drawing with the true poses at their stamps."""
 
     result: RunResult
@@ -153,7 +153,7 @@ def round_trip(grid: OccupancyGrid, start: tuple[float, float]) -> Floats:
     return np.concatenate(legs).astype(np.float64) * step + origin
 
 
-def judge(run: RecordedDrive, config: HandmapSlamConfig, drawing: Drawing, seed: int) -> Judged:
+def judge(run: RecordedDrive, config: HandmapSlamConfig, drawing: Drawing, seed: int) -> JudgedPlace:
     """Map the drive and compare the result with the truth."""
     method = HandmapSlam(config, seed, drawing=drawing)
     method.process_at_once()
@@ -172,7 +172,7 @@ def judge(run: RecordedDrive, config: HandmapSlamConfig, drawing: Drawing, seed:
     assert built is not None
     distances = wall_distances(built, run.grid, _aligned(path.poses, true_path))
     true_poses, _ = run.truth.at(np.array([p.stamp_ns for p in drawn]))
-    return Judged(
+    return JudgedPlace(
         result, float(distances.accuracy.mean()), tuple(drawn), true_poses, elapsed / max(len(path), 1)
     )
 
@@ -194,7 +194,7 @@ def in_distorted_building(positions: Floats) -> Floats:
     return np.asarray(plate(positions))
 
 
-def free_fraction(judged: Judged, drawing: Drawing, start: tuple[float, float]) -> float:
+def free_fraction(judged: JudgedPlace, drawing: Drawing, start: tuple[float, float]) -> float:
     """Fraction of the poses in the drawing that lie in its free space."""
     drawn = drawn_map(drawing, start_xy=start)
     cells = drawn.geometry.cells(np.array([(p.x, p.y) for p in judged.drawn]))
@@ -202,7 +202,7 @@ def free_fraction(judged: Judged, drawing: Drawing, start: tuple[float, float]) 
     return float(np.mean([ok and bool(drawn.free[r, c]) for ok, (r, c) in zip(inside, cells, strict=True)]))
 
 
-def return_error_m(judged: Judged) -> float:
+def return_error_m(judged: JudgedPlace) -> float:
     """Distance (m of the world) in the drawing between the first and the last pose of a robot that returns to its start."""
     first, last = judged.drawn[0], judged.drawn[-1]
     offset = judged.true_poses[-1, :2] - judged.true_poses[0, :2]

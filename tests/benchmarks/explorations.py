@@ -45,7 +45,7 @@ SEEN_WITHIN_M = 8.0
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ExplorationTrial:
     """A world, a drawing of it, the start in the drawing, and changes to world and settings."""
 
     name: str
@@ -90,7 +90,7 @@ class ExplorationResult:
         return 0.5 * (self.map_error_m + self.completeness_m)
 
 
-def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> ExplorationResult:
+def run_trial(trial: ExplorationTrial, seed: int, pictures: Path | None = None) -> ExplorationResult:
     """One run."""
     world, world_path = _world_of(trial, seed)
     x, y, yaw = trial.start
@@ -107,7 +107,7 @@ def run_trial(trial: Trial, seed: int, pictures: Path | None = None) -> Explorat
     return result
 
 
-def _world_of(trial: Trial, seed: int) -> tuple[WorldConfig, Path]:
+def _world_of(trial: ExplorationTrial, seed: int) -> tuple[WorldConfig, Path]:
     if isinstance(trial.world, WorldConfig):
         world, path = trial.world.model_copy(update={"seed": seed}), trial.folder / "world.yaml"
         path = path if path.exists() else DRAWINGS / "corridor.png"
@@ -134,7 +134,9 @@ def _random_boxes(world: WorldConfig, count: int, seed: int) -> Iterator[Box]:
         )
 
 
-def _result(trial: Trial, seed: int, done: Explored, folder: Path, cpu_s: float) -> ExplorationResult:
+def _result(
+    trial: ExplorationTrial, seed: int, done: Explored, folder: Path, cpu_s: float
+) -> ExplorationResult:
     result, truth = done.run.result, done.run.truth
     facts, drawing = result.measures["exploration"], result.measures["drawing"]
     assert isinstance(facts, dict) and isinstance(drawing, dict)
@@ -188,10 +190,10 @@ LENGTHS_M = (20, 25, 30, 35)
 DRAWN_M = 25
 
 
-def corridor_trials(kind: str, config: str, world_settings: tuple[str, ...] = ()) -> list[Trial]:
+def corridor_trials(kind: str, config: str, world_settings: tuple[str, ...] = ()) -> list[ExplorationTrial]:
     """The corridors of four lengths with the drawing of one of them, with and without correction."""
     return [
-        Trial(
+        ExplorationTrial(
             f"corridor-{m}-{kind}{how}",
             f"hand-corridor-{m}",
             DRAWINGS / "corridor.png",
@@ -206,7 +208,7 @@ def corridor_trials(kind: str, config: str, world_settings: tuple[str, ...] = ()
     ]
 
 
-def trials() -> dict[str, list[Trial]]:
+def trials() -> dict[str, list[ExplorationTrial]]:
     """All sets by name; those that need the real drawings only where these are."""
     ten, five = tuple(range(10)), tuple(range(5))
     corridor, building = DRAWINGS / "corridor.png", DRAWINGS / "building.png"
@@ -216,28 +218,34 @@ def trials() -> dict[str, list[Trial]]:
         "corridors-paper": corridor_trials("paper-", PAPER),
         "corridors-paper-8m": corridor_trials("paper-8m-", PAPER, ("sensors.lidar.range_max_m=8",)),
         "building": [
-            Trial("building", "hand-building", building, BUILDING_START, ten),
-            Trial("building-distorted", "hand-building", distorted, BUILDING_START, ten),
+            ExplorationTrial("building", "hand-building", building, BUILDING_START, ten),
+            ExplorationTrial("building-distorted", "hand-building", distorted, BUILDING_START, ten),
         ],
         "building-paper": [
-            Trial(
+            ExplorationTrial(
                 f"{name}-paper-{how}", "hand-building", drawing, BUILDING_START, ten, settings, config=PAPER
             )
             for name, drawing in (("building", building), ("building-distorted", distorted))
             for how, settings in KINDS
         ],
         "building-uncorrected": [
-            Trial(f"{name}-uncorrected", "hand-building", drawing, BUILDING_START, ten, UNCORRECTED)
+            ExplorationTrial(
+                f"{name}-uncorrected", "hand-building", drawing, BUILDING_START, ten, UNCORRECTED
+            )
             for name, drawing in (("building", building), ("building-distorted", distorted))
         ],
-        "boxes": [Trial("boxes", "hand-corridor-25", corridor, CORRIDOR_START, tuple(range(50)), boxes=5)],
+        "boxes": [
+            ExplorationTrial("boxes", "hand-corridor-25", corridor, CORRIDOR_START, tuple(range(50)), boxes=5)
+        ],
         "curved": [
-            Trial("curved", "hand-curved", DRAWINGS / "curved.png", (2.44, 2.27, 0.0), five),
-            Trial("round", "hand-round", DRAWINGS / "round.png", (2.13, 7.73, 0.0), five),
+            ExplorationTrial("curved", "hand-curved", DRAWINGS / "curved.png", (2.44, 2.27, 0.0), five),
+            ExplorationTrial("round", "hand-round", DRAWINGS / "round.png", (2.13, 7.73, 0.0), five),
         ],
         "changed": [
-            Trial("walled-up", "hand-building", building, BUILDING_START, five, walls=(WALLED_UP,)),
-            Trial("extra-door", _with_extra_door(), building, BUILDING_START, five),
+            ExplorationTrial(
+                "walled-up", "hand-building", building, BUILDING_START, five, walls=(WALLED_UP,)
+            ),
+            ExplorationTrial("extra-door", _with_extra_door(), building, BUILDING_START, five),
         ],
     }
     folder = data_dir()
@@ -270,7 +278,7 @@ SKETCHES = {
 }
 
 
-def sketch_trial(drawing: str, folder: Path) -> Trial:
+def sketch_trial(drawing: str, folder: Path) -> ExplorationTrial:
     """The place of a person's drawing in the folder of the sketches."""
     plan, resolution_m, start, start_drawn = SKETCHES[drawing]
     building, _ = load_world("hand-corridor-25")
@@ -280,7 +288,9 @@ def sketch_trial(drawing: str, folder: Path) -> Trial:
         "sensors": building.sensors.model_dump(exclude_none=True),
     }  # fmt: skip
     world = validate_world(document, plan)
-    return Trial(drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder)
+    return ExplorationTrial(
+        drawing, world, folder / f"{drawing}.png", start_drawn, tuple(range(5)), folder=folder
+    )
 
 
 def table(results: Iterable[ExplorationResult]) -> str:
@@ -339,7 +349,9 @@ def draw_bars(results: Iterable[ExplorationResult], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def run_set(chosen: Iterable[Trial], folder: Path, max_seeds: int | None = None) -> list[ExplorationResult]:
+def run_set(
+    chosen: Iterable[ExplorationTrial], folder: Path, max_seeds: int | None = None
+) -> list[ExplorationResult]:
     """All runs of some trials; each is stored in `runs.jsonl`, and runs found there are not repeated."""
     folder.mkdir(parents=True, exist_ok=True)
     record = folder / "runs.jsonl"

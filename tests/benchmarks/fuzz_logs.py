@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.logs.mutations import (
-    Reading,
+    LogReading,
     flip_byte,
     mutate_text,
     read,
@@ -30,7 +30,7 @@ from tests.logs.mutations import (
 COMPRESSIONS = ("zstd", "lz4", "none")
 
 
-def fuzz_cuts(folder: Path, count: int, seed: int = 1) -> Iterator[Reading]:
+def fuzz_cuts(folder: Path, count: int, seed: int = 1) -> Iterator[LogReading]:
     """MCAP files cut anywhere: the messages of the whole chunks before the cut, and the first ones of the cut chunk."""
     random_numbers = random.Random(seed)
     for compression in COMPRESSIONS:
@@ -51,8 +51,8 @@ def fuzz_cuts(folder: Path, count: int, seed: int = 1) -> Iterator[Reading]:
             yield reading
 
 
-def fuzz_flips(folder: Path, count: int, seed: int = 2) -> Iterator[Reading]:
-    """MCAP files with one byte changed: nothing false is delivered, and at most one chunk's messages are missing
+def fuzz_flips(folder: Path, count: int, seed: int = 2) -> Iterator[LogReading]:
+    """MCAP files with one byte changed: nothing false is played back, and at most one chunk's messages are missing
     without a word. A file whose beginning is damaged may be refused."""
     random_numbers = random.Random(seed)
     for compression in COMPRESSIONS:
@@ -74,7 +74,7 @@ def fuzz_flips(folder: Path, count: int, seed: int = 2) -> Iterator[Reading]:
             yield reading
 
 
-def fuzz_csv(folder: Path, count: int, seed: int = 3) -> Iterator[Reading]:
+def fuzz_csv(folder: Path, count: int, seed: int = 3) -> Iterator[LogReading]:
     """CSV folders with one file mutated, log.yaml among them."""
     random_numbers = random.Random(seed)
     whole = folder / "csv"
@@ -89,7 +89,7 @@ def fuzz_csv(folder: Path, count: int, seed: int = 3) -> Iterator[Reading]:
         (whole / name).write_bytes(original)
 
 
-def fuzz_carmen(folder: Path, count: int, seed: int = 4) -> Iterator[Reading]:
+def fuzz_carmen(folder: Path, count: int, seed: int = 4) -> Iterator[LogReading]:
     """CARMEN logs with one to three mutations."""
     random_numbers = random.Random(seed)
     whole = sample_carmen()
@@ -99,7 +99,7 @@ def fuzz_carmen(folder: Path, count: int, seed: int = 4) -> Iterator[Reading]:
         yield read(path)
 
 
-def fuzz_packed(folder: Path, count: int, seed: int = 5) -> Iterator[Reading]:
+def fuzz_packed(folder: Path, count: int, seed: int = 5) -> Iterator[LogReading]:
     """Packed CARMEN logs, cut or with one byte changed."""
     import bz2
     import gzip

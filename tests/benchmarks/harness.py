@@ -1,10 +1,10 @@
 """Benchmarks: every `bench_*.py` beside this file gives rows, `bounds.yaml` says what they may not exceed.
 
-Run with `make bench`, or `python -m tests.benchmarks.harness [--jobs N] [NAME ...]` for single files. A file exposes
-`rows() -> Iterable[Row]`. One that says `ALONE = True` measures by the clock, and runs while nothing else does; the others
-share the cores, each in a process of its own. A benchmark whose data is not there gives no rows and says so on stderr. One that
-gives any must give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed. Bounds in seconds are
-for the machine of `machine.py`; on a slower one they are longer, by what is measured before and after the benchmark.
+Run with `make bench`, or `python -m tests.benchmarks.harness [--jobs N] [NAME ...]` for single files. A file exposes `rows() ->
+Iterable[BenchmarkRow]`. One that says `ALONE = True` measures by the clock, and runs while nothing else does; the others share
+the cores, each in a process of its own. A benchmark whose data is not there gives no rows and says so on stderr. One that gives
+any must give all rows that have bounds: so a row that is renamed does not lose its bound unnoticed. Bounds in seconds are for
+the machine of `machine.py`; on a slower one they are longer, by what is measured before and after the benchmark.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HERE = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class BenchmarkRow:
     """A measured figure with its bound: the largest allowed value, or with `at_least` the smallest."""
 
     name: str
@@ -54,7 +54,7 @@ class Row:
 class Measured(NamedTuple):
     """The rows of a benchmark, and how many times as long as the reference machine this one took for the same work."""
 
-    rows: list[Row]
+    rows: list[BenchmarkRow]
     slower: float
 
 
@@ -83,7 +83,7 @@ def read_bounds(path: Path) -> dict[str, Bounds]:
     return document
 
 
-def bounded(row: Row, bounds: Bounds, slower: float = 1.0) -> Row:
+def bounded(row: BenchmarkRow, bounds: Bounds, slower: float = 1.0) -> BenchmarkRow:
     """The row with the bound of the file, if there is one, instead of its own, on a machine that is slower by the factor."""
     if row.name in bounds:
         ((kind, value),) = bounds[row.name].items()
@@ -145,12 +145,12 @@ def say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)  # noqa: T201
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows: Iterable[BenchmarkRow]) -> str:
     """The rows as aligned text; failed bounds are marked."""
     cells = [("", "measured", "", "bound", "")]
     for row in rows:
         bound = "" if row.bound is None else f"{'>=' if row.at_least else '<='} {row.bound:g}"
-        cells.append((row.name, f"{row.value:.4g}", row.unit, bound, "" if row.holds else "BROKEN"))
+        cells.append((row.name, f"{row.value:.4g}", row.unit, bound, "" if row.holds else "VIOLATED"))
     widths = [max(len(line[i]) for line in cells) for i in range(5)]
     return "\n".join(
         "  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)).rstrip() for line in cells
@@ -167,19 +167,19 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     given = parser.parse_args(arguments)
     bounds = read_bounds(HERE / "bounds.yaml")
-    broken: list[Row] = []
+    violated: list[BenchmarkRow] = []
     found: dict[str, set[str]] = {}
     for benchmark, measured in measure(given.names, given.jobs):
         rows = [bounded(row, bounds.get(benchmark, {}), measured.slower) for row in measured.rows]
         print(table(rows) if rows else f"{benchmark}: no rows", end="\n\n", flush=True)  # noqa: T201
-        broken += [row for row in rows if not row.holds]
+        violated += [row for row in rows if not row.holds]
         found[benchmark] = {row.name for row in rows}
     lost = without_row(bounds, found)
     for bound in lost:
         say(f"bounds.yaml: {bound}: no such row was measured; was it renamed?")
     count = sum(map(len, found.values()))
-    print(table(broken) if broken else f"all bounds of {count} rows hold")  # noqa: T201
-    return 1 if lost or broken else 0
+    print(table(violated) if violated else f"all bounds of {count} rows hold")  # noqa: T201
+    return 1 if lost or violated else 0
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ LIVOX = {
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class InputDrive:
     """The simulator's events, the true poses of the robot by time (s after the first stamp), and the walls."""
 
     events: list[Event]
@@ -79,7 +79,7 @@ class Drive:
         return [event for event in self.events if isinstance(event, LaserScan)]
 
 
-def drive(seed: int) -> Drive:
+def drive(seed: int) -> InputDrive:
     """The drive, with errors of wheels and sensors by seed."""
     world = validate_world({**yaml.safe_load(WORLD), "seed": seed}, "inputs")
     simulator = Simulator(world, Path())
@@ -87,7 +87,7 @@ def drive(seed: int) -> Drive:
     for event, is_truth in drive_route(simulator):
         (truth if is_truth else events).append(event)
     lines = "".join(tum_line(event) for event in truth if isinstance(event, Odometry))
-    return Drive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines)
+    return InputDrive(events, simulator.robot.poses_at, world.start_ns, simulator.scene, lines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,12 @@ LEVEL = Sway()
 
 
 def returns(
-    drive: Drive, stamp_ns: int, mount: Floats, rays: Floats, rng: np.random.Generator, sway: Sway = LEVEL
+    drive: InputDrive,
+    stamp_ns: int,
+    mount: Floats,
+    rays: Floats,
+    rng: np.random.Generator,
+    sway: Sway = LEVEL,
 ) -> tuple[Floats, Floats]:
     """Points `(n, 3)` in the sensor's frame, and their distances `(n,)`, of walls up to the ceiling, it, and the floor.
 
@@ -142,9 +147,9 @@ def returns(
 
 def spinning_rays() -> Floats:
     """Rays `(COLUMNS * rings, 3)` of a spinning lidar, column by column."""
-    turn = np.arange(COLUMNS) / COLUMNS
-    bearing, elevation = np.meshgrid(2 * np.pi * turn - np.pi, np.radians(RINGS_DEG), indexing="ij")
-    times = np.broadcast_to((PERIOD_S * turn)[:, None], bearing.shape)
+    phase = np.arange(COLUMNS) / COLUMNS
+    bearing, elevation = np.meshgrid(2 * np.pi * phase - np.pi, np.radians(RINGS_DEG), indexing="ij")
+    times = np.broadcast_to((PERIOD_S * phase)[:, None], bearing.shape)
     return np.stack([bearing, elevation, times], axis=-1).reshape(-1, 3)
 
 
@@ -245,7 +250,7 @@ def mounted(frame: str, x: float = FORWARD_M, yaw_rad: float = 0.0) -> Any:
 
 
 def recorded(
-    drive: Drive,
+    drive: InputDrive,
     path: Path,
     scans: Callable[[LaserScan], Messages],
     frames: tuple[Any, ...],
@@ -268,14 +273,14 @@ def recorded(
     return write_mcap(path, messages())
 
 
-def plain(drive: Drive, path: Path, **changes: Any) -> Path:
+def plain(drive: InputDrive, path: Path, **changes: Any) -> Path:
     """The ordinary recording; `changes` are keywords of `recorded`."""
     given = {"scans": lambda scan: iter([("/scan", scan_message(scan))]), "frames": (mounted("laser"),)}
     return recorded(drive, path, **{**given, **changes})
 
 
 def clouds(
-    drive: Drive,
+    drive: InputDrive,
     path: Path,
     rings: int = 0,
     half_field_deg: float = 0.0,
@@ -293,7 +298,7 @@ def clouds(
     return recorded(drive, path, scans, (mounted("lidar"),), **changes)
 
 
-def livox(drive: Drive, path: Path) -> Path:
+def livox(drive: InputDrive, path: Path) -> Path:
     """livox_ros_driver2/CustomMsg with all bearings, as of a Mid-360."""
     rng = np.random.default_rng(6)
     if "livox_ros_driver2/msg/CustomMsg" not in HUMBLE.types:
@@ -321,13 +326,13 @@ def livox(drive: Drive, path: Path) -> Path:
     return recorded(drive, path, scans, (mounted("lidar"),))
 
 
-def two_lidars(drive: Drive, path: Path, **changes: Any) -> Path:
+def two_lidars(drive: InputDrive, path: Path, **changes: Any) -> Path:
     """A front lidar of 240 degrees, and one at the back that sees half as far at half the rate."""
     rng = np.random.default_rng(7)
     places = {"front": np.array([0.25, 0.0, 0.0]), "back": np.array([-0.2, 0.0, math.pi])}
     count, field = 320, math.radians(240.0)
-    turn = np.arange(count) / (count - 1)
-    rays = np.column_stack([field * (turn - 0.5), np.zeros(count), 0.06 * turn])
+    phase = np.arange(count) / (count - 1)
+    rays = np.column_stack([field * (phase - 0.5), np.zeros(count), 0.06 * phase])
     sweeps = {scan.stamp_ns: k for k, scan in enumerate(drive.sweeps())}
 
     def scans(scan: LaserScan) -> Messages:
@@ -346,13 +351,13 @@ def two_lidars(drive: Drive, path: Path, **changes: Any) -> Path:
     )
 
 
-def echoes(drive: Drive, path: Path) -> Path:
+def echoes(drive: InputDrive, path: Path) -> Path:
     rng = np.random.default_rng(8)
     return plain(drive, path, scans=lambda scan: iter([("/echoes", echoes_message(scan, rng))]))
 
 
 def swaying(
-    drive: Drive,
+    drive: InputDrive,
     path: Path,
     amplitude_deg: float = 4.0,
     is_cloud: bool = False,
@@ -362,8 +367,8 @@ def swaying(
     """A robot that rolls and pitches, with an IMU that says so (`imu` as in `tilted_imu`) or with none (empty)."""
     rng, sway = np.random.default_rng(9), Sway(amplitude_deg, is_about_lidar)
     mount = np.array([FORWARD_M, 0.0, 0.0])
-    turn = np.arange(360) / 360
-    beams = np.column_stack([2 * np.pi * turn - np.pi, np.zeros(360), 0.0997 * turn])
+    phase = np.arange(360) / 360
+    beams = np.column_stack([2 * np.pi * phase - np.pi, np.zeros(360), 0.0997 * phase])
 
     def scans(scan: LaserScan) -> Messages:
         rays = spinning_rays() if is_cloud else beams
@@ -382,7 +387,7 @@ def swaying(
     return recorded(drive, path, scans, frames, imu=made_imu)
 
 
-def tilted_imu(drive: Drive, sway: Sway, kind: str, rng: np.random.Generator) -> Callable[[Imu], Any]:
+def tilted_imu(drive: InputDrive, sway: Sway, kind: str, rng: np.random.Generator) -> Callable[[Imu], Any]:
     """Messages of an IMU on a robot that sways: `orientation` with everything, `gravity` without its orientation.
 
     `ned` has axes that point forward, right and down; `misaligned` has y forward, and `late` stamps of 0.5 s ago.
@@ -418,7 +423,7 @@ def tilted_imu(drive: Drive, sway: Sway, kind: str, rng: np.random.Generator) ->
     return message
 
 
-def narrow(drive: Drive, path: Path) -> Path:
+def narrow(drive: InputDrive, path: Path) -> Path:
     """The ordinary lidar with the field of view of a solid-state one: 120 degrees."""
 
     def scans(scan: LaserScan) -> Messages:
@@ -433,11 +438,11 @@ def narrow(drive: Drive, path: Path) -> Path:
     return plain(drive, path, scans=scans)
 
 
-def timed(**changes: Any) -> Callable[[Drive, Path], Path]:
+def timed(**changes: Any) -> Callable[[InputDrive, Path], Path]:
     """The ordinary recording whose scans have other times: `late_s` added to their stamps, another `time_increment`."""
     late_s = changes.pop("late_s", 0.0)
 
-    def make_log(drive: Drive, path: Path) -> Path:
+    def make_log(drive: InputDrive, path: Path) -> Path:
         def scans(scan: LaserScan) -> Messages:
             yield (
                 "/scan",
@@ -451,13 +456,13 @@ def timed(**changes: Any) -> Callable[[Drive, Path], Path]:
 
 def odometry(
     change: Callable[[Odometry], Odometry | None], with_imu: bool = False
-) -> Callable[[Drive, Path], Path]:
+) -> Callable[[InputDrive, Path], Path]:
     """The ordinary recording with another odometry."""
     return lambda drive, path: plain(drive, path, odometry=change, with_imu=with_imu)
 
 
 ORDINARY = {"ordinary": plain, "ordinary_narrow": narrow}
-KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
+KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "cloud": (clouds, "ordinary"),
     "cloud_organised": (lambda d, p: clouds(d, p, rings=len(RINGS_DEG)), "ordinary"),
     "cloud_solid_state": (lambda d, p: clouds(d, p, half_field_deg=60.0), "ordinary_narrow"),
@@ -477,7 +482,7 @@ KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
     "swaying_cloud_4": (lambda d, p: swaying(d, p, is_cloud=True), "ordinary"),
     "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
 }
-MORE_KINDS: dict[str, tuple[Callable[[Drive, Path], Path], str]] = {
+MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "cloud_untimed": (lambda d, p: clouds(d, p, is_timed=False), "ordinary"),
     "cloud_no_odometry": (lambda d, p: clouds(d, p, odometry=lambda o: None), "ordinary"),
     "solid_state_no_odometry_imu": (

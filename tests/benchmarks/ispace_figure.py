@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.ispace_trials import Trial
+from tests.benchmarks.ispace_trials import LocalizationTrial
 
 LABELS = {"onboard": "onboard alone", "paper": "with cameras, the paper's equations", "fused": "with cameras"}
 SHOWN_S = 50.0
@@ -16,7 +16,7 @@ SHOWN_S = 50.0
 Floats = NDArray[np.float64]
 
 
-def draw_std(trials: Mapping[str, Sequence[Trial]], path: Path) -> None:
+def draw_std(trials: Mapping[str, Sequence[LocalizationTrial]], path: Path) -> None:
     """The curves of trials by config."""
     curves = {LABELS.get(name, name): [(t.time_s, t.std_m) for t in found] for name, found in trials.items()}
     draw_curves(curves, path, SHOWN_S)

@@ -27,7 +27,7 @@ Z = 1.96  # normal quantile of 95 % intervals
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class LocalizationTrial:
     """One run. `std_m` over `time_s` is the curve of figure 10; `worst_m` the largest error after the first good pose."""
 
     found: bool
@@ -40,7 +40,7 @@ class Trial:
     updates: int
 
 
-def trial(kind: str, number: int, config: str, seed: int, overrides: Iterable[str] = ()) -> Trial:
+def trial(kind: str, number: int, config: str, seed: int, overrides: Iterable[str] = ()) -> LocalizationTrial:
     """Localize along one simulated drive, from anywhere."""
     log = log_of(kind, number)
     name, settings = CONFIGS[config]
@@ -54,7 +54,7 @@ def trial(kind: str, number: int, config: str, seed: int, overrides: Iterable[st
     return judged(run, log)
 
 
-def judged(run: Run, log: Path) -> Trial:
+def judged(run: Run, log: Path) -> LocalizationTrial:
     """The trial of a finished run."""
     assert run.truth is not None, f"{log} has no truth"
     found = run.result.trajectory
@@ -64,7 +64,7 @@ def judged(run: Run, log: Path) -> Trial:
     judgement = judge_localization(pairs.stamps_ns, errors, start)
     good = np.flatnonzero((errors.translation_m < 0.5) & (errors.rotation_deg < 10.0))
     std = run.result.series["particle_std_all"]
-    return Trial(
+    return LocalizationTrial(
         judgement.success,
         judgement.time_to_convergence_s,
         float(errors.translation_m[-1]),

@@ -37,7 +37,7 @@ KINDS: tuple[Kind, ...] = ("office", "corridors")
 
 
 @dataclass(frozen=True)
-class Drive:
+class LocalizationDrive:
     """What a robot recorded, its true path in the frame of the map, and the right map."""
 
     name: str
@@ -46,7 +46,7 @@ class Drive:
     grid: OccupancyGrid
 
 
-def place_drive(seed: int, travel_m: float, crowd: bool = False, changed: bool = False) -> Drive:
+def place_drive(seed: int, travel_m: float, crowd: bool = False, changed: bool = False) -> LocalizationDrive:
     """A drive through the place of a seed, on its true map: among people, or with boxes that the map lacks."""
     kind = KINDS[seed % len(KINDS)]
     document = _shortened(place_document(kind, seed, WHOLE_TRAVEL_M), travel_m)
@@ -60,7 +60,9 @@ def place_drive(seed: int, travel_m: float, crowd: bool = False, changed: bool =
     if crowd:
         events = crowded(events, np.random.default_rng([seed, 7]))
     name = f"{kind} {seed}{' in a crowd' if crowd else ''}{' changed' if changed else ''}"
-    return Drive(name, tuple(events), recorded.truth, around(grid or recorded.grid, recorded.truth))
+    return LocalizationDrive(
+        name, tuple(events), recorded.truth, around(grid or recorded.grid, recorded.truth)
+    )
 
 
 def around(grid: OccupancyGrid, path: Trajectory) -> OccupancyGrid:
@@ -73,7 +75,7 @@ def around(grid: OccupancyGrid, path: Trajectory) -> OccupancyGrid:
     return OccupancyGrid(np.ascontiguousarray(part), GridGeometry(cell, origin))
 
 
-def corridor_drive(seed: int) -> Drive:
+def corridor_drive(seed: int) -> LocalizationDrive:
     """A drive along a corridor that looks the same everywhere and from both ends, without its fixed cameras."""
     rng = np.random.default_rng([seed, 3])
     first, second, third = rng.uniform(3.0, 27.0, 3).round(2).tolist()
@@ -85,10 +87,10 @@ def corridor_drive(seed: int) -> Drive:
     )
     world, _ = load_world("ispace-corridor", settings, seed)
     recorded = drive(world, Path())
-    return Drive(f"corridor {seed}", recorded.events, recorded.truth, recorded.grid)
+    return LocalizationDrive(f"corridor {seed}", recorded.events, recorded.truth, recorded.grid)
 
 
-def localized(drive: Drive, grid: OccupancyGrid, seed: int) -> RunResult:
+def localized(drive: LocalizationDrive, grid: OccupancyGrid, seed: int) -> RunResult:
     """The result of a localization from an unknown start."""
     method = IspaceMcl(IspaceMclConfig(), seed, grid)
     for event in drive.events:
@@ -112,7 +114,7 @@ def negated(grid: OccupancyGrid) -> OccupancyGrid:
     return OccupancyGrid(np.float32(1.0) - grid.probability, grid.geometry)
 
 
-def cropped(drive: Drive, margin_m: float) -> OccupancyGrid | None:
+def cropped(drive: LocalizationDrive, margin_m: float) -> OccupancyGrid | None:
     """The larger part of the map beside the drive's bounding box; None if nothing of it is left."""
     grid, cell = drive.grid, drive.grid.geometry.resolution_m
     low, high = drive.truth.poses[:, :2].min(axis=0), drive.truth.poses[:, :2].max(axis=0)

@@ -20,7 +20,7 @@ from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import SlamSd
 from gridslam.sensors.lidar_beams import extrinsics_of
-from tests.benchmarks.real_places import Place, events_of, map_of
+from tests.benchmarks.real_places import RealPlace, events_of, map_of
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,22 +32,22 @@ MIN_AGAIN = 0.8  # fraction of a drive's poses that belong to a later pass
 
 
 @cache
-def passed_place(folder: Path, name: str) -> tuple[Place, Bools]:
+def passed_place(folder: Path, name: str) -> tuple[RealPlace, Bools]:
     """Wean Hall, aces, mit-csail or mit-killian, and which of its poses `(n,)` belong to later passes."""
     if name == "wean-hall":
         logs = [folder / "wean_hall" / f"robotdata{k}.log.gz" for k in (2, 1)]
         paths = _mapped(logs)
-        drive = Place(events_of(logs[1]), _map(events_of(logs[0]), paths[0]), *_columns(paths[1]))
+        drive = RealPlace(events_of(logs[1]), _map(events_of(logs[0]), paths[0]), *_columns(paths[1]))
         near = cKDTree(paths[0].poses[:, :2]).query(paths[1].poses[:, :2])[0]
         return drive, np.asarray(near < AGAIN_M)
     log = folder / "lidar" / f"{name}.clf.bz2"
     (path,), events = _mapped([log]), events_of(log)
     is_again = _is_again(path.poses)
     first = Trajectory(path.stamps_ns[~is_again], path.poses[~is_again])
-    return Place(events, _map(events, first), *_columns(path)), is_again
+    return RealPlace(events, _map(events, first), *_columns(path)), is_again
 
 
-def starts(here: Place, is_again: Bools, travel_m: float, count: int) -> list[int]:
+def starts(here: RealPlace, is_again: Bools, travel_m: float, count: int) -> list[int]:
     """First rows of `count` drives of this travel on later passes, evenly from all that there are."""
     travel = travel_of(here.poses)
     rows = np.flatnonzero(is_again)

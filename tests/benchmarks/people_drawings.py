@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.drawing import RESOLUTION_M, Drawing
-from tests.benchmarks.wing_buildings import Building, CentreLine, Part, Room, dense, overlaps, walls_of
+from tests.benchmarks.wing_buildings import Building, CentreLine, Part, WingRoom, dense, overlaps, walls_of
 
 Floats = NDArray[np.float64]
 
@@ -179,9 +179,9 @@ def _drawn_part(
     return DrawnPart(u, drawn_u, v, (knots * widths[0], knots * widths[1]), shear, line)
 
 
-def _drawn_rows(part: Part, rng: np.random.Generator) -> tuple[list[Room], list[Floats], list[Floats]]:
+def _drawn_rows(part: Part, rng: np.random.Generator) -> tuple[list[WingRoom], list[Floats], list[Floats]]:
     """The rooms that are drawn, the fronts of those left out, and the outlines of those invented."""
-    rooms: list[Room] = []
+    rooms: list[WingRoom] = []
     fronts: list[Floats] = []
     invented: list[Floats] = []
     for row in part.rows:

@@ -23,7 +23,7 @@ HIT, MISS, LIMIT = 0.9, -0.4, 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RealPlace:
     """Events of a log, its map, and reference poses `(n, 3)` at stamps `(n,)` of scans that are not in the map."""
 
     events: list[Event]
@@ -48,7 +48,7 @@ def events_of(path: Path) -> list[Event]:
 
 
 @cache
-def place(folder: Path, name: str) -> Place:
+def place(folder: Path, name: str) -> RealPlace:
     """`aces` or `mit-csail`: the map from every other scan with a reference pose; these scans are taken out of the log."""
     events = events_of(folder / "lidar" / f"{name}.clf.bz2")
     reference = np.loadtxt(folder / "lidar" / f"{name}.reference.txt")
@@ -59,7 +59,7 @@ def place(folder: Path, name: str) -> Place:
     grid = map_of([scans[stamp] for stamp in mapped], reference[::2, 1:])
     taken = set(mapped)
     left = [event for event in events if not (isinstance(event, LaserScan) and event.stamp_ns in taken)]
-    return Place(left, grid, nearest[1::2], reference[1::2, 1:])
+    return RealPlace(left, grid, nearest[1::2], reference[1::2, 1:])
 
 
 def map_of(scans: list[LaserScan], poses: NDArray[np.float64]) -> OccupancyGrid:

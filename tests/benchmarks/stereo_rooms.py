@@ -40,7 +40,7 @@ def head() -> StereoHead:
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class StereoRoom:
     """A room with boxes, and the poses of the frames `(n, 3)`."""
 
     scene: Scene
@@ -48,7 +48,7 @@ class Room:
     poses: Floats
 
 
-def room_of(seed: int, frames: int = 60) -> Room:
+def room_of(seed: int, frames: int = 60) -> StereoRoom:
     """A room of 6 x 5 m with four to seven boxes, and a closed route on which the robot faces all sides."""
     rng = np.random.default_rng(seed)
     boxes, documents = [], []
@@ -71,7 +71,7 @@ def room_of(seed: int, frames: int = 60) -> Room:
     x, y = 3.0 + 1.0 * np.cos(t), 2.5 + 0.7 * np.sin(t)
     yaw = t + np.pi / 2 + 1.3 * np.sin(5.0 * t + rng.uniform(0.0, 6.0))
     poses = np.column_stack([x, y, se2.wrap_angle(yaw)])
-    return Room(Scene(world, REPOSITORY), boxes, poses)
+    return StereoRoom(Scene(world, REPOSITORY), boxes, poses)
 
 
 def footprint(centre: Floats, size: Floats, yaw: float) -> Polygon:
@@ -90,7 +90,7 @@ def contours_of(room: tuple[float, float, float, float], boxes: Sequence[Polygon
     return pieces
 
 
-def depths_of(room: Room, pose: Floats) -> Floats:
+def depths_of(room: StereoRoom, pose: Floats) -> Floats:
     """Depth of the first obstacle `(width,)` in each column."""
     x = (np.arange(WIDTH_PX) - 0.5 * (WIDTH_PX - 1)) / FOCAL_PX
     bearings = -np.arctan(x)
@@ -100,7 +100,7 @@ def depths_of(room: Room, pose: Floats) -> Floats:
 
 
 def disparity_of(
-    room: Room, pose: Floats, false_rate: float, rng: np.random.Generator
+    room: StereoRoom, pose: Floats, false_rate: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
     """The disparity image from a pose, with false matches in a fraction `false_rate` of the groups of columns."""
     depth = depths_of(room, pose)
@@ -137,7 +137,7 @@ class RoomTruth:
 MARGIN = 4
 
 
-def truth_of(room: Room) -> RoomTruth:
+def truth_of(room: StereoRoom) -> RoomTruth:
     """Obstacles are the cells on a wall or in a box; visible are the cells up to the first obstacle of a ray."""
     cols, rows = (round(length / CELL_M) + 2 * MARGIN for length in ROOM_M)
     tree = STRtree(room.boxes)
@@ -153,7 +153,7 @@ def truth_of(room: Room) -> RoomTruth:
     return RoomTruth(occupied, visible_cells(room, occupied), (-MARGIN, -MARGIN))
 
 
-def visible_cells(room: Room, occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def visible_cells(room: StereoRoom, occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Free cells that some ray crosses, and the obstacle cells at the rays' ends."""
     visible = np.zeros(occupied.shape, bool)
     for pose in room.poses:

@@ -27,7 +27,7 @@ from tests.benchmarks.stereo_models import BayesModel, InverseSensorModel, MapMo
 from tests.benchmarks.stereo_rooms import (
     CELL_M,
     ROOM_M,
-    Room,
+    StereoRoom,
     contours_of,
     disparity_of,
     head,
@@ -139,7 +139,7 @@ def room_stage(seed: int, rate: float, noisy: bool = False) -> Stage:
 
 
 @lru_cache(maxsize=32)
-def _room(seed: int) -> tuple[Room, OccupancyGrid, list[Floats]]:
+def _room(seed: int) -> tuple[StereoRoom, OccupancyGrid, list[Floats]]:
     room = room_of(seed)
     truth = truth_of(room)
     p = np.where(truth.visible, truth.occupied, np.nan).astype(np.float32)

@@ -35,7 +35,7 @@ BESIDE_M = 0.5  # an estimate so far from every object stands on nothing
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedObject:
     """One true object and what was said of it; errors are NaN where it was not found.
 
     `taken_for` is the class of the true object nearest to where it was reported.
@@ -60,10 +60,12 @@ class Judged:
 class ObjectScore:
     """One run against its truth."""
 
-    judged: tuple[Judged, ...]
+    judged: tuple[JudgedObject, ...]
     ape_m: float
-    ghosts: float  # share of the cells of old footprints that are occupied in the static map; NaN without any
-    shown: float  # share of the cells of present footprints that are occupied in the composed map
+    ghosts: (
+        float  # fraction of the cells of old footprints that are occupied in the static map; NaN without any
+    )
+    shown: float  # fraction of the cells of present footprints that are occupied in the composed map
     cpu_ms: float  # per scan, all of the method
     stages_ms: dict[str, float]  # per scan, wall clock
     counters: dict[str, int]
@@ -116,7 +118,7 @@ def aligned(estimate: Trajectory, truth: Trajectory) -> tuple[Floats, float]:
     return alignment.T_truth_estimate, float(np.sqrt((error**2).sum(axis=1).mean()))
 
 
-def judged(result: RunResult, truth: Path, T_truth_map: Floats) -> tuple[Judged, ...]:
+def judged(result: RunResult, truth: Path, T_truth_map: Floats) -> tuple[JudgedObject, ...]:
     """All true objects with what the run says of them."""
     true = read_objects(truth)
     found = objects_of(result.tables.get("objects"))
@@ -148,15 +150,15 @@ def _judge(
     found: MapObject | None,
     true: dict[str, MapObject],
     T_truth_map: Floats,
-) -> Judged:
+) -> JudgedObject:
     category = tagged_object.category or ""
     if found is None:
-        return Judged(name, category, np.nan, np.nan, False, bool(tagged_object.moved), None, "missed")
+        return JudgedObject(name, category, np.nan, np.nan, False, bool(tagged_object.moved), None, "missed")
     here = se2.compose(T_truth_map, np.array(found.pose))
     error = se2.between(np.array(tagged_object.pose), here)
     away = {other: float(np.hypot(*(np.array(o.pose) - here)[:2])) for other, o in true.items()}
     nearest = min(away, key=away.__getitem__)
-    return Judged(
+    return JudgedObject(
         name,
         category,
         float(np.hypot(error[0], error[1])),
@@ -169,7 +171,7 @@ def _judge(
 
 
 def ghosts(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDatabase) -> float:
-    """The share of the cells in old footprints of moved boxes that are occupied in the static map."""
+    """The fraction of the cells in old footprints of moved boxes that are occupied in the static map."""
     static = result.maps.get("static", result.occupancy)
     if static is None:
         return float("nan")
@@ -191,7 +193,7 @@ def ghosts(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDat
 
 
 def shown(result: RunResult, truth: Path, T_truth_map: Floats, database: TagDatabase) -> float:
-    """The share of the cells in true present footprints of boxes that are occupied in the composed map."""
+    """The fraction of the cells in true present footprints of boxes that are occupied in the composed map."""
     composed = result.maps.get("composed")
     if composed is None:
         return float("nan")

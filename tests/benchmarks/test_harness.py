@@ -10,7 +10,7 @@ import pytest
 from tests.benchmarks import harness
 from tests.benchmarks.harness import (
     HERE,
-    Row,
+    BenchmarkRow,
     benchmarks,
     bounded,
     module_of,
@@ -22,12 +22,12 @@ from tests.benchmarks.machine import slowness
 
 
 def test_a_bound_holds_from_both_sides() -> None:
-    assert Row("t", 1.0, "s", bound=1.0).holds
-    assert not Row("t", 1.1, "s", bound=1.0).holds
-    assert Row("r", 5.0, "1/s", bound=4.0, at_least=True).holds
-    assert not Row("r", 3.0, "1/s", bound=4.0, at_least=True).holds
-    assert Row("x", 3.0, "m").holds
-    assert not Row("x", math.nan, "m").holds
+    assert BenchmarkRow("t", 1.0, "s", bound=1.0).holds
+    assert not BenchmarkRow("t", 1.1, "s", bound=1.0).holds
+    assert BenchmarkRow("r", 5.0, "1/s", bound=4.0, at_least=True).holds
+    assert not BenchmarkRow("r", 3.0, "1/s", bound=4.0, at_least=True).holds
+    assert BenchmarkRow("x", 3.0, "m").holds
+    assert not BenchmarkRow("x", math.nan, "m").holds
 
 
 def test_every_benchmark_can_be_run() -> None:
@@ -35,17 +35,19 @@ def test_every_benchmark_can_be_run() -> None:
 
 
 def test_the_file_sets_bounds_by_name() -> None:
-    row = bounded(Row("a.rate", 3.0, "1/s"), {"a.rate": {"at_least": 4}})
+    row = bounded(BenchmarkRow("a.rate", 3.0, "1/s"), {"a.rate": {"at_least": 4}})
     assert (row.bound, row.at_least, row.holds) == (4.0, True, False)
-    assert "BROKEN" in table([row])
+    assert "VIOLATED" in table([row])
 
 
 def test_times_and_rates_have_other_bounds_on_a_slower_machine() -> None:
     bounds = {name: {"at_most": 4} for name in ("a", "b", "c")}
     units = {"a": "s", "b": "1/s", "c": "m"}
-    found = {name: bounded(Row(name, 5.0, unit), bounds, slower=2.0).bound for name, unit in units.items()}
+    found = {
+        name: bounded(BenchmarkRow(name, 5.0, unit), bounds, slower=2.0).bound for name, unit in units.items()
+    }
     assert found == {"a": 8.0, "b": 2.0, "c": 4.0}
-    assert bounded(Row("d", 5.0, "ms a scan", bound=4.0), {}, slower=2.0).bound == 8.0
+    assert bounded(BenchmarkRow("d", 5.0, "ms a scan", bound=4.0), {}, slower=2.0).bound == 8.0
     assert 0.1 < slowness() < 100.0
 
 
@@ -63,7 +65,7 @@ def test_the_stored_bounds_are_well_formed_and_belong_to_benchmarks() -> None:
     assert all(bounds.values())
 
 
-def test_a_bound_without_its_row_is_told_where_the_benchmark_gave_others() -> None:
+def test_a_bound_without_its_row_is_reported_where_the_benchmark_gave_others() -> None:
     bounds = {"cli": {"a": {"limit": 1.0}, "b": {"limit": 1.0}}, "plan": {"c": {"limit": 1.0}}}
     assert without_row(bounds, {"cli": {"a"}}) == ["cli: b"]
     assert without_row(bounds, {"cli": {"a", "b"}}) == []
@@ -75,7 +77,7 @@ def test_a_bound_without_its_row_is_told_where_the_benchmark_gave_others() -> No
     ("name", "value", "code", "says"),
     [
         ("cli.help", 0.5, 0, ""),
-        ("cli.help", 1.5, 1, "BROKEN"),
+        ("cli.help", 1.5, 1, "VIOLATED"),
         ("cli.helps", 0.5, 1, "bounds.yaml: cli: cli.help: no such row"),
     ],
 )
@@ -92,7 +94,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
     (tmp_path / "bench_cli.py").touch()
     (tmp_path / "bench_plan.py").touch()
     monkeypatch.setattr(harness, "HERE", tmp_path)
-    monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [Row(name, value, "s")])
+    monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [BenchmarkRow(name, value, "s")])
     monkeypatch.setattr("tests.benchmarks.bench_plan.rows", list)
     assert harness.main(["--jobs", "1"]) == code
     out, err = capsys.readouterr()
@@ -111,8 +113,8 @@ class _Pool:
     def __exit__(self, *error: object) -> None:
         pass
 
-    def submit(self, call: Callable[[str], list[Row]], name: str) -> Future[list[Row]]:
-        future: Future[list[Row]] = Future()
+    def submit(self, call: Callable[[str], list[BenchmarkRow]], name: str) -> Future[list[BenchmarkRow]]:
+        future: Future[list[BenchmarkRow]] = Future()
         future.set_result(call(name))
         return future
 
@@ -121,10 +123,10 @@ class _Pool:
     ("jobs", "alone", "together"),
     [(1, ["plan", "cli", "wean_hall"], []), (2, ["cli"], ["plan", "wean_hall"])],
 )
-def test_a_benchmark_that_measures_by_the_clock_runs_before_the_others_share_the_cores(
+def test_a_benchmark_that_measures_by_the_clock_runs_before_the_others_use_all_cores(
     monkeypatch: pytest.MonkeyPatch, jobs: int, alone: list[str], together: list[str]
 ) -> None:
-    monkeypatch.setattr(harness, "rows_of", lambda name: [Row(name, 1.0, "s")])
+    monkeypatch.setattr(harness, "rows_of", lambda name: [BenchmarkRow(name, 1.0, "s")])
     monkeypatch.setattr(harness, "ProcessPoolExecutor", _Pool)
     found = [name for name, _ in harness.measure(["plan", "bench_cli", "wean_hall"], jobs)]
     assert found[: len(alone)] == alone

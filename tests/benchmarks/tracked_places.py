@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 KINDS: tuple[Kind, ...] = ("office", "corridors", "campus")
 TRAVELS_M = (1000.0, 1500.0, 2000.0, 3000.0)
-KEY_DISTANCE_M, KEY_TURN_RAD = 0.25, 0.25
+KEY_DISTANCE_M, KEY_ROTATION_RAD = 0.25, 0.25
 MEMORY_MB = 2000.0
 
 
@@ -74,7 +74,7 @@ def tracked_log(log: Path) -> TrackedPlace:
 def _tracked(events: Iterable[Event]) -> ScanTracker:
     """A tracker that has seen all events."""
     odometry = OdometryConfig()
-    spacing = KeyScanSpacing(KEY_DISTANCE_M, KEY_TURN_RAD)
+    spacing = KeyScanSpacing(KEY_DISTANCE_M, KEY_ROTATION_RAD)
     tracker = ScanTracker(FrontEnd(odometry, MEMORY_MB), ScanConfig(), odometry, spacing)
     for event in events:
         _track(tracker, tracker.process(event))

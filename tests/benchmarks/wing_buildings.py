@@ -25,7 +25,7 @@ GAP_M = 1.5  # smallest distance between parts that are not neighbours
 
 
 @dataclass(frozen=True)
-class Room:
+class WingRoom:
     """A room of a wing from u0 to u1 and from its front (with the door) to its back; the robot may enter it or not."""
 
     u0: float
@@ -37,7 +37,7 @@ class Room:
     is_visited: bool
 
     @property
-    def outline(self) -> Floats:
+    def contour(self) -> Floats:
         """Its corners `(5, 2)`, closed."""
         u0, u1, front, back = self.u0, self.u1, self.front, self.back
         return np.array([[u0, front], [u1, front], [u1, back], [u0, back], [u0, front]])
@@ -52,7 +52,7 @@ class Part:
 
     length: float
     extent: tuple[float, float]
-    rows: list[list[Room]] = field(default_factory=list)
+    rows: list[list[WingRoom]] = field(default_factory=list)
     walls: list[Floats] = field(default_factory=list)
     boxes: list[tuple[float, float, float, float]] = field(default_factory=list)  # u, v, size along u and v
     is_wing: bool = True
@@ -92,14 +92,14 @@ class CentreLine:
 
     def to_local(self, points: Floats) -> Floats:
         """Points `(n, 2)` of the world in the part's frame, by the nearest point of the line."""
-        begin, step = self.points[:-1], np.diff(self.points, axis=0)
+        first_points, step = self.points[:-1], np.diff(self.points, axis=0)
         lengths = np.hypot(*step.T)
-        offset = points[:, None] - begin
+        offset = points[:, None] - first_points
         along = np.einsum("nkc,kc->nk", offset, step / lengths[:, None])
         inside = np.clip(along, 0.0, lengths)
         nearest = np.argmin(((offset - (inside / lengths)[..., None] * step) ** 2).sum(axis=2), axis=1)
         rows = np.arange(len(points))
-        first, last = nearest == 0, nearest == len(begin) - 1
+        first, last = nearest == 0, nearest == len(first_points) - 1
         part = along[rows, nearest] / lengths[nearest]
         part = np.clip(part, np.where(first, -np.inf, 0.0), np.where(last, np.inf, 1.0))
         u = self.at[nearest] + part * np.diff(self.at)[nearest]
@@ -161,9 +161,9 @@ def dense(points: Floats, step: float = STEP_M) -> Floats:
     return np.concatenate([*pieces, points[-1:]])
 
 
-def walls_of(room: Room, door_m: float = DOOR_M) -> list[Floats]:
+def walls_of(room: WingRoom, door_m: float = DOOR_M) -> list[Floats]:
     """The walls of a room; a shut door is a wall."""
-    corners = room.outline
+    corners = room.contour
     if room.is_shut:
         return [corners]
     left, right = (np.array([room.door_u + side * 0.5 * door_m, room.front]) for side in (-1.0, 1.0))
@@ -241,7 +241,7 @@ def _link(rng: np.random.Generator, half: float) -> Part:
     return Part(length, (-half, half), [], walls, [], False, heading, (middle, middle[::-1]))
 
 
-def _row(rng: np.random.Generator, span: tuple[float, float], front: float, back: float) -> list[Room]:
+def _row(rng: np.random.Generator, span: tuple[float, float], front: float, back: float) -> list[WingRoom]:
     count = max(round((span[1] - span[0]) / float(rng.uniform(3.2, 5.5))), 1)
     widths = rng.uniform(0.7, 1.5, count)
     borders = span[0] + np.concatenate([[0.0], np.cumsum(widths * (span[1] - span[0]) / widths.sum())])
@@ -249,7 +249,9 @@ def _row(rng: np.random.Generator, span: tuple[float, float], front: float, back
     for u0, u1 in pairwise(borders.tolist()):
         door = float(rng.uniform(u0 + 0.9, u1 - 0.9)) if u1 - u0 > 1.8 else 0.5 * (u0 + u1)
         is_shut = bool(rng.random() < SHUT)
-        rooms.append(Room(u0, u1, front, back, door, is_shut, not is_shut and bool(rng.random() > UNVISITED)))
+        rooms.append(
+            WingRoom(u0, u1, front, back, door, is_shut, not is_shut and bool(rng.random() > UNVISITED))
+        )
     return rooms
 
 
@@ -262,7 +264,7 @@ def _ends(half: float, width: float, length: float, ends: tuple[bool, bool]) -> 
     return walls
 
 
-def _visits(rooms: list[Room], lane: float) -> list[list[float]]:
+def _visits(rooms: list[WingRoom], lane: float) -> list[list[float]]:
     """Way points from a lane along u into rooms and back, in the order of u."""
     points: list[list[float]] = []
     for room in sorted((r for r in rooms if r.is_visited), key=lambda r: r.door_u):
@@ -276,7 +278,7 @@ def _visits(rooms: list[Room], lane: float) -> list[list[float]]:
     return points
 
 
-def _furniture(rng: np.random.Generator, rooms: list[Room]) -> list[tuple[float, float, float, float]]:
+def _furniture(rng: np.random.Generator, rooms: list[WingRoom]) -> list[tuple[float, float, float, float]]:
     boxes = []
     for room in rooms:
         deep = abs(room.back - room.front)
@@ -324,11 +326,11 @@ def _block_wing(rng: np.random.Generator, half: float, ends: tuple[bool, bool]) 
     ]
     walls = _ends(half, outer, length, ends)
     u0, u1 = half, length - half
-    begin, end = ([0.0 if ends[0] else u0, 0.0], [length if ends[1] else u1, 0.0])
+    near_end, end = ([0.0 if ends[0] else u0, 0.0], [length if ends[1] else u1, 0.0])
     routes = [
         np.array(
             [
-                begin,
+                near_end,
                 [u0, 0.0],
                 [u0, side * lane],
                 *_visits(a + b, side * lane),

@@ -156,7 +156,7 @@ def test_convert_refuses_what_would_give_no_log_and_leaves_nothing_behind(
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
 
-def test_a_folder_that_holds_logs_is_told_to_name_one(
+def test_a_folder_that_holds_logs_is_refused_with_advice_to_name_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sample_mcap(tmp_path / "monday.mcap")

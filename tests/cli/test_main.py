@@ -71,7 +71,7 @@ def test_json_is_one_document_the_same_as_in_the_report(
         (["map", "no.mcap", "-c", "CFG", "-o", "OUT"], 3, "no.mcap"),
         (["map", "CFG", "-c", "CFG", "-o", "OUT"], 3, "dr.yaml"),
         (["map", "LOG", "-c", "CFG", "-o", "CFG"], 2, "not a run"),
-        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "told to fail"),
+        (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=method"], 4, "asked to fail"),
         (["map", "LOG", "-c", "CFG", "-o", "OUT", "--set", "method.fail=bug"], 70, "ZeroDivisionError"),
         (["localize", "LOG", "-c", "CFG", "--map", "no.yaml", "-o", "OUT"], 3, "no.yaml"),
         (
@@ -125,7 +125,9 @@ def test_ctrl_c_within_compiled_code_is_no_bug(
     assert (code, err) == (130, "gridslam: error: interrupted; nothing was written\n")
 
 
-def test_ctrl_c_that_typer_answers_is_told_as_any_other(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_that_typer_answers_is_reported_as_any_other(
+    cli: Cli, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("gridslam.cli.main.app", lambda **_: 130)
     assert cli("info", "log") == (130, "", "gridslam: error: interrupted; nothing was written\n")
 

@@ -51,7 +51,7 @@ def test_two_overlapping_maps_are_merged_by_their_walls(
         assert picture.size == (160, 100)
 
 
-def test_outlines_and_pictures_are_exported_in_metres(path: Path, tmp_path: Path) -> None:
+def test_contours_and_pictures_are_exported_in_metres(path: Path, tmp_path: Path) -> None:
     for kind in ("svg", "dxf", "png"):
         assert main(["maps", "export", str(path), "-o", str(tmp_path / f"out.{kind}")]) == 0
     text = (tmp_path / "out.dxf").read_text().split("\n")

@@ -115,7 +115,7 @@ def test_the_correlation_of_a_map_is_printed_and_drawn(
 
 
 @pytest.mark.parametrize("samples", [1, 2])
-def test_an_error_that_few_walks_do_not_tell_is_null(
+def test_an_error_that_few_walks_do_not_determine_is_null(
     room: Path, capsys: pytest.CaptureFixture[str], samples: int
 ) -> None:
     command = [

@@ -75,7 +75,7 @@ def test_a_run_that_fails_ends_with_4_and_is_named(
     change(sweep_file, overrides={"good": [], "bad": ["method.fail=method"]}, seeds=0)
     assert main(["sweep", str(sweep_file), "-o", str(tmp_path / "out"), "-q"]) == 4
     captured = capsys.readouterr()
-    assert "error: room plain bad seed 0: the test method was told to fail" in captured.err
+    assert "error: room plain bad seed 0: the test method was asked to fail" in captured.err
     assert "0/1" in captured.out
     assert "1/1" in captured.out
 

@@ -73,7 +73,7 @@ def test_an_error_names_the_key_as_the_user_wrote_it(document: dict[str, object]
     assert says in str(config_error(error.value, Outer, "file.yaml"))
 
 
-def test_only_the_first_errors_are_told_and_the_rest_counted() -> None:
+def test_only_the_first_errors_are_reported_and_the_rest_counted() -> None:
     with pytest.raises(ValidationError) as error:
         Outer.model_validate({f"key{i}": 0 for i in range(9)})
     message = str(config_error(error.value, Outer, "file.yaml"))
@@ -87,14 +87,14 @@ def test_long_values_are_cut() -> None:
     assert len(str(config_error(error.value, Inner, "file.yaml"))) < 200
 
 
-def test_a_value_that_unfolds_to_gigabytes_is_told_in_a_few_words() -> None:
+def test_a_value_that_unfolds_to_gigabytes_is_shown_in_a_few_words() -> None:
     value: list[object] = ["x"]
     for _ in range(40):
         value = [value] * 9
     assert len(short(value)) <= MAX_VALUE_LENGTH
 
 
-def test_a_text_of_usual_length_is_told_in_full() -> None:
+def test_a_text_of_usual_length_is_shown_in_full() -> None:
     path = "a/folder/somewhere/with/a/file/in/it.yaml"
     assert short(path) == repr(path)
 

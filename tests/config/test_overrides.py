@@ -17,7 +17,7 @@ def test_the_last_override_of_a_key_wins() -> None:
     assert apply_overrides({}, ["a=1", "a=2"]) == {"a": 2}
 
 
-def test_sections_are_made_on_the_way_also_in_place_of_nothing() -> None:
+def test_missing_sections_are_made_also_in_place_of_nothing() -> None:
     assert apply_overrides({"log": None}, ["log.topics.scan=/front"]) == {
         "log": {"topics": {"scan": "/front"}}
     }

@@ -111,7 +111,7 @@ def test_a_name_is_refused_exactly_when_its_temporary_name_would_be_too_long(tmp
         check_file_free(tmp_path / ("é" * (longest // 2 + 1)), force=False)
 
 
-def test_an_input_is_not_replaced_whichever_way_it_is_named(tmp_path: Path) -> None:
+def test_an_input_is_not_replaced_however_it_is_named(tmp_path: Path) -> None:
     (tmp_path / "run").mkdir()
     (tmp_path / "link").symlink_to("run")
     log = tmp_path / "run" / "log.mcap"

@@ -27,7 +27,7 @@ def test_a_limit_holds_for_numba_and_opencv() -> None:
     assert done.stdout.split() == ["1", "1"]
 
 
-def test_what_the_user_has_set_stays_and_the_rest_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_user_has_set_is_kept_and_the_rest_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(VARIABLES[0], "7")

@@ -30,7 +30,7 @@ def test_the_step_with_which_the_readings_agree_is_found(width_deg: float) -> No
     assert found == pytest.approx(math.radians(width_deg) / (BEAMS - 1))
 
 
-def test_a_right_step_stays_and_few_pairs_say_nothing() -> None:
+def test_a_right_step_is_kept_and_few_pairs_are_no_evidence() -> None:
     steps = [math.radians(width) / (BEAMS - 1) for width in (180.0, 240.0)]
     assert turned(180.0).better_step(BEAMS, steps[0], steps[1:]) is None
     assert turned(240.0, scans=MIN_PAIRS).better_step(BEAMS, steps[0], steps[1:]) is None

@@ -26,7 +26,7 @@ def config(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["map", "convert", "convert to csv", "simulate"])
-def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
+def test_a_full_disk_is_reported_in_one_line_and_leaves_nothing(
     process: Program, small_log: Path, config: Path, tmp_path: Path, command: str
 ) -> None:
     folder = tmp_path / "disk"
@@ -59,7 +59,7 @@ def test_an_old_run_survives_a_full_disk(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_full_standard_output_is_told(process: Program, small_log: Path) -> None:
+def test_a_full_standard_output_is_reported(process: Program, small_log: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = process("info", small_log, stdout=full, capture_output=False, stderr=-1)
     assert done.returncode == 2

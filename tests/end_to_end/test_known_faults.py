@@ -47,7 +47,7 @@ def test_an_unusual_map_gets_a_remark(
 
 
 @pytest.mark.parametrize("name", ["free025", "scale", "mode_upper"])
-def test_unknown_cells_stay_unknown(cases: Path, name: str) -> None:
+def test_unknown_cells_remain_unknown(cases: Path, name: str) -> None:
     assert np.isnan(load_any_map(cases / "maps" / f"{name}.yaml").probability).sum() == 200
 
 

@@ -124,9 +124,7 @@ def check(run: Run, truth: Path, limit_m: float, says: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "limit_m", "says"), [(name, *case) for name, case in DRIVE.items()])
-def test_the_sample_drive_with_one_thing_changed(
-    cases_dir: Path, name: str, limit_m: float, says: str
-) -> None:
+def test_the_sample_drive_with_one_change(cases_dir: Path, name: str, limit_m: float, says: str) -> None:
     run = mapped(cases_dir / "inputs" / name, "slam-sd")
     check(run, SAMPLES / "slam-sd.truth", limit_m, says)
 

@@ -1,4 +1,4 @@
-"""A room that looks the same from both ends: only its camera can tell where the robot is, from MCAP as from a CSV folder."""
+"""A room that looks the same from both ends: only its camera shows where the robot is, from MCAP as from a CSV folder."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def last_error(run: Run) -> float:
 
 
 @pytest.mark.parametrize(("log", "seed"), [("log.mcap", 0), ("folder", 1)], indirect=["log"])
-def test_the_camera_tells_the_two_ends_of_the_room_apart(log: Path, seed: int) -> None:
+def test_the_camera_distinguishes_the_two_ends_of_the_room(log: Path, seed: int) -> None:
     run = located(log, seed)
     assert last_error(run) < 0.2
     counters = run.result.counters

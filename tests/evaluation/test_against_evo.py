@@ -44,10 +44,12 @@ def random_pair(seed: int) -> tuple[Trajectory, Trajectory]:
     truth = Trajectory(stamps, np.column_stack([xy, wrap_angle(yaw)]))
     keep = np.flatnonzero(rng.random(n) < rng.uniform(0.4, 1.0))
     shift = rng.integers(-14, 15, len(keep)) * 1_000_000 + 100_000
-    turn = rng.uniform(-np.pi, np.pi)
-    moved = xy[keep] @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    yaw_offset = rng.uniform(-np.pi, np.pi)
+    moved = xy[keep] @ np.array(
+        [[np.cos(yaw_offset), np.sin(yaw_offset)], [-np.sin(yaw_offset), np.cos(yaw_offset)]]
+    )
     noisy = moved + rng.uniform(-9, 9, 2) + rng.normal(0, 0.03, moved.shape)
-    heading = wrap_angle(yaw[keep] + turn + rng.normal(0, 0.05, len(keep)))
+    heading = wrap_angle(yaw[keep] + yaw_offset + rng.normal(0, 0.05, len(keep)))
     estimate = Trajectory(stamps[keep] + shift, np.column_stack([noisy, heading])).sorted()
     if rng.random() < 0.3:
         truth, estimate = estimate, truth
@@ -112,7 +114,7 @@ def test_absolute_errors(seed: int, align: str, with_scale: bool, kind: str) -> 
 
 
 @pytest.mark.parametrize("with_scale", [False, True])
-def test_where_evo_turns_the_plane_over_the_fit_stays_in_the_plane(with_scale: bool) -> None:
+def test_where_evo_turns_the_plane_over_the_fit_remains_in_the_plane(with_scale: bool) -> None:
     """A path and its mirror image: evo flips it in space and finds no error at all.
 
     In the plane, of points s = (x, y) about their mean and t = (x, -y), the sums of the fit are sum(x^2 - y^2) for

@@ -29,12 +29,12 @@ def motion(seed: int, count: int) -> tuple[Floats, Floats, Floats]:
     rng = np.random.default_rng(seed)
     times = 1_305_031_098.0 + np.round(np.cumsum(rng.uniform(0.005, 0.015, count)), 4)
     xyz = np.cumsum(np.cumsum(rng.normal(0.0, 2e-4, (count, 3)), axis=0), axis=0)
-    turns = np.cumsum(rng.normal(0.0, 0.01, (count, 3)), axis=0) * [0.2, 0.2, 1.0]
-    return times, xyz, turns
+    angles = np.cumsum(rng.normal(0.0, 0.01, (count, 3)), axis=0) * [0.2, 0.2, 1.0]
+    return times, xyz, angles
 
 
-def write_tum(path: Path, times: Floats, xyz: Floats, turns: Floats) -> Path:
-    quaternions = Rotation.from_euler("xyz", turns).as_quat()
+def write_tum(path: Path, times: Floats, xyz: Floats, angles: Floats) -> Path:
+    quaternions = Rotation.from_euler("xyz", angles).as_quat()
     rows = np.column_stack([times, xyz, quaternions])
     np.savetxt(path, rows, fmt=["%.4f", *["%.9f"] * 7])
     return path
@@ -44,10 +44,10 @@ def write_tum(path: Path, times: Floats, xyz: Floats, turns: Floats) -> Path:
 @pytest.mark.parametrize("align", ["none", "origin"])
 def test_tum_files_of_six_dimensional_motion(tmp_path: Path, seed: int, align: str) -> None:
     rng = np.random.default_rng(100 + seed)
-    times, xyz, turns = motion(seed, 1200)
-    truth = write_tum(tmp_path / "truth.tum", times, xyz, turns)
+    times, xyz, angles = motion(seed, 1200)
+    truth = write_tum(tmp_path / "truth.tum", times, xyz, angles)
     keys = np.sort(rng.choice(1200, 150, replace=False))
-    noisy = xyz[keys] + rng.normal(0.0, 0.02, (150, 3)), turns[keys] + rng.normal(0.0, 0.01, (150, 3))
+    noisy = xyz[keys] + rng.normal(0.0, 0.02, (150, 3)), angles[keys] + rng.normal(0.0, 0.01, (150, 3))
     estimate = write_tum(tmp_path / "estimate.tum", times[keys] + 0.001, *noisy)
     true = load_truth(truth)
     ours = evaluate(load_result(estimate, true), true, EvaluationOptions(align=align))

@@ -47,7 +47,7 @@ def test_the_inside_of_a_thick_wall_need_not_be_mapped() -> None:
     assert wall_distances(built, truth, HERE).completeness.tolist() == [0.0] * 4
 
 
-def test_reach_leaves_out_walls_far_from_all_that_was_mapped() -> None:
+def test_the_completeness_radius_leaves_out_walls_far_from_the_map() -> None:
     truth = grid(["#........#"])
     built = grid(["#...      "])
     assert sorted(wall_distances(built, truth, HERE).completeness) == pytest.approx([0.0, 0.9])
@@ -72,7 +72,7 @@ def test_maps_compared_a_few_rows_at_a_time_give_the_same(monkeypatch: pytest.Mo
     assert 0.0 < whole < 1.0
 
 
-def test_log_loss_is_the_mean_surprise_over_cells_that_both_know() -> None:
+def test_log_loss_is_the_mean_over_cells_that_both_know() -> None:
     truth = grid(["#. #"])
     built = OccupancyGrid(np.array([[0.8, 0.1, 0.5, np.nan]], np.float32), truth.geometry)
     loss, cells = log_loss(built, truth, HERE)

@@ -56,9 +56,9 @@ def straightforward(poses: list[tuple[float, ...]], lines: list[list[float]]) ->
         for before, after in itertools.pairwise(poses):
             if before[0] <= t <= after[0]:
                 f = (t - before[0]) / (after[0] - before[0])
-                turn = math.remainder(after[3] - before[3], 2 * math.pi)
+                yaw_change = math.remainder(after[3] - before[3], 2 * math.pi)
                 a, b = complex(*before[1:3]), complex(*after[1:3])
-                return a + f * (b - a), before[3] + f * turn
+                return a + f * (b - a), before[3] + f * yaw_change
         return None
 
     for t1, t2, x, y, *_ in lines:

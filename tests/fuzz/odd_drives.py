@@ -22,7 +22,7 @@ ODD = (float("nan"), float("inf"), 0.0, -1.0, 1e5, 1e7, 1e300, 1e-300)
 
 
 @dataclass
-class Drive:
+class OddDrive:
     """Stamps `(n,)` and odometry `(n, 3)`, stamps `(m,)` and ranges `(m, beams)` of scans, and the numbers of all scans."""
 
     odom_s: Floats
@@ -33,7 +33,7 @@ class Drive:
     extrinsics: dict[str, float] = field(default_factory=dict)
 
 
-def drive_of(rng: random.Random) -> Drive:
+def drive_of(rng: random.Random) -> OddDrive:
     """A robot that drives a circle in a room."""
     scans, beams = rng.choice((1, 2, 30, 70, 70, 70)), rng.choice((1, 2, 40, 90, 90))
     start_s, angles = rng.choice(STARTS_S), -np.pi + 2 * np.pi * np.arange(beams) / beams
@@ -42,7 +42,7 @@ def drive_of(rng: random.Random) -> Drive:
     poses = np.column_stack([np.cos(phase), np.sin(phase), phase + np.pi / 2])
     ranges = np.array([wall_ranges(x, y, yaw + angles) for x, y, yaw in poses.tolist()])
     limits = {"angle_min": -np.pi, "angle_increment": 2 * np.pi / beams, "range_min": 0.05, "range_max": 20.0}
-    return Drive(start_s + scan_s, poses, start_s + scan_s + 0.02, ranges, limits)
+    return OddDrive(start_s + scan_s, poses, start_s + scan_s + 0.02, ranges, limits)
 
 
 def _rows(values: Floats, rng: random.Random) -> slice:
@@ -51,7 +51,7 @@ def _rows(values: Floats, rng: random.Random) -> slice:
     return rng.choice((slice(None), slice(first, first + 1), slice(first, None)))
 
 
-def _stamps(drive: Drive, rng: random.Random) -> None:
+def _stamps(drive: OddDrive, rng: random.Random) -> None:
     stamps = rng.choice((drive.odom_s, drive.scan_s))
     rows, how = _rows(stamps, rng), rng.randrange(5)
     if how == 0:
@@ -66,7 +66,7 @@ def _stamps(drive: Drive, rng: random.Random) -> None:
         stamps[rows] = stamps[0] + (stamps[rows] - stamps[0]) * rng.choice((1e-6, 1e-3, 3.0, 1e3, 1e6))
 
 
-def _odometry(drive: Drive, rng: random.Random) -> None:
+def _odometry(drive: OddDrive, rng: random.Random) -> None:
     odom = drive.odom
     rows, how = _rows(odom, rng), rng.randrange(6)
     if how == 0:
@@ -83,7 +83,7 @@ def _odometry(drive: Drive, rng: random.Random) -> None:
         odom[rows, rng.randrange(3)] = rng.choice(ODD)
 
 
-def _ranges(drive: Drive, rng: random.Random) -> None:
+def _ranges(drive: OddDrive, rng: random.Random) -> None:
     ranges = drive.ranges
     rows, how = _rows(ranges, rng), rng.randrange(6)
     if how == 0:
@@ -100,17 +100,17 @@ def _ranges(drive: Drive, rng: random.Random) -> None:
         ranges[rows] = ranges[rows, ::-1].copy()
 
 
-def _limits(drive: Drive, rng: random.Random) -> None:
+def _limits(drive: OddDrive, rng: random.Random) -> None:
     name = rng.choice(list(drive.limits))
     drive.limits[name] = rng.choice((drive.limits[name] * rng.choice((0.5, 2.0, 57.3, -1.0, 1e-6)), *ODD))
 
 
-def _place(drive: Drive, rng: random.Random) -> None:
+def _place(drive: OddDrive, rng: random.Random) -> None:
     name = rng.choice(("x", "y", "yaw", "roll", "z"))
     drive.extrinsics[name] = rng.choice((0.3, np.pi, -np.pi / 2, 1e3, 1e6, 1e12, 1e300))
 
 
-CHANGES: Mapping[str, Callable[[Drive, random.Random], None]] = MappingProxyType(
+CHANGES: Mapping[str, Callable[[OddDrive, random.Random], None]] = MappingProxyType(
     {"stamps": _stamps, "odometry": _odometry, "ranges": _ranges, "limits": _limits, "place": _place}
 )
 

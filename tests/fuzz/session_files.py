@@ -61,7 +61,7 @@ def damaged_session(content: bytes, rng: random.Random) -> bytes:
     else:
         for name in rng.sample(list(arrays), rng.choice((1, 1, 2))):
             arrays[name] = _odd_array(arrays[name], rng)
-    if rng.random() < 0.9:  # or the digest alone would tell
+    if rng.random() < 0.9:  # otherwise the digest alone shows the damage
         arrays.pop(DIGEST, None)
         arrays = dict(with_digest(arrays.items()))
     packed = npz_bytes(arrays.items())

@@ -38,13 +38,13 @@ def test_loops_that_say_the_same_agree_and_one_that_does_not_stands_alone() -> N
 
 def test_every_node_is_in_one_clique() -> None:
     rng = np.random.default_rng(1)
-    agree = rng.random((12, 12)) < 0.5
-    agree |= agree.T
-    np.fill_diagonal(agree, False)
-    cliques = largest_cliques(agree)
+    is_consistent = rng.random((12, 12)) < 0.5
+    is_consistent |= is_consistent.T
+    np.fill_diagonal(is_consistent, False)
+    cliques = largest_cliques(is_consistent)
     np.testing.assert_array_equal(np.sort(np.concatenate(cliques)), np.arange(12))
     for clique in cliques:
-        assert agree[np.ix_(clique, clique)].sum() == len(clique) * (len(clique) - 1)
+        assert is_consistent[np.ix_(clique, clique)].sum() == len(clique) * (len(clique) - 1)
 
 
 def test_a_loop_departs_by_its_offset_over_the_uncertainty_of_the_path_between_its_ends() -> None:

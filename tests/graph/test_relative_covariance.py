@@ -54,7 +54,7 @@ def test_along_a_chain_they_are_the_marginals_in_both_directions() -> None:
         np.testing.assert_allclose(found, dense_marginals(poses, chain, source), rtol=1e-9, atol=1e-12)
 
 
-def test_a_loop_is_a_shortcut_and_the_covariance_stays_an_upper_bound() -> None:
+def test_a_loop_is_a_shortcut_and_the_covariance_remains_an_upper_bound() -> None:
     poses = walk(12)
     chain = edges_between(poses, [(k, k + 1) for k in range(11)])
     looped = Edges.concatenate([chain, edges_between(poses, [(0, 11)])])

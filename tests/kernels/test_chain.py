@@ -98,7 +98,7 @@ def test_a_match_behind_a_certain_obstacle_is_no_evidence_against_it_except_conv
     assert ratio_of_a_hidden_obstacle(0.978, True) < 0.5
 
 
-def test_cells_of_probability_near_zero_and_one_stay_finite() -> None:
+def test_cells_of_probability_near_zero_and_one_remain_finite() -> None:
     prior = np.array([1e-9, 1.0 - 1e-9, 1e-9, 0.5, 1.0 - 1e-9])
     occupied, empty, _ = evidence_of(prior, np.full(5, 0.999), np.full(5, 1e-6), 1e-6)
     assert np.isfinite(occupied).all()

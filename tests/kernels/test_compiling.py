@@ -7,7 +7,7 @@ from numba import njit
 from gridslam.kernels.compiling import announcing_compilation, timing_compilation
 
 
-def test_compilation_is_told_once_and_only_when_it_happens() -> None:
+def test_compilation_is_reported_once_and_only_when_it_happens() -> None:
     @njit
     def one(x: float) -> float:
         return x + 1.0

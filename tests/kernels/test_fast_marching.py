@@ -51,6 +51,6 @@ def test_the_descent_goes_around_a_wall_to_the_goal_through_open_cells() -> None
     assert length < 1.1 * shortest
 
 
-def test_without_a_path_the_descent_stays_in_place() -> None:
+def test_without_a_path_the_descent_remains_in_place() -> None:
     cost = np.full((5, 5), np.inf, np.float32)
     assert len(descend_costs(cost, 2.5, 2.5, 0.5, 50)) == 1

@@ -1,4 +1,4 @@
-"""Scans that are asked about each other's points."""
+"""Scans that are compared with each other's points."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_every_crossed_cell_gets_a_miss_and_every_endpoint_a_hit(
         assert abs(found[cell] - value) < 1e-5
 
 
-def test_the_map_of_another_particle_stays_empty() -> None:
+def test_the_map_of_another_particle_remains_empty() -> None:
     assert as_cells(inserted((0.5, 0.5), [(5.2, 3.1)]), 1) == {}
 
 

@@ -96,14 +96,14 @@ def test_no_sampled_chain_is_shorter_than_the_shortest_word() -> None:
     _, total = dubins_words(start, goal, 0.5)
     shortest = np.inf
     for signs in [(1, 1), (1, -1), (-1, 1), (-1, -1)]:
-        for turn in rng.uniform(0.0, 2.0 * np.pi, 400):
-            x, y, yaw = advance(*start, turn * 0.5, signs[0] / 0.5)
+        for first_angle in rng.uniform(0.0, 2.0 * np.pi, 400):
+            x, y, yaw = advance(*start, first_angle * 0.5, signs[0] / 0.5)
             for distance in np.linspace(0.0, 4.0, 41):
                 end = np.array([x + distance * np.cos(yaw), y + distance * np.sin(yaw)])
                 second = (signs[1] * (goal[2] - yaw)) % (2.0 * np.pi)
                 last = advance(*end, yaw, second * 0.5, signs[1] / 0.5)
                 if np.hypot(last[0] - goal[0], last[1] - goal[1]) < 0.05:
-                    shortest = min(shortest, 0.5 * turn + distance + 0.5 * second)
+                    shortest = min(shortest, 0.5 * first_angle + distance + 0.5 * second)
     assert total.min() <= shortest + 0.1
 
 

@@ -106,7 +106,7 @@ def test_no_reversal_or_move_of_places_shortens_an_improved_tour(seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_local_search_over_circles_takes_less_time_and_stays_free(seed: int) -> None:
+def test_the_local_search_over_circles_takes_less_time_and_remains_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
     here = world(seed, occupied_fraction=0.0)
     start, goal = np.array([0.8, 0.8, 0.5]), np.array([4.0, 3.0, rng.uniform(-1.0, 1.0)])

@@ -19,7 +19,7 @@ from gridslam.kernels.planning.search import (
 from gridslam.kernels.planning.search_states import COUNT, Query, start_search
 from gridslam.planning.guide_path import poses_along_polyline
 from gridslam.planning.space import distance_field
-from tests.reference.pose_search import PoseSearch
+from tests.reference.pose_search import ReferencePoseSearch
 
 RESOLUTION, RADIUS, MARGIN = 0.1, 0.15, 0.005
 LIMITS = DriveLimits(
@@ -78,7 +78,7 @@ def test_motions_equal_those_of_the_reference(seed: int, reverse: bool) -> None:
     start = np.array([rng.uniform(0.4, 1.1), rng.uniform(0.4, 1.5), rng.uniform(-np.pi, np.pi)])
     goal = np.array([rng.uniform(1.9, 2.5), rng.uniform(0.4, 1.5), rng.uniform(-np.pi, np.pi)])
     asked = query(world, start, goal, reverse)
-    expected = PoseSearch(world, asked, start).motions()
+    expected = ReferencePoseSearch(world, asked, start).motions()
     status, motions, _ = searched(world, asked, start)
     assert status == (FOUND if expected is not None else EXHAUSTED)
     np.testing.assert_allclose(motions, np.array(expected or np.zeros((0, 2))), atol=1e-9)
@@ -110,7 +110,7 @@ def random_problem(seed: int, reverse: bool) -> tuple[CollisionWorld, Query, np.
 )
 def test_motions_on_random_maps_equal_those_of_the_reference(seed: int, reverse: bool) -> None:
     world, asked, start = random_problem(seed, reverse)
-    expected = PoseSearch(world, asked, start).motions()
+    expected = ReferencePoseSearch(world, asked, start).motions()
     status, motions, _ = searched(world, asked, start, max_states=200_000, slice_size=100)
     assert status == (FOUND if expected is not None else EXHAUSTED)
     if expected is None:

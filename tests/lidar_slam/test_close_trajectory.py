@@ -71,7 +71,7 @@ def test_a_loop_into_another_place_is_not_accepted() -> None:
     np.testing.assert_array_equal(found.unspanned, [[0, len(track) - 1]])
 
 
-def test_a_single_key_scan_stays_where_it_is() -> None:
+def test_a_single_key_scan_remains_where_it_is() -> None:
     found = closed(lap()[:1], lap()[:1])
     np.testing.assert_allclose(found.poses, lap()[:1])
     assert set(found.measures.values()) == {0}

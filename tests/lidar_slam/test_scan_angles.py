@@ -39,7 +39,7 @@ def found_in(scans: list[LaserScan], odometry: Trajectory) -> list[float]:
     return [angles.step_rad for angles in find_wrong_angles(scans, odometry, lambda: _tracker_of(build))]
 
 
-def test_half_an_increment_is_found_and_a_right_one_stays() -> None:
+def test_half_an_increment_is_found_and_a_right_one_is_kept() -> None:
     assert found_in(*turning(STEP / 2)) == pytest.approx([STEP])
     assert found_in(*turning(STEP)) == []
 

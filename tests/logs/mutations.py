@@ -81,7 +81,7 @@ def fingerprint(event: Event) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class LogReading:
     """What came of reading a log: its events' fingerprints (without sensor_extrinsics), or the error that refused it."""
 
     events: Counter[bytes]
@@ -91,7 +91,7 @@ class Reading:
     error: GridslamError | None
 
 
-def read(path: Path) -> Reading:
+def read(path: Path) -> LogReading:
     """Read all of a log. Only a GridslamError of one line may come out, and that within seconds."""
     with limit(SECONDS):
         try:
@@ -100,11 +100,11 @@ def read(path: Path) -> Reading:
                 scans = sum(isinstance(event, LaserScan) for event in events)
                 prints = Counter(fingerprint(event) for event in events)
                 assert len(log.problems) < 50
-                return Reading(prints, scans, log.counters, log.is_lossy, None)
+                return LogReading(prints, scans, log.counters, log.is_lossy, None)
         except GridslamError as error:
             assert error.exit_code in (2, 3)
             assert str(error)
-            return Reading(Counter(), 0, {}, True, error)
+            return LogReading(Counter(), 0, {}, True, error)
 
 
 def whole_chunk_messages(data: bytes, cut: int) -> int:

@@ -92,7 +92,7 @@ def test_a_number_of_beams_that_no_laser_of_180_degrees_has_is_noted(
         assert any("field_of_view_deg" in problem for problem in log.problems) is is_noted
 
 
-def test_odom_lines_give_way_to_the_odometry_of_the_scans(tmp_path: Path) -> None:
+def test_odom_lines_are_replaced_by_the_odometry_of_the_scans(tmp_path: Path) -> None:
     path = written(tmp_path, ODOM.format(time=1), FLASER.format(time=2), ODOM.format(time=3))
     with open_log(path, kinds=["scan", "odom"]) as log:
         assert [e.x_m for e in log.events() if isinstance(e, Odometry)] == [0.5]

@@ -56,7 +56,7 @@ def test_a_stream_of_another_clock_is_shifted_to_the_recorders(offset_s: int, ki
     assert len(counts.problems) == 1
 
 
-def test_streams_of_one_clock_stay_whatever_the_recorder_had() -> None:
+def test_streams_of_one_clock_are_unchanged_whatever_the_recorder_had() -> None:
     simulated = np.arange(100) * (S // 10)
     streams, counts = repaired(stream("scan", simulated), stream("odom", simulated + DELAY))
     assert (streams[0] == simulated).all()

@@ -129,7 +129,7 @@ def test_a_topic_named_as_the_truth_that_holds_other_messages_is_no_truth(tmp_pa
 
 
 @pytest.mark.parametrize("suffix", ["", ".mcap"])
-def test_an_event_without_a_frame_stays_without_one_and_keeps_its_extrinsics(
+def test_an_event_without_a_frame_remains_without_one_and_keeps_its_extrinsics(
     tmp_path: Path, suffix: str
 ) -> None:
     mounted = Transform(S, "base_link", "", (0.25, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)

@@ -173,9 +173,9 @@ def test_the_infrared_log_is_read_with_a_layout_from_the_config(data_dir: Path) 
         (extrinsics,) = log.sensor_extrinsics
     # the log gives x = r sin b, y = r cos b of its first reading as (6.56, 208.90) cm
     r = ranges[0]
-    turn = 2 * math.atan2(extrinsics.quat_wxyz[3], extrinsics.quat_wxyz[0]) + r.bearing_rad
-    assert 100 * r.range_m * math.cos(turn) == pytest.approx(6.56, abs=0.01)
-    assert 100 * r.range_m * math.sin(turn) == pytest.approx(208.90, abs=0.01)
+    direction = 2 * math.atan2(extrinsics.quat_wxyz[3], extrinsics.quat_wxyz[0]) + r.bearing_rad
+    assert 100 * r.range_m * math.cos(direction) == pytest.approx(6.56, abs=0.01)
+    assert 100 * r.range_m * math.sin(direction) == pytest.approx(208.90, abs=0.01)
     places = {(e.x_m, e.y_m) for e in found if isinstance(e, Odometry)}
     assert places == {(0, 0), (0, -3.58), (0, -6.71), (-3.33, -6.71), (-3.33, -3.58), (-3.33, 0)}
 
@@ -219,8 +219,8 @@ def test_an_image_is_read_from_its_file_and_never_from_outside(tmp_path: Path) -
     log_folder.mkdir()
     Pillow.fromarray(np.full((2, 3), 5, np.uint8)).save(log_folder / "a.png")
     (log_folder / "link.png").symlink_to(outside)
-    (log_folder / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\nbroken")
-    names = ["a.png", "../outside.png", str(outside), "link.png", "absent.png", "broken.png", "."]
+    (log_folder / "damaged.png").write_bytes(b"\x89PNG\r\n\x1a\nbroken")
+    names = ["a.png", "../outside.png", str(outside), "link.png", "absent.png", "damaged.png", "."]
     folder(
         log_folder, image="stamp,camera,file\n" + "".join(f"{i},left,{n}\n" for i, n in enumerate(names, 1))
     )

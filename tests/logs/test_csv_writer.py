@@ -81,7 +81,7 @@ def test_a_folder_and_a_file_do_not_replace_each_other(tmp_path: Path, name: str
     assert target.exists()
 
 
-def test_a_link_to_a_log_stays_a_link(tmp_path: Path) -> None:
+def test_a_link_to_a_log_remains_a_link(tmp_path: Path) -> None:
     write_log(tmp_path / "real", [ODOMETRY])
     (tmp_path / "link").symlink_to("real")
     write_log(tmp_path / "link", [ODOMETRY, ODOMETRY], force=True)

@@ -214,7 +214,7 @@ def test_tum_has_colours_depths_in_metres_calibration_and_true_poses(tum: Path) 
     np.testing.assert_allclose(truth.poses[0], [1.0, 2.0, 0.0], atol=1e-9)
 
 
-def test_tum_of_another_camera_is_told(tum: Path) -> None:
+def test_tum_of_another_camera_is_reported(tum: Path) -> None:
     other = tum.rename(tum.parent / "my_sequence")
     with open_log(other) as log:
         assert any("default calibration of 525 px" in line for line in log.problems)

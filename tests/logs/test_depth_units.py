@@ -34,7 +34,7 @@ def test_depths_that_are_off_by_a_thousand_become_metres_and_the_log_says_so(
 
 
 @pytest.mark.parametrize("scene", [SCENE, 10.0 * SCENE, 0.1 * SCENE])
-def test_depths_that_may_be_metres_stay(tmp_path: Path, scene: np.ndarray) -> None:
+def test_depths_that_may_be_metres_are_unchanged(tmp_path: Path, scene: np.ndarray) -> None:
     depths, problems = played(tmp_path / "a.mcap", scene)
     assert depths == pytest.approx(np.stack([scene, scene]), rel=1e-6)
     assert not any("unit" in line for line in problems)

@@ -79,7 +79,7 @@ def test_config_wins_over_the_log() -> None:
     assert rotations.yaw_of(mounted.quat_wxyz) == pytest.approx(math.pi / 2)
 
 
-def test_an_unknown_mounting_is_the_identity_and_said() -> None:
+def test_unknown_extrinsics_are_the_identity_and_noted() -> None:
     message_counts = MessageCounts()
     (mounted,) = mount(["laser"], [], {}, "base", 0, message_counts)
     assert (mounted.translation_m, mounted.quat_wxyz) == rotations.IDENTITY

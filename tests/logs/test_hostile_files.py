@@ -389,7 +389,7 @@ def test_no_name_of_a_definition_becomes_code(name: str, fields: list[object]) -
     assert not is_valid(name, fields)
 
 
-def test_constants_of_a_definition_never_reach_the_type_library() -> None:
+def test_constants_of_a_definition_are_not_passed_to_the_type_library() -> None:
     types = checked_types({"a/msg/B": ([("X", "string", "'); exit(")], [("x", (1, ("float64", 0)))])})
     assert types == {"a/msg/B": ([], [("x", (1, ("float64", 0)))])}
 

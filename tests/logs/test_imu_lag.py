@@ -25,7 +25,7 @@ def imu(lag_s: float, seed: int = 0) -> ImuReadings:
 
 
 @pytest.mark.parametrize("lag_s", [-0.2, 0.06, 0.1, 0.3])
-def test_a_lag_is_found_either_way(lag_s: float) -> None:
+def test_a_lag_is_found_in_either_direction(lag_s: float) -> None:
     assert imu_lag_s(imu(lag_s), np.eye(3), ODOMETRY) == pytest.approx(lag_s, abs=0.015)
 
 

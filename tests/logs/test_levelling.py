@@ -50,9 +50,9 @@ def readings(attitude: Rotation = ATTITUDE, up: Floats = UP) -> ImuReadings:
     return ImuReadings((TIMES * S).astype(np.int64), quats, np.vstack([rates, rates[-1:]]), 9.81 * up)
 
 
-def mounted(turn: Rotation, is_ned: bool = False) -> ImuReadings:
+def mounted(rotation: Rotation, is_ned: bool = False) -> ImuReadings:
     """The IMU with another attitude on the robot; NED: the world's z axis points down as well."""
-    attitude = ATTITUDE * turn
+    attitude = ATTITUDE * rotation
     world = Rotation.from_rotvec([math.pi, 0.0, 0.0]) if is_ned else Rotation.identity()
     return readings(world * attitude, attitude.inv().apply([0.0, 0.0, 1.0]))
 
@@ -126,12 +126,12 @@ def test_an_imu_that_does_not_know_the_vertical_is_not_trusted(given: ImuReading
         verticals_of(given, np.eye(3), ODOMETRY)
 
 
-@pytest.mark.parametrize("turn", [DOWN, Rotation.from_euler("ZYX", [1.0, 0.7, -0.4])])
-def test_known_extrinsics_take_any_mounting_into_account(turn: Rotation) -> None:
-    check(verticals_of(mounted(turn), turn.as_matrix(), ODOMETRY))
+@pytest.mark.parametrize("rotation", [DOWN, Rotation.from_euler("ZYX", [1.0, 0.7, -0.4])])
+def test_known_extrinsics_account_for_any_rotation_of_the_imu(rotation: Rotation) -> None:
+    check(verticals_of(mounted(rotation), rotation.as_matrix(), ODOMETRY))
 
 
-def test_a_robot_that_stays_level_is_known_as_such() -> None:
+def test_a_robot_that_remains_level_is_known_as_such() -> None:
     flat = Rotation.from_euler("ZYX", np.column_stack([0.5 * TIMES, np.zeros(2000), 0.002 * np.sin(TIMES)]))
     assert verticals_of(readings(flat, flat.inv().apply([0.0, 0.0, 1.0])), np.eye(3), ODOMETRY).is_level
 
@@ -192,7 +192,7 @@ def test_levelled_beams_end_on_the_walls_and_not_on_the_floor(tmp_path: Path) ->
         (lambda s, a: full_imu(s, Rotation.from_rotvec(0.001 * a.as_rotvec())), None),
     ],
 )
-def test_scans_stay_as_they_are_where_no_tilt_is_known(
+def test_scans_are_unchanged_where_no_tilt_is_known(
     tmp_path: Path, imu: Callable[[int, Rotation], Imu], line: str | None
 ) -> None:
     path = log_with(tmp_path / "a.mcap", imu)

@@ -81,7 +81,7 @@ def test_with_little_memory_nothing_is_lost_and_the_recorded_order_within_a_stre
     assert len(late) <= len(items)
 
 
-def test_a_step_back_stays_in_its_recorded_place() -> None:
+def test_an_out_of_order_stamp_remains_in_its_recorded_place() -> None:
     stamps = {0: [10, 30, 20, 40], 1: [25, 35]}
     items, _ = played_back(stamps, [0, 1, 0, 1, 0, 0], False)
     assert items == [(0, 0), (1, 0), (0, 1), (0, 2), (1, 1), (0, 3)]
@@ -108,7 +108,7 @@ def test_equal_stamps_are_counted() -> None:
 SECOND = 10**9
 
 
-def test_where_the_clock_steps_back_the_streams_stay_interleaved() -> None:
+def test_where_the_clock_steps_back_the_streams_remain_interleaved() -> None:
     scans = [*range(0, 10 * SECOND, SECOND // 10), *range(4 * SECOND, 12 * SECOND, SECOND // 10)]
     odometry = [
         *range(SECOND // 50, 10 * SECOND, SECOND // 50),
@@ -119,7 +119,7 @@ def test_where_the_clock_steps_back_the_streams_stay_interleaved() -> None:
     assert max(b - a for a, b in pairwise(places)) <= 6
 
 
-def test_a_stream_that_is_too_slow_to_show_a_clock_step_stays_after_it() -> None:
+def test_a_stream_that_is_too_slow_to_show_a_clock_step_remains_after_it() -> None:
     fast = [*range(0, 10 * SECOND, SECOND // 10), *range(5 * SECOND, 30 * SECOND, SECOND // 10)]
     other = [stamp + 1 for stamp in fast]
     slow = [2 * SECOND, 8 * SECOND, 14 * SECOND, 20 * SECOND]

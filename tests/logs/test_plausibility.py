@@ -39,7 +39,7 @@ def repaired(given: LaserScan) -> tuple[LaserScan, MessageCounts]:
         scan(range_max_m=math.inf),
     ],
 )
-def test_a_scan_without_contradictions_stays_as_it_is(good: LaserScan) -> None:
+def test_a_scan_without_contradictions_is_unchanged(good: LaserScan) -> None:
     found, counts = repaired(good)
     assert found is good
     assert not counts.counters
@@ -79,7 +79,7 @@ def test_a_far_wall_is_no_code() -> None:
     assert repaired(scan(ranges_m=ranges))[1].counters == {}
 
 
-def test_a_repair_is_told_once_and_counted_each_time() -> None:
+def test_a_repair_is_reported_once_and_counted_each_time() -> None:
     counts = MessageCounts()
     check = ScanPlausibility(STAMPS, "/scan", counts)
     for _ in range(3):

@@ -164,7 +164,9 @@ def test_times_that_do_not_follow_the_bearing_are_one_moment() -> None:
     assert scan.stamp_ns == pytest.approx(5.05 * S, abs=0.02 * S)
 
 
-def test_clouds_serve_as_scans_where_the_log_has_none_and_stay_clouds_in_a_conversion(tmp_path: Path) -> None:
+def test_clouds_serve_as_scans_where_the_log_has_none_and_remain_clouds_in_a_conversion(
+    tmp_path: Path,
+) -> None:
     events = [mounted(1.0), Odometry(5 * S, "odom", 0.0, 0.0, 0.0), room_cloud(), room_cloud(6 * S)]
     write_log(tmp_path / "log.mcap", events)
     with open_log(tmp_path / "log.mcap", LogConfig(), ("scan", "odom")) as log:

@@ -46,7 +46,7 @@ def moving(*messages: Any) -> list[tuple[str, Any]]:
     return [(topics[m.__msgtype__.rsplit("/", 1)[1]], m) for m in messages]
 
 
-def test_the_fast_way_and_the_general_way_give_the_same_events(tmp_path: Path) -> None:
+def test_the_fast_and_the_general_decoder_give_the_same_events(tmp_path: Path) -> None:
     ranges = np.random.default_rng(1).uniform(0, 9, 50)
     odom = odometry(2 * S + 1, 1.5)
     odom.pose.pose.orientation.z, odom.pose.pose.orientation.w = math.sin(0.4), math.cos(0.4)
@@ -79,7 +79,7 @@ def test_a_schema_in_idl_is_understood(tmp_path: Path) -> None:
     assert [e.ranges_m.tolist() for e in events(path)] == [[1, 2, 3], [1, 2, 3]]
 
 
-def test_only_the_standard_fields_take_the_fast_way() -> None:
+def test_only_the_standard_fields_take_the_fast_decoder() -> None:
     text = HUMBLE.generate_msgdef("sensor_msgs/msg/LaserScan", ros_version=2)[0]
     assert is_standard(Schema("sensor_msgs/msg/LaserScan", "ros2msg", text.encode()))
     assert is_standard(Schema("sensor_msgs/msg/LaserScan", "ros2msg", (text + "\n# a remark\n").encode()))
@@ -148,7 +148,7 @@ def test_a_scan_that_no_method_can_use_is_counted_by_its_reason(
         assert log.is_lossy
 
 
-def test_ranges_that_are_no_numbers_or_out_of_range_stay_as_recorded(tmp_path: Path) -> None:
+def test_ranges_that_are_no_numbers_or_out_of_range_are_kept_as_recorded(tmp_path: Path) -> None:
     path = write_mcap(tmp_path / "a.mcap", [("/scan", scan(S, (math.nan, math.inf, -1.0, 0.0, 1e30)))])
     (event,) = events(path)
     assert np.array_equal(
@@ -220,7 +220,7 @@ def test_tf_static_becomes_one_transform_per_sensor_frame_in_use(tmp_path: Path)
     assert not any(isinstance(e, Transform) for e in rest)
 
 
-def test_a_mounting_that_is_repeated_on_tf_counts_as_static_while_it_does_not_change(tmp_path: Path) -> None:
+def test_extrinsics_that_are_repeated_on_tf_count_as_static_while_they_do_not_change(tmp_path: Path) -> None:
     fixed = [("/tf", tf(transform(i * S, "base_link", "laser", (0.25, 0, 0)))) for i in range(1, 4)]
     path = write_mcap(tmp_path / "a.mcap", [*moving(scan(S), odometry(S)), *fixed])
     with open_log(path, kinds=["scan", "odom"]) as log:
@@ -313,7 +313,7 @@ def test_the_truth_may_lie_beside_the_log(tmp_path: Path) -> None:
     assert truth.poses[0].tolist() == pytest.approx([1.0, 2.0, math.pi])
 
 
-def test_wheels_are_told_by_their_joints_names(tmp_path: Path) -> None:
+def test_wheels_are_recognised_by_their_joints_names(tmp_path: Path) -> None:
     names = ["head_pan", "wheel_right_joint", "wheel_left_joint"]
     path = write_mcap(tmp_path / "a.mcap", [("/joint_states", joints(S, names, [9.0, 2.0, 1.0]))])
     (event,) = events(path)
@@ -343,10 +343,10 @@ def test_a_rangers_bearing_is_its_servos_angle(tmp_path: Path) -> None:
         name=["ir_left", "ir_right"],
         position=np.array([0.5, -0.5]),
     )
-    turn = tf(transform(2 * S, "mast", "ir_front", (0, 0, 0), (math.cos(0.2), 0, 0, math.sin(0.2))))
+    rotated = tf(transform(2 * S, "mast", "ir_front", (0, 0, 0), (math.cos(0.2), 0, 0, math.sin(0.2))))
     messages = [
         ("/servo", servo),
-        ("/tf", turn),
+        ("/tf", rotated),
         *(("/range", ranger(3 * S, f"ir_{n}")) for n in ("left", "right", "front")),
     ]
     found = events(write_mcap(tmp_path / "a.mcap", messages), kinds=("range",))
@@ -458,7 +458,7 @@ def test_a_compressed_image_is_unpacked(tmp_path: Path) -> None:
     assert event.camera == "cam"
 
 
-def test_disparities_below_the_least_one_are_no_match(tmp_path: Path) -> None:
+def test_disparities_below_the_minimum_are_no_match(tmp_path: Path) -> None:
     values = np.array([[1.0, 5.0], [math.inf, -1.0]], np.float32)
     message = make("stereo_msgs/msg/DisparityImage", header=header(S), f=500.0, t=0.25, min_disparity=2.0)
     message.image = picture("32FC1", 2, 2, 8, values.tobytes())
@@ -468,7 +468,7 @@ def test_disparities_below_the_least_one_are_no_match(tmp_path: Path) -> None:
     assert (event.focal_px, event.baseline_m) == (500.0, 0.25)
 
 
-def test_a_fix_keeps_the_planar_part_of_its_covariance(tmp_path: Path) -> None:
+def test_an_absolute_pose_keeps_the_planar_part_of_its_covariance(tmp_path: Path) -> None:
     message = make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(S, "map"))
     message.pose.pose.orientation.w = 1.0
     message.pose.covariance = np.arange(36.0)
@@ -591,9 +591,7 @@ def test_a_outlier_stamp_is_skipped_and_counted(tmp_path: Path) -> None:
         assert any("/scan message 3" in line for line in log.problems)
 
 
-def test_names_with_control_characters_stay_as_they_are_and_reach_people_escaped(
-    tmp_path: Path, program: Program
-) -> None:
+def test_names_with_control_characters_are_kept_and_shown_escaped(tmp_path: Path, program: Program) -> None:
     path = write_mcap(tmp_path / "a.mcap", [("/\x1b[2Jscan\n", scan(S, frame="la\x07ser\u202e"))])
     with open_log(path) as log:
         assert (log.streams[0].topic, log.streams[0].frame) == ("/\x1b[2Jscan\n", "la\x07ser\u202e")
@@ -633,7 +631,7 @@ def test_what_is_wrong_with_streams_nobody_asked_for_is_no_loss(tmp_path: Path) 
         assert log.counters["skipped.image.bad_stamp"] == 1
 
 
-def test_a_fix_may_be_the_truth_and_is_converted_as_such(tmp_path: Path) -> None:
+def test_an_absolute_pose_may_be_the_truth_and_is_converted_as_such(tmp_path: Path) -> None:
     message = make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header(S, "map"))
     message.pose.pose.orientation.w, message.pose.pose.position.x = 1.0, 3.0
     path = write_mcap(tmp_path / "a.mcap", [("/mocap", message), ("/odom", odometry(S))])

@@ -191,7 +191,7 @@ def test_the_same_events_give_the_same_bytes(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["log.mcap", "log"])
-def test_a_broken_off_writer_leaves_nothing_behind(tmp_path: Path, name: str) -> None:
+def test_an_interrupted_writer_leaves_nothing_behind(tmp_path: Path, name: str) -> None:
     def events():  # type: ignore[no-untyped-def]
         yield from sample_events(2, 3)
         raise RuntimeError

@@ -40,7 +40,7 @@ def test_an_increment_that_can_only_be_degrees_is_turned_into_radians(first: flo
 @pytest.mark.parametrize(
     "good", [scan(), scan(angle_increment_rad=math.inf), scan(angle_increment_rad=100.0)]
 )
-def test_other_angles_stay(good: LaserScan) -> None:
+def test_other_angles_are_unchanged(good: LaserScan) -> None:
     assert in_radians(good) is good
 
 
@@ -55,7 +55,7 @@ def test_ranges_in_another_unit_become_metres(per_metre: float, limit: float, fo
     assert len(lines) == 1 and "not in m" in lines[0]
 
 
-def test_metres_stay_metres_far_away_too() -> None:
+def test_metres_remain_metres_far_away_too() -> None:
     assert range_unit([scan()]) is None
     assert range_unit([scan(ranges_m=scan().ranges_m * np.float32(50.0), range_max_m=400.0)]) is None
 

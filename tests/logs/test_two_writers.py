@@ -1,4 +1,4 @@
-"""Two writers of one log at the same time: the first to finish is kept, the other is told."""
+"""Two writers of one log at the same time: the first to finish is kept, the other gets an error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def odometry(x_m: float) -> Odometry:
 
 @pytest.mark.parametrize("force", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_first_to_finish_is_kept_and_the_other_is_told(tmp_path: Path, kind: str, force: bool) -> None:
+def test_the_first_to_finish_is_kept_and_the_other_is_reported(
+    tmp_path: Path, kind: str, force: bool
+) -> None:
     name, as_rosbag2 = KINDS[kind]
     path = tmp_path / name
     if force:

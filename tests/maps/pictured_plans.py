@@ -35,13 +35,13 @@ class Plan:
     rooms: list[tuple[int, int, int, int]]
 
     @property
-    def outline(self) -> tuple[int, int, int, int]:
+    def contour(self) -> tuple[int, int, int, int]:
         corners = np.array(self.rooms)
         return (*map(int, corners[:, :2].min(axis=0)), *map(int, corners[:, 2:].max(axis=0)))  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
-class Picture:
+class PlanPicture:
     """A picture's file, and the true free space on the sheet."""
 
     path: Path
@@ -84,7 +84,7 @@ def plan_of(rng: np.random.Generator) -> Plan:
 
 def free_of(plan: Plan, stroke: int) -> Mask:
     """The true free space `(rows, cols)`, top row first."""
-    x0, y0, x1, y1 = plan.outline
+    x0, y0, x1, y1 = plan.contour
     free = np.zeros(SHEET, np.uint8)
     free[y0 : y1 + 1, x0 : x1 + 1] = 1
     for a, b, c, d in plan.walls:
@@ -129,9 +129,9 @@ def write_labels(ink: Pixels, plan: Plan, rng: np.random.Generator, pen: int = 2
         place = ((x0 + x1 - width) // 2, (y0 + y1) // 2)
         cv2.putText(canvas, text, place, font, size, 255, pen, cv2.LINE_AA)
         if number % 2 == 0:
-            begin = (x0 + 25, (y0 + y1) // 2 + 28)
-            end = (begin[0] + int(rng.integers(40, 70)), begin[1])
-            cv2.arrowedLine(canvas, begin, end, 255, pen, cv2.LINE_AA, 0, 0.25)
+            tail = (x0 + 25, (y0 + y1) // 2 + 28)
+            end = (tail[0] + int(rng.integers(40, 70)), tail[1])
+            cv2.arrowedLine(canvas, tail, end, 255, pen, cv2.LINE_AA, 0, 0.25)
     cv2.putText(canvas, "Ground floor 1:200", (300, 40), font, 0.8, 255, pen, cv2.LINE_AA)
     np.maximum(ink, canvas / 255.0, out=ink)
 
@@ -167,12 +167,14 @@ def on_table(sheet: NDArray[np.uint8], rng: np.random.Generator, scale: float = 
     rows, cols = sheet.shape[:2]
     height, width = round(960 * scale), round(1280 * scale)
     corners = np.array([(0, 0), (cols, 0), (cols, rows), (0, rows)], np.float64) - (cols / 2, rows / 2)
-    turn, tilt, pan = (
+    about_axis, tilt, pan = (
         np.radians(rng.uniform(-12, 12)),
         np.radians(rng.uniform(-30, 30)),
         np.radians(rng.uniform(-18, 18)),
     )
-    about_z = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    about_z = np.array(
+        [[np.cos(about_axis), -np.sin(about_axis), 0], [np.sin(about_axis), np.cos(about_axis), 0], [0, 0, 1]]
+    )
     about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     about_y = np.array([[np.cos(pan), 0, np.sin(pan)], [0, 1, 0], [-np.sin(pan), 0, np.cos(pan)]])
     space = np.column_stack([corners, np.zeros(4)]) @ (about_y @ about_x @ about_z).T + (0, 0, 1500.0)
@@ -205,7 +207,7 @@ def _on_paper(ink: Pixels) -> Pixels:
     return np.asarray(PAPER + (PEN - PAPER) * ink)
 
 
-def picture_of(kind: str, seed: int, folder: Path) -> Picture:
+def picture_of(kind: str, seed: int, folder: Path) -> PlanPicture:
     """One picture of a plan."""
     rng = np.random.default_rng([seed, 7])
     plan = plan_of(rng)
@@ -216,7 +218,7 @@ def picture_of(kind: str, seed: int, folder: Path) -> Picture:
     path = folder / f"{kind}_{seed}.{'jpg' if kind in JPEG else 'png'}"
     image, options = _image_of(kind, ink, rng)
     image.save(path, **options)
-    return Picture(path, free_of(plan, stroke))
+    return PlanPicture(path, free_of(plan, stroke))
 
 
 def _image_of(kind: str, ink: Pixels, rng: np.random.Generator) -> tuple[Image.Image, dict[str, object]]:
@@ -261,7 +263,7 @@ JPEG = ("jpeg", "light", "pencil", "exif", "table", "table_pencil", "phone")
 KINDS = ("pen", "thin", "thick", "bright", "gaps", "text", "colour", "transparent", "sixteen_bit", *JPEG)
 
 
-def iou_of(picture: Picture) -> float:
+def iou_of(picture: PlanPicture) -> float:
     """Intersection over union of the free space read from a picture and the true one; 0 if nothing was read."""
     try:
         drawn = drawn_map(load_drawing(picture.path))

@@ -36,7 +36,7 @@ def read(picture: np.ndarray, folder: Path, name: str = "drawing.png"):
 
 
 def fractions_of_room(free: np.ndarray) -> tuple[float, float]:
-    """Share of the room's interior that is free, and the free pixels outside of it as a share of the interior."""
+    """Fraction of the room's interior that is free, and the free pixels outside of it as a fraction of the interior."""
     inside = np.zeros((HEIGHT, WIDTH), np.bool_)
     inside[24:96, 34:166] = True
     grown = np.zeros_like(inside)
@@ -98,7 +98,7 @@ def test_small_gaps_in_strokes_are_closed(tmp_path, gap):
 
 @pytest.mark.parametrize("width", [8, 16])
 @pytest.mark.parametrize("start", [None, (10.0, 6.0)])
-def test_a_gap_in_the_outline_does_not_let_the_outside_in(tmp_path, width, start):
+def test_a_gap_in_the_contour_does_not_let_the_outside_in(tmp_path, width, start):
     drawn = drawn_map(read(room(gap=slice(90, 90 + width)), tmp_path), start_xy=start)
     within, without = fractions_of_room(drawn.free)
     assert not drawn.is_open
@@ -107,7 +107,7 @@ def test_a_gap_in_the_outline_does_not_let_the_outside_in(tmp_path, width, start
     assert drawn.walls[::-1][10:30, 90 : 90 + width].any(axis=0).all()
 
 
-def test_doors_stay_open(tmp_path):
+def test_doors_remain_open(tmp_path):
     picture = room()
     picture[20:99, 98:100] = 0
     picture[55:67, 95:103] = 255  # 1.2 m
@@ -168,14 +168,14 @@ def test_the_configured_colour_wins(tmp_path):
     assert_is_the_room(drawn_map(read(picture, tmp_path), walls_are="bright").free)
 
 
-def test_what_is_no_picture_is_told(tmp_path):
+def test_what_is_no_picture_is_reported(tmp_path):
     path = tmp_path / "drawing.png"
     path.write_text("walls")
     with pytest.raises(MapError, match="not a readable picture"):
         load_drawing(path)
 
 
-def test_a_cut_picture_is_told(tmp_path):
+def test_a_cut_picture_is_reported(tmp_path):
     buffer = io.BytesIO()
     Image.fromarray(np.random.default_rng(0).integers(0, 255, (80, 80), np.uint8)).save(buffer, format="PNG")
     path = tmp_path / "drawing.png"
@@ -184,7 +184,7 @@ def test_a_cut_picture_is_told(tmp_path):
         load_drawing(path)
 
 
-def test_one_colour_is_told(tmp_path):
+def test_one_colour_is_reported(tmp_path):
     with pytest.raises(MapError, match="only one colour"):
         read(np.full((100, 100), 200, np.uint8), tmp_path)
 
@@ -205,7 +205,7 @@ def test_absurd_sizes_are_refused(tmp_path):
         read(np.eye(8, dtype=np.uint8) * 255, tmp_path)
 
 
-def test_a_start_outside_of_the_picture_is_told(tmp_path):
+def test_a_start_outside_of_the_picture_is_reported(tmp_path):
     with pytest.raises(ConfigError, match=r"start \(30, 5\) lies outside .* 20 x 12 drawing"):
         drawn_map(read(room(), tmp_path), start_xy=(30.0, 5.0))
 

@@ -133,11 +133,11 @@ def test_a_lost_robot_that_is_found_elsewhere_has_not_driven_there() -> None:
     jumped = path((-0.8, -1.3), (-0.7, -1.3), (2.7, 1.2), (2.8, 1.2))
     untrusted = PathMarks(np.array([True, True, False, False]))
     line = np.asarray(render_map(room(), jumped)).astype(int)
-    broken = np.asarray(render_map(room(), jumped, marks=untrusted)).astype(int)
+    interrupted = np.asarray(render_map(room(), jumped, marks=untrusted)).astype(int)
     middle = centre_of(line.astype(np.uint8), START), centre_of(line.astype(np.uint8), END)
     col, row = ((middle[0] + middle[1]) / 2).astype(int)
     assert (line[row - 3 : row + 4, col - 3 : col + 4] == PATH).all(axis=-1).any()
-    assert not (broken[row - 3 : row + 4, col - 3 : col + 4] == PATH).all(axis=-1).any()
+    assert not (interrupted[row - 3 : row + 4, col - 3 : col + 4] == PATH).all(axis=-1).any()
 
 
 def test_a_grid_of_lines_is_drawn_when_asked() -> None:

@@ -34,9 +34,7 @@ def methods() -> PluginRegistry[MethodEntry]:
     return PluginRegistry(BUILT_IN, MethodEntry)
 
 
-ENTRY = (
-    "from gridslam.methods.registry import MethodEntry\nENTRY = MethodEntry(config='added_method:Config')\n"
-)
+ENTRY = "from gridslam.methods.registry import MethodEntry\nENTRY = MethodEntry(config='added_method:AddedConfig')\n"
 
 
 def test_the_programs_own_methods_come_first_and_an_installed_one_after_them(packages: Path) -> None:
@@ -44,7 +42,7 @@ def test_the_programs_own_methods_come_first_and_an_installed_one_after_them(pac
     found = methods()
     assert list(found) == [*BUILT_IN, "added"]
     assert "added" in found
-    assert found["added"].config == "added_method:Config"
+    assert found["added"].config == "added_method:AddedConfig"
     assert plugin_sources() == [packages / "added_method.py"]
 
 
@@ -83,7 +81,7 @@ def test_a_reference_that_leads_nowhere_is_an_error() -> None:
         registry.load("no_such_module:Thing")
 
 
-BROKEN = """
+RAISING = """
 import sys
 import numpy as np
 from typing import Literal
@@ -100,7 +98,7 @@ def fail(stage):
     if stage == STAGE:
         raise {error}
 
-class Config(StrictModel):
+class AddedConfig(StrictModel):
     name: Literal["added"] = "added"
     level: int = 0
 
@@ -136,14 +134,14 @@ class Mapper:
 
 fail("import")
 KIND = InputKind("notes", reader="added_method:read")
-ENTRY = MethodEntry(config="added_method:Config", mapper="added_method:Mapper", needs=("scan",), inputs=(KIND,))
+ENTRY = MethodEntry(config="added_method:AddedConfig", mapper="added_method:Mapper", needs=("scan",), inputs=(KIND,))
 """
 
 
 def run_added(
     small_log: Path, folder: Path, stage: str, error: str, patch: pytest.MonkeyPatch
 ) -> FinishedRun:
-    install(folder, "added = added_method:ENTRY", code=BROKEN.format(stage=stage, error=error))
+    install(folder, "added = added_method:ENTRY", code=RAISING.format(stage=stage, error=error))
     patch.setattr(registry, "METHODS", methods())
     notes = folder / "notes.txt"
     notes.touch()
@@ -253,12 +251,12 @@ def test_what_cannot_be_written_names_the_package(
 def test_an_estimate_that_is_none_names_the_package(
     packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules[__name__], "BROKEN", BROKEN.replace("estimate = None", "estimate = 5"))
+    monkeypatch.setattr(sys.modules[__name__], "RAISING", RAISING.replace("estimate = None", "estimate = 5"))
     with pytest.raises(MethodError, match=r"added-method 1\.2: TypeError: the estimate has no stamp"):
         run_added(small_log, packages, "viewer", "AssertionError", monkeypatch)
 
 
-def test_an_error_that_is_raised_on_purpose_stays_as_it_is(
+def test_an_error_that_is_raised_on_purpose_is_unchanged(
     packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     error = "__import__('gridslam.core.errors').core.errors.LogError('this log is too dark')"

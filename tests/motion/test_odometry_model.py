@@ -37,7 +37,7 @@ def test_driving_backwards_is_no_turn():
     np.testing.assert_allclose(moved, np.broadcast_to([-0.5, 0.0, 0.0], moved.shape), atol=1e-9)
 
 
-def test_a_standing_robot_stays_where_it_is():
+def test_a_standing_robot_remains_where_it_is():
     noise = OdometryNoise(0.5, 0.5, 0.5, 0.5, 0.1, 5.0)
     moved = sample_motion(np.ones((100, 3)), np.zeros(3), noise, np.random.default_rng(4))
     np.testing.assert_array_equal(moved, np.ones((100, 3)))

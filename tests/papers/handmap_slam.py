@@ -19,7 +19,7 @@ from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from tests.benchmarks.bench_handmap import DISTORTED_START, paper_settings
 from tests.benchmarks.drawn_places import DRAWINGS, built_in_drive, judge
 from tests.benchmarks.explorations import LENGTHS_M, ExplorationResult, draw_bars, run_trial, trials
-from tests.papers.page import Experiment, Picture, Section
+from tests.papers.page import Experiment, PagePicture, Section
 from tests.papers.work import Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 11.0
@@ -140,12 +140,12 @@ def mapped_by_heading(seed: int) -> tuple[float, float]:
         return drawn, judge(ride, config, drawing, seed).map_error_m
 
 
-def bars(work: Work, runs: dict[tuple[str, int, str], list[ExplorationResult]]) -> Picture:
+def bars(work: Work, runs: dict[tuple[str, int, str], list[ExplorationResult]]) -> PagePicture:
     """Errors by ratio, as figure 10 has them."""
     file = work.folder / "bars.png"
     draw_bars([run for some in runs.values() for run in some], file)
     caption = "Map error by the corridor's length over the length drawn: mean and range of the seeds; note the scales"
-    return Picture("hand-bars", np.asarray(cv2.imread(str(file))[..., ::-1], np.uint8), caption)
+    return PagePicture("hand-bars", np.asarray(cv2.imread(str(file))[..., ::-1], np.uint8), caption)
 
 
 def building(work: Work) -> Experiment:
@@ -163,7 +163,9 @@ def building(work: Work) -> Experiment:
         rows.append((f"{what}, {how}", published, *cells, seeds))
     first = work.seeds(SEEDS)[0]
     pictures = [
-        Picture(f"hand-{name}", picture_of(work.folder / "pictures" / f"{name}-{first}.png", 700), caption)
+        PagePicture(
+            f"hand-{name}", picture_of(work.folder / "pictures" / f"{name}-{first}.png", 700), caption
+        )
         for name, caption in (
             ("building", f"Explored by the good drawing, seed {first}"),
             ("building-distorted", f"Explored by the distorted drawing, seed {first}"),

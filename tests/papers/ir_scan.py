@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.papers.page import Experiment, Picture, Section
+from tests.papers.page import Experiment, PagePicture, Section
 from tests.papers.work import Found, Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 7.0
@@ -56,7 +56,7 @@ def room(work: Work) -> Experiment:
             name = f"largest of {runs} runs, cm{suffix}"
             rows.append((name, None if suffix else published, *ours, seeds_text(found.seeds[:runs])))
     pictures = [
-        Picture(
+        PagePicture(
             f"ir-{config}",
             picture_of(
                 known.directory("ir-room", config, "default", known.seeds[0]) / "raw_and_filtered.png"

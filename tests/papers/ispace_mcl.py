@@ -15,7 +15,7 @@ from gridslam.sweep.config import load_sweep
 from gridslam.sweep.summary import wilson_interval
 from tests.benchmarks.ispace_figure import draw_curves
 from tests.benchmarks.ispace_worlds import log_of
-from tests.papers.page import Experiment, Picture, Section
+from tests.papers.page import Experiment, PagePicture, Section
 from tests.papers.work import Found, Work, both, seeds_text
 
 CPU_MINUTES = 21.0
@@ -96,10 +96,10 @@ def deviations(found: Found) -> Experiment:
             cells = [f"{std_at(found, second, c, override):.2f} m" for c in ("paper", "best")]
             published = "falls faster" if override == FUSED else None
             rows.append((f"after {second:.0f} s, {title}", published, *cells, seeds_text(found.seeds)))
-    file = found.folder / "spread.png"
+    file = found.folder / "std.png"
     draw_curves(curves, file, SHOWN_S)
-    picture = Picture(
-        "ispace-spread",
+    picture = PagePicture(
+        "ispace-std",
         rgb_of(file),
         "Standard deviation of all particles: median and middle half of the trials",
     )

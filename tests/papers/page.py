@@ -28,7 +28,7 @@ therefore compares the same experiment, not the same room. A dash means not meas
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PagePicture:
     """`rgb` is uint8 `(h, w, 3)`; it becomes images/papers-STEM.png."""
 
     stem: str
@@ -47,7 +47,7 @@ class Experiment:
     title: str
     what: str
     rows: Sequence[Sequence[object]]
-    pictures: Sequence[Picture] = ()
+    pictures: Sequence[PagePicture] = ()
     short: str = ""
 
     def markdown(self) -> str:
@@ -71,7 +71,7 @@ class Section:
     experiments: Sequence[Experiment]
 
     @property
-    def pictures(self) -> list[Picture]:
+    def pictures(self) -> list[PagePicture]:
         """All pictures of its experiments."""
         return [picture for experiment in self.experiments for picture in experiment.pictures]
 
@@ -106,7 +106,7 @@ def cell(value: object) -> str:
     return str(value).replace("|", "\\|")
 
 
-def begin(name: str) -> str:
+def start_mark(name: str) -> str:
     """The mark before a section."""
     return f"<!-- begin {name} -->"
 
@@ -118,13 +118,15 @@ def end(name: str) -> str:
 
 def empty_page(names: Sequence[str]) -> str:
     """The page with empty sections."""
-    return HEAD + "".join(f"\n{begin(name)}\n{end(name)}\n" for name in names)
+    return HEAD + "".join(f"\n{start_mark(name)}\n{end(name)}\n" for name in names)
 
 
 def with_section(page: str, section: Section) -> str:
     """The page with a section replaced. Raises ValueError: the page has no marks for it."""
-    pattern = re.compile(re.escape(begin(section.name)) + ".*?" + re.escape(end(section.name)), re.DOTALL)
-    marked = f"{begin(section.name)}\n{section.markdown()}\n{end(section.name)}"
+    pattern = re.compile(
+        re.escape(start_mark(section.name)) + ".*?" + re.escape(end(section.name)), re.DOTALL
+    )
+    marked = f"{start_mark(section.name)}\n{section.markdown()}\n{end(section.name)}"
     page, count = pattern.subn(lambda _: marked, page)
     if count != 1:
         raise ValueError(f"the page has {count} places for {section.name}, expected one")
@@ -134,7 +136,7 @@ def with_section(page: str, section: Section) -> str:
 def write_section(page: Path, section: Section, names: Sequence[str]) -> None:
     """Write a section and its pictures into the page; a missing page is created with empty sections `names`."""
     old = page.read_text(encoding="utf-8") if page.exists() else empty_page(names)
-    text = with_section(HEAD + old[old.index(f"\n{begin(names[0])}") :], section)
+    text = with_section(HEAD + old[old.index(f"\n{start_mark(names[0])}") :], section)
     (page.parent / "images").mkdir(exist_ok=True)
     for picture in section.pictures:
         write_atomic(page.parent / "images" / f"papers-{picture.stem}.png", png_of(picture.rgb))

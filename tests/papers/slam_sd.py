@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tests.papers.page import Experiment, Picture, Section
+from tests.papers.page import Experiment, PagePicture, Section
 from tests.papers.work import Found, Work, both, picture_of, seeds_text
 
 CPU_MINUTES = 10.5
@@ -89,7 +89,7 @@ def experiment(found: Found, corridor: Corridor) -> Experiment:
         ("a scan, processor time of the whole run", "800 ms", *both(cost), seeds),
     ]
     png = found.directory(log, "best", OVERRIDE, found.seeds[0]) / "objects.png"
-    picture = Picture(f"slam-{log}", picture_of(png), CAPTION.format(seed=found.seeds[0]))
+    picture = PagePicture(f"slam-{log}", picture_of(png), CAPTION.format(seed=found.seeds[0]))
     return Experiment(corridor.title, corridor.what, rows, [picture], shortfall(found, log, objects))
 
 

@@ -17,7 +17,7 @@ from gridslam.simulation.world_config import load_world
 from tests.benchmarks.stereo_models import BayesModel
 from tests.benchmarks.stereo_pictures import BEHIND, OBSTACLE_M, VISIBLE, belief_of, false_match_scene
 from tests.benchmarks.stereo_trials import LIKELIHOODS, drive_stage, mean_interval, score_of
-from tests.papers.page import Experiment, Picture, Section
+from tests.papers.page import Experiment, PagePicture, Section
 from tests.papers.work import Work, both, seeds_text
 
 CPU_MINUTES = 4.0
@@ -66,7 +66,7 @@ def false_match() -> Experiment:
 
         published = {"independent": "is lost", "chain": "is kept"}[likelihood]
         rows.append((f"P of the obstacle, {SHOWN[likelihood]}", published, *both(change), "none"))
-    picture = Picture(
+    picture = PagePicture(
         "stereo-false-match",
         cv2.cvtColor(false_match_scene(), cv2.COLOR_GRAY2RGB),
         "Before (left) and after the false matches (right); above the conventional likelihood, below the paper's",
@@ -138,7 +138,7 @@ def correlation() -> Experiment:
         text = f"{fits[name].r0_at_5cm:.4f} +- {fits[name].standard_error:.4f}"
         rows.append((f"true map of the world {name}", None, text, None, "0"))
     png = np.frombuffer(correlation_picture(fits["office"], "office"), np.uint8)
-    picture = Picture(
+    picture = PagePicture(
         "stereo-correlation",
         np.asarray(cv2.imdecode(png, cv2.IMREAD_COLOR)[..., ::-1], np.uint8),
         "Lengths of occupied and free runs in the world `office`, measured and by r0",

@@ -15,11 +15,11 @@ from tests.conftest import REPOSITORY
 from tests.papers.make import NAMES, module_of
 from tests.papers.page import (
     Experiment,
-    Picture,
+    PagePicture,
     Section,
-    begin,
     empty_page,
     end,
+    start_mark,
     with_section,
     write_section,
 )
@@ -53,7 +53,7 @@ def test_a_row_of_another_length_is_refused() -> None:
         Experiment("Walls", "", [("mean", 1.0)]).markdown()
 
 
-def test_a_section_is_replaced_and_the_others_stay() -> None:
+def test_a_section_is_replaced_and_the_others_are_kept() -> None:
     page = empty_page(["a", "b"])
     for name in ("a", "b"):
         page = with_section(page, section_of(name, f"text of {name}", WALLS))
@@ -75,10 +75,10 @@ def test_pictures_lie_beside_the_page(tmp_path: Path) -> None:
     page.parent.mkdir()
     rgb = np.zeros((2, 3, 3), np.uint8)
     rgb[0, 1] = (250, 20, 10)
-    shown = Experiment("Walls", "", [], [Picture("walls", rgb, "The walls")])
+    shown = Experiment("Walls", "", [], [PagePicture("walls", rgb, "The walls")])
     write_section(page, section_of("a", "", shown), ["a", "b"])
     assert "![The walls](images/papers-walls.png)" in page.read_text()
-    assert f"{begin('b')}\n{end('b')}" in page.read_text()
+    assert f"{start_mark('b')}\n{end('b')}" in page.read_text()
     with Image.open(tmp_path / "docs" / "images" / "papers-walls.png") as picture:
         assert np.array_equal(np.asarray(picture), rgb)
 
@@ -97,7 +97,7 @@ def test_all_sections_together_cost_two_cores_half_an_hour_at_most() -> None:
 def test_the_page_has_every_section_filled() -> None:
     page = (REPOSITORY / "docs" / "papers.md").read_text()
     for name in NAMES:
-        text = page[page.index(begin(name)) : page.index(end(name))]
+        text = page[page.index(start_mark(name)) : page.index(end(name))]
         assert "### " in text, name
 
 
@@ -124,7 +124,7 @@ def test_what_is_computed_for_a_seed_is_computed_once(tmp_path: Path) -> None:
     assert asked == [0, 1, 2, 3, 2]
 
 
-def test_processes_share_the_seeds(tmp_path: Path) -> None:
+def test_the_seeds_are_divided_among_processes(tmp_path: Path) -> None:
     assert Work(tmp_path, jobs=2).each("factorials", math.factorial, range(5)) == [1, 1, 2, 6, 24]
 
 

@@ -44,9 +44,9 @@ def assert_valid(
     segments = segments_of(plan)
     poses = np.vstack([drive(segment) for segment in segments])
     assert Squares(grid).distances(poses[:, :2], 0.5).min() >= robot_m - 1e-4
-    gap, turn = largest_jump(segments)
+    gap, rotated = largest_jump(segments)
     assert gap < 1e-4
-    assert turn < 1e-6
+    assert rotated < 1e-6
     np.testing.assert_allclose(poses[0, :2], start[:2], atol=1e-6)
     np.testing.assert_allclose(poses[-1, :2], goal[:2], atol=1e-4)
     for pose, wanted in ((poses[0], start), (poses[-1], goal)):
@@ -124,7 +124,7 @@ def test_driving_backwards_leads_out_of_a_dead_end() -> None:
             assert here.leave_speed == after.enter_speed == 0.0
 
 
-def test_the_corners_of_a_rectangular_robot_stay_clear_of_walls() -> None:
+def test_the_corners_of_a_rectangular_robot_remain_clear_of_walls() -> None:
     grid = room(gap_cells=30)
     corners = np.array([[0.35, 0.2], [-0.15, 0.2], [-0.15, -0.2], [0.35, -0.2]])
     plan = plan_path(grid, START, GOAL, PlanOptions(discs=cover_polygon(corners), min_radius_m=0.3))
@@ -141,10 +141,10 @@ def test_a_rotated_map_gives_the_rotated_path() -> None:
     straight = plan_path(room(), START, GOAL)
     turned_grid = room(yaw_rad=0.7)
     c, s = np.cos(0.7), np.sin(0.7)
-    turn = [np.array([c * p[0] - s * p[1], s * p[0] + c * p[1], p[2] + 0.7]) for p in (START, GOAL)]
-    turned = plan_path(turned_grid, turn[0], turn[1])
+    rotated = [np.array([c * p[0] - s * p[1], s * p[0] + c * p[1], p[2] + 0.7]) for p in (START, GOAL)]
+    turned = plan_path(turned_grid, rotated[0], rotated[1])
     assert turned.path.time_s == pytest.approx(straight.path.time_s, rel=1e-3)
-    np.testing.assert_allclose(turned.path.segments[-1].end_pose[:2], turn[1][:2], atol=1e-5)
+    np.testing.assert_allclose(turned.path.segments[-1].end_pose[:2], rotated[1][:2], atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -207,8 +207,8 @@ def test_a_goal_at_the_start_with_another_heading_is_reached() -> None:
     grid = room()
     goal = np.array([1.0, 1.0, np.pi])
     assert_valid(plan_path(grid, START, goal), grid, START, goal)
-    turn = plan_path(grid, START, goal, PlanOptions(turn_on_spot=True))
-    assert [s.kind for s in turn.path.segments] == ["turn"]
+    rotated = plan_path(grid, START, goal, PlanOptions(turn_on_spot=True))
+    assert [s.kind for s in rotated.path.segments] == ["turn"]
     with pytest.raises(MethodError, match="the same pose"):
         plan_path(grid, START, START)
 

@@ -8,7 +8,7 @@ import pytest
 from gridslam.planning.dwa import DifferentialDrive, DwaSettings, WheelSpeeds, choose_speeds, reachable_speeds
 
 DRIVE = DifferentialDrive(
-    radius_m=0.25, base_m=0.4, acceleration_mps2=0.6, max_speed_mps=0.6, max_turn_radps=1.2
+    radius_m=0.25, base_m=0.4, acceleration_mps2=0.6, max_speed_mps=0.6, max_yaw_rate_radps=1.2
 )
 SETTINGS = DwaSettings(
     period_s=0.1,

@@ -17,7 +17,7 @@ def two_blocks(gap_cells: int, yaw_rad: float = 0.0) -> OccupancyGrid:
     return OccupancyGrid(probability, GridGeometry(0.05, (-1.0, 2.0), yaw_rad))
 
 
-def test_a_passage_wider_than_the_robot_stays_open_and_its_width_is_the_gap() -> None:
+def test_a_passage_wider_than_the_robot_remains_open_and_its_width_is_the_gap() -> None:
     regions = obstacle_regions(two_blocks(gap_cells=9), robot_radius_m=0.2)
     assert [r.cells for r in regions] == [100, 100]
     assert [r.gap_m for r in regions] == pytest.approx([0.45, 0.45])

@@ -21,8 +21,8 @@ def correlate(
     best = -1.0
     for k in range(-yaw_steps, yaw_steps + 1):
         yaw = start[2] + k * yaw_step_rad
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        cells = np.floor((points @ turn.T + start[:2] - origin_xy_m) / resolution_m).astype(int)
+        rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        cells = np.floor((points @ rotation.T + start[:2] - origin_xy_m) / resolution_m).astype(int)
         for dr in range(-window, window + 1):
             for dc in range(-window, window + 1):
                 rows, cols = cells[:, 1] + dr, cells[:, 0] + dc

@@ -35,7 +35,7 @@ class State:
     direction: int
 
 
-class PoseSearch:
+class ReferencePoseSearch:
     """Hybrid A*: the cheapest state is expanded by arcs, by Dubins paths to the goals and to poses of the guide path."""
 
     def __init__(self, world: CollisionWorld, query: Query, start: Floats) -> None:

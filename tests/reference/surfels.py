@@ -68,8 +68,8 @@ def log_likelihood(
 def placed(pose: Floats, points: Floats, normals: Floats) -> tuple[Floats, Floats]:
     """Points and normals of the robot's frame, seen from a pose."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    turn = np.array([[c, -s], [s, c]])
-    return points @ turn.T + pose[:2], normals @ turn.T
+    rotation = np.array([[c, -s], [s, c]])
+    return points @ rotation.T + pose[:2], normals @ rotation.T
 
 
 def register(
@@ -119,15 +119,15 @@ def yaw_scores(
     points: Floats,
     normals: Floats,
     pose: Floats,
-    turns: Floats,
+    yaw_offsets: Floats,
     sigma_m: float,
     max_correspondence_m: float,
 ) -> list[float]:
     """How much of a scan lies on surfaces when the robot is turned by each of the angles."""
     scores = []
-    for turn in turns:
+    for rotation in yaw_offsets:
         total = 0.0
-        turned = np.array([pose[0], pose[1], pose[2] + turn])
+        turned = np.array([pose[0], pose[1], pose[2] + rotation])
         for point, normal in zip(*placed(turned, points, normals), strict=True):
             found = nearest(surfaces, point, normal, max_correspondence_m)
             if found is not None:

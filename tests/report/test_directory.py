@@ -51,7 +51,7 @@ def test_an_old_run_is_replaced_only_with_force(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_the_old_run_stays_when_the_new_one_fails(tmp_path: Path) -> None:
+def test_the_old_run_is_kept_when_the_new_one_fails(tmp_path: Path) -> None:
     target = tmp_path / "out"
     with new_run_directory(target) as folder:
         write_marked(folder, "old")
@@ -85,7 +85,7 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
     assert (target / "mark").read_text() == "new"
 
 
-def test_a_link_to_a_run_stays_a_link(tmp_path: Path) -> None:
+def test_a_link_to_a_run_remains_a_link(tmp_path: Path) -> None:
     with new_run_directory(tmp_path / "real") as folder:
         write_marked(folder, "old")
     (tmp_path / "link").symlink_to("real")
@@ -95,7 +95,7 @@ def test_a_link_to_a_run_stays_a_link(tmp_path: Path) -> None:
     assert (tmp_path / "real" / "mark").read_text() == "new"
 
 
-def test_a_file_in_the_way_above_is_named(tmp_path: Path) -> None:
+def test_a_file_in_place_of_a_folder_above_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="file is not a folder"):
         check_free(tmp_path / "file" / "out", force=False)
@@ -188,7 +188,7 @@ def test_a_full_disk_is_refused_before_the_run(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("earlier", [False, True])
-def test_of_two_runs_into_one_folder_at_once_one_is_kept_and_the_other_is_told(
+def test_of_two_runs_into_one_folder_at_once_one_is_kept_and_the_other_is_reported(
     tmp_path: Path, earlier: bool
 ) -> None:
     target = tmp_path / "out"

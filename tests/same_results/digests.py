@@ -24,7 +24,7 @@ LEFT_OUT = LABELLED_PICTURES | {"costs.csv", "run.yaml", "world.yaml", "sweep.ya
 def digests_of_folder(folder: Path) -> dict[str, str]:
     """The digest of every file below a folder whose content must stay, by its path.
 
-    A log also has the item `NAME events`: what gridslam's own reader delivers of it.
+    A log also has the item `NAME events`: what gridslam's own reader plays back of it.
     """
     digests = {}
     for path in sorted(folder.rglob("*")):

@@ -85,12 +85,12 @@ def test_a_log_counts_by_its_messages_not_by_its_topics(tmp_path: Path) -> None:
     assert all(after[name] != before[name] for name in before)
 
 
-def test_an_item_is_the_same_under_a_new_name_and_what_is_lost_or_new_is_told() -> None:
-    before = {"map.pgm": "1", "stays.csv": "2", "lines.csv": "3", "gone.tum": "4"}
+def test_an_item_is_the_same_under_a_new_name_and_what_is_lost_or_new_is_reported() -> None:
+    before = {"map.pgm": "1", "old.csv": "2", "lines.csv": "3", "gone.tum": "4"}
     after = {"map.pgm": "5", "episodes.csv": "2", "lines.csv": "3", "new.npz": "4"}
     assert comparison(before, after) == [
         "differs map.pgm",
-        "same stays.csv, now episodes.csv",
+        "same old.csv, now episodes.csv",
         "same lines.csv",
         "missing gone.tum",
         "new new.npz",

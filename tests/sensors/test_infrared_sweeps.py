@@ -86,8 +86,8 @@ def test_a_servo_that_reverses_starts_the_next_scan_and_no_reading_is_lost() -> 
 
 def test_a_full_circle_ends_a_scan_of_a_rotating_sensor() -> None:
     sweeps = SweepAssembler(SweepLimits())
-    turns = [reading(k, math.degrees(math.remainder(math.radians(1.8 * k), math.tau))) for k in range(600)]
-    done = fed(sweeps, turns)
+    circles = [reading(k, math.degrees(math.remainder(math.radians(1.8 * k), math.tau))) for k in range(600)]
+    done = fed(sweeps, circles)
     assert [len(scan.scan) for scan in done] == [200, 200]
 
 

@@ -48,7 +48,7 @@ def test_silence_speaks_against_tags_that_would_have_been_read() -> None:
     assert far > -0.1
 
 
-def test_a_profile_holds_what_was_seen_each_way_and_is_open_elsewhere() -> None:
+def test_a_profile_holds_what_was_seen_in_each_direction_and_is_open_elsewhere() -> None:
     profile = range_profile(np.array([[2.0, 0.01], [0.0, 3.0]]), np.zeros(3))
     assert profile[0] == np.hypot(2.0, 0.01)
     assert profile[90] == 3.0

@@ -1,4 +1,4 @@
-"""Calibrations of stereo heads as drivers publish them: what is repaired, what is refused, what is told."""
+"""Calibrations of stereo heads as drivers publish them: what is repaired, what is refused, what is noted."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_row_offset_is_measured_and_taken_back(offset: int) -> None:
     assert left is not right
 
 
-def test_exchanged_pictures_are_used_the_other_way_round() -> None:
+def test_exchanged_pictures_are_swapped_back() -> None:
     given, found = pair(), rig()
     left, right = found.rectified(replace(given, left=given.right, right=given.left))
     assert np.array_equal(left, given.left)
@@ -146,7 +146,7 @@ def test_raw_pictures_are_undistorted_with_the_calibration(model: str) -> None:
     assert np.abs(raw[0][inner].astype(float) - given.left[inner]).mean() > 20.0
 
 
-def test_rectified_pictures_stay_though_the_camera_has_distortion() -> None:
+def test_rectified_pictures_are_unchanged_though_the_camera_has_distortion() -> None:
     left, right = (replace(i, D=DISTORTION) for i in (LEFT, RIGHT))
     assert rig(left, right).maps is None
     assert rig(left, right, pair(is_raw=True)).maps is not None

@@ -17,7 +17,7 @@ EXACT_LIDAR = {
 
 
 def room(**changes: Any) -> WorldConfig:
-    """A room of 8 x 5 m with a robot that stands in it for ever, unless told otherwise."""
+    """A room of 8 x 5 m with a robot that stands in it for ever, unless `changes` say otherwise."""
     document: dict[str, Any] = {
         "walls": [{"rectangle": [0, 0, 8, 5]}],
         "robot": {"start": [3, 2, 0], "wait_at_start_s": 1e6},

@@ -40,7 +40,7 @@ def rotation_of(transform: Transform) -> np.ndarray:
     )
 
 
-def test_every_depth_pixel_lies_on_a_surface_by_calibration_and_mounting() -> None:
+def test_every_depth_pixel_lies_on_a_surface_by_calibration_and_extrinsics() -> None:
     simulator = Simulator(room(sensors=camera()), Path())
     mount = first(list(simulator.extrinsics()), Transform)
     events = simulator.step(0.0, 0.0)
@@ -67,7 +67,7 @@ def test_depth_noise_grows_with_the_square_of_the_range() -> None:
     assert scaled.std() == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
 
 
-def test_the_share_of_holes_is_that_of_the_world_file() -> None:
+def test_the_fraction_of_holes_is_that_of_the_world_file() -> None:
     events = recorded(room(sensors=camera(holes=0.07)), 20)
     fraction = np.isnan([e.depth_m for e in events if isinstance(e, DepthImage)])
     assert abs(fraction.mean() - 0.07) < 4 * np.sqrt(0.07 * 0.93 / fraction.size)

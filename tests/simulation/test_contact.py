@@ -37,7 +37,7 @@ def test_driving_ahead_touches_the_wall_when_the_disc_reaches_it() -> None:
     assert watch.clearance_m == pytest.approx(0.0, abs=0.012)
 
 
-def test_the_least_clearance_is_remembered() -> None:
+def test_the_minimum_clearance_is_remembered() -> None:
     simulator = Simulator(world(cylinders=[{"centre": [3.0, 2.7], "radius_m": 0.2}]), Path())
     watch = ContactWatch(simulator)
     for _ in range(500):

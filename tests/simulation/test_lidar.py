@@ -94,7 +94,7 @@ def test_noise_grows_with_the_angle_of_incidence() -> None:
     assert errors[:, 0].std() == pytest.approx(0.01 * (1 + 0.5 * (1 / slanted - 1)), rel=0.15)
 
 
-def test_the_shares_of_lost_and_stray_readings_are_those_of_the_world_file() -> None:
+def test_the_fractions_of_lost_readings_and_outliers_are_those_of_the_world_file() -> None:
     found = np.array([scan.ranges_m for scan in scans(300, dropout=0.03, outliers=0.02)])
     n = found.size
     exact = exact_ranges(scans(1)[0])

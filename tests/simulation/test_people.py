@@ -38,7 +38,7 @@ def test_where_a_person_is_does_not_depend_on_when_it_was_asked_before() -> None
     assert often.pose(50.0) == once.pose(50.0)
 
 
-def test_both_legs_stay_near_the_body() -> None:
+def test_both_legs_remain_near_the_body() -> None:
     it = walker()
     for t in np.arange(0.0, 20.0, 0.25):
         x, y, _ = it.pose(float(t))

@@ -47,7 +47,7 @@ def test_infrared_noise_grows_with_the_square_of_the_range() -> None:
         assert found.std() == pytest.approx(sigma, rel=4 / np.sqrt(8000))
 
 
-def test_the_share_of_wrong_infrared_readings_is_that_of_the_world_file() -> None:
+def test_the_fraction_of_wrong_infrared_readings_is_that_of_the_world_file() -> None:
     found = readings(np.zeros(5000), outliers=0.04)
     assert abs((np.abs(found - 5.0) > 1e-9).mean() - 0.04) < 4 * sqrt(0.04 * 0.96 / 5000)
 

@@ -138,7 +138,7 @@ def test_a_preview_is_a_picture(world_file: Path, tmp_path: Path) -> None:
     assert (tmp_path / "world.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_command_tells_what_it_wrote_and_refuses_to_overwrite(
+def test_the_command_says_what_it_wrote_and_refuses_to_overwrite(
     program: Program, world_file: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
@@ -171,7 +171,7 @@ def recorded(tmp_path: Path, **options: bool) -> Path:
     return tmp_path / "log.mcap"
 
 
-def test_a_log_and_its_truth_are_replaced_together_and_only_when_told(tmp_path: Path) -> None:
+def test_a_log_and_its_truth_are_replaced_together_and_only_with_force(tmp_path: Path) -> None:
     log = recorded(tmp_path)
     assert not list((tmp_path / "log.truth").glob(".*"))
     (tmp_path / "log.truth" / "tags.yaml").write_text("of an earlier world")
@@ -191,7 +191,7 @@ def test_a_folder_that_is_no_truth_is_never_replaced(tmp_path: Path) -> None:
     assert not (tmp_path / "log.mcap").exists()
 
 
-def test_a_truth_whose_log_was_not_finished_makes_way_for_the_next(
+def test_a_truth_whose_log_was_not_finished_is_replaced_by_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killed(*_: object) -> None:
@@ -208,7 +208,7 @@ def test_a_truth_whose_log_was_not_finished_makes_way_for_the_next(
 
 @pytest.mark.parametrize("name", ["out.mcap", "out"])
 @pytest.mark.parametrize("force", [False, True])
-def test_of_two_writers_of_one_log_the_second_is_told(tmp_path: Path, name: str, force: bool) -> None:
+def test_of_two_writers_of_one_log_the_second_is_reported(tmp_path: Path, name: str, force: bool) -> None:
     if force:
         write_log(tmp_path / name, [])
     first, second = open_writer(tmp_path / name, force), open_writer(tmp_path / name, force)

@@ -39,7 +39,7 @@ def test_accelerates_no_faster_than_the_drive_can() -> None:
     assert it.v_mps == pytest.approx(0.5)
 
 
-def test_unequal_wheels_bend_the_way() -> None:
+def test_unequal_wheels_curve_the_path() -> None:
     it = robot(Wheels(acceleration_mps2=1e6, left_radius_error=0.01, right_radius_error=-0.01))
     for _ in range(1000):
         it.step(5.0, 5.0)
@@ -80,11 +80,11 @@ def test_wheel_angles_are_whole_ticks() -> None:
         sensors={"odometry": {"ticks_per_revolution": 100, "publish_wheels": True}},
     )
     ticks = [event for event in recorded(world, 200, (3.0, 4.0)) if isinstance(event, WheelTicks)]
-    turns = np.array([[t.left_rad, t.right_rad] for t in ticks]) * 100 / (2 * np.pi)
-    assert np.abs(turns - np.round(turns)).max() < 1e-9
+    revolutions = np.array([[t.left_rad, t.right_rad] for t in ticks]) * 100 / (2 * np.pi)
+    assert np.abs(revolutions - np.round(revolutions)).max() < 1e-9
     times = np.array([t.stamp_ns - world.start_ns for t in ticks]) * 1e-9
     exact = times[:, None] * [3.0, 4.0] * 100 / (2 * np.pi)
-    assert (np.floor(exact + 1e-6) == np.round(turns)).all()
+    assert (np.floor(exact + 1e-6) == np.round(revolutions)).all()
 
 
 def rates(seed: int, count: int, **gyro: float) -> np.ndarray:
@@ -113,7 +113,7 @@ def test_the_route_is_driven_through_every_waypoint() -> None:
         assert np.linalg.norm(path - point, axis=1).min() < 0.1
 
 
-def test_a_waypoint_out_of_reach_is_an_error_that_names_it() -> None:
+def test_an_unreachable_waypoint_is_an_error_that_names_it() -> None:
     world = room(robot={"start": [1, 1, 0], "route": [[2, 1], [900, 1]]}, max_duration_s=20.0)
     with pytest.raises(ConfigError, match=r"waypoint 1 at \(900, 1\) is not reached within 20 s"):
         driven(world)

@@ -102,7 +102,7 @@ def test_a_worker_killed_in_mid_run_loses_nothing(sweep_file: Path, tmp_path: Pa
     assert tables(output) == tables(tmp_path / "local")
 
 
-def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) -> None:
+def test_a_scheduler_that_goes_away_is_reported(sweep_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "out"
     with ExitStack() as stack:
         gone = Cluster(tmp_path, stack)
@@ -122,7 +122,7 @@ def test_a_scheduler_that_goes_away_is_told(sweep_file: Path, tmp_path: Path) ->
     assert "Traceback" not in err
 
 
-def test_no_scheduler_at_the_address_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_scheduler_at_the_address_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "CONNECT_S", 1)
     with pytest.raises(ConfigError, match="cannot be reached"):
         next(run_on_cluster([], "tcp://127.0.0.1:9", lambda: False))

@@ -48,7 +48,7 @@ def test_the_interval_of_a_mean_is_students() -> None:
     assert (found["min"], found["median"], found["max"]) == (0.3, 0.9, 2.4)
 
 
-def test_one_value_has_a_mean_and_no_spread() -> None:
+def test_one_value_has_a_mean_and_no_standard_deviation() -> None:
     found = number_statistics([2.0])
     assert found["mean"] == found["median"] == 2.0
     assert all(math.isnan(found[key]) for key in ("sd", "mean_low", "mean_high"))

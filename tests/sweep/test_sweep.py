@@ -181,7 +181,7 @@ def test_a_world_that_cannot_be_simulated_fails_its_runs_only(bench: Bench) -> N
         ({"logs": [{"world": "no-such-world"}]}, "neither a world file nor a built-in world"),
     ],
 )
-def test_what_is_wrong_is_told_before_anything_is_run(bench: Bench, changes: dict, message: str) -> None:
+def test_what_is_wrong_is_reported_before_anything_is_run(bench: Bench, changes: dict, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         bench.run(**changes)
     assert bench.ran == []
@@ -233,7 +233,7 @@ def test_a_record_of_what_no_table_holds_is_none(bench: Bench, value: object) ->
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written_is_told(bench: Bench) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(bench: Bench) -> None:
     bench.folder.chmod(0o500)
     try:
         with pytest.raises(ConfigError, match="cannot be written"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.planning.clearance import CollisionWorld, is_free, is_free_to_turn
+from gridslam.kernels.planning.clearance import CollisionWorld, is_free, is_free_to_turn_in_place
 from gridslam.kernels.planning.drive_limits import (
     ANGLE,
     CURVATURE,
@@ -24,12 +24,12 @@ from gridslam.kernels.planning.drive_limits import (
 )
 
 RADIUS, SIDE = 2, 3  # columns of circles `(n, 4)`, after X and Y
-_FULL_TURN = 2.0 * np.pi
+_FULL_CIRCLE = 2.0 * np.pi
 _ZERO = 1e-9
-_FULL_TURN_TOLERANCE = 1e-6  # rad; an arc this close to a full turn has length 0
+_FULL_CIRCLE_TOLERANCE = 1e-6  # rad; an arc this close to a full turn has length 0
 _MIN_GAIN_S = 1e-4
-MAX_ROUNDS = 12  # over all circles at one step size
-MOVES = 14  # of a circle: 8 shifts, 4 changes of radius, reversing it, leaving it out
+MAX_ROUNDS = 12  # largest number of rounds over all circles at one step size
+MOVES = 14  # number of moves of a circle: 8 shifts, 4 changes of radius, reversing it, leaving it out
 
 
 @compiled
@@ -118,16 +118,16 @@ def chain_parts(
             yaw = leave
         if np.isnan(leave):
             leave = yaw
-        turn = (circles[i, SIDE] * (leave - yaw)) % _FULL_TURN
-        if turn > _FULL_TURN - _FULL_TURN_TOLERANCE:
-            turn = 0.0
+        rotation = (circles[i, SIDE] * (leave - yaw)) % _FULL_CIRCLE
+        if rotation > _FULL_CIRCLE - _FULL_CIRCLE_TOLERANCE:
+            rotation = 0.0
         arc = parts[2 * i]
         arc[X], arc[Y], arc[YAW] = x + signed * np.sin(yaw), y - signed * np.cos(yaw), yaw
-        arc[LENGTH], arc[CURVATURE], arc[ANGLE] = circles[i, RADIUS] * turn, 0.0, 0.0
+        arc[LENGTH], arc[CURVATURE], arc[ANGLE] = circles[i, RADIUS] * rotation, 0.0, 0.0
         if circles[i, RADIUS] > 0.0:
             arc[CURVATURE] = circles[i, SIDE] / circles[i, RADIUS]
         else:
-            arc[ANGLE] = turn if turn <= np.pi else turn - _FULL_TURN
+            arc[ANGLE] = rotation if rotation <= np.pi else rotation - _FULL_CIRCLE
             arc[ANGLE] *= circles[i, SIDE]
         if i + 1 < n:
             line = parts[2 * i + 1]
@@ -157,7 +157,7 @@ def parts_are_free(
     """Whether the robot collides with nothing on the parts `first` to `last - 1`."""
     for k in range(max(first, 0), min(last, parts.shape[0])):
         x, y, yaw, length, curvature, angle = parts[k]
-        if abs(angle) > _ZERO and not is_free_to_turn(world, x, y, yaw, angle):
+        if abs(angle) > _ZERO and not is_free_to_turn_in_place(world, x, y, yaw, angle):
             return False
         if abs(length) > _ZERO and not is_free(world, x, y, yaw, length, curvature):
             return False
@@ -178,8 +178,9 @@ def minimise_travel_time(
     """Circles `(m, 4)` after a pattern search for less travel time, and that time (s); infinite if the given chain is not free.
 
     Each circle in turn is shifted, widened, narrowed, widened about its outermost point, reversed or left out. A change that
-    takes less time and stays free is kept. The step size is halved from `first_step` (m) down to `last_step` (m); `radius` (m)
-    is the smallest radius of a circle.
+    takes less time, within the robot's `limits`, and stays free in the `world` between the poses `start` and `goal` (3,) is
+    kept. The step size is halved from `first_step` (m) down to `last_step` (m); `radius` (m) is the smallest radius of a
+    circle.
     """
     now = circles.copy()
     n = now.shape[0]

@@ -129,7 +129,7 @@ def is_free(
 
 
 @compiled
-def is_free_to_turn(
+def is_free_to_turn_in_place(
     world: CollisionWorld,
     x: float,
     y: float,

@@ -12,15 +12,15 @@ from gridslam.kernels.compiled import compiled
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
 
 WORDS = np.array([[1, 0, 1], [-1, 0, -1], [1, 0, -1], [-1, 0, 1], [-1, 1, -1], [1, -1, 1]], np.int64)
-_FULL_TURN = 2.0 * np.pi
-_FULL_TURN_TOLERANCE = 1e-9  # rad; an angle this close to a full turn counts as 0
+_FULL_CIRCLE = 2.0 * np.pi
+_FULL_CIRCLE_TOLERANCE = 1e-9  # rad; an angle this close to a full turn counts as 0
 
 
 @compiled
 def _wrapped(angle: float) -> float:
     """The angle (rad) in [0, 2 pi)."""
-    wrapped = angle % _FULL_TURN
-    return 0.0 if wrapped > _FULL_TURN - _FULL_TURN_TOLERANCE else wrapped
+    wrapped = angle % _FULL_CIRCLE
+    return 0.0 if wrapped > _FULL_CIRCLE - _FULL_CIRCLE_TOLERANCE else wrapped
 
 
 @compiled
@@ -54,13 +54,13 @@ def _word(word: int, d: float, a: float, b: float) -> tuple[float, float, float]
         k = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sa - sb)) / 8.0
         if abs(k) > 1.0:
             return -1.0, 0.0, 0.0
-        p = _FULL_TURN - np.arccos(k)
+        p = _FULL_CIRCLE - np.arccos(k)
         t = _wrapped(a - np.arctan2(ca - cb, d - sa + sb) + 0.5 * p)
         return t, p, _wrapped(a - b - t + p)
     k = (6.0 - d * d + 2.0 * cab + 2.0 * d * (sb - sa)) / 8.0  # LRL
     if abs(k) > 1.0:
         return -1.0, 0.0, 0.0
-    p = _FULL_TURN - np.arccos(k)
+    p = _FULL_CIRCLE - np.arccos(k)
     t = _wrapped(-a + np.arctan2(cb - ca, d + sa - sb) + 0.5 * p)
     return t, p, _wrapped(b - a - t + p)
 
@@ -94,7 +94,8 @@ def connect(
 ) -> float:
     """Length (m) of the shortest collision-free word of at most `max_length` (m); infinite if there is none.
 
-    The length (m) and curvature (1/m, left positive) of its parts are written to `out` `(3, 2)`.
+    It leads from the pose `start` to `goal` (3,) in the frame of `world` by arcs of `radius` (m). The length (m) and curvature
+    (1/m, left positive) of its parts are written to `out` `(3, 2)`.
     """
     parts, total = dubins_words(start, goal, radius)
     for _ in range(6):

@@ -27,8 +27,9 @@ def cost_to_go(
 ) -> NDArray[np.float32]:
     """Cost (m) `(rows, cols)` from every cell to the goal over 8 neighbours (Dijkstra 1959); infinite if it was not reached.
 
-    Cells whose centre has less than `required` (m) clearance are closed. A metre costs 1, rising to 1 + `obstacle_weight` as the
-    clearance beyond `required` falls from `inflation_radius` (m) to 0. `goal` and `start` are flat indices. The search ends at
+    `field` is the distance (m) to the nearest obstacle as of `clearance`; cells have the size `resolution` (m). Cells whose
+    centre has less than `required` (m) clearance are closed. A metre costs 1, rising to 1 + `obstacle_weight` as the clearance
+    beyond `required` falls from `inflation_radius` (m) to 0. `goal` and `start` are flat indices. The search ends at
     `search_factor` times the cost of the start.
     """
     rows, cols = field.shape[0] // 2, field.shape[1] // 2

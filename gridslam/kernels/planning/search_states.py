@@ -17,7 +17,7 @@ MAX_EXPANSIONS_AFTER_GOAL = 4000  # states expanded after the first path to a go
 
 
 class Query(NamedTuple):
-    """What the search looks for, and on which grid.
+    """Goals of a search, the robot's limits, and the grid of the states.
 
     goals: Poses `(g, 3)`, one of which is to be reached.
     guide_path: Poses `(m, 3)` along the guide path.
@@ -104,7 +104,10 @@ def push_state(
     direction: int,
     motion: NDArray[np.float64],
 ) -> None:
-    """Append a state and queue it by its `priority`."""
+    """Append a state reached from `parent` by a `motion` `(3, 2)` at a `cost` (s), and queue it by its `priority`.
+
+    `pose` (3,), `mark` and `direction` are those of `States`.
+    """
     n = states.size[COUNT]
     copy_row(states.pose, n, pose)
     copy_row(states.parts, n, motion)
@@ -169,7 +172,7 @@ def next_state(states: States) -> int:
 
 @compiled
 def hash_slot(query: Query, states: States, pose: NDArray[np.float64], direction: int) -> tuple[int, int]:
-    """The slot of the hash table that holds, or would hold, the bin of a pose, and the bin's key."""
+    """The slot of the hash table that holds, or would hold, the bin of a pose (3,) and direction (+1, -1), and its key."""
     row, col = int(pose[Y] / query.bin_size), int(pose[X] / query.bin_size)
     yaw = int((pose[YAW] % (2.0 * np.pi)) / (2.0 * np.pi) * query.bin_yaws)
     key = (((row << 22) + col) << 12) + (yaw << 1) + (1 if direction > 0 else 0)
@@ -182,7 +185,7 @@ def hash_slot(query: Query, states: States, pose: NDArray[np.float64], direction
 
 @compiled
 def extract_motions(states: States, node: int) -> NDArray[np.float64]:
-    """The motions from the start to a state, equal neighbours merged."""
+    """Motions `(m, 2)` from the start to a state: length (m, negative: backwards), curvature (1/m); equal neighbours merged."""
     chain = [node]
     while states.parent[chain[-1]] >= 0:
         chain.append(states.parent[chain[-1]])

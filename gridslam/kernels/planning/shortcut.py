@@ -26,8 +26,9 @@ def shortcut(
 ) -> NDArray[np.float64]:
     """Motions `(m, 2)` (length, curvature) that take less time than the given motions `(n, 2)` between the same poses.
 
-    The path is cut into pieces of at most `spacing` (m). From every joint, each of the next `max_joints_ahead` joints is
-    connected by Dubins paths of the given `radii` (m) where these are free.
+    `parts` are the given motions from the pose `start` (3,); those returned keep to the robot's `limits`. The path is cut into
+    pieces of at most `spacing` (m). From every joint, each of the next `max_joints_ahead` joints is connected by Dubins paths
+    of the given `radii` (m) where these are free.
     """
     joints = _joints(start, parts, spacing)
     n = joints.shape[0]

@@ -151,8 +151,8 @@ def is_supported(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> Bool
     pool = pool.select(expected)
     chi2, std_m = pairwise_disagreement(poses, graph, pool.edges)
     meaningful = std_m < MEANINGFUL_STD_RATIO * np.minimum(pool.std_m[:, None], pool.std_m[None])
-    agree = (chi2 < CHI2_3DOF_99) & meaningful
-    np.fill_diagonal(agree, False)
+    is_consistent = (chi2 < CHI2_3DOF_99) & meaningful
+    np.fill_diagonal(is_consistent, False)
     distinct = pool.rival_score <= DISTINCT_RIVAL_RATIO * pool.score
     sure = (
         (pool.rival_score <= SURE_RIVAL_RATIO * pool.score)
@@ -160,7 +160,7 @@ def is_supported(poses: Floats, graph: DirectedEdges, pool: LoopMatches) -> Bool
         & (pool.explained >= SURE_EXPLAINED)
         & (pool.contradicted <= SURE_CONTRADICTED)
     )
-    for clique in largest_cliques(agree):
+    for clique in largest_cliques(is_consistent):
         accepted[expected[clique]] = (len(clique) > 1 and distinct[clique].any()) or sure[clique].any()
     return accepted
 
@@ -169,9 +169,9 @@ def _accept(closed: ClosedLoops, fixed: Edges, fresh: LoopMatches) -> None:
     """Add loops and optimise; loops that the rest of the graph contradicts are taken out again."""
     accepted = LoopMatches.concatenate([closed.accepted, fresh])
     poses, weights = optimise(closed.poses, Edges.concatenate([fixed, accepted.edges]), ROBUST_SCALE)
-    fits = weights[len(fixed) :] >= REJECTED_WEIGHT
-    if not fits.all():
-        closed.removed.append(accepted.select(~fits))
-        accepted = accepted.select(fits)
+    is_accepted = weights[len(fixed) :] >= REJECTED_WEIGHT
+    if not is_accepted.all():
+        closed.removed.append(accepted.select(~is_accepted))
+        accepted = accepted.select(is_accepted)
         poses, _ = optimise(closed.poses, Edges.concatenate([fixed, accepted.edges]), ROBUST_SCALE)
     closed.accepted, closed.poses = accepted, poses

@@ -89,12 +89,12 @@ def agreeing_evidence(places: Sequence[Contradiction], moved: Sequence[Displacem
     own = [place.wall_m * max(by.gain, 0.0) for place, by in zip(places, moved, strict=True)]
     evidence = []
     for place, by in zip(places, moved, strict=True):
-        agree = [
+        is_alike = [
             math.hypot(place.x_m - other.x_m, place.y_m - other.y_m) <= AGREEING_WITHIN_M
             and min(math.hypot(by.dx_m - s * o.dx_m, by.dy_m - s * o.dy_m) for s in (-1.0, 1.0)) <= AGREEING_M
             for other, o in zip(places, moved, strict=True)
         ]
-        evidence.append(sum(metres for metres, same in zip(own, agree, strict=True) if same))
+        evidence.append(sum(metres for metres, same in zip(own, is_alike, strict=True) if same))
     return evidence
 
 

@@ -228,8 +228,8 @@ def _looked_at(centres: Floats, scans: PlacedScans, frame: CellFrame, *, is_met:
         nearest = _nearest_angle(beam_angle[order], angle)
         missed_by = np.abs(np.angle(np.exp(1j * (beam_angle[order][nearest] - angle)))) * distance
         behind = beam_range[order][nearest] - distance
-        fits = np.abs(behind) <= 1.5 * frame.resolution_m if is_met else behind >= BEHIND_M
-        rows = np.flatnonzero(fits & (missed_by <= frame.resolution_m) & (distance <= MAX_RANGE_M))
+        is_behind = np.abs(behind) <= 1.5 * frame.resolution_m if is_met else behind >= BEHIND_M
+        rows = np.flatnonzero(is_behind & (missed_by <= frame.resolution_m) & (distance <= MAX_RANGE_M))
         cells.append(rows)
         angles.append(angle[rows])
         stamps.append(np.full(len(rows), scans.stamps_ns[k]))

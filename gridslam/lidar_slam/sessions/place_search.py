@@ -77,8 +77,8 @@ def find_places(known: KnownMap, drive: KnownMap, first_query: int = 0) -> LoopM
     tried: set[int] = set()
     pool = LoopMatches.none()
     for spacing in SPACINGS:
-        begin = first_query + min(spacing // 2, own // 2)
-        queries = [q for q in range(begin, end, spacing) if q not in tried]
+        first_of_drive = first_query + min(spacing // 2, own // 2)
+        queries = [q for q in range(first_of_drive, end, spacing) if q not in tried]
         tried.update(queries)
         if not queries:
             continue
@@ -96,9 +96,9 @@ def _agreeing(poses: Floats, graph: DirectedEdges, pool: LoopMatches, own: int) 
     if not len(pool):
         return none
     chi2, _ = pairwise_disagreement(poses, graph, pool.edges)
-    agree = chi2 < CHI2_3DOF_99
-    np.fill_diagonal(agree, False)
-    cliques = largest_cliques(agree)
+    is_consistent = chi2 < CHI2_3DOF_99
+    np.fill_diagonal(is_consistent, False)
+    cliques = largest_cliques(is_consistent)
     is_distinct = pool.rival_score <= DISTINCT_RIVAL_RATIO * pool.score
     is_clear = (
         (pool.score >= CLEAR_SCORE)

@@ -314,8 +314,12 @@ def _offset(laser: LaserLine) -> tuple[float, float, float]:
     (rx, ry, ryaw), (lx, ly, lyaw) = laser.robot_pose or (0.0, 0.0, 0.0), laser.laser_pose
     cos, sin = math.cos(ryaw), math.sin(ryaw)
     dx, dy = lx - rx, ly - ry
-    turn = math.remainder(lyaw - ryaw, 2.0 * math.pi)
-    return round(cos * dx + sin * dy, 6) + 0.0, round(cos * dy - sin * dx, 6) + 0.0, round(turn, 6) + 0.0
+    yaw_offset = math.remainder(lyaw - ryaw, 2.0 * math.pi)
+    return (
+        round(cos * dx + sin * dy, 6) + 0.0,
+        round(cos * dy - sin * dx, 6) + 0.0,
+        round(yaw_offset, 6) + 0.0,
+    )
 
 
 def _number(word: bytes) -> float:

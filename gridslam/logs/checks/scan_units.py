@@ -11,7 +11,7 @@ import numpy as np
 from gridslam.core.messages import LaserScan, PointCloud, as_float32, readonly
 from gridslam.logs.message_counts import MessageCounts
 
-MAX_TURN_RAD = 2.0 * math.pi * 1.05  # largest angle of a sweep: a circle and 5 %
+MAX_SWEEP_RAD = 2.0 * math.pi * 1.05  # largest angle of a sweep: a circle and 5 %
 MIN_SWEEP_RAD = 0.1  # a lidar that says degrees sees more than this
 MAX_RANGE_M = 1000.0  # no planar lidar sees as far
 MAX_MEDIAN_M = 100.0  # largest median of readings: beyond it, and beyond any limit, they are no metres
@@ -24,12 +24,12 @@ def in_radians(scan: LaserScan) -> LaserScan:
     """The scan with its angles as radians, if they can only be degrees; else the same object."""
     intervals = len(scan.ranges_m) - 1
     sweep = abs(scan.angle_increment_rad) * intervals
-    if intervals < 1 or not math.isfinite(sweep) or sweep <= MAX_TURN_RAD:
+    if intervals < 1 or not math.isfinite(sweep) or sweep <= MAX_SWEEP_RAD:
         return scan
-    if not MIN_SWEEP_RAD < math.radians(sweep) <= MAX_TURN_RAD or abs(scan.angle_min_rad) > 360.0:
+    if not MIN_SWEEP_RAD < math.radians(sweep) <= MAX_SWEEP_RAD or abs(scan.angle_min_rad) > 360.0:
         return scan
     first, last = (
-        value if abs(value) <= MAX_TURN_RAD else math.radians(value)  # some state the limits right
+        value if abs(value) <= MAX_SWEEP_RAD else math.radians(value)  # some state the limits right
         for value in (scan.angle_min_rad, scan.angle_max_rad)
     )
     return replace(

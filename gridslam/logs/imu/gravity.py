@@ -93,8 +93,8 @@ def _integrated(rates: Floats, steps_s: Floats) -> Floats:
 
     quats = np.empty((len(rates), 4))  # x, y, z, w
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
-    turns = (0.5 * rates * np.minimum(steps_s, MAX_GAP_S)[:, None]).tolist()
-    for k, (a, b, c) in enumerate(turns):
+    half_rotations = (0.5 * rates * np.minimum(steps_s, MAX_GAP_S)[:, None]).tolist()
+    for k, (a, b, c) in enumerate(half_rotations):
         w, x, y, z = (
             w - x * a - y * b - z * c,
             x + w * a + y * c - z * b,

@@ -16,7 +16,7 @@ STEP_S = 0.1  # duration over which rotations are compared
 MIN_LAG_S = 0.03  # a robot that sways tilts by less than it matters in a shorter time
 MIN_CORRELATION = 0.9  # smallest correlation of the rotations with the lag
 MIN_GAIN = 1.5  # what is missing to a correlation of 1 without the lag, by what is missing with it
-MIN_TURN_RAD = 1.0  # smallest rotation of the odometry
+MIN_ROTATION_RAD = 1.0  # smallest rotation of the odometry
 
 
 def imu_lag_s(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryReference | None) -> float:
@@ -34,7 +34,7 @@ def imu_lag_s(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryRefer
     if len(grid) < 3:
         return 0.0
     turned = np.diff(np.interp(grid, own, np.unwrap(odometry.yaws)))
-    if np.abs(turned).sum() < MIN_TURN_RAD:
+    if np.abs(turned).sum() < MIN_ROTATION_RAD:
         return 0.0
     found = np.array(
         [abs(_correlation(np.diff(np.interp(grid + lag, times, heading)), turned)) for lag in LAGS_S]

@@ -25,7 +25,7 @@ MIN_AGREEMENT = 0.9
 # Smallest correlation of changes of the vertical with the turn rates that should cause them
 MIN_RATE_CORRELATION = 0.5
 RATE_STEP_S = 0.1  # duration over which these are compared
-MIN_TURN_RAD = 1.0  # smallest rotation of the odometry that shows the sign of the IMU's yaw rate
+MIN_ROTATION_RAD = 1.0  # smallest rotation of the odometry that shows the sign of the IMU's yaw rate
 YAW_STEP_S = 0.5
 MAX_MOUNT_TILT_RAD = math.radians(15.0)  # largest tilt of the IMU on the robot beyond its known extrinsics
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
@@ -96,7 +96,7 @@ def _by_orientation(readings: ImuReadings, forces: Floats | None) -> Floats | No
         raise UntrustedImuError(f"its quaternions have length {np.median(norms):.3g}, not 1")
     known = _up_of(quats[measured] / norms[:, None])
     up: Floats = known[np.maximum(np.cumsum(measured) - 1, 0)]  # where it is missing, as before
-    _check_turn_rates(readings, up)
+    _check_angular_rates(readings, up)
     return up
 
 
@@ -106,7 +106,7 @@ def _up_of(quats: Floats) -> Floats:
     return np.column_stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
 
 
-def _check_turn_rates(readings: ImuReadings, up: Floats) -> None:
+def _check_angular_rates(readings: ImuReadings, up: Floats) -> None:
     """Raises UntrustedImuError: the vertical `(n, 3)` changes otherwise than by the turn rates."""
     rates = readings.rates
     if not rates[:, :2].any():
@@ -159,7 +159,7 @@ def _yaw_sense(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryRefe
     ours = np.diff(np.interp(grid, times, heading))
     theirs = np.diff(np.interp(grid, odometry.stamps_ns * 1e-9, np.unwrap(odometry.yaws)))
     size = math.sqrt(float((ours**2).sum() * (theirs**2).sum()))
-    if np.abs(theirs).sum() < MIN_TURN_RAD or size == 0.0:
+    if np.abs(theirs).sum() < MIN_ROTATION_RAD or size == 0.0:
         return 0
     correlation = float((ours * theirs).sum()) / size
     return 0 if abs(correlation) < MIN_RATE_CORRELATION else int(np.sign(correlation))

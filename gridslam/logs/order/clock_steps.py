@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.stamps import NS_PER_S
 
-MIN_STEP_NS = NS_PER_S // 5  # smaller ones are jitter, or cannot be told apart from the period of a stream
+MIN_STEP_NS = NS_PER_S // 5  # smaller ones are jitter, or cannot be distinguished from the period of a stream
 _MIN_OVERLAP = 0.5  # overlap of the spans that two streams jump back over, relative to the longer
 _MAX_STEPS = 1000  # largest number of steps of one stream; one with more is in disorder
 

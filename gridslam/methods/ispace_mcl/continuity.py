@@ -15,7 +15,7 @@ MAX_POINTS = 180  # largest number of points of each scan
 MIN_POINTS = 10  # with fewer points nothing is known
 # Overlaps of consecutive scans of recorded drives are above 0.5 in all but a few, also in crowds that hide half the view. Where
 # the robot was carried elsewhere most are below 0.4.
-BROKEN_OVERLAP = 0.5  # below this overlap the robot may have been carried
+DISCONTINUOUS_OVERLAP = 0.5  # below this overlap the robot may have been carried
 WHOLE_OVERLAP = 0.6  # from this overlap on the robot was hardly carried
 
 

@@ -34,7 +34,7 @@ from gridslam.methods.ispace_mcl.confidence import (
     InlierLimits,
 )
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
-from gridslam.methods.ispace_mcl.continuity import BROKEN_OVERLAP
+from gridslam.methods.ispace_mcl.continuity import DISCONTINUOUS_OVERLAP
 from gridslam.methods.ispace_mcl.lasting_walls import lasting_walls
 from gridslam.methods.ispace_mcl.search.initial_particles import initial_particles
 from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, Relocalizer, TrackedPose
@@ -129,7 +129,7 @@ class Localizer:
             self._predict(step, odometry_jumped)
         self._window.add(odometry, beams.extrinsics[:2], beams.points, observations)
         self._schedule.travel(travel_m)
-        if self._window.last_overlap < BROKEN_OVERLAP:
+        if self._window.last_overlap < DISCONTINUOUS_OVERLAP:
             self._schedule.doubt()
         self._add_news(step)
         if not self._is_initialised:

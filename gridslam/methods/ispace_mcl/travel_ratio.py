@@ -28,9 +28,9 @@ def travel_ratio(poses: Floats, odometry: Floats, is_localized: Bools) -> float:
     `poses` and `odometry` `(n, 3)` are those of all scans. Only stretches count over which the robot was localized throughout.
     """
     moved, by_odometry = (np.hypot(*np.diff(path[:, :2], axis=0).T) for path in (poses, odometry))
-    is_broken = ~is_localized[1:] | (moved > MAX_STEP_M) | (by_odometry > MAX_STEP_M)
+    is_interrupted = ~is_localized[1:] | (moved > MAX_STEP_M) | (by_odometry > MAX_STEP_M)
     ratios = []
-    for first, last in pairwise([-1, *np.flatnonzero(is_broken).tolist(), len(moved)]):
+    for first, last in pairwise([-1, *np.flatnonzero(is_interrupted).tolist(), len(moved)]):
         ratios += _ratios(poses[first + 1 : last + 1, :2], odometry[first + 1 : last + 1, :2])
     if len(ratios) < MIN_WINDOWS:
         return 1.0

@@ -7,7 +7,7 @@ import math
 from gridslam.simulation.driving.drive import STEP_S, DrivenRobot
 from gridslam.simulation.driving.robot_config import Robot
 
-SHARP_TURN_RAD = 0.6  # at a larger bearing to the waypoint the robot turns on the spot
+SHARP_CORNER_RAD = 0.6  # at a larger bearing to the waypoint the robot turns on the spot
 HEADING_GAIN = 1.5  # 1/s
 BRAKE_FRACTION = 0.7  # fraction of the drive's acceleration that is used to slow down before a waypoint
 
@@ -73,12 +73,12 @@ class RouteDriver:
         rate = min(HEADING_GAIN * abs(bearing), math.sqrt(2.0 * braking * abs(bearing)), max_rate)
         rate = math.copysign(rate, bearing)
         forward = 0.0
-        if abs(bearing) < SHARP_TURN_RAD:
+        if abs(bearing) < SHARP_CORNER_RAD:
             stopping = math.sqrt(2.0 * BRAKE_FRACTION * robot.wheels.acceleration_mps2 * distance)
             forward = (
                 min(self.config.speed_mps, stopping)
                 * math.cos(bearing)
-                * (1.0 - abs(bearing) / SHARP_TURN_RAD)
+                * (1.0 - abs(bearing) / SHARP_CORNER_RAD)
             )
         return wheel_speeds(robot, forward, rate)
 

@@ -23,7 +23,7 @@ class Grip:
         self._travel_to_next_m -= 0.5 * (abs(left_m) + abs(right_m))
         if self._travel_to_next_m <= 0.0:
             self._travel_to_next_m = self._draw_travel()
-            self._begin()
+            self._start_loss()
         if not any(self._to_lose_m):
             return left_m, right_m
         return self._lose(0, left_m), self._lose(1, right_m)
@@ -31,7 +31,7 @@ class Grip:
     def _draw_travel(self) -> float:
         return float(self._rng.exponential(1000.0 / self._config.per_km))
 
-    def _begin(self) -> None:
+    def _start_loss(self) -> None:
         """Half of the losses take both wheels, a quarter the left one, a quarter the right one."""
         draw, size = self._rng.random(2).tolist()
         if draw < 0.5:

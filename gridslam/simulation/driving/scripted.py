@@ -30,7 +30,7 @@ from gridslam.maps.drawing import RESOLUTION_M, Drawing
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000
 SPEED_M = 0.06  # travel per period
-TURN_RAD = 0.08  # rotation per period
+ROTATION_RAD = 0.08  # rotation per period
 RANGE_MAX_M = 20.0
 LASER_X_M = 0.1
 SWEEP_EVERY = 20  # periods between sweeps of the infrared ranger, which looks ahead: they overlap
@@ -104,7 +104,7 @@ def true_path(laps: int = 2) -> NDArray[np.float64]:
         rotation = (
             float(se2.wrap_angle(np.arctan2(*(after - end)[::-1]) - yaw)) if (after != end).any() else 0.0
         )
-        n = max(round(abs(rotation) / TURN_RAD), 1)
+        n = max(round(abs(rotation) / ROTATION_RAD), 1)
         pieces.append(
             np.column_stack([np.tile(end, (n, 1)), se2.wrap_angle(yaw + np.arange(n) / n * rotation)])
         )

@@ -41,7 +41,7 @@ def _visits(layout: Layout, travel_m: float, rng: np.random.Generator) -> list[i
         length += _length(layout, layout.lanes[lane])
         if length + back_m[there] > travel_m:
             spare_m = travel_m - (length - _length(layout, layout.lanes[lane])) - back_m[here]
-            visits += _turn_back(layout, here, lane, 0.5 * spare_m)
+            visits += _there_and_back(layout, here, lane, 0.5 * spare_m)
             break
         driven[lane] += 1
         visits.append(there)
@@ -50,15 +50,15 @@ def _visits(layout: Layout, travel_m: float, rng: np.random.Generator) -> list[i
     return visits
 
 
-def _turn_back(layout: Layout, here: int, lane: int, distance_m: float) -> list[int]:
+def _there_and_back(layout: Layout, here: int, lane: int, distance_m: float) -> list[int]:
     """A new node in the middle of a lane, where the robot turns, and the node that it came from."""
     if distance_m < SHORTEST_M:
         return []
     start, end = layout.nodes[here], layout.nodes[_other(layout.lanes[lane], here)]
     part = min(distance_m / math.dist(start, end), 1.0)
-    turn = layout.add_node((start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])))
-    layout.add_lanes((here, turn), layout.lanes[lane].lateral_m)
-    return [turn, here]
+    far_node = layout.add_node((start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])))
+    layout.add_lanes((here, far_node), layout.lanes[lane].lateral_m)
+    return [far_node, here]
 
 
 def _waypoints(layout: Layout, visits: list[int], rng: np.random.Generator) -> list[XY]:

@@ -29,8 +29,8 @@ def bayed_wall(start: XY, end: XY, bay: Bay, margin_m: float = 0.5) -> Array:
     if first < margin_m:
         count = 0
     corners = [origin]
-    for begin in first + bay.pitch_m * np.arange(count):
-        before, after = origin + begin * along, origin + (begin + bay.width_m) * along
+    for offset in first + bay.pitch_m * np.arange(count):
+        before, after = origin + offset * along, origin + (offset + bay.width_m) * along
         corners += [before, before + bay.depth_m * left, after + bay.depth_m * left, after]
     return np.array([*corners, np.asarray(end)])
 

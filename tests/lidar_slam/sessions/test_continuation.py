@@ -45,10 +45,10 @@ def test_a_map_grows_by_a_drive_that_leaves_it() -> None:
 
 
 def test_parts_that_do_not_meet_are_kept_apart_and_continued_where_they_are() -> None:
-    begin, elsewhere = LAP[:60], np.array([1.6, 1.2])
+    first_part, elsewhere = LAP[:60], np.array([1.6, 1.2])
     end = LAP * np.array([*elsewhere, 1.0])
     apart = continued(
-        session_of(drive_along(begin, "a")), drive_along(end, "b", 1000, PLACE * np.tile(elsewhere, 2))
+        session_of(drive_along(first_part, "a")), drive_along(end, "b", 1000, PLACE * np.tile(elsewhere, 2))
     )
     assert not apart.is_joined
     assert apart.session.parts.tolist() == [0, 1]
@@ -63,7 +63,7 @@ def test_parts_that_do_not_meet_are_kept_apart_and_continued_where_they_are() ->
         whole.parts[::2],
         whole.constraints,
     )
-    assert errors(both, [begin, LAP]).max() < 0.15
+    assert errors(both, [first_part, LAP]).max() < 0.15
 
 
 def test_what_was_moved_is_reported_and_the_map_shows_the_newest_state(first: Session) -> None:

@@ -25,14 +25,14 @@ def corridor(cell: float, second_scale: float) -> np.ndarray:
     def pixel(x: float, y: float) -> tuple[int, int]:
         return round((3.0 + drawn_x(x, second_scale)) / cell), round((3.0 + y) / cell)
 
-    outline = [(0.0, 0.0)]
+    contour = [(0.0, 0.0)]
     sides: tuple[list[tuple[float, float]], list[tuple[float, float]]] = ([], [])
     for number, x in enumerate(NICHES_M):
         side = number % 2
         y, depth = (0.0, -1.2) if side == 0 else (2.0, 3.2)
         sides[side].extend([(x, y), (x, depth), (x + 1.0, depth), (x + 1.0, y)])
-    outline += [*sides[0], (LENGTH_M, 0.0), (LENGTH_M, 2.0), *reversed(sides[1]), (0.0, 2.0)]
-    cv2.polylines(image, [np.array([pixel(*p) for p in outline])], True, 1, 1)
+    contour += [*sides[0], (LENGTH_M, 0.0), (LENGTH_M, 2.0), *reversed(sides[1]), (0.0, 2.0)]
+    cv2.polylines(image, [np.array([pixel(*p) for p in contour])], True, 1, 1)
     return image > 0
 
 

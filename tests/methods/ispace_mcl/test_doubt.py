@@ -28,7 +28,7 @@ WALLS = 0.65
 
 
 @dataclass(frozen=True)
-class History:
+class FakeHistory:
     """What doubt_of asks for."""
 
     statuses: Sequence[str]
@@ -65,7 +65,7 @@ def room(negated: bool = False) -> OccupancyGrid:
     ],
 )
 def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None:
-    assert doubt_of(History(statuses, [0.01] * len(statuses)), room(), WALLS) is None
+    assert doubt_of(FakeHistory(statuses, [0.01] * len(statuses)), room(), WALLS) is None
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None
     ],
 )
 def test_a_robot_that_was_rarely_localized_or_lost_at_the_end_is_lost(statuses: list[str], line: str) -> None:
-    doubt = doubt_of(History(statuses, [0.01] * len(statuses)), room(), WALLS)
+    doubt = doubt_of(FakeHistory(statuses, [0.01] * len(statuses)), room(), WALLS)
     assert doubt is not None
     assert doubt.status == "lost"
     assert doubt.reason.startswith(line)
@@ -88,7 +88,7 @@ def test_a_robot_that_was_rarely_localized_or_lost_at_the_end_is_lost(statuses: 
 
 def test_scans_that_fit_in_several_places_do_not_question_the_map() -> None:
     statuses = ["uncertain"] * 90 + ["localized"] * 10
-    doubt = doubt_of(History(statuses, [0.01] * 100, inlier_ratio=1.0), room(), WALLS)
+    doubt = doubt_of(FakeHistory(statuses, [0.01] * 100, inlier_ratio=1.0), room(), WALLS)
     assert doubt is not None
     assert doubt.status == "lost"
     assert "more than one place" in doubt.reason
@@ -96,7 +96,7 @@ def test_scans_that_fit_in_several_places_do_not_question_the_map() -> None:
 
 
 def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
-    doubt = doubt_of(History(["lost"] * 10, [0.0] * 10), room(negated=True), WALLS)
+    doubt = doubt_of(FakeHistory(["lost"] * 10, [0.0] * 10), room(negated=True), WALLS)
     assert doubt is not None
     assert "`negate`" in doubt.reason
 
@@ -104,7 +104,7 @@ def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
 @pytest.mark.parametrize(("ratio", "status"), [(0.02, None), (0.06, "inconsistent")])
 def test_walls_that_beams_pass_a_little_are_doubted(ratio: float, status: str | None) -> None:
     statuses = ["lost"] * 10 + ["localized"] * 90
-    doubt = doubt_of(History(statuses, [0.5] * 10 + [ratio] * 90), room(), WALLS)
+    doubt = doubt_of(FakeHistory(statuses, [0.5] * 10 + [ratio] * 90), room(), WALLS)
     assert (doubt.status if doubt else None) == status
     assert doubt is None or doubt.reason.startswith(
         "localized, but 6 % of the beams at walls end behind them"
@@ -145,8 +145,8 @@ def test_only_a_wall_that_stands_farther_off_displaces_beams(
 
 
 def test_places_that_the_odometry_does_not_connect_are_inconsistent() -> None:
-    assert doubt_of(History(["localized"] * 100, [0.0] * 100, jumps=[17.0]), room(), WALLS) is None
-    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100, jumps=[17.0, 4.0]), room(), WALLS)
+    assert doubt_of(FakeHistory(["localized"] * 100, [0.0] * 100, jumps=[17.0]), room(), WALLS) is None
+    doubt = doubt_of(FakeHistory(["localized"] * 100, [0.0] * 100, jumps=[17.0, 4.0]), room(), WALLS)
     assert doubt is not None
     assert (doubt.status, "3 places" in doubt.reason, "17 m" in doubt.reason) == ("inconsistent", True, True)
 
@@ -164,14 +164,14 @@ def test_a_jump_is_what_neither_the_odometry_nor_its_drift_explains() -> None:
 
 
 def test_travel_that_differs_from_the_odometry_is_inconsistent() -> None:
-    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100, 1.25), room(), WALLS)
+    doubt = doubt_of(FakeHistory(["localized"] * 100, [0.0] * 100, 1.25), room(), WALLS)
     assert doubt is not None
     assert doubt.status == "inconsistent"
     assert "1.25 times as far on the map as by its odometry" in doubt.reason
 
 
 def test_a_map_that_the_mirror_image_fits_better_is_inconsistent() -> None:
-    doubt = doubt_of(History(["localized"] * 100, [0.0] * 100), room(), WALLS, is_map_mirrored=True)
+    doubt = doubt_of(FakeHistory(["localized"] * 100, [0.0] * 100), room(), WALLS, is_map_mirrored=True)
     assert doubt is not None
     assert doubt.status == "inconsistent"
     assert "mirror" in doubt.reason

@@ -22,7 +22,7 @@ def test_pieces_of_the_size_of_furniture_are_left_out() -> None:
     np.testing.assert_array_equal(lasting_walls(furnished, 0.05), expected)
 
 
-def test_all_pieces_of_a_map_without_long_walls_stay() -> None:
+def test_all_pieces_of_a_map_without_long_walls_are_kept() -> None:
     speckled = room()
     speckled[:, ::7] = speckled[::7] = False
     np.testing.assert_array_equal(lasting_walls(speckled, 0.05), speckled)

@@ -11,7 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.methods.ispace_mcl.cameras.environment import CameraObservation
 from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.methods.ispace_mcl.search.hypothesis_scores import (
-    BROKEN_LOG_ODDS,
+    DISCONTINUOUS_LOG_ODDS,
     KIDNAPPING_LOG_ODDS,
     kidnapping_log_odds,
     with_filter,
@@ -56,10 +56,10 @@ def test_having_been_carried_costs_less_where_a_scan_does_not_continue_the_one_b
     here, there = _points((-1.0, 3.8, 0.0)), _points((5.0, 8.5, 1.0))
     step = np.array([0.2, 0.0, 0.0])
     continued = overlap_of(here, _points((-0.8, 3.8, 0.0)), step)
-    broken = overlap_of(here, there, step)
+    discontinuous = overlap_of(here, there, step)
     assert overlap_of(here, there[:5], step) == 1.0  # too few points to know
-    prices = kidnapping_log_odds(np.array([continued, broken]))
-    assert prices.tolist() == [KIDNAPPING_LOG_ODDS, BROKEN_LOG_ODDS]
+    prices = kidnapping_log_odds(np.array([continued, discontinuous]))
+    assert prices.tolist() == [KIDNAPPING_LOG_ODDS, DISCONTINUOUS_LOG_ODDS]
 
 
 def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():

@@ -40,9 +40,9 @@ def path(laps: int) -> Floats:
     for leg in range(4 * laps):
         path = corners[(leg + 1) % 4] - corners[leg % 4]
         heading = float(np.arctan2(path[1], path[0]))
-        turn = float(se2.wrap_angle(heading - poses[-1][2]))
-        for _ in range(int(np.ceil(abs(turn) / 0.15))):
-            poses.append(poses[-1] + [0.0, 0.0, turn / np.ceil(abs(turn) / 0.15)])
+        rotation = float(se2.wrap_angle(heading - poses[-1][2]))
+        for _ in range(int(np.ceil(abs(rotation) / 0.15))):
+            poses.append(poses[-1] + [0.0, 0.0, rotation / np.ceil(abs(rotation) / 0.15)])
         length = float(np.hypot(*path))
         for k in range(1, round(length / STEP_M) + 1):
             xy = corners[leg % 4] + path * min(k * STEP_M / length, 1.0)
@@ -73,8 +73,8 @@ def events(laps: int = 2, seed: int = 0, extrinsics_yaw_rad: float = 0.0) -> Ite
     for k, pose in enumerate(truth):
         if k:
             step = se2.between(truth[k - 1], pose)
-            turn = step[2] * 1.02 + 0.0015 + rng.normal(0.0, 0.002)
-            odometry = se2.compose(odometry, [step[0] * 1.01 + rng.normal(0.0, 0.003), 0.0, turn])
+            rotation = step[2] * 1.02 + 0.0015 + rng.normal(0.0, 0.002)
+            odometry = se2.compose(odometry, [step[0] * 1.01 + rng.normal(0.0, 0.003), 0.0, rotation])
         stamp = 1_000_000_000 + k * PERIOD_NS
         yield Odometry(stamp, "odom", *(float(v) for v in odometry))
         ranges = ranges_from(pose, angles + extrinsics_yaw_rad) + rng.laplace(0.0, 0.008, BEAMS)

@@ -56,7 +56,7 @@ class Pursuit:
             drive,
             max_speed_mps=min(config.max_speed_mps, drive.max_speed_mps),
             acceleration_mps2=min(MAX_ACCELERATION_MPS2, drive.acceleration_mps2),
-            max_turn_radps=min(MAX_YAW_RATE_RADPS, drive.max_turn_radps),
+            max_yaw_rate_radps=min(MAX_YAW_RATE_RADPS, drive.max_yaw_rate_radps),
         )
         self._path = np.zeros((0, 2))  # in the odometry's frame
         self._scans: deque[tuple[Floats, Floats]] = deque(maxlen=RECENT_SCANS)
@@ -133,20 +133,20 @@ class Pursuit:
 
     def _recover(self, target: Floats, obstacles: Floats) -> WheelSpeeds:
         """Turn towards the path; in every second attempt back off, if there is room behind."""
-        turn_mps = RECOVERY_SPEED * self._drive.max_turn_radps * self._drive.base_m
+        wheel_mps = RECOVERY_SPEED * self._drive.max_yaw_rate_radps * self._drive.base_m
         if self._attempts % 2:
             bearing = float(np.arctan2(target[1], target[0]))
             if abs(bearing) < ALIGNED_RAD:
                 return WheelSpeeds.standing()
             side = 0.5 * float(np.copysign(min(1.0, abs(bearing)), bearing))
-            return WheelSpeeds(-side * turn_mps, side * turn_mps)
+            return WheelSpeeds(-side * wheel_mps, side * wheel_mps)
         speed = BACK_OFF_M / RECOVERY_S
         back = np.array([[-speed, -speed]])
         radius = self._drive.radius_m + SETTINGS.margin_m
         free_m = float(free_distances(back, obstacles, self._drive.base_m, radius, 1.0)[0])
         if free_m > MIN_BACK_OFF_M:
             return WheelSpeeds(-speed, -speed)
-        return WheelSpeeds(-0.5 * turn_mps, 0.5 * turn_mps)
+        return WheelSpeeds(-0.5 * wheel_mps, 0.5 * wheel_mps)
 
 
 def look_ahead(path: Floats, distance_m: float) -> Floats:

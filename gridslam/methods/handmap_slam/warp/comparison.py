@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NEAR_M = 4.0  # the warp of a place is used up to this distance
-AGREES_M = 0.5  # a mapped surface this close to a drawn wall is drawn, and the reverse
+DRAWN_WITHIN_M = 0.5  # a mapped surface this close to a drawn wall is drawn, and the reverse
 STAND_OFF_M = 0.4  # free space counts as observed up to this distance before a surface
 DOOR_M = 0.65  # half the width of openings between two rooms
 MIN_ROOM_M2 = 1.0
@@ -74,14 +74,14 @@ def compare(drawn: DrawnMap, warp: DrawingWarp) -> DrawingComparison:
     inside = (cells >= 0).all(axis=1) & (cells < (rows, cols)).all(axis=1)
     to_wall = distances_to(drawn.walls) * cell
     clipped = np.clip(cells, 0, (rows - 1, cols - 1))
-    agrees = inside & (to_wall[clipped[:, 0], clipped[:, 1]] < AGREES_M * scale)
+    is_drawn = inside & (to_wall[clipped[:, 0], clipped[:, 1]] < DRAWN_WITHIN_M * scale)
     counts = np.maximum(np.bincount(owner, minlength=p), 1)
     surfaces, matched = (np.zeros((rows, cols), np.bool_) for _ in range(2))
     surfaces[cells[inside, 0], cells[inside, 1]] = True
-    matched[cells[agrees, 0], cells[agrees, 1]] = True
+    matched[cells[is_drawn, 0], cells[is_drawn, 1]] = True
     observed = _observed(drawn, warp)
     lacking = surfaces & ~matched
-    extra = drawn.walls & observed & (distances_to(surfaces) * cell > AGREES_M * scale)
+    extra = drawn.walls & observed & (distances_to(surfaces) * cell > DRAWN_WITHIN_M * scale)
     labels = _rooms(drawn, DOOR_M * scale / cell)
     rooms = [
         _room(labels == k, observed, surfaces, matched, cell, scale) for k in range(1, int(labels.max()) + 1)
@@ -95,8 +95,8 @@ def compare(drawn: DrawnMap, warp: DrawingWarp) -> DrawingComparison:
         extra=extra,
         lacking_m=float(_length(lacking)) * in_m,
         extra_m=float(_length(extra)) * in_m,
-        wall_agreement=float(agrees.mean()) if len(agrees) else 0.0,
-        place_agreement=np.bincount(owner, agrees, p) / counts,
+        wall_agreement=float(is_drawn.mean()) if len(is_drawn) else 0.0,
+        place_agreement=np.bincount(owner, is_drawn, p) / counts,
     )
 
 

@@ -44,7 +44,7 @@ PARTICLES = 1500
 HYPOTHESES = 3
 # What lies one room too far along a corridor is displaced as a whole. Regions are also moved by this much along and across their
 # longer extent, less towards their ends.
-SLIDE_M, QUARTER_TURNS = 2.0, 0.5 * np.pi * np.arange(4)
+SLIDE_M, RIGHT_ANGLES = 2.0, 0.5 * np.pi * np.arange(4)
 SLIDE_COST = 3.8  # mean cost of the places about one from which they are moved as a whole
 SLIDE_RADIUS_M, SLIDE_SPACING_M, MAX_SLIDES = 20.0, 8.0, 16
 DIFFERS_M = 1.0  # a place lies elsewhere in two fits that are this far apart
@@ -92,11 +92,11 @@ class Repair:
             if quiet >= HOPELESS_QUIET and cost > HOPELESS_COST:
                 break
             costs = self._near @ self.best.place_costs
-            kind, extent, begin = REGIONS[count % len(REGIONS)]
+            kind, extent, searched_from = REGIONS[count % len(REGIONS)]
             region = self._region(int(np.argmax(costs * priority)), costs, kind, extent)
             priority[region] *= TRIED
             fits = self._search_again(
-                region, from_exits(self._graph, region, costs) if begin == "exits" else None
+                region, from_exits(self._graph, region, costs) if searched_from == "exits" else None
             )
             self._met += fits
             found = min(fits, key=lambda fit: fit.cost)
@@ -206,7 +206,7 @@ def slid(states: Floats, region: Mask, distances: Floats) -> list[Floats]:
     length = SLIDE_M * np.clip(inside / (2.0 * SLIDE_M), 0.0, 1.0) * np.exp(0.5 * states[:, 3:].sum(axis=1))
     at = states[region, :2]
     along = np.linalg.svd(at - at.mean(axis=0), full_matrices=False)[2][0]
-    bearings = np.arctan2(along[1], along[0]) + QUARTER_TURNS
+    bearings = np.arctan2(along[1], along[0]) + RIGHT_ANGLES
     still = np.zeros((len(states), 3))
     return [states + np.column_stack([length * np.cos(b), length * np.sin(b), still]) for b in bearings]
 

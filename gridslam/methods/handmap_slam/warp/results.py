@@ -22,7 +22,7 @@ PATH_COLUMNS = ("stamp", "x", "y", "yaw", "scale_x", "scale_y", "agreement", "do
 WARP_COLUMNS = ("map_x_m", "map_y_m", "x", "y", "rotation", "scale_x", "scale_y", "agreement", "doubtful")
 ROOM_COLUMNS = ("room", "x", "y", "area_m2", "observed", "agreement", "state")
 OUTSIDE, DRAWN, WALL = (214, 218, 224), (255, 255, 255), (60, 66, 76)
-AGREES, DIFFERS = (222, 240, 222), (250, 226, 200)
+MATCHING, DIFFERS = (222, 240, 222), (250, 226, 200)
 LACKING, EXTRA, PATH, START = (205, 45, 45), (150, 60, 190), (30, 110, 200), (30, 150, 70)
 DOUBTFUL = (240, 130, 20)
 # Of the poses. Above the first a note says so, above the last the run is lost: of the doubtful poses of made drawings one in six
@@ -139,7 +139,7 @@ def warp_picture(
     rgb[drawn.free] = DRAWN
     for number, room in enumerate(comparison.rooms, 1):
         if room.state != "not visited":
-            rgb[comparison.labels == number] = AGREES if room.state == "agrees" else DIFFERS
+            rgb[comparison.labels == number] = MATCHING if room.state == "agrees" else DIFFERS
     rgb[drawn.walls] = WALL
     rgb[comparison.extra] = EXTRA
     rgb[comparison.lacking] = LACKING

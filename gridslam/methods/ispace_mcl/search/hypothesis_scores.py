@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.methods.ispace_mcl.continuity import BROKEN_OVERLAP, WHOLE_OVERLAP
+from gridslam.methods.ispace_mcl.continuity import DISCONTINUOUS_OVERLAP, WHOLE_OVERLAP
 
 Floats = NDArray[np.float64]
 
 KIDNAPPING_LOG_ODDS = 10.0  # against the robot having been carried elsewhere ...
-BROKEN_LOG_ODDS = 2.0  # ... and where a scan does not continue the one before it
+DISCONTINUOUS_LOG_ODDS = 2.0  # ... and where a scan does not continue the one before it
 
 
 def kidnapping_log_odds(overlaps: Floats) -> Floats:
     """Log-odds `(k,)` against the robot having been carried just before each scan, by the overlap `(k,)` with the scan before."""
-    known = (BROKEN_OVERLAP, WHOLE_OVERLAP)
-    return np.interp(overlaps, known, (BROKEN_LOG_ODDS, KIDNAPPING_LOG_ODDS))
+    known = (DISCONTINUOUS_OVERLAP, WHOLE_OVERLAP)
+    return np.interp(overlaps, known, (DISCONTINUOUS_LOG_ODDS, KIDNAPPING_LOG_ODDS))
 
 
 def with_kidnapping(others: Floats, own: Floats, prices: Floats) -> tuple[Floats, NDArray[np.int64]]:

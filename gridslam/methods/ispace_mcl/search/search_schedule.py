@@ -35,7 +35,7 @@ class SearchSchedule:
         self._is_confirmed = False  # by a window that was full
         self._recheck_m = RECHECK_M
         self._mean_inlier_ratio = 0.0
-        self._agrees_less = False  # with the map than over the last metres
+        self._matches_worse = False  # with the map than over the last metres
         self.is_trusted = has_start
         self.prior_log_odds = START_LOG_ODDS if has_start else 0.0
 
@@ -56,7 +56,7 @@ class SearchSchedule:
         if status == "lost":
             rate = -LOST_LOG_ODDS_PER_M
         self.prior_log_odds = min(max(self.prior_log_odds + rate * travel_m, 0.0), MAX_LOG_ODDS)
-        self._agrees_less = inlier_ratio < self._mean_inlier_ratio - WORSE_RATIO
+        self._matches_worse = inlier_ratio < self._mean_inlier_ratio - WORSE_RATIO
         self._mean_inlier_ratio += min(travel_m / MEAN_TRAVEL_M, 1.0) * (
             inlier_ratio - self._mean_inlier_ratio
         )
@@ -66,7 +66,7 @@ class SearchSchedule:
         if status != "localized":
             return self._since_search_m >= RETRY_M
         if self._is_confirmed:
-            return self._since_search_m >= (CHECK_M if self._agrees_less else self._recheck_m)
+            return self._since_search_m >= (CHECK_M if self._matches_worse else self._recheck_m)
         if self.prior_log_odds > DOUBTED_LOG_ODDS and not self.is_trusted:
             return self._since_search_m >= RETRY_M
         return self._since_search_m >= min(max(0.5 * self._travel_m, RETRY_M), CHECK_M)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import WheelTicks
-from gridslam.logs.checks.wheel_turns import WheelTurns
+from gridslam.logs.checks.wheel_revolutions import WheelRevolutions
 from gridslam.logs.message_counts import MessageCounts
 
 LEFT = np.concatenate([np.linspace(0.0, 40.0, 200), np.linspace(40.0, -10.0, 250)])
@@ -15,9 +15,9 @@ RIGHT = 0.3 - 0.7 * LEFT
 
 def repaired(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
     counts = MessageCounts()
-    turns = WheelTurns("/joint_states", counts)
+    revolutions = WheelRevolutions("/joint_states", counts)
     found = [
-        turns.repaired(WheelTicks(i, "base", float(a), float(b)))
+        revolutions.repaired(WheelTicks(i, "base", float(a), float(b)))
         for i, (a, b) in enumerate(zip(left, right, strict=True))
     ]
     return np.array([t.left_rad for t in found]), np.array([t.right_rad for t in found]), counts.problems
@@ -32,7 +32,7 @@ def test_angles_that_start_anew_at_each_turn_become_continuous(low: float) -> No
     assert problems == ["/joint_states: wheel angles start anew at each turn: turns are added"]
 
 
-def test_continuous_angles_stay_as_they_are() -> None:
+def test_continuous_angles_are_unchanged() -> None:
     left, right, problems = repaired(LEFT, RIGHT)
     assert (left == LEFT).all()
     assert (right == RIGHT).all()
