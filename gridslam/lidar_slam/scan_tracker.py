@@ -74,6 +74,10 @@ class ScanTracker:
         """T_track_base (3,) at the last scan; there must be one."""
         return self.track_poses[-1]
 
+    def forget_key_scans(self) -> None:
+        """Free the memory of the key scans, which only drawing and comparing them needs."""
+        self.key_scans = PackedScans()
+
     @property
     def key_poses(self) -> Floats:
         """The front end's poses `(k, 3)` of the key scans."""

@@ -25,6 +25,7 @@ from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.objects.object_layer import ObjectLayer
 from gridslam.methods.slam_sd.objects.object_result import ObjectResult
 from gridslam.methods.slam_sd.session_result import (
+    SessionFile,
     constraints_of,
     drive_of,
     refuse_repeated_log,
@@ -97,6 +98,14 @@ class DriveClosing:
                     tracker.key_scans, drive.poses, resolution_m, config.memory_limit_mb, masked
                 )
             return static, drawn, self.objects.result(static, path, trajectory)
+
+    def session_file(self, drive: ClosedDrive, drawn: SessionMap | None = None) -> SessionFile | None:
+        """The file of the drive's session, with what was drawn of it; None without a session."""
+        if drive.session is None:
+            return None
+        with self.stopwatch.stage("session"):
+            session = drive.session if drawn is None else replace(drive.session, drawn=drawn.drawn)
+            return SessionFile.of(session)
 
     @property
     def _drift(self) -> DriftModel:

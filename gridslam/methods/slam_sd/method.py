@@ -34,7 +34,6 @@ from gridslam.methods.slam_sd.objects.tagged_objects import TaggedObjects
 from gridslam.methods.slam_sd.particle_filter import ParticleFilter
 from gridslam.methods.slam_sd.session_result import (
     with_drives,
-    with_session_file,
 )
 from gridslam.methods.slam_sd.single_track import SingleTrack
 from gridslam.motion.scan_poses import PlacedScan
@@ -114,7 +113,13 @@ class SlamSd:
         return_freed_memory()
         tracker = self._tracker
         trajectory = tracker.corrected(drive.poses)
+        # The file of a first drive's session is written before the map is drawn, so that the scans make room for its pictures.
+        session_file = closing.session_file(drive) if drive.continued is None else None
         static, drawn, objects = closing.drawn(drive, trajectory)
+        if drive.continued is not None:
+            session_file = closing.session_file(drive, drawn)
+        drive = replace(drive, session=None)
+        tracker.forget_key_scans()
         result = RunResult(
             trajectory,
             occupancy=static,
@@ -131,10 +136,8 @@ class SlamSd:
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
         return_freed_memory()
-        if drive.session is not None:
-            with self._stopwatch.stage("session"):
-                session = drive.session if drawn is None else replace(drive.session, drawn=drawn.drawn)
-                result = with_session_file(result, session)
+        if session_file is not None:
+            result = session_file.added_to(result)
         result = replace(result, timings_s=dict(self._stopwatch.seconds))
         return result if objects is None else objects.added_to(result)
 

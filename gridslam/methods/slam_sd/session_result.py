@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,17 +64,32 @@ def refuse_repeated_log(session: Session, drive: Drive) -> None:
             )
 
 
-def with_session_file(result: RunResult, session: Session) -> RunResult:
-    """The result with session.npz, and its size in the measures."""
-    content = session_bytes(session)
-    facts = {
-        "size_mb": round(len(content) / 1e6, 3),
-        "drives": len(session.drives),
-        "key_scans": len(session.poses),
-        "parts": len(np.unique(session.parts)),
-    }
-    measures = {**result.measures, "session": {**facts, **_as_mapping(result.measures.get("session"))}}
-    return replace(result, files={**result.files, FILE_NAME: content}, measures=measures)
+class SessionFile(NamedTuple):
+    """The content of session.npz, and its size and numbers of drives, key scans and parts for the report."""
+
+    content: bytes
+    facts: Mapping[str, object]
+
+    @classmethod
+    def of(cls, session: Session) -> SessionFile:
+        """The file of a session."""
+        content = session_bytes(session)
+        facts = {
+            "size_mb": round(len(content) / 1e6, 3),
+            "drives": len(session.drives),
+            "key_scans": len(session.poses),
+            "parts": len(np.unique(session.parts)),
+        }
+        return cls(content, facts)
+
+    def added_to(self, result: RunResult) -> RunResult:
+        """The result with the file and its facts in the measures."""
+        facts = {**self.facts, **_as_mapping(result.measures.get("session"))}
+        return replace(
+            result,
+            files={**result.files, FILE_NAME: self.content},
+            measures={**result.measures, "session": facts},
+        )
 
 
 def with_drives(result: RunResult, continued: Continued, drawn: SessionMap) -> RunResult:
