@@ -53,3 +53,16 @@ class DrawingPose:
         x, y = self.to_drawing(step[None, :2])[0].tolist()
         yaw = float(se2.wrap_angle(self.yaw_rad + step[2]))
         return replace(self, x=x, y=y, yaw_rad=yaw, stamp_ns=self.stamp_ns if stamp_ns is None else stamp_ns)
+
+
+def scattered(states: Floats, std: Floats, rng: np.random.Generator, *, separate_scales: bool) -> Floats:
+    """Particles `(n, 5)` (x, y in drawing units, yaw, log scales) drawn about given ones `(n, 5)`; their yaws are not wrapped.
+
+    `std` `(5,)` are the standard deviations in metres of the world, radians and of the log scales, which change alike unless
+    they are separate.
+    """
+    noise = rng.standard_normal(states.shape) * std
+    noise[:, :2] *= np.exp(states[:, 3:])
+    if not separate_scales:
+        noise[:, 4] = noise[:, 3]
+    return np.asarray(states + noise)

@@ -13,6 +13,7 @@ from gridslam.core import poses as se2
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
+from gridslam.methods.handmap_slam.drawing_pose import scattered
 from gridslam.methods.handmap_slam.drawn_likelihood import MAX_DISTANCE_SIGMAS, OUTLIER_FRACTION
 from gridslam.sensors.likelihood_field import distance_field, log_likelihood_table
 from gridslam.sensors.pose_search import PoseSearch, PoseSearchSettings
@@ -56,11 +57,7 @@ def search_states(
     scores = _range_scores(drawn, points, hypotheses)
     weights = np.exp(scores - scores.max())
     states = hypotheses[systematic_resampling(weights, count, rng)]
-    scatter = rng.standard_normal((count, 5)) * SCATTER
-    scatter[:, :2] *= np.exp(states[:, 3:4])
-    if not settings.separate_scales:
-        scatter[:, 4] = scatter[:, 3]
-    states = states + scatter
+    states = scattered(states, SCATTER, rng, separate_scales=settings.separate_scales)
     states[:, 2] = se2.wrap_angle(states[:, 2])
     return np.asarray(states)
 
@@ -69,7 +66,7 @@ def _hypotheses_at(scale: float, drawn: DrawnMap, points: Floats, sigma_m: float
     """The best states `(k, 5)` at one scale of the drawing."""
     sigma = sigma_m * scale
     field = distance_field(drawn.walls, drawn.geometry, MAX_DISTANCE_SIGMAS * sigma)
-    settings = PoseSearchSettings(
+    search_settings = PoseSearchSettings(
         spacing_m=SPACING_M * scale,
         headings=HEADINGS,
         sigma_m=sigma,
@@ -81,7 +78,7 @@ def _hypotheses_at(scale: float, drawn: DrawnMap, points: Floats, sigma_m: float
         bin_rad=SAME_POSE_RAD,
     )
     table = log_likelihood_table(field, sigma, OUTLIER_FRACTION)
-    found = PoseSearch(field, drawn.free, settings).search(points * scale, table)
+    found = PoseSearch(field, drawn.free, search_settings).search(points * scale, table)
     return np.column_stack([found.poses, np.full((len(found.poses), 2), np.log(scale))])
 
 

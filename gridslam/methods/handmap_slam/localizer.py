@@ -13,6 +13,7 @@ from gridslam.filters.particles import Particles, main_cluster
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
+from gridslam.methods.handmap_slam.drawing_pose import scattered
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
 from gridslam.methods.handmap_slam.global_localization import SCALE_STD, search_states
 
@@ -114,12 +115,10 @@ class DrawingLocalizer:
         chosen = systematic_resampling(self._weights, len(self.states), self._rng)
         self.states = self.states[chosen]
         self._weights = np.full(len(self.states), 1.0 / len(self.states))
-        scatter = self._rng.standard_normal((count, 5)) * REVISIT_SCATTER
-        scatter[:, :2] *= np.exp(state[3:])
-        if not self._config.localization.separate_scales:
-            scatter[:, 4] = scatter[:, 3]
+        around = np.broadcast_to(state, (count, 5))
+        separate_scales = self._config.localization.separate_scales
         replaced = evenly_spaced(len(self.states), count)
-        self.states[replaced] = state + scatter
+        self.states[replaced] = scattered(around, REVISIT_SCATTER, self._rng, separate_scales=separate_scales)
 
     def shift(self, offset: Floats) -> None:
         """Move all particles by `(dx, dy)` in drawing units (the motion correction of section 6.1)."""
