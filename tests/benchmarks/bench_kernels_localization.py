@@ -40,7 +40,7 @@ def rows() -> Iterator[BenchmarkRow]:
             ("sum_over_beams", 60.0, weights_with_visibility(occupied, rng)),
             ("sum_over_ranges", 100.0, weights_by_ranges(occupied, rng)),
             ("sum_over_offsets", 1.0, scores_of_positions(rng)),
-            ("sum_over_stretched_points", 80.0, weights_in_a_drawing(rng)),
+            ("sum_over_stretched_points", 40.0, weights_in_a_drawing(rng)),
             ("systematic", 2500.0, resampling(rng)),
             ("occupied_bins", 40.0, counting(rng)),
             ("kernel_density", 15.0, density(rng)),

@@ -30,10 +30,10 @@ def rows() -> Iterator[BenchmarkRow]:
         (
             ("measure_columns", 6.0, columns(rng)),
             ("priors_of_rays", 10.0, priors(rng)),
-            ("likelihoods_of_rays", 250.0, likelihoods(rng)),
-            ("expected_behind", 50.0, expectations(rng)),
+            ("likelihoods_of_rays", 150.0, likelihoods(rng)),
+            ("expected_behind", 25.0, expectations(rng)),
             ("couple_neighbouring_rays", 1.0, messages(rng)),
-            ("averaged_over_yaw", 15.0, yaw_offsets(rng)),
+            ("averaged_over_yaw", 7.0, yaw_offsets(rng)),
             ("window_of_rays", 40.0, window(rng)),
             ("apply_update", 0.4, cells(rng)),
             ("follow_runs", 60.0, runs(rng)),

@@ -1,8 +1,8 @@
 """Timing of kernels against their reference implementations, for the benchmarks bench_kernels*.py.
 
 The reference implementations are in tests/reference, and tests compare their results; here both are timed on the same input,
-warm, in one process. Bounds are about a third of the smallest factor measured on two busy cores: a kernel that is no longer
-compiled breaks them, a busy machine does not.
+warm, in one process. Bounds are at most half of the smallest factor measured, on idle and on busy cores: a kernel that is no
+longer compiled breaks them, the machine does not.
 """
 
 from __future__ import annotations
