@@ -162,7 +162,7 @@ def test_a_start_outside_the_drawing_is_an_error():
 
 
 def test_a_run_without_drawing_is_an_error():
-    with pytest.raises(ConfigError, match="--drawing: handmap-slam needs it"):
+    with pytest.raises(ConfigError, match="--drawing FILE: handmap-slam needs it"):
         refuse_missing_inputs("handmap-slam", {})
 
 
