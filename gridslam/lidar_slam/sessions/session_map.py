@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.lidar_slam.grid_map import UPDATE, LastUpdates, to_probability
 from gridslam.lidar_slam.sessions.active_scans import active_keys
-from gridslam.lidar_slam.sessions.changes import SURFACE_RATIO, Change, at_ratio, dilated, find_changes
+from gridslam.lidar_slam.sessions.changes import Change, at_ratio, dilated, find_changes
 from gridslam.lidar_slam.sessions.drawn_state import DrawnState
 from gridslam.lidar_slam.sessions.evidence import (
     CellFrame,
@@ -103,11 +103,9 @@ def joined_log_odds(before: Floats32, alone: Floats32, state: Evidence, own: Evi
 
 
 def _met_by_both(one: Evidence, other: Evidence) -> NDArray[np.bool_]:
-    """Cells in which one of two drives met a surface, and the other one met something beside."""
-    surface, met = (
-        [at_ratio(evidence, ratio, 1) for evidence in (one, other)] for ratio in (SURFACE_RATIO, MET_RATIO)
-    )
-    return (surface[0] & dilated(met[1], SAME_WALL_CELLS)) | (surface[1] & dilated(met[0], SAME_WALL_CELLS))
+    """Cells in which one of two drives met something, and the other one met something in or beside them."""
+    met = [at_ratio(evidence, MET_RATIO, 1) for evidence in (one, other)]
+    return (met[0] & dilated(met[1], SAME_WALL_CELLS)) | (met[1] & dilated(met[0], SAME_WALL_CELLS))
 
 
 def _scans_before(session: Session, d: int) -> PlacedScans:
