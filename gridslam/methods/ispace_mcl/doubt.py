@@ -15,6 +15,8 @@ from gridslam.methods.base import Doubt
 MIN_LOCALIZED_RATIO = 0.5
 END_RATIO = 0.25  # length of the end, as a ratio of the scans
 MIN_LOCALIZED_AT_END = 0.9
+# By then most scans by which the pose was compared are others than those by which it was found: the window is 4 m long
+MIN_LOCALIZED_M = 5.0
 MAX_WALL_RATIO = 0.5  # walls cover a few percent of a building; above this ratio of the known cells the map is probably negated
 
 
@@ -49,6 +51,9 @@ class History(Protocol):
     def displaced_ratios(self) -> Sequence[float]:
         """Of every scan."""
 
+    def localized_m(self) -> float:
+        """Travel (m) by odometry while localized."""
+
     def travel_ratio(self) -> float:
         """Travel on the map over travel by odometry; 1 without clear evidence of a difference."""
 
@@ -65,7 +70,8 @@ def doubt_of(
         return None
     localized = np.array([status == "localized" for status in statuses])
     end = localized[-max(int(END_RATIO * len(localized)), 1) :]
-    is_found = localized.mean() >= MIN_LOCALIZED_RATIO or end.mean() >= MIN_LOCALIZED_AT_END
+    is_held = end.mean() >= MIN_LOCALIZED_AT_END and history.localized_m() >= MIN_LOCALIZED_M
+    is_found = localized.mean() >= MIN_LOCALIZED_RATIO or is_held
     if is_found and statuses[-1] != "lost":
         if is_map_mirrored:
             return Doubt("inconsistent", MIRRORED)

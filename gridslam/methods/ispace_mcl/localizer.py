@@ -28,7 +28,6 @@ from gridslam.methods.ispace_mcl.cameras.environment import (
 from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
-    MAX_BESIDE_RATIO,
     ConfidenceMonitor,
     FilterUpdate,
     InlierLimits,
@@ -153,7 +152,7 @@ class Localizer:
         with self.stopwatch.stage("resample"):
             self._resample(belief.mass)
         is_trusted = self._relocalizer is None or self._schedule.is_trusted
-        if not is_trusted or assessment.beside_ratio > MAX_BESIDE_RATIO:
+        if not is_trusted or assessment.is_contradicted:
             assessment = assessment.without_trust()
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)

@@ -96,6 +96,14 @@ class LocalizationHistory:
             return 1.0
         return travel_ratio(np.array(self._poses), np.array(self._odometry), ~self.is_untrusted())
 
+    def localized_m(self) -> float:
+        """Travel (m) by odometry while localized."""
+        if len(self._odometry) < 2:
+            return 0.0
+        steps = np.hypot(*np.diff(np.array(self._odometry)[:, :2], axis=0).T)
+        is_localized = ~self.is_untrusted()
+        return float(steps[is_localized[1:] & is_localized[:-1]].sum())
+
     def jumps_m(self) -> NDArray[np.float64]:
         """Lengths `(k,)` (m) of the jumps of localized poses from the pose before, moved by the odometry."""
         if len(self._poses) < 2:

@@ -14,6 +14,7 @@ from gridslam.methods.ispace_mcl.confidence import (
     BLOCKED_TOLERANCE_M,
     GRAZING_SLACK_M,
     MAX_BESIDE_RATIO,
+    MAX_DISPLACED_MEAN,
     ConfidenceMonitor,
     InlierLimits,
 )
@@ -36,6 +37,10 @@ class FakeHistory:
     ratio: float = 1.0
     inlier_ratio: float = 0.7
     jumps: Sequence[float] = ()
+    travel_m: float = 30.0
+
+    def localized_m(self) -> float:
+        return self.travel_m
 
     @property
     def inlier_ratios(self) -> Sequence[float]:
@@ -66,6 +71,14 @@ def room(negated: bool = False) -> OccupancyGrid:
 )
 def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None:
     assert doubt_of(FakeHistory(statuses, [0.01] * len(statuses)), room(), WALLS) is None
+
+
+def test_a_robot_that_was_found_just_before_the_end_is_not_trusted() -> None:
+    found = doubt_of(
+        History(["uncertain"] * 64 + ["localized"] * 36, [0.0] * 100, travel_m=4.1), room(), WALLS
+    )
+    assert found is not None
+    assert found.reason.startswith("localized 36 % of the time, localized at the end")
 
 
 @pytest.mark.parametrize(
@@ -138,6 +151,7 @@ def test_only_a_wall_that_stands_farther_off_displaces_beams(
     belief = Belief(np.array([3.0, 2.0, 0.0]), 1e-4 * np.eye(3), 1.0)
     assert monitor.assess(belief, beams).displaced_ratio == pytest.approx(expected, abs=0.035)
     assert monitor.assess(belief, beams).beside_ratio < 0.1
+    assert monitor.assess(belief, beams).is_contradicted == (expected > MAX_DISPLACED_MEAN)
     aside = Belief(np.array([2.82, 1.82, 0.0]), 1e-4 * np.eye(3), 1.0)
     for _ in range(20):
         found = monitor.assess(aside, beams)
