@@ -54,8 +54,8 @@ class Assessment:
     endpoints to walls. `confidence` in 0..1 is the product of the inlier ratio between its limits, the weight of the main
     cluster, and a factor that falls with the cluster's standard deviation. `status` is localized, uncertain or lost.
     `displaced_ratio` is the ratio of the scan's beams at walls that end somewhat behind their wall: people and furniture end
-    beams early, and only a wall that stands elsewhere ends them late. `displaced_mean` is its running mean, `beside_ratio` that of the
-    ratio of beams at walls that end beside their wall.
+    beams early, and only a wall that stands elsewhere ends them late. `displaced_mean` is its running mean, `beside_ratio` that
+    of the beams at walls that end beside their wall.
     """
 
     inlier_ratio: float
