@@ -4,8 +4,8 @@ Drives by seed from an unknown start, a quarter of a minute each: ordinary place
 place (where every pose is wrong), and corridors that look the same from both ends. GRIDSLAM_CONFIDENCE_DRIVES=200 in the
 environment measures 200 drives.
 `python -m tests.benchmarks.bench_confidence 200` does so too, prints tables by kind and by confidence, and draws the reliability
-diagram. It keeps each drive's poses in out/confidence, so that it may be stopped and called again, or first be called for parts
-(`... bench_confidence 40 60`); delete the folder after a change of the method.
+diagram; `... bench_confidence 82 282` does it for the drives 82 to 281. It keeps each drive's poses in out/confidence, so that it
+may be stopped and called again, or first be called for parts; delete the folder after a change of the method.
 """
 
 from __future__ import annotations
@@ -103,22 +103,25 @@ def calibration_error(confidence: Floats, right: NDArray[np.bool_]) -> float:
 
 
 def main(first: int, end: int) -> None:
-    """Measure some drives; print the tables of all up to the last one, and draw the diagram, if they begin with the first."""
+    """Measure the drives from `first` to `end` - 1, print their tables, and draw their diagram."""
     parts: defaultdict[str, list[Floats]] = defaultdict(list)
     for number in range(first, end):
         parts[KINDS[number % len(KINDS)]].append(kept_drive(number))
-    if not first:
-        report({kind: np.concatenate(each, axis=1) for kind, each in parts.items()})
+    report({kind: np.concatenate(each, axis=1) for kind, each in parts.items()})
 
 
 def report(found: dict[str, Floats]) -> None:
     """Print the tables, and draw the diagram."""
-    lines = ["| drives | poses | called localized | of these within 0.5 m |", "|---|---|---|---|"]
+    head = "| drives | poses | within 0.5 m | called localized | of these within 0.5 m | of those within 0.5 m called so |"
+    lines = [head, "|---|---|---|---|---|---|"]
     every = {**found, "all": np.concatenate(list(found.values()), axis=1)}
     for kind, (called, _, error) in every.items():
-        named = error[called > 0] <= WITHIN_M
-        right = f"{100.0 * named.mean():.2f} %" if len(named) else "-"
-        lines.append(f"| {kind} | {len(error)} | {len(named)} | {right} |")
+        is_right, is_called = error <= WITHIN_M, called > 0
+        both = int((is_right & is_called).sum())
+        lines.append(
+            f"| {kind} | {len(error)} | {is_right.sum()} | {is_called.sum()} | {percent(both, is_called)} | "
+            f"{percent(both, is_right)} |"
+        )
     _, confidence, error = every["all"]
     lines += ["", "| confidence | poses | within 0.5 m |", "|---|---|---|"]
     bins = np.digitize(confidence, EDGES[1:-1])
@@ -131,6 +134,11 @@ def report(found: dict[str, Floats]) -> None:
     lines += ["", f"calibration error {calibration_error(confidence, error <= WITHIN_M):.3f}"]
     print("\n".join(lines))  # noqa: T201
     draw(np.array(fractions))
+
+
+def percent(count: int, of: NDArray[np.bool_]) -> str:
+    """The percentage of the true values of a mask that are counted."""
+    return f"{100.0 * count / of.sum():.2f} %" if of.any() else "-"
 
 
 def draw(fractions: Floats) -> None:
