@@ -75,7 +75,7 @@ def test_a_robot_that_was_found_and_held_is_trusted(statuses: list[str]) -> None
 
 def test_a_robot_that_was_found_just_before_the_end_is_not_trusted() -> None:
     found = doubt_of(
-        History(["uncertain"] * 64 + ["localized"] * 36, [0.0] * 100, travel_m=4.1), room(), WALLS
+        FakeHistory(["uncertain"] * 64 + ["localized"] * 36, [0.0] * 100, travel_m=4.1), room(), WALLS
     )
     assert found is not None
     assert found.reason.startswith("localized 36 % of the time, localized at the end")
