@@ -108,28 +108,38 @@ class _Peak(NamedTuple):
     total: int
 
 
-@compiled
-def _highest(
-    pyramid: NDArray[np.uint8],
-    rows: NDArray[np.int32],
-    cols: NDArray[np.int32],
-    nodes: NDArray[np.int64],
-    order: NDArray[np.int64],
-    window_r: int,
-    window_c: int,
-    min_total: int,
-    first: _Peak,
-    apart: int,
-    apart_k: int,
-) -> _Peak:
-    """The highest place above `min_total`; with a first peak (total >= 0) only places away from it count.
+class _Tree(NamedTuple):
+    """What branch and bound searches: the cells (rows, cols) `(yaws, n)` of all points by yaw in a pyramid of fields.
 
-    Branch and bound from the `nodes` `(m, 4)`, in the order of falling bounds.
+    It begins with the `nodes` `(m, 4)`, in the `order` `(m,)` of falling bounds; offsets end at `window_r` and `window_c` cells.
     """
+
+    pyramid: NDArray[np.uint8]
+    rows: NDArray[np.int32]
+    cols: NDArray[np.int32]
+    nodes: NDArray[np.int64]
+    order: NDArray[np.int64]
+    window_r: int
+    window_c: int
+
+
+class _Apart(NamedTuple):
+    """Places farther than some cells or steps of yaw from a first peak; all places if there is none (total < 0)."""
+
+    peak: _Peak
+    cells: int
+    yaw_steps: int
+
+
+@compiled
+def _highest(tree: _Tree, min_total: int, allowed: _Apart) -> _Peak:
+    """The highest of the allowed places above `min_total`, by branch and bound."""
+    pyramid, rows, cols, nodes = tree.pyramid, tree.rows, tree.cols, tree.nodes
+    first, apart = allowed.peak, allowed.cells
     top = pyramid.shape[0] - 1
     best = _Peak(-1, 0, 0, min_total)
     stack = np.empty((STACK, 4), np.int64)
-    for index in order:
+    for index in tree.order:
         if nodes[index, BOUND] <= best.total:
             break
         k = nodes[index, YAW]
@@ -149,9 +159,9 @@ def _highest(
             base = depth
             for quarter in range(4):
                 r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
-                if r > window_r or c > window_c:
+                if r > tree.window_r or c > tree.window_c:
                     continue
-                if first.total >= 0 and abs(k - first.k) <= apart_k:
+                if first.total >= 0 and abs(k - first.k) <= allowed.yaw_steps:
                     nearest_side = r >= first.dr - apart and r + half - 1 <= first.dr + apart
                     if nearest_side and c >= first.dc - apart and c + half - 1 <= first.dc + apart:
                         continue
@@ -204,16 +214,13 @@ def search_window(
                 m += 1
     order = np.argsort(-nodes[:, BOUND], kind="mergesort")
     full = 255.0 * n
-    none = _Peak(-1, 0, 0, -1)
-    best = _highest(
-        pyramid, rows, cols, nodes, order, window_r, window_c, int(search.min_score * full), none, 0, 0
-    )
+    tree = _Tree(pyramid, rows, cols, nodes, order, window_r, window_c)
+    anywhere = _Apart(_Peak(k=-1, dr=0, dc=0, total=-1), cells=0, yaw_steps=0)
+    best = _highest(tree, int(search.min_score * full), anywhere)
     if best.k < 0:
         return Peaks(start.copy(), -1.0, -1.0)
-    apart, apart_k = int(search.rival_distance_m / cell_m), int(search.rival_yaw_rad / yaw_step_rad)
-    rival = _highest(
-        pyramid, rows, cols, nodes, order, window_r, window_c, best.total // 2, best, apart, apart_k
-    )
+    away = _Apart(best, int(search.rival_distance_m / cell_m), int(search.rival_yaw_rad / yaw_step_rad))
+    rival = _highest(tree, best.total // 2, away)
     pose = start.copy()
     pose[0] += best.dc * cell_m
     pose[1] += best.dr * cell_m
