@@ -47,6 +47,12 @@ def join_stamp(seconds: int, nanoseconds: int) -> int | None:
     return seconds * NS_PER_S + nanoseconds
 
 
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """ROS's two numbers of a stamp: whole seconds, and nanoseconds."""
+    return divmod(stamp_ns, NS_PER_S)
+
+
 def format_stamp(stamp_ns: int) -> str:
     """Seconds with nine decimals."""
-    return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d}"
+    seconds, nanoseconds = split_stamp(stamp_ns)
+    return f"{seconds}.{nanoseconds:09d}"

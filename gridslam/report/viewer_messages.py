@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.poses import quaternion_of_yaw
+from gridslam.core.stamps import split_stamp
 from gridslam.logs.encoding.cdr import CdrWriter
 from gridslam.logs.encoding.encoded import Encoded
 from gridslam.maps.map_server import cells_of_grid
@@ -22,7 +23,7 @@ def occupancy_grid(topic: str, stamp_ns: int, grid: OccupancyGrid) -> Encoded:
     rows, cols = grid.probability.shape
     x, y = grid.geometry.origin_xy_m
     body = CdrWriter().header(stamp_ns, MAP_FRAME)
-    body.uint32(*_time(stamp_ns)).float32(grid.geometry.resolution_m).uint32(cols, rows)
+    body.uint32(*split_stamp(stamp_ns)).float32(grid.geometry.resolution_m).uint32(cols, rows)
     body.float64(*pose_values(x, y, grid.geometry.yaw_rad))
     body.sequence(cells_of_grid(grid).ravel(), 1)
     return Encoded(topic, "nav_msgs/msg/OccupancyGrid", stamp_ns, body.data())
@@ -68,7 +69,3 @@ def pose_values(x: float, y: float, yaw: float, z: float = 0.0) -> tuple[float, 
     """The seven numbers of a geometry_msgs/Pose."""
     qw, qx, qy, qz = quaternion_of_yaw(yaw).tolist()
     return x, y, z, qx, qy, qz, qw
-
-
-def _time(stamp_ns: int) -> tuple[int, int]:
-    return stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gridslam.core.stamps import END_NS, format_stamp, join_stamp, parse_stamp
+from gridslam.core.stamps import END_NS, format_stamp, join_stamp, parse_stamp, split_stamp
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,8 @@ def test_ros_stamps_are_joined_or_refused(seconds: int, nanoseconds: int) -> Non
     joined = join_stamp(seconds, nanoseconds)
     valid = 0 <= seconds < 2**31 and nanoseconds < 10**9
     assert joined == (seconds * 10**9 + nanoseconds if valid else None)
+
+
+@given(st.integers(0, END_NS - 1))
+def test_split_stamps_are_joined_again(stamp_ns: int) -> None:
+    assert join_stamp(*split_stamp(stamp_ns)) == stamp_ns

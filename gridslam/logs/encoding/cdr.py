@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gridslam.core.errors import LogError
+from gridslam.core.stamps import split_stamp
 from gridslam.core.texts import is_storable
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
@@ -111,8 +112,9 @@ class CdrWriter:
 
     def header(self, stamp_ns: int, frame: str) -> CdrWriter:
         """A std_msgs/Header."""
-        self.numbers("i", [stamp_ns // 1_000_000_000], 4)
-        self.uint32(stamp_ns % 1_000_000_000)
+        seconds, nanoseconds = split_stamp(stamp_ns)
+        self.numbers("i", [seconds], 4)
+        self.uint32(nanoseconds)
         return self.text(frame)
 
     def sequence(self, values: NDArray[Any], size: int) -> CdrWriter:
