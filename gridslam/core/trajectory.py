@@ -55,6 +55,18 @@ class Trajectory:
         return se2.interpolate(self.poses[left], self.poses[right], fraction), inside
 
 
+def time_windows(
+    stamps_ns: NDArray[np.int64], window_s: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First and last places `(m,)` of windows of about `window_s`, each from another of the stamps `(n,)`; no gaps."""
+    times_s = (stamps_ns - stamps_ns[:1]) * 1e-9
+    ends = np.searchsorted(times_s, times_s + window_s)
+    starts = np.flatnonzero(ends < len(times_s))
+    ends = ends[starts]
+    whole = times_s[ends] - times_s[starts] < 2.0 * window_s
+    return starts[whole].astype(np.int64), ends[whole].astype(np.int64)
+
+
 def stretches(stamps_ns: NDArray[np.int64], mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """First and last stamps `(k, 2)` of the uninterrupted runs of True in a mask `(n,)` over stamps `(n,)`."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))

@@ -213,7 +213,7 @@ class MotionPredictor:
     def notes(self) -> list[str]:
         """One line about odometry, and one about a gyro, that contradict the scans; empty where they are good."""
         found = [] if self._trust.note is None else [self._trust.note]
-        if not self._is_gyro_poor:
+        if not self.is_gyro_poor:
             return found
         gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
         return [
@@ -223,7 +223,7 @@ class MotionPredictor:
         ]
 
     @property
-    def _is_gyro_poor(self) -> bool:
+    def is_gyro_poor(self) -> bool:
         """Whether the gyro's rotations are worse than those at constant velocity."""
         gyro, constant = (self._errors[s] for s in (MotionSource.GYRO, MotionSource.CONSTANT_VELOCITY))
         return gyro.steps >= MIN_COMPARED_STEPS and gyro.rms_rad > constant.rms_rad + GYRO_TOLERANCE_RAD
@@ -253,7 +253,7 @@ class MotionPredictor:
         if rotation is None:
             return MotionSource.CONSTANT_VELOCITY, steady
         self._steps[MotionSource.GYRO] = np.array([steady[0], steady[1], rotation])
-        source = MotionSource.CONSTANT_VELOCITY if self._is_gyro_poor else MotionSource.GYRO
+        source = MotionSource.CONSTANT_VELOCITY if self.is_gyro_poor else MotionSource.GYRO
         return source, self._steps[source]
 
     def _uncertain_s(self, stamp_ns: int, elapsed_s: float) -> float:

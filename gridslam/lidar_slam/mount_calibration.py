@@ -3,29 +3,93 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, Transform
+from gridslam.core.messages import Event, LaserScan, Odometry, Transform
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, windows_of
 
 Floats = NDArray[np.float64]
 
-MIN_YAW_RAD = 0.15  # less is left to the matching: drift and slipping wheels look alike
+# Smallest yaw and offset of a lidar that is placed: less is left to the matching, since drift and slipping wheels look alike
+MIN_YAW_RAD, MIN_OFFSET_M = 0.15, 0.25
 MAX_DISTANCE_M = 2.0  # largest distance from the robot's centre: farther is no place on a robot
 # Largest deviation of (cos, sin) from length 1, which they have if both motions are of one body
 MAX_SCALE_ERROR = 0.3
 MAX_ERROR_RATIO = 0.5  # largest ratio of the motions' difference with the place found to that without it
+# Largest difference of the rotations, relative and at least: on one body they are the same wherever the lidar sits
+MAX_ROTATION_ERROR, ROTATION_FLOOR_RAD = 0.3, 0.03
 ERROR_FLOOR_M = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class MountCheck:
+    """Where the only lidar of a log sits by its motion, and whether the log places it elsewhere; else it says nothing."""
+
+    mount: Transform | None = None
+    is_misplaced: bool = False
+
+    @property
+    def notes(self) -> list[str]:
+        """A line about a lidar that was placed."""
+        return [] if self.mount is None else [mount_note(self.mount, self.is_misplaced)]
+
+    def applied_to(self, event: Event) -> Event:
+        """The transform of the lidar with its place; other events as they are."""
+        if self.mount is None or not isinstance(event, Transform):
+            return event
+        return self.mount if event.child_frame_id == self.mount.child_frame_id else event
+
+
+def find_mount(
+    events: list[Event], path: Trajectory, odometry: Trajectory, correction: OdometryCorrection
+) -> MountCheck:
+    """Where the only lidar among the events sits, if the log does not say it, or places it clearly elsewhere.
+
+    It may be the odometry as well that tracks another frame; the map is the same.
+    """
+    frames = {e.frame_id for e in events if isinstance(e, LaserScan)}
+    windows = windows_of(path, odometry)
+    if len(frames) != 1 or windows is None or (found := solve_mount(*windows.motions(correction))) is None:
+        return MountCheck()
+    lidar = next(iter(frames))
+    assumed = assumed_mount(events, lidar)
+    if assumed is not None:
+        base = next(e.child_frame_id for e in events if isinstance(e, Odometry))
+        return MountCheck(with_mount(assumed, found, base))
+    stated = next((e for e in events if isinstance(e, Transform) and e.child_frame_id == lidar), None)
+    if stated is None or not stated.is_static:
+        return MountCheck()
+    return MountCheck(moved_transform(stated, found), is_misplaced=True)
+
+
+def moved_transform(stated: Transform, moved: Floats) -> Transform:
+    """The transform of a sensor after its robot's base has been found at `moved` `(3,)`, seen from where it was assumed."""
+    w, x, y, z = stated.quat_wxyz
+    place = se2.transform_points(moved, np.array([stated.translation_m[:2]]))[0]
+    cos, sin = math.cos(0.5 * moved[2]), math.sin(0.5 * moved[2])
+    turned = (cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w)
+    return replace(
+        stated, translation_m=(float(place[0]), float(place[1]), stated.translation_m[2]), quat_wxyz=turned
+    )
 
 
 def solve_mount(moved: Floats, matched: Floats) -> Floats | None:
     """T_base_laser `(3,)` from motions `(n, 3)` of the base and of the lidar over the same times.
 
-    None where the lidar looks forward, or where the motions give no clear place. It holds T_moved T_base_laser = T_base_laser
-    T_matched; this is linear in the place and in the cosine and sine of the yaw.
+    None where the lidar looks forward from near the centre, or where the motions give no clear place. It holds
+    T_moved T_base_laser = T_base_laser T_matched; this is linear in the place and in the cosine and sine of the yaw.
     """
+    turned_rad, rotation_error_rad = (
+        float(np.abs(se2.wrap_angle(rotations)).mean())
+        for rotations in (matched[:, 2], moved[:, 2] - matched[:, 2])
+    )
+    if rotation_error_rad > max(ROTATION_FLOOR_RAD, MAX_ROTATION_ERROR * turned_rad):
+        return None
     c, s = np.cos(moved[:, 2]), np.sin(moved[:, 2])
     mx, my = matched[:, 0], matched[:, 1]
     x_rows = np.column_stack([mx, -my, 1.0 - c, s])
@@ -34,9 +98,8 @@ def solve_mount(moved: Floats, matched: Floats) -> Floats | None:
         np.vstack([x_rows, y_rows]), np.concatenate([moved[:, 0], moved[:, 1]]), rcond=None
     )
     mount = np.array([x, y, math.atan2(sin, cos)])
-    if abs(mount[2]) < MIN_YAW_RAD or abs(math.hypot(cos, sin) - 1.0) > MAX_SCALE_ERROR:
-        return None
-    if math.hypot(x, y) > MAX_DISTANCE_M:
+    is_near = abs(mount[2]) < MIN_YAW_RAD and math.hypot(x, y) < MIN_OFFSET_M
+    if is_near or abs(math.hypot(cos, sin) - 1.0) > MAX_SCALE_ERROR or math.hypot(x, y) > MAX_DISTANCE_M:
         return None
     expected = se2.compose(mount, se2.compose(matched, np.broadcast_to(se2.inverse(mount), matched.shape)))
     error_m, error_before_m = (
@@ -67,21 +130,15 @@ def with_mount(transform: Transform, mount: Floats, frame_id: str) -> Transform:
     )
 
 
-def mount_note(transform: Transform) -> str:
+def mount_note(transform: Transform, is_misplaced: bool = False) -> str:
     """One line for people."""
     (x, y, _), (w, _, _, z) = transform.translation_m, transform.quat_wxyz
     yaw_deg = math.degrees(2.0 * math.atan2(z, w))
     lidar = transform.child_frame_id
-    return (
-        f"{lidar} is placed on {transform.frame_id} by its motion: x {x:.2f} m, y {y:.2f} m, yaw {yaw_deg:.1f} deg; "
-        f"log.extrinsics.{lidar} sets another place"
+    instead = (
+        ", not where its transform places it (or the odometry tracks another frame)" if is_misplaced else ""
     )
-
-
-def misplaced_note(lidar: str, moved: Floats) -> str:
-    """One line about a lidar that by its motion sits at `moved` `(3,)` seen from where the log places it."""
-    x, y, yaw = moved.tolist()
     return (
-        f"by its motion {lidar} is not where the log places it, but turned by {math.degrees(yaw):.0f} deg and moved "
-        f"by x {x:.2f} m, y {y:.2f} m of the base: check its transform, or set log.extrinsics.{lidar}"
+        f"{lidar} is placed on {transform.frame_id} by its motion: x {x:.2f} m, y {y:.2f} m, yaw {yaw_deg:.1f} deg{instead}; "
+        f"log.extrinsics.{lidar} sets another place"
     )

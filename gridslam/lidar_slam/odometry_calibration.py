@@ -1,4 +1,4 @@
-"""Finds odometry that is late, wrong in scale or mirrored: its motion is compared with the motion by scan matching alone."""
+"""Finds odometry that is late, wrong in scale or in its turns, or mirrored: its motion is compared with that by scan matching."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
-from gridslam.core.trajectory import Trajectory
+from gridslam.core.trajectory import Trajectory, time_windows
+from gridslam.lidar_slam.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +37,8 @@ MAX_SCALE_IQR = 0.2
 class OdometryCorrection:
     """Correction of odometry: it is `lag_s` late, its translation must be multiplied by `scale`, its yaw perhaps mirrored.
 
-    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `is_undecided`: more motion may show a lag.
+    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `heading` are errors of its turns, which bend the
+    path as well. `is_undecided`: more motion may show a lag.
     `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.
     """
 
@@ -44,6 +46,7 @@ class OdometryCorrection:
     scale: float = 1.0
     mirrors_yaw: bool = False
     mirrors_y: bool = False
+    heading: HeadingErrors = NO_ERRORS
     is_undecided: bool = False
     possible_lags_s: tuple[float, float] | None = None
 
@@ -58,22 +61,46 @@ class OdometryCorrection:
         if self.lag_s:
             found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0 else 'early'}")
         if self.scale != 1.0:
-            found.append(f"its distances are {1.0 / self.scale:.2f} of the true ones")
-        return found
-
-    def corrected(self, odometry: Odometry) -> Odometry:
-        """The odometry without the faults; velocities are left out."""
-        if not self.faults:
-            return odometry
-        x, y, yaw = self.poses(odometry.pose).tolist()
-        stamp_ns = odometry.stamp_ns - round(self.lag_s * 1e9)
-        nan = float("nan")
-        return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
+            found.append(
+                f"its distances are {1.0 / self.scale:.3g} of the true ones (or the lidar's ranges {self.scale:.3g})"
+            )
+        return [*found, *self.heading.faults]
 
     def poses(self, poses: Floats) -> Floats:
         """Odometry poses `(..., 3)` without the wrong scale and signs."""
         y = -self.scale if self.mirrors_y else self.scale
         return np.asarray(poses * np.array([self.scale, y, -1.0 if self.mirrors_yaw else 1.0]))
+
+
+class OdometryCorrector:
+    """Gives on the odometry of a log without the faults; velocities are left out."""
+
+    def __init__(self, correction: OdometryCorrection) -> None:
+        self._correction = correction
+        self._last: tuple[float, Floats] | None = None  # time (s) and pose with errors of the heading
+        self._pose = np.zeros(3)  # without them
+
+    def corrected(self, odometry: Odometry) -> Odometry:
+        """The next odometry of the log; the same object where there are no faults."""
+        if not self._correction.faults:
+            return odometry
+        pose = self._correction.poses(odometry.pose)
+        if self._correction.heading != NO_ERRORS and np.isfinite(pose).all():
+            pose = self._turned_rightly(odometry.stamp_ns * 1e-9, pose)
+        x, y, yaw = pose.tolist()
+        stamp_ns = odometry.stamp_ns - round(self._correction.lag_s * 1e9)
+        nan = float("nan")
+        return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
+
+    def _turned_rightly(self, time_s: float, pose: Floats) -> Floats:
+        """The pose `(3,)` at the end of the path whose steps have their true rotations."""
+        last_s, last = self._last or (time_s, pose)
+        start, end = self._correction.heading.removed_from(
+            np.array([last_s, max(time_s, last_s)]), np.array([last, pose])
+        )
+        self._pose = pose if self._last is None else se2.compose(self._pose, se2.between(start, end))
+        self._last = time_s, pose
+        return self._pose
 
 
 def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
@@ -85,12 +112,13 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     if found.mirrors_yaw:
         both = [replace(found, mirrors_y=mirrors) for mirrors in (False, True)]
         found = min(both, key=windows.translation_cost)
-    return replace(found, scale=windows.scale(found.lag_s))
+    found = replace(found, scale=windows.scale(found.lag_s))
+    return replace(found, heading=windows.heading_errors(found))
 
 
 def windows_of(track: Trajectory, odometry: Trajectory) -> MotionWindows | None:
     """The motions of both over windows of about `WINDOW_S`; None where there is none."""
-    starts, ends = _windows(track.stamps_ns)
+    starts, ends = time_windows(track.stamps_ns, WINDOW_S)
     return MotionWindows(track, odometry, starts, ends) if len(starts) and len(odometry) > 1 else None
 
 
@@ -114,13 +142,26 @@ class MotionWindows:
 
     def motions(self, correction: OdometryCorrection) -> tuple[Floats, Floats]:
         """Motions `(n, 3)` of the windows by corrected odometry and by matching."""
-        start, end = (correction.poses(self._at(t, correction.lag_s)) for t in (self._start_s, self._end_s))
+        path = correction.heading.removed_from(self._odometry_s, correction.poses(self._odometry))
+        start, end = (self._at(t, correction.lag_s, path) for t in (self._start_s, self._end_s))
         return se2.between(start, end), self._matched
+
+    def heading_errors(self, correction: OdometryCorrection) -> HeadingErrors:
+        """Errors of the odometry's rotations after the correction; none without evidence."""
+        if np.abs(self._matched[:, 2]).sum() < MIN_ROTATION_RAD:
+            return NO_ERRORS
+        path = correction.poses(self._odometry)
+        forward = np.concatenate([[0.0], np.cumsum(se2.between(path[:-1], path[1:])[:, 0])])
+        progress = np.column_stack([path[:, 2], forward, self._odometry_s])
+        start, end = (self._at(t, correction.lag_s, progress) for t in (self._start_s, self._end_s))
+        return find_heading_errors(end - start, self._matched[:, 2], self._independent)
 
     def lag_and_sign(self) -> OdometryCorrection:
         """Lag of the odometry and whether its yaw is mirrored; none and not mirrored without evidence."""
-        if np.abs(self._matched[:, 2]).sum() < MIN_ROTATION_RAD:
-            return OdometryCorrection()
+        matched_rad = float(np.abs(self._matched[:, 2]).sum())
+        if matched_rad < MIN_ROTATION_RAD:
+            start, end = (self._at(t, 0.0)[:, 2] for t in (self._start_s, self._end_s))
+            return OdometryCorrection(is_undecided=float(np.abs(end - start).sum()) > 2.0 * MIN_ROTATION_RAD)
         errors = {sign: np.array([self._yaw_errors(float(lag), sign) for lag in LAGS_S]) for sign in (1, -1)}
         smallest = {sign: float(error.mean(axis=1).min()) for sign, error in errors.items()}
         is_mirrored = smallest[-1] < MAX_COST_RATIO * smallest[1]
@@ -178,13 +219,18 @@ class MotionWindows:
 
     def _z_score(self, differences: Floats) -> float:
         """Mean of differences `(n,)` of the windows in its standard deviations; windows that overlap are not independent."""
-        independent = max(float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
-        return float(differences.mean() * np.sqrt(independent) / max(float(differences.std()), 1e-9))
+        return float(differences.mean() * np.sqrt(self._independent) / max(float(differences.std()), 1e-9))
 
-    def _at(self, times_s: Floats, lag_s: float) -> Floats:
-        """Odometry poses `(n, 3)` that were recorded `lag_s` after the times, linear in between."""
+    @property
+    def _independent(self) -> float:
+        """The number of windows that do not overlap."""
+        return max(float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
+
+    def _at(self, times_s: Floats, lag_s: float, path: Floats | None = None) -> Floats:
+        """Poses `(n, 3)` that the odometry, or another path at its stamps, had `lag_s` after the times, linear in between."""
         at = times_s + lag_s
-        return np.column_stack([np.interp(at, self._odometry_s, column) for column in self._odometry.T])
+        columns = (self._odometry if path is None else path).T
+        return np.column_stack([np.interp(at, self._odometry_s, column) for column in columns])
 
     def _seconds(self, stamps_ns: NDArray[np.int64]) -> Floats:
         return np.asarray((stamps_ns - self._origin_ns) * 1e-9)
@@ -195,13 +241,3 @@ def _weighted_quartiles(values: Floats, weights: Floats) -> Floats:
     order = np.argsort(values)
     fractions = np.cumsum(weights[order]) / weights.sum()
     return np.asarray(values[order][np.searchsorted(fractions, [0.25, 0.5, 0.75])])
-
-
-def _windows(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First and last scans of windows of about `WINDOW_S`, each starting at another scan; without gaps in the scans."""
-    times_s = (stamps_ns - stamps_ns[:1]) * 1e-9
-    ends = np.searchsorted(times_s, times_s + WINDOW_S)
-    starts = np.flatnonzero(ends < len(times_s))
-    ends = ends[starts]
-    whole = times_s[ends] - times_s[starts] < 2.0 * WINDOW_S
-    return starts[whole].astype(np.int64), ends[whole].astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import LaserScan, readonly
+from gridslam.core.messages import Event, LaserScan, Odometry, readonly
 
 Floats = NDArray[np.float64]
 
@@ -181,3 +182,22 @@ def _different_views(ranges: Floats) -> Floats:
 def _differ(ranges: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]) -> bool:
     """Whether most ranges `(n,)` of two scans differ; 0 is no return."""
     return bool((np.abs(ranges - others) > CHANGED_M).mean() > MIN_CHANGED_FRACTION)
+
+
+def later_bodies_among(events: Sequence[Event], known: Sequence[OwnBody]) -> list[OwnBody]:
+    """Parts of the robot that its lidars see during a part of the events only, besides the known ones."""
+    later, turned_rad = LaterBodies(), 0.0
+    last_rad: float | None = None
+    found: list[OwnBody] = []
+    for event in events:
+        if isinstance(event, Odometry) and math.isfinite(event.yaw_rad):
+            turned_rad += abs(
+                math.remainder(event.yaw_rad - (event.yaw_rad if last_rad is None else last_rad), 2 * math.pi)
+            )
+            last_rad = event.yaw_rad
+        elif isinstance(event, LaserScan):
+            for body in (*known, *found):
+                event = body.removed_from(event)
+            if (new := later.found_in(event, turned_rad)) is not None:
+                found.append(new)
+    return found

@@ -98,6 +98,11 @@ class ScanTracker:
         return self._predictor.measures()
 
     @property
+    def is_gyro_poor(self) -> bool:
+        """Whether the gyro's rotations are worse than those at constant velocity."""
+        return self._predictor.is_gyro_poor
+
+    @property
     def motion_notes(self) -> list[str]:
         """Lines for people about sensors of motion that contradict the scans, and about scans without readings."""
         empty = self._counters["scan.empty"]

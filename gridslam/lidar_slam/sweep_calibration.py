@@ -27,6 +27,7 @@ CORRELATED_SCANS = 4  # neighbours match well or badly together
 MIN_Z_SCORE = 2.5  # smallest advantage of the better match, in standard deviations of its mean
 MIN_GAIN = 0.005  # smallest gain of the mean inlier ratio
 MAX_SWEEP_PERIODS = 1.02
+MIN_TIME_ERROR = 0.3  # smallest error of a stated time, relative: rotations show it no better
 # Largest difference of a lag from the time of a sweep: fraction of it, and s
 MAX_END_FRACTION, MIN_END_TOLERANCE_S = 0.2, 0.015
 
@@ -98,15 +99,9 @@ def find_sweep_time(
     trials = _Trials(events, tracker, build_tracker)
     if len(trials.turning) < MIN_TURNING_SCANS:
         return None
-    if stated_s:
-        best_s = -stated_s
-        if trials.ratios(best_s).mean() < trials.ratios(0.0).mean():
-            return None
-    else:
-        found = _best_fraction(trials, period_s)
-        if found is None:
-            return None
-        best_s = found
+    best_s = _other_than_stated(trials, stated_s, period_s) if stated_s else _best_fraction(trials, period_s)
+    if best_s is None:
+        return None
     gain = trials.ratios(best_s) - trials.ratios(stated_s)
     z_score = gain.mean() / max(float(gain.std()), 1e-9) * np.sqrt(len(gain) / CORRELATED_SCANS)
     is_certain = (
@@ -120,6 +115,25 @@ def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> Non
     scans = (with_sweep(e, sweep_s) if isinstance(e, LaserScan) else e for e in events)
     for placed in chain(chain.from_iterable(map(tracker.process, scans)), tracker.flush()):
         tracker.track_scan(placed)
+
+
+def _other_than_stated(trials: _Trials, stated_s: float, period_s: float) -> float | None:
+    """A time of a sweep (s) with which scans may match better than with the stated one; None where that is near the best."""
+    none, half, stated = (float(trials.ratios(f * stated_s).mean()) for f in (0.0, 0.5, 1.0))
+    if max(none, half, stated) - min(none, half, stated) < MIN_GAIN:
+        return None
+    if none >= max(half, stated):
+        if trials.ratios(-stated_s).mean() <= none:
+            return None
+        found = _best_fraction(trials, period_s)
+        is_other = found is not None and abs(found / -stated_s - 1.0) > MIN_TIME_ERROR
+        return found if is_other else -stated_s
+    curvature = none - 2.0 * half + stated  # of a parabola through the three
+    best = 0.5 + 0.25 * (none - stated) / curvature if curvature < 0.0 else np.inf
+    if 1.0 - MIN_TIME_ERROR < best < 1.0 + MIN_TIME_ERROR:
+        return None
+    found = _best_fraction(trials, period_s)
+    return found if found is not None and abs(found / stated_s - 1.0) > MIN_TIME_ERROR else None
 
 
 def _best_fraction(trials: _Trials, period_s: float) -> float | None:

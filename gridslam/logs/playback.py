@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -28,6 +27,7 @@ from gridslam.logs.codecs import odometry
 from gridslam.logs.kinds import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
+from gridslam.logs.placement.cloud_floor import first_items, lidars_on_the_floor
 from gridslam.logs.placement.virtual_scan import VirtualLidar
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
@@ -84,6 +84,8 @@ def events_of(
     keys = {i: f"read.{kind}" for i, kind in kind_of.items()}
     to_convert = {i for i, kind in kind_of.items() if kind != streams[i].kind or kind == "truth"}
     pairing = Pairing()
+    if with_repairs:
+        lidars = lidars_on_the_floor(source, kind_of, lidars, message_counts)
     for index, event in ordered:
         remaining -= 1
         topic = streams[index].topic
@@ -209,9 +211,7 @@ def _repairs(
 
 def _first_scans(source: Source, index: int) -> list[LaserScan]:
     """The first scans of a stream."""
-    schedule = [index] * len(source.streams[index].stamps_ns)
-    items = islice(source.read(frozenset({index}), schedule), PEEKED_SCANS)
-    return [event for _, event in items if isinstance(event, LaserScan)]
+    return [event for event in first_items(source, index, PEEKED_SCANS) if isinstance(event, LaserScan)]
 
 
 def _converted(event: Event, topic: str, pairing: Pairing, message_counts: MessageCounts) -> Event | None:

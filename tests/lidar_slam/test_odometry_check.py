@@ -15,7 +15,8 @@ from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.odometry_calibration import calibrate
-from gridslam.lidar_slam.odometry_check import OdometryCheck, reversed_sense
+from gridslam.lidar_slam.odometry_check import OdometryCheck
+from gridslam.lidar_slam.scan_repairs import reversed_sense
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.sweep_calibration import stamped_at_end
 from tests.methods.slam_sd import hall

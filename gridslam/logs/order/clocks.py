@@ -28,8 +28,14 @@ MAX_EQUAL = 0.6  # fraction of stamps that are the one before: beyond it they ar
 # The smallest other stamp beside which a zero was not set: simulated clocks begin at 0
 MIN_SET_NS = 1000 * NS_PER_S
 MAX_UNSET = 0.1  # fraction of zeros that are skipped where nothing replaces them
-# Stamps come in bursts where their steps are as uneven as this, relative to their mean and to the steps of the arrivals.
-MIN_UNEVENNESS, MIN_UNEVENNESS_RATIO = 0.3, 4.0
+# Stamps jitter, or come in bursts, where their steps are as uneven as this, relative to their mean, and more uneven than the
+# steps of the arrivals by the ratio.
+MIN_UNEVENNESS, MIN_UNEVENNESS_RATIO = 0.12, 4.0
+MAX_BEHIND_NS = NS_PER_S // 2  # of stamps that jitter, before the latest one
+MAX_SPAN_ERROR = 0.2  # between the spans of both, relative: arrivals that are counts say nothing
+UNEVEN = (
+    "stamps jitter, or come in bursts"  # about the right times; all others that are replaced are too early
+)
 EDGE_NS = NS_PER_S  # scans so long before and after the odometry count as covered
 
 Stamps = NDArray[np.int64]
@@ -79,7 +85,8 @@ def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> boo
             "stamps by row_stamps in its log.yaml"
         )
     is_known = stamps > 0 if stamps.max() > stamps.min() else np.zeros(len(stamps), np.bool_)
-    delay_ns = int((arrivals - stamps)[is_known].min()) if is_known.any() else 0
+    late = (arrivals - stamps)[is_known]
+    delay_ns = 0 if not len(late) else int(np.median(late) if UNEVEN in what else late.min())
     stream.stamps_ns = _valid(np.where(is_unset, arrivals - delay_ns, stamps))
     message_counts.find(f"{stream.label}: {what}: the times of arrival are used")
     return True
@@ -96,20 +103,25 @@ def _unset(stream: RecordedStream, stamps: Stamps, arrivals: Stamps | None) -> t
     if stream.kind in TIMED_KINDS and len(stream.frames) < 2 and len(stamps) >= MIN_STAMPS:
         if (np.diff(stamps) == 0).mean() > MAX_EQUAL:
             return every, "most stamps are those of the message before"
-        if arrivals is not None and _come_in_bursts(stamps, arrivals):
-            return every, "stamps come in bursts, and the messages came evenly"
+        uneven = 0.0 if arrivals is None else _unevenness(stamps, arrivals)
+        if uneven > MIN_UNEVENNESS:
+            return every, f"{UNEVEN}, by {uneven:.0%} of their period, and the messages came evenly"
     return ~every, ""
 
 
-def _come_in_bursts(stamps: Stamps, arrivals: Stamps) -> bool:
-    """Whether stamps `(n,)` go on far less evenly than the arrivals `(n,)` of the same messages."""
-    uneven = [
-        float(np.abs(steps - np.median(steps)).mean() / max(float(steps.mean()), 1.0))
-        for steps in (np.diff(stamps), np.diff(arrivals))
-    ]
-    if (np.diff(stamps) < 0).any():  # out of order, or set back
-        return False
-    return uneven[0] > MIN_UNEVENNESS and uneven[0] > MIN_UNEVENNESS_RATIO * uneven[1]
+def _unevenness(stamps: Stamps, arrivals: Stamps) -> float:
+    """How uneven the steps of stamps `(n,)` are, relative to their mean; 0 where the messages did not arrive far more evenly."""
+    spans = [float(np.ptp(times)) for times in (stamps, arrivals)]
+    steps = np.diff(stamps)
+    is_same_clock = abs(spans[1] - spans[0]) <= MAX_SPAN_ERROR * spans[0]
+    behind = np.maximum.accumulate(stamps) - stamps
+    if not is_same_clock or np.quantile(behind, 0.95) > MAX_BEHIND_NS:  # the clock was set back
+        return 0.0
+    own, of_arrivals = (
+        float(np.abs(one - np.median(one)).mean() / max(float(one.mean()), 1.0))
+        for one in (steps, np.diff(arrivals))
+    )
+    return own if own > MIN_UNEVENNESS_RATIO * of_arrivals else 0.0
 
 
 def check_overlap(

@@ -1,0 +1,180 @@
+"""Finds gyros of turned axes, wrong sign or unit, or another clock: their rates are compared with the turns of scan matching."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.cameras import rotation_matrix
+from gridslam.core.messages import Event, Imu, Transform
+from gridslam.core.trajectory import Trajectory, time_windows
+
+Floats = NDArray[np.float64]
+
+WINDOW_S = 1.0  # turns are compared over this long
+LAGS_S: Floats = np.arange(-50, 52, 2, dtype=np.float64) * 0.01
+MIN_LAG_S = 0.05  # a shorter one turns no scan by more than its noise
+MIN_ROTATION_RAD, MIN_WINDOWS = 2.0, 30  # of all windows, by matching
+NOISE_RAD = 0.01  # of a window
+MAX_ERROR_RATIO = 0.5  # of the mean difference with the correction, to that without
+MAX_ERROR = 0.2  # of the turns, with the correction
+MAX_BIAS_RADPS = 0.5  # of a gyro that is looked at
+SAME_UNIT = 0.15  # relative; turn rates beyond it are in another unit
+PURE_AXIS = 0.97  # cosine to an axis of the sensor: a gyro is mounted along it
+IN_BASE = ""  # frame of turn rates about the axes of the base: no extrinsics belong to it
+MIN_FACTOR = 0.01  # of turn rates in any unit; a smaller one, or a larger than its inverse, is chance
+RAD_PER_DEG = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class GyroCorrection:
+    """The yaw rate of the IMU `frame_id` is the sum of its rates about x, y and z times `factors`, `lag_s` before its stamps.
+
+    `upward` `(3,)` is the direction upward in its axes by the log, and `is_fault`: the scans say otherwise.
+    """
+
+    frame_id: str
+    factors: tuple[float, float, float]
+    upward: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    lag_s: float = 0.0
+    is_fault: bool = True
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether the yaw rate by the log is right but for its sign."""
+        return self._cosine < -PURE_AXIS
+
+    @property
+    def _cosine(self) -> float:
+        """That of the angle between the directions upward by the scans and by the log."""
+        return sum(f * u for f, u in zip(self.factors, self.upward, strict=True)) / math.hypot(*self.factors)
+
+    @property
+    def note(self) -> str:
+        """One line for people."""
+        size = math.hypot(*self.factors)
+        found = []
+        if self.is_reversed:
+            found.append("its yaw rate has the wrong sign, or the lidar hangs upside down")
+        elif self._cosine < PURE_AXIS:
+            axis = max(range(3), key=lambda k: abs(self.factors[k]))
+            found.append(
+                f"its axes are turned, it points upward along {'-' * (self.factors[axis] < 0)}{'xyz'[axis]}"
+            )
+        if abs(size / RAD_PER_DEG - 1.0) < SAME_UNIT:
+            found.append("its turn rates are in degrees a second")
+        elif abs(size - 1.0) > SAME_UNIT:
+            found.append(f"its turn rates are {1.0 / size:.2g} of the true ones")
+        if self.lag_s:
+            found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0.0 else 'early'}")
+        return f"the IMU {self.frame_id} contradicts the scans: {', '.join(found)}; used corrected"
+
+    def applied_to(self, imu: Imu) -> Imu:
+        """A reading of the IMU with the yaw rate about the robot's z axis; those of other IMUs as they are."""
+        if imu.frame_id != self.frame_id:
+            return imu
+        x, y, z = self.factors
+        rate = x * imu.wx_radps + y * imu.wy_radps + z * imu.wz_radps
+        stamp_ns = max(imu.stamp_ns - round(self.lag_s * 1e9), 0)  # simulated clocks begin at 0
+        return replace(imu, stamp_ns=stamp_ns, frame_id=IN_BASE, wz_radps=rate)
+
+
+def find_gyro_correction(events: Sequence[Event], track: Trajectory) -> GyroCorrection | None:
+    """What the yaw rates of the only IMU among the events need, given the path by matching; None where they are right."""
+    imus = [e for e in events if isinstance(e, Imu)]
+    frames = {imu.frame_id for imu in imus}
+    if len(frames) != 1 or len(imus) < MIN_WINDOWS:
+        return None
+    upward = _upward(events, imus[0].frame_id)
+    by_log = GyroCorrection(imus[0].frame_id, _triple(upward), _triple(upward), is_fault=False)
+    fallback = None if abs(upward[2]) > PURE_AXIS else by_log
+    starts, ends = time_windows(track.stamps_ns, WINDOW_S)
+    turned = np.unwrap(track.poses[:, 2])
+    matched = turned[ends] - turned[starts]
+    if len(matched) < MIN_WINDOWS or np.abs(matched).sum() < MIN_ROTATION_RAD:
+        return fallback
+    gyro = _Rotations(imus, track.stamps_ns[starts], track.stamps_ns[ends])
+    error_by_log = _error(gyro.at(0.0) @ upward, 1.0, matched)
+    candidates = [_best_axis(gyro.at(float(lag)), matched) for lag in LAGS_S]
+    best = min(range(len(candidates)), key=lambda k: candidates[k][0])
+    lag_s = float(LAGS_S[best])
+    if abs(lag_s) < MIN_LAG_S:
+        lag_s = 0.0
+    error, factors = _best_axis(gyro.at(lag_s), matched)
+    is_clear = error + NOISE_RAD < MAX_ERROR_RATIO * (error_by_log + NOISE_RAD)
+    if not is_clear or error > MAX_ERROR * float(np.abs(matched).mean()):
+        return fallback
+    return replace(by_log, factors=_triple(_in_usual_unit(factors)), lag_s=lag_s, is_fault=True)
+
+
+class _Rotations:
+    """Integrated turn rates of an IMU over windows."""
+
+    def __init__(self, imus: Sequence[Imu], start_ns: NDArray[np.int64], end_ns: NDArray[np.int64]) -> None:
+        stamps_ns = np.array([imu.stamp_ns for imu in imus], np.int64)
+        rates = np.array([(imu.wx_radps, imu.wy_radps, imu.wz_radps) for imu in imus])
+        order = np.argsort(stamps_ns, kind="stable")
+        origin_ns = int(start_ns[0])
+        self._times_s = (stamps_ns[order] - origin_ns) * 1e-9
+        rates = rates[order]
+        steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(self._times_s)[:, None]
+        self._turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        self._start_s, self._end_s = (start_ns - origin_ns) * 1e-9, (end_ns - origin_ns) * 1e-9
+
+    def at(self, lag_s: float) -> Floats:
+        """Turns `(n, 3)` about the sensor's axes, recorded `lag_s` after the windows."""
+        return np.column_stack(
+            [
+                np.interp(self._end_s + lag_s, self._times_s, column)
+                - np.interp(self._start_s + lag_s, self._times_s, column)
+                for column in self._turned.T
+            ]
+        )
+
+
+def _error(rotations: Floats, factor: float, matched: Floats) -> float:
+    """Mean difference (rad) of rotations `(n,)` times a factor from matched ones `(n,)`, without a bias."""
+    difference = matched - factor * rotations
+    return float(np.abs(difference - np.median(difference)).mean())
+
+
+def _best_axis(rotations: Floats, matched: Floats) -> tuple[float, Floats]:
+    """Mean difference (rad) to matched rotations `(n,)` of those about the axis of the sensor that agrees best, and its factor.
+
+    `rotations` `(n, 3)`. The factors `(3,)` are 0 for the other axes.
+    """
+    found = []
+    for axis in range(3):
+        centred, wanted = rotations[:, axis] - rotations[:, axis].mean(), matched - matched.mean()
+        square = float(centred @ centred)
+        factor = float(centred @ wanted) / square if square > 0.0 else 0.0
+        if MIN_FACTOR < abs(factor) < 1.0 / MIN_FACTOR:
+            found.append((_error(rotations[:, axis], factor, matched), tuple(factor * np.eye(3)[axis])))
+    if not found:
+        return math.inf, np.zeros(3)
+    error, factors = min(found)
+    return error, np.array(factors)
+
+
+def _upward(events: Sequence[Event], frame_id: str) -> Floats:
+    """The unit vector upward `(3,)` in an IMU's frame by its extrinsics; its z axis without any."""
+    for event in events:
+        if isinstance(event, Transform) and event.is_static and event.child_frame_id == frame_id:
+            return np.asarray(rotation_matrix(event.quat_wxyz)[2])
+    return np.array([0.0, 0.0, 1.0])
+
+
+def _in_usual_unit(factors: Floats) -> Floats:
+    """Factors `(3,)` of a unit that nearly is rad/s or deg/s as just these."""
+    size = float(np.linalg.norm(factors))
+    unit = next((u for u in (1.0, RAD_PER_DEG) if abs(size / u - 1.0) < SAME_UNIT), size)
+    return np.asarray(factors / size * unit)
+
+
+def _triple(values: Floats) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z

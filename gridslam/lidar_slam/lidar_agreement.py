@@ -1,0 +1,117 @@
+"""Whether the lidars of a robot agree: each is tracked alone, and one with another clock, sense or place moves otherwise."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
+from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.mount_calibration import moved_transform, solve_mount
+from gridslam.lidar_slam.odometry_calibration import calibrate, windows_of
+from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
+
+Floats = NDArray[np.float64]
+
+MIN_SCANS = 60  # of a lidar that is compared
+MIN_LAG_S = 0.04  # between the clocks of two lidars: they share the robot's motion, not its odometry's noise
+
+
+@dataclass(frozen=True, slots=True)
+class LidarFault:
+    """How a lidar contradicts another: it is `lag_s` late, its beams are mirrored, or it sits at `moved` `(3,)` in the base,
+    seen from where the base would be by its extrinsics; None where these are right.
+    """
+
+    lidar: str
+    other: str
+    lag_s: float = 0.0
+    is_mirrored: bool = False
+    moved: tuple[float, float, float] | None = None
+
+    @property
+    def note(self) -> str:
+        """One line for people."""
+        found = []
+        if self.is_mirrored:
+            found.append(
+                "its beams are mirrored (log.extrinsics with roll: 3.1416 says that it hangs upside down)"
+            )
+        if self.lag_s:
+            found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0.0 else 'early'}")
+        if self.moved is not None:
+            x, y, yaw = self.moved
+            found.append(
+                f"its place is turned by {math.degrees(yaw):.0f} deg and moved by x {x:.2f}, y {y:.2f} m (log.extrinsics)"
+            )
+        return f"the lidar {self.lidar} contradicts {self.other}: {', '.join(found)}; used corrected"
+
+    def applied_to(self, scan: LaserScan) -> LaserScan:
+        """A scan of the lidar with the right stamp and sense; those of others as they are."""
+        if lidar_of(scan) != self.lidar:
+            return scan
+        sign = -1.0 if self.is_mirrored else 1.0
+        return replace(
+            scan,
+            stamp_ns=max(scan.stamp_ns - round(self.lag_s * 1e9), 0),  # simulated clocks begin at 0
+            angle_min_rad=sign * scan.angle_min_rad,
+            angle_increment_rad=sign * scan.angle_increment_rad,
+        )
+
+    def applied_to_transform(self, transform: Transform) -> Transform:
+        """The lidar's transform with its right place; others as they are."""
+        if self.moved is None or transform.child_frame_id.partition("@")[0] != self.lidar:
+            return transform
+        return moved_transform(transform, np.array(self.moved))
+
+
+def find_lidar_faults(
+    events: Sequence[Event], odometry: Trajectory, build_tracker: Callable[[], ScanTracker]
+) -> list[LidarFault]:
+    """How lidars among the events contradict the one that agrees best with the odometry, or else has most scans."""
+    counts = Counter(lidar_of(e) for e in events if isinstance(e, LaserScan))
+    lidars = [lidar for lidar, count in counts.most_common() if count >= MIN_SCANS]
+    if len(lidars) < 2:
+        return []
+    paths = {lidar: _path_of(lidar, events, build_tracker()) for lidar in lidars}
+    if len(odometry) > 1:
+        against = {lidar: calibrate(paths[lidar], odometry) for lidar in lidars}
+        lidars.sort(key=lambda lidar: (against[lidar].mirrors_yaw, abs(against[lidar].lag_s)))
+    first = lidars[0]
+    found = [_compared(first, other, paths[first], paths[other]) for other in lidars[1:]]
+    return [fault for fault in found if fault is not None]
+
+
+def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) -> LidarFault | None:
+    """How the path of another lidar contradicts the first one's; None where they agree."""
+    windows = windows_of(path, other_path)
+    if windows is None:
+        return None
+    found = calibrate(path, other_path)
+    found = replace(found, lag_s=found.lag_s if abs(found.lag_s) >= MIN_LAG_S else 0.0)
+    by_other, by_first = windows.motions(found)
+    moved = None if found.mirrors_yaw else solve_mount(by_first, by_other)
+    if not (found.lag_s or found.mirrors_yaw or moved is not None):
+        return None
+    x, y, yaw = (0.0, 0.0, 0.0) if moved is None else moved.tolist()
+    return LidarFault(other, first, found.lag_s, found.mirrors_yaw, None if moved is None else (x, y, yaw))
+
+
+def _path_of(lidar: str, events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
+    """The path over the scans of one lidar by matching alone."""
+    own = (
+        e
+        for e in events
+        if not isinstance(e, Odometry | Imu) and not (isinstance(e, LaserScan) and lidar_of(e) != lidar)
+    )
+    for placed in chain(chain.from_iterable(map(tracker.process, own)), tracker.flush()):
+        tracker.track_scan(placed)
+    return Trajectory(
+        np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3)
+    ).sorted()

@@ -1,0 +1,92 @@
+"""What is done to the scans of a log once their faults are known: returns of the robot itself, angles, times, sense."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from gridslam.core.messages import Event, LaserScan, Transform, as_float32
+from gridslam.lidar_slam.level_check import LevelledScans
+from gridslam.lidar_slam.lidar_agreement import LidarFault
+from gridslam.lidar_slam.own_body import OwnBody
+from gridslam.lidar_slam.scan_angles import ScanAngles
+from gridslam.lidar_slam.sweep_calibration import SweepTime
+
+
+@dataclass(slots=True)
+class ScanRepairs:
+    """The repairs of all scans; none at first.
+
+    `reverses_scans`: those whose messages contradict themselves about their sense. `is_upside_down`: the only lidar hangs so, and
+    its extrinsics do not say it. `sweep`: where the messages say no time, or the wrong one. `late_scans_s` is that of scans that
+    are stamped when their sweep is complete. `lidars` are those that contradict the other ones.
+    """
+
+    levels: LevelledScans = field(default_factory=lambda: LevelledScans({}))
+    own_bodies: list[OwnBody] = field(default_factory=list)
+    angles: list[ScanAngles] = field(default_factory=list)
+    lidars: Sequence[LidarFault] = ()
+    reverses_scans: bool = False
+    is_upside_down: bool = False
+    sweep: SweepTime | None = None
+    late_scans_s: float = 0.0
+
+    def applied_to(self, event: Event) -> Event:
+        """A scan, or the transform of a lidar, as it is put right; other events as they are."""
+        event = self.levels.applied_to(event)
+        if isinstance(event, Transform):
+            for fault in self.lidars:
+                event = fault.applied_to_transform(event)
+        if not isinstance(event, LaserScan):
+            return event
+        for body in self.own_bodies:
+            event = body.removed_from(event)
+        for angles in self.angles:
+            event = angles.applied_to(event)
+        for fault in self.lidars:
+            event = fault.applied_to(event)
+        if self.sweep is not None:
+            event = self.sweep.applied_to(event)
+        if self.late_scans_s:
+            begun_ns = event.stamp_ns - round(self.late_scans_s * 1e9)
+            event = replace(event, stamp_ns=max(begun_ns, 0))  # simulated clocks begin at 0
+        if self.is_upside_down:
+            event = turned_over(event)
+        return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
+
+    @property
+    def notes(self) -> list[str]:
+        """One line for each kind of repair but for bodies."""
+        found = [] if self.levels.note is None else [self.levels.note]
+        found += [angles.note for angles in self.angles]
+        found += [fault.note for fault in self.lidars]
+        if self.reverses_scans:
+            found.append(
+                "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
+            )
+        if self.is_upside_down:
+            found.append(
+                "the lidar hangs upside down by the turns of odometry and IMU, and its extrinsics do not say so: its scans are "
+                "turned over; log.extrinsics with roll: 3.1416 says it"
+            )
+        if self.sweep is not None:
+            found.append(self.sweep.note)
+        if self.late_scans_s:
+            found.append(
+                f"by the odometry the scans are stamped at the end of their sweep, {self.late_scans_s:.3f} s after the first "
+                "beam: their stamps, and those of the poses, are moved"
+            )
+        return found
+
+
+def reversed_sense(scan: LaserScan) -> LaserScan:
+    """The scan with the same readings, the first one at the angle of the last."""
+    last_rad = scan.angle_min_rad + scan.angle_increment_rad * (len(scan.ranges_m) - 1)
+    return replace(
+        scan, angle_min_rad=as_float32(last_rad), angle_increment_rad=as_float32(-scan.angle_increment_rad)
+    )
+
+
+def turned_over(scan: LaserScan) -> LaserScan:
+    """The scan of a lidar that hangs upside down, with its bearings as they are from above."""
+    return replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)

@@ -1,0 +1,128 @@
+"""Whether the floor lies where a cloud sensor's extrinsics put it: one that hangs upside down or is tilted shows it elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Event, PointCloud
+from gridslam.logs.checks.scan_units import CloudUnits
+from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.placement.virtual_scan import RAISED_M, VirtualLidar
+from gridslam.logs.skips import Skip
+from gridslam.logs.streams import Source
+
+Floats = NDArray[np.float64]
+
+PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # at the beginning: clouds are large, and the floor is in each
+MAX_POINTS, TRIALS = 4000, 400  # that are looked at; planes through three of them that are tried
+PLANE_M = 0.04  # half thickness of a floor: noise of ranges, and an even floor
+MIN_FRACTION = 0.05  # of the points that lie on the floor, for a sensor that sees it at all
+MAX_MISSING = 0.3  # of the points of the floor found, that may lie where the extrinsics put it
+MAX_HEIGHT_ERROR = 0.15  # of the sensor above the floor, relative
+MAX_TILT_RAD = math.radians(30.0)  # of a sensor that was mounted to look around
+MIN_TILT_RAD = math.radians(2.0)  # of a fault: less is the floor's, and the band's
+MIN_WIDTH_RATIO = 0.3  # of the smaller to the larger extent of a floor: the foot of a wall is a line
+
+
+def lidars_on_the_floor(
+    source: Source,
+    kind_of: Mapping[int, str],
+    lidars: Mapping[str, VirtualLidar],
+    message_counts: MessageCounts,
+) -> Mapping[str, VirtualLidar]:
+    """The lidars made of clouds, by frame; on a level robot those whose first clouds show the floor elsewhere are turned."""
+    found = dict(lidars)
+    for index, kind in kind_of.items():
+        frame = next(iter(source.streams[index].frames), "")
+        if kind != "scan" or source.streams[index].kind != "cloud" or frame not in lidars:
+            continue
+        if lidars[frame].tilt is None:
+            in_metres = CloudUnits("", MessageCounts()).repaired
+            first = first_items(source, index, PEEKED_CLOUDS)[::EVERY_CLOUD]
+            clouds = [in_metres(event) for event in first if isinstance(event, PointCloud)]
+            found[frame] = placed_by_floor(lidars[frame], clouds, message_counts)
+    return found
+
+
+def first_items(source: Source, index: int, count: int) -> list[Event | Skip]:
+    """The first items of a stream."""
+    schedule = [index] * len(source.streams[index].stamps_ns)
+    return [event for _, event in islice(source.read(frozenset({index}), schedule), count)]
+
+
+def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: MessageCounts) -> VirtualLidar:
+    """The lidar with the rotation that puts the floor below it; the same object where it is there, or is not seen."""
+    height_m = float(lidar.translation_m[2])
+    points = _sample([cloud.points_m for cloud in clouds])
+    if height_m < RAISED_M or len(points) < MAX_POINTS // 4:
+        return lidar
+    given = points @ lidar.rotation.T
+    at_floor = float((np.abs(given[:, 2] + height_m) < PLANE_M).mean())
+    up, fraction = _floor(given, height_m)
+    if fraction < MIN_FRACTION or at_floor > MAX_MISSING * fraction:
+        return lidar
+    is_upside_down = bool(up[2] < 0.0)
+    tilt_rad = math.acos(min(abs(float(up[2])), 1.0))
+    if not is_upside_down and tilt_rad < MIN_TILT_RAD:
+        return lidar
+    turned_over = np.diag([1.0, -1.0, -1.0]) if is_upside_down else np.eye(3)
+    level = _level(turned_over @ up)
+    what = ["hangs upside down"] * is_upside_down
+    what += [f"is tilted by {math.degrees(tilt_rad):.0f} deg"] * (tilt_rad >= MIN_TILT_RAD)
+    frame = lidar.frame_id.removesuffix("_planar")
+    counts.find(
+        f"{frame} {' and '.join(what)} by the floor that it sees, and its transform does not say so: its clouds are turned; "
+        f"log.extrinsics.{frame} with roll and pitch says it"
+    )
+    return replace(lidar, rotation=level @ turned_over @ lidar.rotation)
+
+
+def _sample(clouds: list[NDArray[np.float32]]) -> Floats:
+    """At most MAX_POINTS points `(n, 3)`, evenly from all clouds."""
+    if not clouds:
+        return np.zeros((0, 3))
+    points = np.concatenate(clouds).astype(np.float64)
+    return points[:: max(len(points) // MAX_POINTS, 1)]
+
+
+def _floor(points: Floats, height_m: float) -> tuple[Floats, float]:
+    """The unit vector `(3,)` away from the floor, in the axes of points `(n, 3)` about a sensor, and their fraction on it.
+
+    Floors are planes about as far from the sensor as it is high, above or below, that are tilted by less than MAX_TILT_RAD.
+    """
+    rng = np.random.default_rng(0)
+    corners = points[rng.integers(0, len(points), (TRIALS, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals = normals[lengths > 0.0] / lengths[lengths > 0.0, None]
+    distances = np.einsum("ij,ij->i", normals, corners[lengths > 0.0, 0])
+    normals = normals * -np.sign(distances)[:, None]  # towards the sensor
+    is_floor = np.abs(np.abs(distances) / height_m - 1.0) < MAX_HEIGHT_ERROR
+    is_floor &= np.abs(normals[:, 2]) > math.cos(MAX_TILT_RAD)
+    best, fraction = np.array([0.0, 0.0, 1.0]), 0.0
+    for normal, distance in zip(normals[is_floor], np.abs(distances[is_floor]), strict=True):
+        on = np.abs(points @ normal + distance) < PLANE_M
+        if on.mean() > fraction and _is_wide(points[on]):
+            best, fraction = normal, float(on.mean())
+    return best, fraction
+
+
+def _is_wide(points: Floats) -> bool:
+    """Whether points `(n, 3)` lie all over a floor, rather than along a line."""
+    extents = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points[:, :2].T)), 0.0))
+    return bool(extents[0] > MIN_WIDTH_RATIO * extents[1])
+
+
+def _level(up: Floats) -> Floats:
+    """The smallest rotation `(3, 3)` that takes a unit vector `(3,)` to the z axis."""
+    x, y, z = up.tolist()
+    factor = 1.0 / (1.0 + z)
+    return np.array(
+        [[1.0 - x * x * factor, -x * y * factor, -x], [-x * y * factor, 1.0 - y * y * factor, -y], [x, y, z]]
+    )
