@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, pairs_of
+from gridslam.evaluation.map_remarks import map_remarks
 from gridslam.evaluation.pair_remarks import no_pairs_hint, pair_remarks
 from gridslam.evaluation.series_remarks import series_remarks
 
@@ -27,7 +26,9 @@ def remarks_of(
         estimate = Trajectory(result.trajectory.stamps_ns + options.time_offset_ns, result.trajectory.poses)
         pairs = pairs_of(result.trajectory, truth.trajectory, options)
         remarks += pair_remarks(pairs, estimate, truth.trajectory, options.align, options.with_scale)
-    return remarks + _registration_remarks(document)
+    elif result.occupancy is not None and truth.occupancy is not None:
+        remarks += map_remarks(result.occupancy, truth.occupancy, document)
+    return remarks
 
 
 def check_pairs(result: Result, truth: Truth, options: EvaluationOptions) -> None:
@@ -46,21 +47,3 @@ def check_pairs(result: Result, truth: Truth, options: EvaluationOptions) -> Non
     raise InputError(
         f"estimate ({spans[0]}) and truth ({spans[1]}) have no stamps {options.nearness}: {hint}"
     )
-
-
-def _registration_remarks(document: dict[str, Any]) -> list[str]:
-    facts = document.get("map", {}).get("alignment")
-    if facts is None:
-        return []
-    if facts["kind"] == "none":
-        return [
-            f"the maps could not be registered: at best {facts['inlier_ratio']:.0%} of the mapped walls are near true walls; "
-            "they are compared without alignment. Are they maps of one place?"
-        ]
-    place = f"x {facts['x']:.3f} m, y {facts['y']:.3f} m, yaw {np.degrees(facts['yaw']):.2f} deg"
-    remark = (
-        f"no trajectory relates the frames of the maps: they were aligned by registration of their walls ({place}; "
-        f"{facts['inlier_ratio']:.0%} of the mapped walls agree)"
-    )
-    ambiguous = "the registration is ambiguous: another pose fits as well" if facts["ambiguous"] else ""
-    return [remark, *([ambiguous] if ambiguous else [])]

@@ -68,6 +68,15 @@ def test_maps_in_different_frames_are_aligned_and_the_document_says_so() -> None
     as_given = evaluate(result, truth, EvaluationOptions(align="none"))
     assert as_given["map"]["accuracy"]["mean"] > 0.3
     assert "alignment" not in as_given["map"]
+    remarks = remarks_of(result, truth, EvaluationOptions(align="none"), as_given)
+    assert any("different frames" in line and "--align se2" in line for line in remarks)
+
+
+def test_a_mirrored_map_is_named() -> None:
+    image = OccupancyGrid(house().probability[::-1], house().geometry)
+    result, truth, options = Result(occupancy=image), Truth(occupancy=house()), EvaluationOptions(align="se2")
+    found = remarks_of(result, truth, options, evaluate(result, truth, options))
+    assert any("the map is mirrored: with y negated 100% of its walls agree" in line for line in found)
 
 
 def test_a_map_of_another_place_is_compared_as_it_is_and_the_remark_doubts_it() -> None:
