@@ -109,8 +109,8 @@ class LogLimits(StrictModel):
     chunk_mb: int = Field(
         512,
         gt=0,
-        description="Largest record or unpacked chunk of a log, in MiB. Raise it for a log that is refused as too "
-        "large; it needs more memory.",
+        description="Largest record or unpacked chunk of a log, in MiB. Raise it if larger ones are left "
+        "out; it needs more memory.",
     )
     line_mb: int = Field(
         16,

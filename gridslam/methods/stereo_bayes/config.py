@@ -159,19 +159,19 @@ class AdvancedPose(StrictModel):
         0.04,
         ge=0.0,
         description="Standard deviation of the odometry's position after 1 m, in metres; grows with the root of the "
-        "distance. Raise it for wheels that slip: absolute poses then weigh more.",
+        "distance. Raise it for wheels that slip: the map is blurred more, and absolute poses weigh more.",
     )
     rotation_std_rad: float = Field(
         0.06,
         ge=0.0,
         description="Standard deviation of the odometry's yaw after 1 rad, in rad; grows with the root of the rotation. "
-        "Raise it for wheels that slip in turns: absolute poses then weigh more.",
+        "Raise it for wheels that slip in turns: the map is blurred more, and absolute poses weigh more.",
     )
     rotation_std_per_m_rad: float = Field(
         0.04,
         ge=0.0,
         description="Standard deviation of the odometry's yaw after 1 m, in rad; grows with the root of the distance. "
-        "Raise it for uneven floors: absolute poses then weigh more.",
+        "Raise it for uneven floors: the map is blurred more, and absolute poses weigh more.",
     )
     blur: bool = Field(
         True,
