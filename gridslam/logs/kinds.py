@@ -14,7 +14,6 @@ from gridslam.core.messages import (
     CameraInfo,
     DepthImage,
     Disparity,
-    Event,
     Image,
     Imu,
     LaserScan,
@@ -26,6 +25,9 @@ from gridslam.core.messages import (
     Transform,
     WheelTicks,
 )
+from gridslam.logs.checks.depth_units import DepthUnits
+from gridslam.logs.checks.scan_units import CloudUnits
+from gridslam.logs.checks.wheel_revolutions import WheelRevolutions
 from gridslam.logs.codecs import (
     camera_info,
     cloud,
@@ -48,12 +50,9 @@ from gridslam.logs.message_kind import (
     SPEEDS,
     TIMES,
     CsvTableKind,
-    FromFoxglove,
-    FromRos,
     MessageKind,
     RowGroups,
 )
-from gridslam.logs.skips import SkipReason
 
 TRUTH_TOPIC = "/ground_truth"
 _POSE = ("x", "y", "yaw")
@@ -72,7 +71,7 @@ _ODOMETRY_TABLE = CsvTableKind(
 )
 
 # In order of precedence: at equal stamps, what a scan needs comes before it.
-_KINDS = (
+KINDS_IN_ORDER = (
     MessageKind(
         "tf",
         Transform,
@@ -157,6 +156,7 @@ _KINDS = (
             units=dict.fromkeys(("left", "right"), ANGLES),
         ),
         unusable_reason=wheels.unusable_reason,
+        repair=WheelRevolutions,
         several="one",
     ),
     MessageKind(
@@ -250,6 +250,7 @@ _KINDS = (
         },
         to_ros=cloud.to_ros,
         unusable_reason=cloud.unusable_reason,
+        repair=CloudUnits,
         is_sensor=True,
     ),
     MessageKind(
@@ -289,6 +290,7 @@ _KINDS = (
         },
         shared_foxglove={"foxglove.RawImage": depth.from_foxglove},
         claims=depth.is_depth,
+        repair=DepthUnits,
         to_ros=depth.to_ros,
         csv=CsvTableKind(
             depth.from_csv,
@@ -348,72 +350,23 @@ _KINDS = (
     MessageKind("other", is_event=False),
 )
 
-KINDS: Mapping[str, MessageKind] = MappingProxyType({kind.name: kind for kind in _KINDS})
+KINDS: Mapping[str, MessageKind] = MappingProxyType({kind.name: kind for kind in KINDS_IN_ORDER})
 PRECEDENCE: Mapping[str, int] = MappingProxyType({name: place for place, name in enumerate(KINDS)})
-EVENT_KINDS = tuple(kind.name for kind in _KINDS if kind.is_event)
+EVENT_KINDS = tuple(kind.name for kind in KINDS_IN_ORDER if kind.is_event)
 CSV_KINDS: Mapping[str, CsvTableKind] = MappingProxyType(
-    {kind.name: kind.csv for kind in _KINDS if kind.csv is not None}
+    {kind.name: kind.csv for kind in KINDS_IN_ORDER if kind.csv is not None}
 )
 # Events that a CSV folder cannot hold.
-WITHOUT_TABLE = frozenset(k.name for k in _KINDS if k.is_event and k.csv is None and k.csv_parts is None)
+WITHOUT_TABLE = frozenset(
+    k.name for k in KINDS_IN_ORDER if k.is_event and k.csv is None and k.csv_parts is None
+)
 UNITS_OF: Mapping[str, frozenset[str]] = MappingProxyType(
     {"stamp": TIMES}
     | {column: units for table in CSV_KINDS.values() for column, units in table.units.items()}
 )
 """The units that a column may have; columns that are missing here have none."""
 ROS_DEFINITIONS: Mapping[str, str] = MappingProxyType(
-    {name: text for kind in _KINDS for name, text in kind.definitions.items()}
+    {name: text for kind in KINDS_IN_ORDER for name, text in kind.definitions.items()}
 )
 """Definitions of our own message types by name."""
 OLDER_NAMES: Mapping[str, str] = MappingProxyType({"fix": "pose"})  # accepted where files name a kind
-
-_OF_MESSAGE = {kind.message: kind for kind in _KINDS if kind.message is not None}
-_OF_ROS_TYPE = {name: kind for kind in _KINDS for name in kind.ros}
-_OF_FOXGLOVE_TYPE = {name: kind for kind in _KINDS for name in kind.foxglove}
-
-
-def kind_of_event(event: Event) -> MessageKind:
-    """The kind of an event."""
-    return _OF_MESSAGE[type(event)]
-
-
-def kind_of_ros_type(name: str) -> str:
-    """The kind that messages of a ROS type (`package/msg/Type`) serve as; `other` for a type that nothing uses."""
-    kind = _OF_ROS_TYPE.get(name)
-    return "other" if kind is None else kind.name
-
-
-def kind_of_foxglove_type(name: str) -> str:
-    """The kind that messages of a Foxglove type serve as; empty for other types."""
-    kind = _OF_FOXGLOVE_TYPE.get(name)
-    return "" if kind is None else kind.name
-
-
-def ros_converter(name: str) -> FromRos | None:
-    """The conversion of decoded messages of a ROS type; None where the kind has none of its own."""
-    kind = _OF_ROS_TYPE.get(name)
-    return None if kind is None else kind.ros[name]
-
-
-def foxglove_converter(name: str) -> FromFoxglove | None:
-    """The conversion of decoded messages of a Foxglove type; None where the kind has none of its own."""
-    kind = _OF_FOXGLOVE_TYPE.get(name)
-    return None if kind is None else kind.foxglove[name]
-
-
-def kinds_sharing(type_name: str) -> list[MessageKind]:
-    """The kinds that claim some of the streams whose schema, of ROS or Foxglove, is usually that of another kind."""
-    return [kind for kind in _KINDS if type_name in kind.shared_ros or type_name in kind.shared_foxglove]
-
-
-def unusable_reason(event: Event) -> SkipReason | None:
-    """The reason why no method can use the event; None where it can."""
-    check = _UNUSABLE_REASONS.get(type(event))
-    return check(event) if check else None
-
-
-_UNUSABLE_REASONS = {
-    kind.message: kind.unusable_reason
-    for kind in _KINDS
-    if kind.message is not None and kind.unusable_reason is not None
-}

@@ -15,7 +15,7 @@ from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.core.trajectory import Trajectory
 from gridslam.logs.config import LogConfig
-from gridslam.logs.kinds import unusable_reason
+from gridslam.logs.kind_lookup import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
 from gridslam.logs.order.clocks import check_overlap, restamp

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 from gridslam.core.messages import Event
 from gridslam.logs.encoding.csv_pictures import PictureWriter
 from gridslam.logs.encoding.csv_row import Row
 from gridslam.logs.encoding.encoded import Encoded
+from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import SkipReason
 
 FromRos = Callable[[Any, str], Event]  # (decoded message, topic)
@@ -21,6 +22,13 @@ ANGLES = frozenset({"rad", "deg", "rad_clockwise", "deg_clockwise"})
 TIMES = frozenset({"s", "ms", "us", "ns"})
 SPEEDS = LENGTHS | {"m/s"}
 RATES = ANGLES | {"rad/s", "deg/s"}
+
+
+class Repair(Protocol):
+    """Removes contradictions from the events of one stream, in order."""
+
+    def repaired(self, event: Any, /) -> Event:
+        """The event without contradictions; the same object where it has none."""
 
 
 class RowGroups(NamedTuple):
@@ -66,7 +74,8 @@ class MessageKind:
     decoded message; None where decoding depends on more than the message (`ros/decoder.py`). `shared_ros` and
     `shared_foxglove` are conversions of schemas of another kind, whose streams are of this kind if it `claims` their first
     message (decoded message, topic). `definitions` are those of schemas that ROS does not have. `to_ros` encodes an
-    event for a topic, None for the usual one. `unusable_reason` says why no method can use an event.
+    event for a topic, None for the usual one. `unusable_reason` says why no method can use an event; `repair` is made for each
+    stream that a method reads, from the stream's name for people.
 
     `several` says which of several streams of the kind a method gets: all, one that the config names, the densest, or all if
     each has a frame of its own. `csv_parts` divides an event without a table into events that have one, with their topics.
@@ -84,6 +93,7 @@ class MessageKind:
     csv: CsvTableKind | None = None
     csv_parts: Callable[[Any, str | None], list[tuple[Event, str]]] | None = None
     unusable_reason: Callable[[Any], SkipReason | None] | None = None
+    repair: Callable[[str, MessageCounts], Repair] | None = None
     several: Literal["all", "one", "densest", "of_own_frames"] = "all"
     may_be_truth: bool = False  # its streams hold poses that log.truth may name
     is_event: bool = True  # methods can take it; the others serve as truth, or turn rangers

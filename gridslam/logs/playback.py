@@ -19,12 +19,10 @@ from gridslam.core.messages import (
     Transform,
 )
 from gridslam.core.stamps import END_NS
-from gridslam.logs.checks.depth_units import DepthUnits
 from gridslam.logs.checks.plausibility import ScanPlausibility
-from gridslam.logs.checks.scan_units import CloudUnits
-from gridslam.logs.checks.wheel_revolutions import WheelRevolutions
 from gridslam.logs.codecs import odometry
-from gridslam.logs.kinds import unusable_reason
+from gridslam.logs.kind_lookup import unusable_reason
+from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
 from gridslam.logs.placement.cloud_floor import first_items, lidars_on_the_floor
@@ -200,12 +198,8 @@ def _repairs(
             first = _first_scans(source, index)
             check = ScanPlausibility(stream.stamps_ns, stream.label, message_counts, sweep_s, first)
             found[index] = check.repaired
-        elif kind == "scan" and stream.kind == "cloud":
-            found[index] = CloudUnits(stream.label, message_counts).repaired
-        elif kind == "depth":
-            found[index] = DepthUnits(stream.label, message_counts).repaired
-        elif kind == "wheels":
-            found[index] = WheelRevolutions(stream.label, message_counts).repaired
+        elif (repair := KINDS[stream.kind].repair) is not None:
+            found[index] = repair(stream.label, message_counts).repaired
     return found
 
 

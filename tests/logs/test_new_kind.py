@@ -65,7 +65,7 @@ ROW = """
         is_sensor=True,
     ),
 """
-TABLE_BEGINS = "\n_KINDS = (\n"
+TABLE_BEGINS = "\nKINDS_IN_ORDER = (\n"
 SCRIPT = """
 import importlib.util, sys
 sys.path.insert(0, ".")

@@ -21,13 +21,8 @@ from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.csv.written_folder import check_csv_free
 from gridslam.logs.encoding.csv_fields import name_field
 from gridslam.logs.encoding.csv_pictures import PictureWriter
-from gridslam.logs.kinds import (
-    CSV_KINDS,
-    PRECEDENCE,
-    TRUTH_TOPIC,
-    WITHOUT_TABLE,
-    kind_of_event,
-)
+from gridslam.logs.kind_lookup import kind_of_event
+from gridslam.logs.kinds import CSV_KINDS, PRECEDENCE, TRUTH_TOPIC, WITHOUT_TABLE
 from gridslam.logs.message_kind import CsvTableKind
 
 _FRAMES = ("frame", "child_frame")  # columns that a table has only where its rows name their frames

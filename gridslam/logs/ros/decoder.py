@@ -9,14 +9,14 @@ from typing import Any
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.codecs import ranger, transform
 from gridslam.logs.config import LogConfig
-from gridslam.logs.kinds import (
-    KINDS,
+from gridslam.logs.kind_lookup import (
     foxglove_converter,
     kind_of_foxglove_type,
     kind_of_ros_type,
     kinds_sharing,
     ros_converter,
 )
+from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_kind import FromFoxglove
 from gridslam.logs.ros import fast_cdr, foxglove, protobuf
 from gridslam.logs.ros.container import Channel, Schema

@@ -9,7 +9,7 @@ from gridslam.core.messages import Event
 from gridslam.core.stamps import END_NS
 from gridslam.logs.encoding.cdr import check_text
 from gridslam.logs.encoding.encoded import Encoded
-from gridslam.logs.kinds import kind_of_event
+from gridslam.logs.kind_lookup import kind_of_event
 
 
 def encode(event: Event, topic: str | None = None) -> Iterable[Encoded]:

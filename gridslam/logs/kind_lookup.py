@@ -1,0 +1,61 @@
+"""Finds the kind of a message, by its class or by the name of its schema, and what the kind's row says of it."""
+
+from __future__ import annotations
+
+from gridslam.core.messages import Event
+from gridslam.logs.kinds import KINDS_IN_ORDER
+from gridslam.logs.message_kind import FromFoxglove, FromRos, MessageKind
+from gridslam.logs.skips import SkipReason
+
+_OF_MESSAGE = {kind.message: kind for kind in KINDS_IN_ORDER if kind.message is not None}
+_OF_ROS_TYPE = {name: kind for kind in KINDS_IN_ORDER for name in kind.ros}
+_OF_FOXGLOVE_TYPE = {name: kind for kind in KINDS_IN_ORDER for name in kind.foxglove}
+
+
+def kind_of_event(event: Event) -> MessageKind:
+    """The kind of an event."""
+    return _OF_MESSAGE[type(event)]
+
+
+def kind_of_ros_type(name: str) -> str:
+    """The kind that messages of a ROS type (`package/msg/Type`) serve as; `other` for a type that nothing uses."""
+    kind = _OF_ROS_TYPE.get(name)
+    return "other" if kind is None else kind.name
+
+
+def kind_of_foxglove_type(name: str) -> str:
+    """The kind that messages of a Foxglove type serve as; empty for other types."""
+    kind = _OF_FOXGLOVE_TYPE.get(name)
+    return "" if kind is None else kind.name
+
+
+def ros_converter(name: str) -> FromRos | None:
+    """The conversion of decoded messages of a ROS type; None where the kind has none of its own."""
+    kind = _OF_ROS_TYPE.get(name)
+    return None if kind is None else kind.ros[name]
+
+
+def foxglove_converter(name: str) -> FromFoxglove | None:
+    """The conversion of decoded messages of a Foxglove type; None where the kind has none of its own."""
+    kind = _OF_FOXGLOVE_TYPE.get(name)
+    return None if kind is None else kind.foxglove[name]
+
+
+def kinds_sharing(type_name: str) -> list[MessageKind]:
+    """The kinds that claim some of the streams whose schema, of ROS or Foxglove, is usually that of another kind."""
+    return [
+        kind for kind in KINDS_IN_ORDER if type_name in kind.shared_ros or type_name in kind.shared_foxglove
+    ]
+
+
+def unusable_reason(event: Event) -> SkipReason | None:
+    """The reason why no method can use the event; None where it can."""
+    check = _UNUSABLE_REASONS.get(type(event))
+    return check(event) if check else None
+
+
+_UNUSABLE_REASONS = {
+    kind.message: kind.unusable_reason
+    for kind in KINDS_IN_ORDER
+    if kind.message is not None and kind.unusable_reason is not None
+}
