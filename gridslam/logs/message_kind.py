@@ -24,7 +24,7 @@ SPEEDS = LENGTHS | {"m/s"}
 RATES = ANGLES | {"rad/s", "deg/s"}
 
 
-class Repair(Protocol):
+class EventRepair(Protocol):
     """Removes contradictions from the events of one stream, in order."""
 
     def repaired(self, event: Any, /) -> Event:
@@ -93,7 +93,7 @@ class MessageKind:
     csv: CsvTableKind | None = None
     csv_parts: Callable[[Any, str | None], list[tuple[Event, str]]] | None = None
     unusable_reason: Callable[[Any], SkipReason | None] | None = None
-    repair: Callable[[str, MessageCounts], Repair] | None = None
+    repair: Callable[[str, MessageCounts], EventRepair] | None = None
     several: Literal["all", "one", "densest", "of_own_frames"] = "all"
     may_be_truth: bool = False  # its streams hold poses that log.truth may name
     is_event: bool = True  # methods can take it; the others serve as truth, or turn rangers
