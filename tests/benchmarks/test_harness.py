@@ -94,7 +94,7 @@ def test_a_broken_bound_or_one_without_its_row_ends_with_1(
     (tmp_path / "bench_cli.py").touch()
     (tmp_path / "bench_plan.py").touch()
     monkeypatch.setattr(harness, "HERE", tmp_path)
-    monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [BenchmarkRow(name, value, "s")])
+    monkeypatch.setattr("tests.benchmarks.bench_cli.rows", lambda: [BenchmarkRow(name, value, "ratio")])
     monkeypatch.setattr("tests.benchmarks.bench_plan.rows", list)
     assert harness.main(["--jobs", "1"]) == code
     out, err = capsys.readouterr()
