@@ -225,6 +225,7 @@ _TOKEN = re.compile(  # of Python: long texts and comments have neither group
 )
 _RIGHT: set[str] = set()  # names that were looked at before and are right in any file
 _YAML_KEY = re.compile(r"([A-Za-z_]+):(?:\s|$)")
+_RIDDLE = re.compile(r'^ *"""(?:What|Which|Where|When|How|Why|Nothing|None|As|If|So|And)\b', re.MULTILINE)
 # One word boundary for all of them: one each takes three times as long.
 _PHRASE = re.compile(r"\b(?:" + "|".join(PHRASES) + ")", re.IGNORECASE)
 _EXEMPT = {Path("tests/glossary.py"), Path("tests/test_glossary.py")}
@@ -250,6 +251,8 @@ def findings() -> Iterator[Finding]:
     """All findings in code, configurations and pages."""
     for file in _files(SOURCES, (".py",)):
         yield from names_of(file)
+    for file in _files(("gridslam", "cli"), (".py",)):
+        yield from riddles_of(file)
     for file in _files(SOURCES, (".yaml",)):
         yield from keys_of(file)
     for file in _files((*SOURCES, *PAGES), (".py", ".yaml", ".md", ".j2", ".html")):
@@ -292,6 +295,14 @@ def _finding(file: Path, line: int, name: str) -> Iterator[Finding]:
         if word in WORDS:
             yield Finding(file, line, name, WORDS[word])
             return
+
+
+def riddles_of(file: Path) -> Iterator[Finding]:
+    """First lines of docstrings that begin as a question, instead of with what is returned or done."""
+    source = (REPOSITORY / file).read_text(encoding="utf-8")
+    for match in _RIDDLE.finditer(source):
+        line = source.count("\n", 0, match.end()) + 1
+        yield Finding(file, line, match.group().strip(), "what is returned or done, subject first")
 
 
 def phrases_of(file: Path) -> Iterator[Finding]:

@@ -66,6 +66,12 @@ def test_phrases_are_found_in_prose(
     assert [(f.line, f.text) for f in glossary.phrases_of(Path("a.md"))] == [(2, p) for p in phrases]
 
 
+def test_a_docstring_does_not_begin_as_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(glossary, "REPOSITORY", tmp_path)
+    (tmp_path / "a.py").write_text('"""What is here."""\ndef f():\n    """Whether it is."""\n')
+    assert [(f.line, f.text) for f in glossary.riddles_of(Path("a.py"))] == [(1, '"""What')]
+
+
 def test_class_names_occur_once() -> None:
     defined: dict[str, list[str]] = {}
     for root in ("gridslam", "cli", "tests"):

@@ -18,7 +18,7 @@ def evenly_spaced(n: int, max_count: int) -> Ints:
 
 
 def offsets_of(counts: Iterable[int]) -> Ints:
-    """Where each group of items begins `(n + 1,)` if the groups `(n,)` lie one behind the other, and where the last one ends."""
+    """Indices `(n + 1,)` of the first item of each of n groups that lie one behind the other, and the end of the last group."""
     return np.concatenate([[0], np.cumsum(np.fromiter(counts, np.int64))])
 
 

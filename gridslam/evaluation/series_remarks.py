@@ -91,7 +91,7 @@ def _looks_like_radians(series: PoseSeries) -> bool:
 
 
 def _deviations(series: PoseSeries, *yaws: Floats) -> list[float]:
-    """How far each of the yaw angles `(n,)` (rad) varies about the course of the path, from 0 to 1; a constant offset is none."""
+    """Variation, 0 to 1, of each of the yaw angles `(n,)` (rad) about the course of the path; a constant offset counts 0."""
     xy = series.positions_m[:, :2]
     step_m = float(np.median(np.hypot(*np.diff(xy, axis=0).T))) if len(xy) > 1 else 0.0
     stride = int(np.clip(COURSE_M / max(step_m, 1e-9), 1, max(len(xy) // MIN_STRIDES, 1)))

@@ -126,7 +126,7 @@ def package_of(name: str) -> str:
 
 
 def option_words(name: str, file: str) -> tuple[str, str]:
-    """How the command line gives a file for an input: `--drawing FILE`; by `--input NAME=FILE` where it has no such option."""
+    """The option for the file of an input: `--drawing FILE`, or `--input NAME=FILE` where the command line has no such option."""
     return (f"--{OPTIONS[name]}", file) if name in OPTIONS else ("--input", f"{name}={file}")
 
 

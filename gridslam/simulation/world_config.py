@@ -121,7 +121,10 @@ def load_world(
 def load_worlds(
     name_or_path: str, overrides: Sequence[str], seeds: Sequence[int]
 ) -> Iterator[tuple[WorldConfig, Path]]:
-    """As `load_world` for each of the seeds; the file is read once, and checked again only where a place is made by the seed."""
+    """Worlds and paths, as of `load_world`, for each of the seeds.
+
+    The file is read once, and checked again only where a place is made by the seed.
+    """
     path = _path_of(name_or_path)
     document = apply_overrides(read_yaml(path), overrides)
     world: WorldConfig | None = None

@@ -84,10 +84,11 @@ def pose_clearance(
     forward: float,
     rotation: float,
 ) -> float:
-    """How far the robot can move before a disc can touch an obstacle; OUTSIDE if one is within the margin.
+    """Motion of the robot from a pose before a disc can touch an obstacle; OUTSIDE if one is within the margin.
 
-    Its motion is a multiple of `forward` (m) and `rotation` (rad), and the result is that multiple: metres for 1 and a curvature,
-    radians for 0 and 1. A disc moves faster the farther its centre lies from the turning centre.
+    The pose in the frame of `world` is `x`, `y` (m), `yaw` (rad). The motion is a multiple of `forward` (m) and `rotation`
+    (rad), and the result is that multiple: metres for 1 and a curvature, radians for 0 and 1. A disc moves faster the farther
+    its centre lies from the turning centre.
     """
     c, s = np.cos(yaw), np.sin(yaw)
     free_distance = 1e9

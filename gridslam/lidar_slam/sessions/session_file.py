@@ -93,7 +93,7 @@ def session_bytes(session: Session) -> bytes:
 
 
 def with_digest(arrays: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The arrays by name, and at last the digest of their contents, by which a later change is noticed."""
+    """The pairs (name, array), and finally `digest`, by which a later change of their contents is noticed."""
     digests = {}
     for name, values in arrays:
         digests[name] = _digest_of(values)

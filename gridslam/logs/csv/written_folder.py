@@ -1,4 +1,4 @@
-"""Which folders the writer of CSV folders may replace: only those that it has written."""
+"""Check of folders that the writer of CSV folders may replace: only those that it has written."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def _camera(path: Path) -> EurocCamera:
 
 
 def _what_is_wrong(K: Floats, size: tuple[int, int], D: Floats, T: Floats) -> str:
-    """What no camera has; no text if nothing is wrong."""
+    """The value that no camera has, as a clause; "" if all are possible."""
     if not (0 < min(size) <= max(size) <= MAX_SIDE_PX):
         return f"a resolution of {size[0]} x {size[1]} pixels"
     if not (K[:2, :2].diagonal().min() > 0.0 and np.abs(K).max() <= MAX_SIDE_PX):

@@ -48,7 +48,7 @@ class ClosedDrive:
 
 @dataclass(frozen=True, slots=True)
 class DriveClosing:
-    """What the end of a drive needs of its run: the tracked scans, the objects, and the session that goes on, if there is one."""
+    """The end of a drive: its tracked scans, its objects, and the session that it continues, if there is one."""
 
     config: SlamSdConfig
     tracker: ScanTracker

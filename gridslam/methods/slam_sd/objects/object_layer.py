@@ -118,10 +118,10 @@ class NoObjects:
         """Do nothing: no round waits (see `ObjectLayer`)."""
 
     def add_key_scan(self, scan: PreparedScan, pose: Floats, path: Floats) -> None:
-        """The scan shows no tagged object."""
+        """Do nothing: the scan shows no tagged object (see `ObjectLayer`)."""
 
     def log_weights(self, paths: Floats) -> Floats | None:
-        """No weights: no object is found again."""
+        """Return None: no object is found again (see `ObjectLayer`)."""
         return None
 
     def finish(self, path: Floats) -> None:
@@ -131,7 +131,7 @@ class NoObjects:
         """Do nothing: there are no objects (see `ObjectLayer`)."""
 
     def landmarks(self, path: Floats) -> Edges | None:
-        """No edges: there are no objects."""
+        """Return None: there are no objects (see `ObjectLayer`)."""
         return None
 
     def without_objects(self, key: int, scan: PreparedScan, path: Floats) -> PreparedScan:
@@ -139,26 +139,26 @@ class NoObjects:
         return scan
 
     def all_without_objects(self, scans: Sequence[PreparedScan], path: Floats) -> Sequence[PreparedScan]:
-        """The scans themselves."""
+        """The scans themselves (see `ObjectLayer`)."""
         return scans
 
     def all_without_moved_objects(
         self, scans: Sequence[PreparedScan], path: Floats
     ) -> Sequence[PreparedScan]:
-        """The scans themselves."""
+        """The scans themselves (see `ObjectLayer`)."""
         return scans
 
     def returns_on_objects(self, scans: Sequence[PreparedScan], path: Floats) -> list[Bools] | None:
-        """No masks: there are no objects."""
+        """Return None: there are no objects, and no masks (see `ObjectLayer`)."""
         return None
 
     def continue_histories(self, earlier: ObjectRecords, first_key: int, path: Floats) -> None:
         """Do nothing: there are no histories (see `ObjectLayer`)."""
 
     def records(self, earlier: ObjectRecords) -> ObjectRecords:
-        """Those of earlier drives."""
+        """The records of earlier drives (see `ObjectLayer`)."""
         return earlier
 
     def result(self, static: OccupancyGrid, path: Floats, trajectory: Trajectory) -> ObjectResult | None:
-        """No result: there are no objects."""
+        """Return None: there are no objects, and no result (see `ObjectLayer`)."""
         return None
