@@ -109,7 +109,7 @@ class _Peak(NamedTuple):
 
 
 class _Tree(NamedTuple):
-    """What branch and bound searches: the cells (rows, cols) `(yaws, n)` of all points by yaw in a pyramid of fields.
+    """Search space of branch and bound: the cells (rows, cols) `(yaws, n)` of all points by yaw in a pyramid of fields.
 
     It begins with the `nodes` `(m, 4)`, in the `order` `(m,)` of falling bounds; offsets end at `window_r` and `window_c` cells.
     """

@@ -103,7 +103,7 @@ def find_heading_errors(progress: Floats, matched_rad: Floats, independent: floa
 
 
 def _without(progress: Floats, left_rad: Floats, k: int, independent: float) -> float:
-    """What remains of differences `(n,)`, as a fraction, without the error k; 1 where that is small or uncertain.
+    """Fraction of the differences `(n,)` that remains without the error k; 1 where that error is small or uncertain.
 
     Motions count by how much of the error would show in them.
     """

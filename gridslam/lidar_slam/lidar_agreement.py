@@ -25,8 +25,9 @@ MIN_LAG_S = 0.04  # between the clocks of two lidars: they share the robot's mot
 
 @dataclass(frozen=True, slots=True)
 class LidarFault:
-    """How a lidar contradicts another: it is `lag_s` late, its beams are mirrored, or it sits at `moved` `(3,)` in the base,
-    seen from where the base would be by its extrinsics; None where these are right.
+    """Contradiction of one lidar with another: it is `lag_s` late, or its beams are mirrored, or its extrinsics are wrong.
+
+    `moved` `(3,)` is its pose in the base, seen from where the base would be by its extrinsics; None where these are right.
     """
 
     lidar: str
@@ -74,7 +75,7 @@ class LidarFault:
 def find_lidar_faults(
     events: Sequence[Event], odometry: Trajectory, build_tracker: Callable[[], ScanTracker]
 ) -> list[LidarFault]:
-    """How lidars among the events contradict the one that agrees best with the odometry, or else has most scans."""
+    """Contradictions of lidars among the events with the one that agrees best with the odometry, or else has most scans."""
     counts = Counter(lidar_of(e) for e in events if isinstance(e, LaserScan))
     lidars = [lidar for lidar, count in counts.most_common() if count >= MIN_SCANS]
     if len(lidars) < 2:
@@ -89,7 +90,7 @@ def find_lidar_faults(
 
 
 def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) -> LidarFault | None:
-    """How the path of another lidar contradicts the first one's; None where they agree."""
+    """Contradiction of the path of another lidar with the first one's; None where they agree."""
     windows = windows_of(path, other_path)
     if windows is None:
         return None

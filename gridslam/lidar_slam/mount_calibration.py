@@ -28,7 +28,7 @@ ERROR_FLOOR_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class MountCheck:
-    """Where the only lidar of a log sits by its motion, and whether the log places it elsewhere; else it says nothing."""
+    """Extrinsics of the only lidar of a log by its motion, and whether the log has others; None if they are not needed."""
 
     mount: Transform | None = None
     is_misplaced: bool = False
@@ -48,7 +48,7 @@ class MountCheck:
 def find_mount(
     events: list[Event], path: Trajectory, odometry: Trajectory, correction: OdometryCorrection
 ) -> MountCheck:
-    """Where the only lidar among the events sits, if the log does not say it, or places it clearly elsewhere.
+    """Extrinsics of the only lidar among the events, if the log has none, or clearly wrong ones.
 
     It may be the odometry as well that tracks another frame; the map is the same.
     """

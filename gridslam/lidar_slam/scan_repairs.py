@@ -1,4 +1,4 @@
-"""What is done to the scans of a log once their faults are known: returns of the robot itself, angles, times, sense."""
+"""Repairs of the scans of a log once their faults are known: returns of the robot itself, angles, times, sense."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def _unset(stream: RecordedStream, stamps: Stamps, arrivals: Stamps | None) -> t
 
 
 def _unevenness(stamps: Stamps, arrivals: Stamps) -> float:
-    """How uneven the steps of stamps `(n,)` are, relative to their mean; 0 where the messages did not arrive far more evenly."""
+    """Unevenness of the steps of stamps `(n,)`, relative to their mean; 0 where the messages did not arrive far more evenly."""
     spans = [float(np.ptp(times)) for times in (stamps, arrivals)]
     steps = np.diff(stamps)
     is_same_clock = abs(spans[1] - spans[0]) <= MAX_SPAN_ERROR * spans[0]
