@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 
 from gridslam.core.messages import DepthImage, Image
 from gridslam.logs import open_log
+from gridslam.logs.encoding.cameras import rows_of
 from gridslam.logs.encoding.image_encodings import RawImage, compressed_depth, compressed_pixels, pixels_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 from tests.logs.ros_samples import header, make, write_mcap
@@ -216,3 +217,8 @@ def test_a_log_names_the_encoding_that_it_cannot_decode(tmp_path: Path) -> None:
     with open_log(path) as log:
         assert not [e for e in log.events() if isinstance(e, Image)]
         assert any("yuv411p" in line for line in log.problems)
+
+
+def test_a_single_row_that_claims_any_length_takes_the_memory_of_its_data() -> None:
+    assert rows_of(bytes(range(8)), height=1, used=4, step=1 << 60).tolist() == [[0, 1, 2, 3]]
+    assert rows_of(bytes(range(7)), height=2, used=3, step=4).tolist() == [[0, 1, 2], [4, 5, 6]]

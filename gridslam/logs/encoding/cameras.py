@@ -57,10 +57,10 @@ def depth_of(
     """
     order = ">" if is_bigendian else "<"
     if encoding in ("16UC1", "mono16"):
-        raw = _rows(height, width * 2, step, data).view(f"{order}u2")
+        raw = rows_of(data, height, used=2 * width, step=step).view(f"{order}u2")
         return np.where(raw == 0, np.float32(np.nan), raw.astype(np.float32) / np.float32(1000.0))
     if encoding == "32FC1":
-        return _rows(height, width * 4, step, data).view(f"{order}f4").astype(np.float32)
+        return rows_of(data, height, used=4 * width, step=step).view(f"{order}f4").astype(np.float32)
     raise UnusableMessageError(SkipReason.UNKNOWN_ENCODING, encoding)
 
 
@@ -83,8 +83,13 @@ def opened_picture(data: bytes, formats: tuple[str, ...], max_pixels: int = MAX_
         raise ValueError(f"not a picture: {error}") from error
 
 
-def _rows(height: int, used: int, step: int, data: bytes) -> NDArray[np.uint8]:
+def rows_of(data: bytes, height: int, used: int, step: int) -> NDArray[np.uint8]:
+    """The first `used` bytes of each row `(height, used)` of `step` bytes; the last one may end with what is used.
+
+    Raises ValueError: there are fewer bytes.
+    """
     if step < used or height <= 0 or used <= 0 or len(data) < step * (height - 1) + used:
         raise ValueError("image size and data disagree")
+    step = step if height > 1 else used  # which a row alone may claim to be of any length
     padded = np.frombuffer(data.ljust(step * height, b"\0"), np.uint8, step * height).reshape(height, step)
     return np.ascontiguousarray(padded[:, :used])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.logs.encoding.cameras import opened_picture
+from gridslam.logs.encoding.cameras import opened_picture, rows_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 Pixels = NDArray[np.uint8]
@@ -54,12 +54,7 @@ class RawImage:
 
     def rows(self, used: int, height: int | None = None) -> Pixels:
         """The first `used` bytes of each row `(height, used)`. Raises ValueError: the message has fewer."""
-        height = self.height if height is None else height
-        if self.step < used or height <= 0 or used <= 0 or len(self.data) < self.step * (height - 1) + used:
-            raise ValueError("image size and data disagree")
-        size = self.step * height
-        padded = np.frombuffer(self.data.ljust(size, b"\0"), np.uint8, size).reshape(height, self.step)
-        return np.ascontiguousarray(padded[:, :used])
+        return rows_of(self.data, self.height if height is None else height, used, self.step)
 
 
 def pixels_of(image: RawImage) -> Pixels:
