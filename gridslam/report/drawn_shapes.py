@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 PNG_SCALE = 2  # pixels of the PNG for a pixel of the SVG: sharp on a dense screen and in print
 PNG_LEVEL = 4  # of compression: higher ones take longer and save little
 DASH_PX, GAP_PX = 6.0, 4.0
+MAX_DASHED_PX = 200_000.0  # of a line, which beyond covers its own gaps
 INK, PAPER = "#3c424c", "#ffffff"
 
 

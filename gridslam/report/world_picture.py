@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.errors import ConfigError
 from gridslam.core.files import write_atomic
 from gridslam.report.charts import Chart, Curve, draw_charts
 from gridslam.report.drawn_shapes import png_of
@@ -19,15 +20,25 @@ Floats = NDArray[np.float64]
 WALL, DOOR, TAG, ROUTE, PERSON, CAMERA = "#1c2028", "#1e6ec8", "#d9661f", "#2f9e44", "#cd2d2d", "#7048e8"
 WIDTH_PX, HEIGHTS_PX = 1120, (200, 1120)
 CIRCLE_POINTS = 33
+# More are no drawing any more; each takes some 10 us
+MAX_SEGMENTS, MAX_NUMBERS = 100_000, 1000
 HEADING_RATIO = 0.015  # length of a line that shows a heading, to the longer side of the world
 
 
 def draw_world(world: WorldConfig, folder: Path, output: Path) -> None:
-    """Write the picture (PNG). Poses are dots with a line along their heading."""
+    """Write the picture (PNG). Poses are dots with a line along their heading.
+
+    Raises ConfigError: the world has too many walls to be drawn.
+    """
     scene = Scene(world, folder)
+    if (count := len(scene.static_segments)) > MAX_SEGMENTS:
+        raise ConfigError(
+            f"--preview: the world has {count} pieces of walls, at most {MAX_SEGMENTS} are drawn; raise plan.simplify_m"
+        )
     size = np.ptp(scene.static_segments.reshape(-1, 2), axis=0)
     heading_m = HEADING_RATIO * float(size.max())
     route = np.array([world.robot.start[:2], *world.robot.route])
+    has_numbers = len(route) <= MAX_NUMBERS
     poses = [(world.robot.start[0], world.robot.start[1], math.radians(world.robot.start[2]), ROUTE)]
     poses += [(x, y, yaw, TAG) for x, y, yaw in scene.tag_poses().values()]
     for camera in world.fixed_cameras:
@@ -36,11 +47,12 @@ def draw_world(world: WorldConfig, folder: Path, output: Path) -> None:
     people = [np.array(person.path) for person in world.people]
     curves = [
         *_shapes(scene),
-        Curve(route[:, 0], route[:, 1], ROUTE, "route", width=0.8, point_px=2.0),
+        Curve(route[:, 0], route[:, 1], ROUTE, "route", width=0.8, point_px=2.0 if has_numbers else 0.0),
         *(Curve(at[:, 0], at[:, 1], PERSON, "people", width=0.8, is_dashed=True) for at in people),
         *(_heading(x, y, yaw, heading_m, colour) for x, y, yaw, colour in poses),
     ]
-    notes = [(float(x), float(y), str(number)) for number, (x, y) in enumerate(world.robot.route)]
+    numbered = world.robot.route if has_numbers else ()
+    notes = [(float(x), float(y), str(number)) for number, (x, y) in enumerate(numbered)]
     chart = Chart(curves, "x (m)", "y (m)", is_plane=True, notes=notes)
     height = int(np.clip(WIDTH_PX * size[1] / max(size[0], 1e-9), *HEIGHTS_PX))
     write_atomic(output, png_of(draw_charts([chart], WIDTH_PX, height)))

@@ -130,6 +130,7 @@ def test_data_that_are_no_table_are_left_out(tmp_path: Path) -> None:
         odom["complex"], odom["own"] = np.zeros(300, complex), odom.ref
         odom.create_dataset("lists", (300,), h5py.vlen_dtype(np.int32))
         odom.create_dataset("frame", data=["odom"] * 300, dtype=h5py.string_dtype())
+        odom[b"\xff\xfe"] = TIMES
         odom["nested"] = np.zeros(300, [("a", "f8"), ("b", [("c", "i4")])])
     found = events(path)
     assert len(found) == 300

@@ -19,6 +19,7 @@ from gridslam.logs import open_log, write_log
 from gridslam.logs.tum import read_trajectory
 from gridslam.logs.write import open_writer
 from gridslam.maps.map_server import load_map
+from gridslam.report import world_picture
 from gridslam.report.world_picture import draw_world
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import load_world, validate_world
@@ -138,7 +139,17 @@ def test_a_preview_is_a_picture(world_file: Path, tmp_path: Path) -> None:
     assert (tmp_path / "world.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_command_says_what_it_wrote_and_refuses_to_overwrite(
+def test_a_world_of_too_many_walls_is_not_drawn(
+    world_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, path = load_world(str(world_file))
+    monkeypatch.setattr(world_picture, "MAX_SEGMENTS", 3)
+    with pytest.raises(ConfigError, match=r"\d+ pieces of walls, at most 3 are drawn"):
+        draw_world(world, path.parent, tmp_path / "world.png")
+    assert not (tmp_path / "world.png").exists()
+
+
+def test_the_command_tells_what_it_wrote_and_refuses_to_overwrite(
     program: Program, world_file: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
