@@ -258,6 +258,7 @@ def test_raw_pictures_and_their_calibration_survive_a_conversion(
         ("[-0.1, 0.02, 0.0, 0.0]", "[1.e+300, 0, 0, 0]", "distortion_coefficients"),
         ("data: [0.0, ", "data: [7.0, ", "T_BS is no pose"),
         ("data: [0.0, ", "data: [.nan, ", "T_BS is no pose"),
+        ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 0.0]", "T_BS is no pose"),
     ],
 )
 def test_a_calibration_that_no_camera_has_is_named(euroc: Path, given: str, other: str, says: str) -> None:

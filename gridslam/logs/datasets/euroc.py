@@ -121,8 +121,13 @@ def _what_is_wrong(K: Floats, size: tuple[int, int], D: Floats, T: Floats) -> st
     if D.ndim != 1 or len(D) not in COEFFICIENTS or not np.abs(D).max() <= MAX_COEFFICIENT:
         return "distortion_coefficients that no model has"
     turned = T[:3, :3]
-    is_pose = np.abs(T).max() <= MAX_COORDINATE_M and np.abs(turned @ turned.T - np.eye(3)).max() < MAX_SKEW
-    return "" if is_pose and np.linalg.det(turned) > 0.0 else "T_BS is no pose of a camera"
+    is_pose = (
+        np.abs(T).max() <= MAX_COORDINATE_M
+        and np.abs(T[3] - [0.0, 0.0, 0.0, 1.0]).max() < MAX_SKEW
+        and np.abs(turned @ turned.T - np.eye(3)).max() < MAX_SKEW
+        and np.linalg.det(turned) > 0.0
+    )
+    return "" if is_pose else "T_BS is no pose of a camera"
 
 
 def _rectified(left: EurocCamera, right: EurocCamera) -> tuple[list[tuple[Floats, Floats]], Floats]:
