@@ -81,13 +81,9 @@ def columns_of(path: Path) -> Columns:
     found: Columns = {}
 
     def visit(name: str | bytes, item: Any) -> bool | None:
-        is_named = isinstance(name, str)  # bytes are no text
-        if (
-            is_named
-            and isinstance(item, h5py.Dataset)
-            and item.shape
-            and not (item.is_virtual or item.external)
-        ):
+        if not isinstance(name, str) or not isinstance(item, h5py.Dataset):  # a name in bytes is no text
+            return None
+        if item.shape and not (item.is_virtual or item.external):
             found.update(_fields(name, item))  # virtual and external ones lead out of the file
         return True if len(found) > MAX_DATASETS else None
 
