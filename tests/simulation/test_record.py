@@ -149,7 +149,7 @@ def test_a_world_of_too_many_walls_is_not_drawn(
     assert not (tmp_path / "world.png").exists()
 
 
-def test_the_command_tells_what_it_wrote_and_refuses_to_overwrite(
+def test_the_command_says_what_it_wrote_and_refuses_to_overwrite(
     program: Program, world_file: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
