@@ -22,7 +22,7 @@ DISPLACED_M = 0.1
 # (99 of 100 scans of three recorded logs; the median in two crowds is 5 %), on two maps of other places 43 and 77 %.
 BESIDE_M, BESIDE_CELLS = 0.08, 1.6
 # Largest ratio of the beams at walls that end beside them, for a pose that is trusted
-MAX_BESIDE_RATIO = 0.35
+MAX_BESIDE_RATIO = 0.28
 # Largest mean ratio of displaced beams for such a pose. On right maps it was at most 0.039 in changed places and 0.011 elsewhere
 # (1352 poses of 66 drives), on a map of another place 0.065 in the median.
 MAX_DISPLACED_MEAN = 0.05
