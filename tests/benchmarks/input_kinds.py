@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import get_types_from_msg
 from scipy.spatial.transform import Rotation
 
+from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry
 from gridslam.simulation.driving.route import drive_route
 from gridslam.simulation.record import tum_line
@@ -461,6 +462,40 @@ def odometry(
     return lambda drive, path: plain(drive, path, odometry=change, with_imu=with_imu)
 
 
+def rotated(
+    factor: float = 1.0, per_m_rad: float = 0.0, per_s_rad: float = 0.0
+) -> Callable[[InputDrive, Path], Path]:
+    """The ordinary recording whose odometry has integrated wrong rotations: of another scale, and drifting."""
+
+    def make_log(drive: InputDrive, path: Path) -> Path:
+        last: list[tuple[Odometry, Floats]] = []
+
+        def change(event: Odometry) -> Odometry:
+            pose = event.pose
+            if last:
+                before, wrong = last.pop()
+                x, y, yaw = se2.between(before.pose, pose).tolist()
+                elapsed_s = (event.stamp_ns - before.stamp_ns) * 1e-9
+                pose = se2.compose(wrong, [x, y, factor * yaw + per_m_rad * x + per_s_rad * elapsed_s])
+            last.append((event, pose))
+            x, y, yaw = pose.tolist()
+            return replace(event, x_m=x, y_m=y, yaw_rad=yaw)
+
+        return plain(drive, path, odometry=change)
+
+    return make_log
+
+
+def wrong_imu(change: Callable[[Imu], Imu], has_odometry: bool = False) -> Callable[[InputDrive, Path], Path]:
+    """The ordinary recording with another IMU, and without odometry unless it has it."""
+    return lambda drive, path: plain(
+        drive,
+        path,
+        odometry=lambda event: event if has_odometry else None,
+        imu=lambda event: imu_message(change(event)),
+    )
+
+
 ORDINARY = {"ordinary": plain, "ordinary_narrow": narrow}
 KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "cloud": (clouds, "ordinary"),
@@ -483,6 +518,19 @@ KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
 }
 MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
+    "rotation_0.9": (rotated(0.9), "ordinary"),
+    "rotation_1.1": (rotated(1.1), "ordinary"),
+    "unequal_wheels": (rotated(per_m_rad=0.12), "ordinary"),
+    "drifting_gyro": (rotated(per_s_rad=0.05), "ordinary"),
+    "odometry_of_another_frame": (
+        odometry(lambda o: replace(o, yaw_rad=o.yaw_rad + math.pi / 2.0)),
+        "ordinary",
+    ),
+    "half_time_increment": (timed(time_increment=0.5 * 0.0997 / 359), "ordinary"),
+    "double_time_increment": (timed(time_increment=2.0 * 0.0997 / 359), "ordinary"),
+    "imu_in_degrees": (wrong_imu(lambda i: replace(i, wz_radps=math.degrees(i.wz_radps))), "ordinary"),
+    "imu_mirrored": (wrong_imu(lambda i: replace(i, wz_radps=-i.wz_radps)), "ordinary"),
+    "imu_late": (wrong_imu(lambda i: replace(i, stamp_ns=i.stamp_ns + 200_000_000)), "ordinary"),
     "cloud_untimed": (lambda d, p: clouds(d, p, is_timed=False), "ordinary"),
     "cloud_no_odometry": (lambda d, p: clouds(d, p, odometry=lambda o: None), "ordinary"),
     "solid_state_no_odometry_imu": (

@@ -5,10 +5,11 @@ from __future__ import annotations
 from functools import cache, partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Transform
-from gridslam.lidar_slam.sweep_calibration import SweepTime, find_sweep_time, with_sweep
+from gridslam.lidar_slam.sweep_calibration import SweepTime, _other_than_stated, find_sweep_time, with_sweep
 from gridslam.logs.open import open_log
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import _tracker_of
@@ -53,6 +54,24 @@ def test_times_with_the_wrong_sign_are_reversed() -> None:
     found = found_with(-TRUE_SWEEP_S)
     assert found is not None
     assert found.sweep_s == pytest.approx(TRUE_SWEEP_S)
+
+
+class PeakedTrials:
+    """Inlier ratios that are largest with the true time of a sweep."""
+
+    def ratios(self, sweep_s: float) -> np.ndarray:
+        return np.full(50, 0.9 - 40.0 * (sweep_s - TRUE_SWEEP_S) ** 2)
+
+
+@pytest.mark.parametrize("factor", [-1.0, -0.5, 0.5, 2.0])
+def test_another_time_is_tried_where_the_stated_one_is_not_near_the_best(factor: float) -> None:
+    found = _other_than_stated(PeakedTrials(), factor * TRUE_SWEEP_S, 0.1)  # type: ignore[arg-type]
+    assert found == pytest.approx(TRUE_SWEEP_S, abs=0.005)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.0, 1.15])
+def test_a_stated_time_near_the_best_is_kept(factor: float) -> None:
+    assert _other_than_stated(PeakedTrials(), factor * TRUE_SWEEP_S, 0.1) is None  # type: ignore[arg-type]
 
 
 def test_few_turns_show_no_time() -> None:
