@@ -82,11 +82,20 @@ def find_lidar_faults(
         return []
     paths = {lidar: _path_of(lidar, events, build_tracker()) for lidar in lidars}
     if len(odometry) > 1:
-        against = {lidar: calibrate(paths[lidar], odometry) for lidar in lidars}
-        lidars.sort(key=lambda lidar: (against[lidar].mirrors_yaw, abs(against[lidar].lag_s)))
+        lidars.sort(key=lambda lidar: _disagreement(paths[lidar], odometry))
     first = lidars[0]
     found = [_compared(first, other, paths[first], paths[other]) for other in lidars[1:]]
     return [fault for fault in found if fault is not None]
+
+
+def _disagreement(path: Trajectory, odometry: Trajectory) -> tuple[bool, bool, float]:
+    """Whether the path of a lidar is mirrored by the odometry, or that of a lidar that sits elsewhere, and its lag (s)."""
+    windows = windows_of(path, odometry)
+    if windows is None:
+        return True, True, 0.0
+    found = calibrate(path, odometry)
+    is_misplaced = not found.mirrors_yaw and solve_mount(*windows.motions(found)) is not None
+    return found.mirrors_yaw, is_misplaced, abs(found.lag_s)
 
 
 def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) -> LidarFault | None:
