@@ -23,7 +23,7 @@ from gridslam.logs.order.disorder import note_disorder
 from gridslam.logs.order.repeats import is_looped, without_repeats
 from gridslam.logs.placement.sensor_placement import place_sensors
 from gridslam.logs.placement.several_sensors import note_choice
-from gridslam.logs.playback import events_of, file_states, true_pose_of
+from gridslam.logs.playback import Playback, file_states, true_pose_of
 from gridslam.logs.selection import select_streams
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.streams import Source, StreamInfo
@@ -193,21 +193,20 @@ class Log:
         kind_of = dict(self._selection.kind_of)
         if with_truth and self._selection.truth is not None:
             kind_of[self._selection.truth] = "truth"
-        limit_bytes = self._config.limits.reorder_mb << 20
-        items = events_of(
-            self.path,
-            self._source,
-            kind_of,
-            by_stamp=self._is_sorted,
-            limit_bytes=limit_bytes,
-            message_counts=message_counts,
+        items = Playback(
+            path=self.path,
+            source=self._source,
+            kind_of=kind_of,
             states=self._file_states,
+            message_counts=message_counts,
+            by_stamp=self._is_sorted,
+            limit_bytes=self._config.limits.reorder_mb << 20,
             lidars=self._sensors.virtual_lidars,
             with_repairs=self._for_a_method,
             restamped=self._restamped,
             span_ns=self._span_ns(),
             sweep_s=self._config.sweep_s,
-        )
+        ).events()
         if self._for_a_method and is_looped(self._source.streams, self._selection.kind_of):
             items = without_repeats(items, message_counts)
         for kind, topic, event in items:
