@@ -96,7 +96,7 @@ class Playback:
             message_counts.lose("messages", f"the end of {self.path.name}", remaining)
 
     def _conversion(self) -> _Conversion:
-        """What makes events of the kinds that the streams serve as."""
+        """The conversion to the kinds that the streams serve as."""
         streams, lidars = self.source.streams, self.lidars
         to_convert = frozenset(
             i for i, kind in self.kind_of.items() if kind != streams[i].kind or kind == "truth"
