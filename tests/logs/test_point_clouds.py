@@ -88,6 +88,10 @@ def test_any_order_of_fields_padding_and_byte_order_gives_the_same_points() -> N
         ("t", "<u4", [0, 50_000_000]),
         ("time", "<f4", [0.0, 0.05]),
         ("timestamp", "<f8", [5.0 + 1.7e9, 5.05 + 1.7e9]),
+        ("timestamp", "<f8", [5.0e6 + 1.7e15, 5.05e6 + 1.7e15]),
+        ("t", "<u4", [0, 50_000]),
+        ("time", "<f4", [0.0, 50.0]),
+        ("time", "<f4", [0.0, 5e7]),
     ],
 )
 def test_times_of_points_are_offsets_whatever_the_driver_writes(

@@ -18,6 +18,9 @@ _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"
 # Names that drivers give to the time of a point: Ouster, Velodyne, Hesai and RoboSense, Livox.
 _TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset")
 _ABSOLUTE_FROM_S = 1e6  # a time later than eleven days after the header is no offset but a stamp
+_MAX_DELAY_S = 60.0  # largest difference of the stamp of a point from the header's
+_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
+_SWEEPS_S = (0.003, 3.0)  # times that lidars take for a cloud: in one unit only
 _MAX_POINTS = 4_000_000
 
 
@@ -75,14 +78,20 @@ def _column(message: Any, field: Any) -> NDArray[np.generic]:
 
 
 def _offsets_s(message: Any, field: Any, stamp_ns: int) -> NDArray[np.float32]:
-    """Times of the points `(n,)` after the header's stamp, s: integers are nanoseconds, floats seconds."""
+    """Times of the points `(n,)` after the header's stamp, s: by the standard, integers are nanoseconds and floats seconds.
+
+    Drivers write other units, and stamps instead of offsets: the unit is the one that gives the time of a sweep.
+    """
     values = _column(message, field)
     times = values.astype(np.float64)
-    if values.dtype.kind in "iu":
-        times *= 1e-9
-    if len(times) and float(np.nanmax(times)) > _ABSOLUTE_FROM_S:
-        times -= stamp_ns * 1e-9 if values.dtype.kind == "f" else float(stamp_ns) * 1e-9
-    return times.astype(np.float32)
+    largest = float(np.nanmax(np.abs(times))) if len(times) else 0.0
+    usual = 1e-9 if values.dtype.kind in "iu" else 1.0
+    units = (usual, *(unit for unit in _UNITS_S if unit != usual))
+    for unit in units:
+        if largest * unit > _ABSOLUTE_FROM_S and abs(largest * unit - stamp_ns * 1e-9) < _MAX_DELAY_S:
+            return np.asarray(times * unit - stamp_ns * 1e-9, np.float32)
+    unit = next((u for u in units if _SWEEPS_S[0] <= largest * u < _SWEEPS_S[1]), usual)
+    return np.asarray(times * unit, np.float32)
 
 
 def unusable_reason(cloud: PointCloud) -> SkipReason | None:
