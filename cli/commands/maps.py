@@ -44,7 +44,7 @@ Mode = Annotated[
 
 @app.callback()
 def group(context: typer.Context) -> None:
-    """Cut, turn, merge, compare and export maps."""
+    """Crop, rotate, merge, compare and export maps."""
     if context.invoked_subcommand is None:
         console.emit(context.get_help())
         raise typer.Exit(2)
@@ -87,14 +87,14 @@ def crop(
 
 Yaw = Annotated[
     float | None,
-    typer.Option("--yaw", metavar="DEG", help="Turn by this angle. Default: walls lie along the axes."),
+    typer.Option("--yaw", metavar="DEG", help="Rotate by this angle. Default: walls lie along the axes."),
 ]
 
 
 def rotate(
     map_path: MapArgument, output: NewMap, yaw: Yaw = None, mode: Mode = "trinary", force: Force = False
 ) -> None:
-    """Turn a map about the origin of its frame, by default so that its walls lie along the axes."""
+    """Rotate a map about the origin of its frame, by default so that its walls lie along the axes."""
     import numpy as np
 
     from gridslam.maps.editing import MAX_CELLS, moved, wall_direction

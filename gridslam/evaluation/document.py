@@ -97,7 +97,7 @@ class EvaluationOptions:
 
     @property
     def nearness_option(self) -> str:
-        """The option that bounds it."""
+        """The command-line option that sets the bound of `nearness`."""
         is_gap = self.sync == "interpolate" and self.max_difference_ns is None
         return "--max-gap" if is_gap else "--max-difference"
 

@@ -42,7 +42,7 @@ class Tolerances(NamedTuple):
 
 
 class Testimony(NamedTuple):
-    """Of every point, how many scans saw it free or on a surface: those of other passages, and those of its own; `(m,)` each."""
+    """Numbers of scans `(m,)` that saw each point free or on a surface, from other passages and from its own passage."""
 
     free_by_others: NDArray[np.int16]
     occupied_by_others: NDArray[np.int16]

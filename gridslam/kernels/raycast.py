@@ -39,9 +39,8 @@ def free_squares(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     The index of a quadrant is 2 * (towards lower rows) + (towards lower columns).
     """
     squares = np.zeros((4, *occupied.shape), np.uint8)
-    for quadrant in range(
-        4
-    ):  # one by one, as a large map takes a second for each, in which no signal is answered
+    # One call a quadrant: a large map takes a second for each, and signals are answered only between calls.
+    for quadrant in range(4):
         _free_squares_towards(quadrant, occupied, squares[quadrant])
     return squares
 

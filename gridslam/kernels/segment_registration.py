@@ -16,7 +16,7 @@ from gridslam.kernels.threads import run_in_ranges
 
 
 class SegmentPairs(NamedTuple):
-    """Segment queries[p] is to be registered from the pose starts[p] `(p, 3)`, in the submap that owns p."""
+    """Registrations to do: segment `queries[i]`, from the initial pose `starts[i]` `(n, 3)`, in the submap that owns i."""
 
     queries: NDArray[np.int64]
     starts: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Finds gyros of turned axes, wrong sign or unit, or another clock: their rates are compared with the turns of scan matching."""
+"""Finds gyros with wrong axes, sign, unit or clock by comparing their rates with the rotations of scan matching."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from gridslam.core.trajectory import Trajectory, time_windows
 
 Floats = NDArray[np.float64]
 
-WINDOW_S = 1.0  # turns are compared over this long
+WINDOW_S = 1.0  # duration of the windows whose rotations are compared
 LAGS_S: Floats = np.arange(-50, 52, 2, dtype=np.float64) * 0.01
-MIN_LAG_S = 0.05  # a shorter one turns no scan by more than its noise
-MIN_ROTATION_RAD, MIN_WINDOWS = 2.0, 30  # of all windows, by matching
-NOISE_RAD = 0.01  # of a window
-MAX_ERROR_RATIO = 0.5  # of the mean difference with the correction, to that without
-MAX_ERROR = 0.2  # of the turns, with the correction
-MAX_BIAS_RADPS = 0.5  # of a gyro that is looked at
-SAME_UNIT = 0.15  # relative; turn rates beyond it are in another unit
-PURE_AXIS = 0.97  # cosine to an axis of the sensor: a gyro is mounted along it
+MIN_LAG_S = 0.05  # smallest lag that is corrected: a shorter one rotates a scan by less than its noise
+MIN_ROTATION_RAD, MIN_WINDOWS = 2.0, 30  # smallest sum of the matched rotations, and number of windows
+NOISE_RAD = 0.01  # noise of the matched rotation of a window
+MAX_ERROR_RATIO = 0.5  # largest ratio of the mean difference after the correction to that before
+MAX_ERROR = 0.2  # largest mean difference after the correction, relative to the mean rotation
+SAME_UNIT = 0.15  # largest relative difference of two factors of one unit
+PURE_AXIS = 0.97  # cosine of the largest angle between the upward direction and an axis of the sensor
 IN_BASE = ""  # frame of turn rates about the axes of the base: no extrinsics belong to it
 MIN_FACTOR = 0.01  # of turn rates in any unit; a smaller one, or a larger than its inverse, is chance
 RAD_PER_DEG = math.pi / 180.0
@@ -32,9 +31,9 @@ RAD_PER_DEG = math.pi / 180.0
 
 @dataclass(frozen=True, slots=True)
 class GyroCorrection:
-    """The yaw rate of the IMU `frame_id` is the sum of its rates about x, y and z times `factors`, `lag_s` before its stamps.
+    """Yaw rate of the IMU `frame_id` = `factors` . (rates about x, y, z), measured `lag_s` before its stamps.
 
-    `upward` `(3,)` is the direction upward in its axes by the log, and `is_fault`: the scans say otherwise.
+    `upward` `(3,)`: the upward direction in the IMU's frame by its extrinsics. `is_fault`: the scans contradict the log.
     """
 
     frame_id: str
@@ -50,7 +49,7 @@ class GyroCorrection:
 
     @property
     def _cosine(self) -> float:
-        """That of the angle between the directions upward by the scans and by the log."""
+        """Cosine of the angle between the upward directions by the scans and by the log."""
         return sum(f * u for f, u in zip(self.factors, self.upward, strict=True)) / math.hypot(*self.factors)
 
     @property
@@ -63,7 +62,7 @@ class GyroCorrection:
         elif self._cosine < PURE_AXIS:
             axis = max(range(3), key=lambda k: abs(self.factors[k]))
             found.append(
-                f"its axes are turned, it points upward along {'-' * (self.factors[axis] < 0)}{'xyz'[axis]}"
+                f"its axes are rotated: it points upward along {'-' * (self.factors[axis] < 0)}{'xyz'[axis]}"
             )
         if abs(size / RAD_PER_DEG - 1.0) < SAME_UNIT:
             found.append("its turn rates are in degrees a second")
@@ -143,9 +142,9 @@ def _error(rotations: Floats, factor: float, matched: Floats) -> float:
 
 
 def _best_axis(rotations: Floats, matched: Floats) -> tuple[float, Floats]:
-    """Mean difference (rad) to matched rotations `(n,)` of those about the axis of the sensor that agrees best, and its factor.
+    """The sensor axis whose rotations agree best with the matched ones `(n,)`: mean difference (rad), and factors `(3,)`.
 
-    `rotations` `(n, 3)`. The factors `(3,)` are 0 for the other axes.
+    `rotations` `(n, 3)` are those about the three axes. The factors of the two other axes are 0.
     """
     found = []
     for axis in range(3):
@@ -169,7 +168,7 @@ def _upward(events: Sequence[Event], frame_id: str) -> Floats:
 
 
 def _in_usual_unit(factors: Floats) -> Floats:
-    """Factors `(3,)` of a unit that nearly is rad/s or deg/s as just these."""
+    """The factors `(3,)`, rescaled to exactly rad/s or deg/s if they are close to one of them."""
     size = float(np.linalg.norm(factors))
     unit = next((u for u in (1.0, RAD_PER_DEG) if abs(size / u - 1.0) < SAME_UNIT), size)
     return np.asarray(factors / size * unit)

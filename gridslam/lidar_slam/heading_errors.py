@@ -27,7 +27,7 @@ MAX_RESIDUAL_RATIO = 0.7  # of the mean difference with the errors undone, to th
 
 @dataclass(frozen=True, slots=True)
 class HeadingErrors:
-    """The true rotation of a step of odometry is `scale` times its own, and `per_m_rad` a metre and `per_s_rad` a second more."""
+    """Errors of odometry: true rotation = `scale` * rotation + `per_m_rad` * forward distance + `per_s_rad` * duration."""
 
     scale: float = 1.0
     per_m_rad: float = 0.0
@@ -38,21 +38,21 @@ class HeadingErrors:
         """The faults in words; empty where there are none."""
         found = []
         if self.scale != 1.0:
-            found.append(
-                f"its turns are {1.0 / self.scale:.2f} of the true ones (the distance of the wheels?)"
-            )
+            found.append(f"its rotations are {1.0 / self.scale:.2f} of the true ones (wrong wheel base?)")
         if self.per_m_rad:
             per_m = math.degrees(self.per_m_rad)
-            found.append(f"it drifts by {abs(per_m):.1f} deg a metre to the {_side(per_m)} (unequal wheels?)")
+            found.append(
+                f"its heading drifts by {abs(per_m):.1f} deg per metre to the {_side(per_m)} (unequal wheels?)"
+            )
         if self.per_s_rad:
             per_s = math.degrees(self.per_s_rad)
             found.append(
-                f"it drifts by {abs(per_s):.1f} deg a second to the {_side(per_s)} (bias of a gyro?)"
+                f"its heading drifts by {abs(per_s):.1f} deg per second to the {_side(per_s)} (gyro bias?)"
             )
         return found
 
     def removed_from(self, times_s: Floats, poses: Floats) -> Floats:
-        """The path `(n, 3)` of odometry at times `(n,)`, each step turned by the true rotation; it begins at the same pose."""
+        """The odometry path `(n, 3)` at times `(n,)` integrated with corrected rotations; it starts at the same pose."""
         if self == NO_ERRORS or len(poses) < 2:
             return poses
         steps = se2.between(poses[:-1], poses[1:])
@@ -103,7 +103,7 @@ def find_heading_errors(progress: Floats, matched_rad: Floats, independent: floa
 
 
 def _without(progress: Floats, left_rad: Floats, k: int, independent: float) -> float:
-    """Fraction of the differences `(n,)` that remains without the error k; 1 where that error is small or uncertain.
+    """Fraction of the differences `(n,)` that remains after removal of error k; 1 if error k is small or uncertain.
 
     Motions count by how much of the error would show in them.
     """
@@ -132,5 +132,5 @@ def _robust_factors(columns: Floats, values: Floats, independent: float) -> tupl
 
 
 def _side(correction_deg: float) -> str:
-    """The side to which odometry drifts that needs this correction."""
+    """The side, `left` or `right`, to which the odometry drifts if it needs this correction."""
     return "right" if correction_deg > 0.0 else "left"

@@ -34,14 +34,14 @@ NOTES = {
 
 @dataclass(frozen=True, slots=True)
 class LevelledScans:
-    """The mounts of fixed lidars whose scans have been levelled one by one, and what they are to be levelled by."""
+    """Static transforms of the lidars whose scans were levelled one by one, and the tilt to level them by."""
 
     mounts: dict[str, Transform]
     by: Levelling = Levelling.BASE
 
     @classmethod
     def among(cls, events: Sequence[Event]) -> LevelledScans:
-        """Those of the events, which begin with the mounts of all fixed lidars."""
+        """The levelled scans among the events; the static transforms of all fixed lidars come first."""
         placed = {lidar_of(e) for e in events if isinstance(e, LaserScan) and lidar_of(e) != e.frame_id}
         return cls(
             {e.child_frame_id: e for e in events if isinstance(e, Transform) and e.child_frame_id in placed}

@@ -1,4 +1,4 @@
-"""Whether the lidars of a robot agree: each is tracked alone, and one with another clock, sense or place moves otherwise."""
+"""Finds lidars with another clock, mirrored beams or wrong extrinsics, by tracking each alone and comparing the paths."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 Floats = NDArray[np.float64]
 
 MIN_SCANS = 60  # of a lidar that is compared
-MIN_LAG_S = 0.04  # between the clocks of two lidars: they share the robot's motion, not its odometry's noise
 
 
 @dataclass(frozen=True, slots=True)
 class LidarFault:
     """Contradiction of one lidar with another: it is `lag_s` late, or its beams are mirrored, or its extrinsics are wrong.
 
-    `moved` `(3,)` is its pose in the base, seen from where the base would be by its extrinsics; None where these are right.
+    `moved` `(3,)`: pose, in the true base frame, of the base that its extrinsics assume; None if the extrinsics are right.
     """
 
     lidar: str
@@ -49,12 +48,12 @@ class LidarFault:
         if self.moved is not None:
             x, y, yaw = self.moved
             found.append(
-                f"its place is turned by {math.degrees(yaw):.0f} deg and moved by x {x:.2f}, y {y:.2f} m (log.extrinsics)"
+                f"its extrinsics are wrong by yaw {math.degrees(yaw):.0f} deg, x {x:.2f} m, y {y:.2f} m (set log.extrinsics)"
             )
         return f"the lidar {self.lidar} contradicts {self.other}: {', '.join(found)}; used corrected"
 
     def applied_to(self, scan: LaserScan) -> LaserScan:
-        """A scan of the lidar with the right stamp and sense; those of others as they are."""
+        """The scan with corrected stamp and beam order; scans of other lidars unchanged."""
         if lidar_of(scan) != self.lidar:
             return scan
         sign = -1.0 if self.is_mirrored else 1.0
@@ -66,7 +65,7 @@ class LidarFault:
         )
 
     def applied_to_transform(self, transform: Transform) -> Transform:
-        """The lidar's transform with its right place; others as they are."""
+        """The corrected transform of the lidar; other transforms unchanged."""
         if self.moved is None or transform.child_frame_id.partition("@")[0] != self.lidar:
             return transform
         return moved_transform(transform, np.array(self.moved))
@@ -104,7 +103,6 @@ def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) 
     if windows is None:
         return None
     found = calibrate(path, other_path)
-    found = replace(found, lag_s=found.lag_s if abs(found.lag_s) >= MIN_LAG_S else 0.0)
     by_other, by_first = windows.motions(found)
     moved = None if found.mirrors_yaw else solve_mount(by_first, by_other)
     if not (found.lag_s or found.mirrors_yaw or moved is not None):

@@ -121,9 +121,8 @@ class MotionPredictor:
         self._velocity_change = VelocityChange()
         self._trust = OdometryTrust()
         self._previous: PlacedScan | None = None
-        self._recent: deque[tuple[PlacedScan, Floats]] = deque(
-            maxlen=KEPT_SCANS
-        )  # with matched poses, newest last
+        # Scans with matched poses, newest last
+        self._recent: deque[tuple[PlacedScan, Floats]] = deque(maxlen=KEPT_SCANS)
         self._previous_pose = np.zeros(3)  # matched
         self._previous_odometry = np.zeros(3)  # predicted, in the frame without jumps
         self._T_continuous_odom: Floats | None = None  # None: the frames are the same

@@ -68,7 +68,7 @@ def find_mount(
 
 
 def moved_transform(stated: Transform, moved: Floats) -> Transform:
-    """The transform of a sensor after its robot's base has been found at `moved` `(3,)`, seen from where it was assumed."""
+    """The sensor's extrinsics, corrected by `moved` `(3,)`: the pose of the base that they assume, in the true base frame."""
     w, x, y, z = stated.quat_wxyz
     place = se2.transform_points(moved, np.array([stated.translation_m[:2]]))[0]
     cos, sin = math.cos(0.5 * moved[2]), math.sin(0.5 * moved[2])

@@ -15,7 +15,7 @@ from gridslam.lidar_slam.heading_errors import NO_ERRORS, HeadingErrors, find_he
 Floats = NDArray[np.float64]
 
 WINDOW_S = 1.0  # motions are compared over this long: matching is then more exact than any odometry
-# Where no near one fits
+# Tried if no lag of `LAGS_S` explains the rotations
 FAR_LAGS_S: Floats = np.concatenate([np.arange(-600, -150, 5), np.arange(155, 605, 5)]) * 0.01
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
 # Smallest lag that is a fault, beside the odometry's period: between its poses motion is not known
@@ -37,8 +37,8 @@ MAX_SCALE_IQR = 0.2
 class OdometryCorrection:
     """Correction of odometry: it is `lag_s` late, its translation must be multiplied by `scale`, its yaw perhaps mirrored.
 
-    `mirrors_y`: with the yaw the path is mirrored too, as by exchanged wheels. `heading` are errors of its turns, which bend the
-    path as well. `is_undecided`: more motion may show a lag.
+    `mirrors_y`: the path is mirrored as well as the yaw, as by exchanged wheels. `heading`: errors of its rotations, which
+    deform the path. `is_undecided`: more motion may show a lag.
     `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.
     """
 
@@ -73,7 +73,7 @@ class OdometryCorrection:
 
 
 class OdometryCorrector:
-    """Gives on the odometry of a log without the faults; velocities are left out."""
+    """Corrects the odometry of a log message by message; velocities are left out."""
 
     def __init__(self, correction: OdometryCorrection) -> None:
         self._correction = correction
@@ -93,7 +93,7 @@ class OdometryCorrector:
         return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
 
     def _turned_rightly(self, time_s: float, pose: Floats) -> Floats:
-        """The pose `(3,)` at the end of the path whose steps have their true rotations."""
+        """The pose `(3,)` after the next step, integrated with corrected rotations."""
         last_s, last = self._last or (time_s, pose)
         start, end = self._correction.heading.removed_from(
             np.array([last_s, max(time_s, last_s)]), np.array([last, pose])
@@ -117,7 +117,7 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
 
 
 def windows_of(track: Trajectory, odometry: Trajectory) -> MotionWindows | None:
-    """The motions of both over windows of about `WINDOW_S`; None where there is none."""
+    """Motions of the track and of the odometry over windows of about `WINDOW_S`; None if no window fits."""
     starts, ends = time_windows(track.stamps_ns, WINDOW_S)
     return MotionWindows(track, odometry, starts, ends) if len(starts) and len(odometry) > 1 else None
 
@@ -227,7 +227,7 @@ class MotionWindows:
         return max(float(self._end_s[-1] - self._start_s[0]) / WINDOW_S, 1.0)
 
     def _at(self, times_s: Floats, lag_s: float, path: Floats | None = None) -> Floats:
-        """Poses `(n, 3)` that the odometry, or another path at its stamps, had `lag_s` after the times, linear in between."""
+        """Poses `(n, 3)` at `times_s + lag_s`, interpolated linearly in the odometry or in `path`, which has the same stamps."""
         at = times_s + lag_s
         columns = (self._odometry if path is None else path).T
         return np.column_stack([np.interp(at, self._odometry_s, column) for column in columns])

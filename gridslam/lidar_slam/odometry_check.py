@@ -1,4 +1,4 @@
-"""Holds back the first part of a log until its odometry and scans are checked against each other, then gives all events on."""
+"""Holds back the first part of a log until odometry and scans are checked against each other, then passes all events on."""
 
 from __future__ import annotations
 
@@ -36,11 +36,9 @@ MAX_STANDING_SCANS = 3000  # largest number of scans that are held until the rob
 
 
 class OdometryCheck:
-    """Gives on the events of a log with odometry, yaw rates and scans corrected where they contradict each other.
+    """Passes on the events of a log; odometry, yaw rates and scans that contradict each other are corrected.
 
-    Good ones stay as they are.
-
-    `build_tracker` makes the tracker that follows the first scans without odometry. After `flush` all events are given on at
+    `build_tracker` makes the tracker that follows the first scans without odometry. After `flush` all events are passed on at
     once.
     """
 
@@ -52,9 +50,7 @@ class OdometryCheck:
         self._tracked = 0  # of the held events
         self._scans = 0
         self._max_scans = MAX_SCANS
-        self._next_check = (
-            0  # number of scans from which on odometry is checked, once the robot has moved enough
-        )
+        self._next_check = 0  # smallest number of scans for the next check
         self._moved = np.zeros(2)  # m, rad
         self._last: Odometry | None = None
         self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
@@ -126,7 +122,7 @@ class OdometryCheck:
         return [*wrong, *self._place.notes, *self.repairs.notes, *bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
-        """Decide on the odometry and give on the events held back; wait for more motion where that may decide better."""
+        """Decide on the odometry and pass on the held events, or wait for more motion if that may allow a better decision."""
         held = self._held or []
         with self._stopwatch.stage("odometry_check"):
             is_decided = self._decide(held, is_last)
@@ -141,7 +137,7 @@ class OdometryCheck:
             yield from self._give(event)
 
     def _decide(self, held: list[Event], is_last: bool) -> bool:
-        """Find the faults of odometry and scans; whether more motion would not decide better."""
+        """Find the faults of odometry and scans; False if more motion may allow a better decision."""
         odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
         by_odometry = _trajectory(odometry)
         self._find_own_bodies(held)
@@ -181,7 +177,7 @@ class OdometryCheck:
             self.correction = replace(self.correction, lag_s=0.0)
 
     def _give(self, event: Event) -> Iterator[Event]:
-        """The event with corrections, and others that have waited for it."""
+        """The corrected event, and events that have waited for it."""
         recorded_ns = event.stamp_ns
         event = self._place.applied_to(self._without_later_bodies(self.repairs.applied_to(event)))
         if self.gyro is not None and isinstance(event, Imu):
@@ -212,7 +208,7 @@ class OdometryCheck:
             yield event
 
     def _without_later_bodies(self, event: Event) -> Event:
-        """A scan without the parts of the robot that its lidar sees since the check; other events as they are."""
+        """A scan without parts of the robot that came into view after the check; other events unchanged."""
         if not isinstance(event, LaserScan):
             return event
         body = self._later_bodies.found_in(event, float(self._moved[1]))
@@ -229,7 +225,7 @@ class OdometryCheck:
             self._last = odometry
 
     def _decide_sense(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
-        """The path, anew with the beams of scans of uncertain sense reversed where odometry turns the other way."""
+        """The path; tracked anew, with the beams of ambiguous scans reversed, if the odometry rotates in the other direction."""
         is_uncertain = any(isinstance(e, LaserScan) and e.has_uncertain_sense for e in held)
         if self.repairs.reverses_scans or not is_uncertain or not calibrate(path, odometry).mirrors_yaw:
             return path
@@ -238,7 +234,7 @@ class OdometryCheck:
         return self._path(held)
 
     def _turned_over(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
-        """The path, anew with the scans turned over where odometry and IMU agree that the only lidar hangs upside down."""
+        """The path; tracked anew with mirrored scans if odometry and IMU both show that the only lidar hangs upside down."""
         lidars = {lidar_of(e) for e in held if isinstance(e, LaserScan)}
         if len(lidars) != 1 or not (self.correction.mirrors_yaw and self.correction.mirrors_y):
             return path
@@ -252,7 +248,7 @@ class OdometryCheck:
         return path
 
     def _find_gyro(self, held: list[Event]) -> None:
-        """Find what the yaw rates need; the path begins anew where they were wrong."""
+        """Find the correction of the yaw rates; the path is tracked anew if there is one."""
         if not any(isinstance(e, Imu) for e in held):
             return
         path = self._path(held)
@@ -284,7 +280,7 @@ class OdometryCheck:
         self.repairs.own_bodies += later_bodies_among(held, self.repairs.own_bodies)
 
     def _restart_path(self) -> None:
-        """Forget the path: other scans make it."""
+        """Forget the path: it must be tracked anew with other scans."""
         self._tracker, self._tracked = self._build_tracker(), 0
 
     def _path(self, held: list[Event]) -> Trajectory:

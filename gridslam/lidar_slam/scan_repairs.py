@@ -17,9 +17,9 @@ from gridslam.lidar_slam.sweep_calibration import SweepTime
 class ScanRepairs:
     """The repairs of all scans; none at first.
 
-    `reverses_scans`: those whose messages contradict themselves about their sense. `is_upside_down`: the only lidar hangs so, and
-    its extrinsics do not say it. `sweep`: where the messages say no time, or the wrong one. `late_scans_s` is that of scans that
-    are stamped when their sweep is complete. `lidars` are those that contradict the other ones.
+    `reverses_scans`: scans that contradict themselves about the direction of their angles are reversed. `is_upside_down`: the
+    only lidar hangs upside down, against its extrinsics. `sweep`: duration of a sweep if the messages state none, or a wrong
+    one. `late_scans_s`: duration of the sweep if scans are stamped at its end, else 0. `lidars`: faults of single lidars.
     """
 
     levels: LevelledScans = field(default_factory=lambda: LevelledScans({}))
@@ -32,7 +32,7 @@ class ScanRepairs:
     late_scans_s: float = 0.0
 
     def applied_to(self, event: Event) -> Event:
-        """A scan, or the transform of a lidar, as it is put right; other events as they are."""
+        """The repaired scan or lidar transform; other events unchanged."""
         event = self.levels.applied_to(event)
         if isinstance(event, Transform):
             for fault in self.lidars:
@@ -62,12 +62,12 @@ class ScanRepairs:
         found += [fault.note for fault in self.lidars]
         if self.reverses_scans:
             found.append(
-                "the sense of the scans' angles, which they contradict themselves about, is that of the odometry"
+                "the scans contradict themselves about the direction of their angles: that of the odometry is used"
             )
         if self.is_upside_down:
             found.append(
-                "the lidar hangs upside down by the turns of odometry and IMU, and its extrinsics do not say so: its scans are "
-                "turned over; log.extrinsics with roll: 3.1416 says it"
+                "the lidar hangs upside down, by the rotations of odometry and IMU, but not by its extrinsics: its scans are "
+                "mirrored; set log.extrinsics with roll: 3.1416"
             )
         if self.sweep is not None:
             found.append(self.sweep.note)

@@ -9,7 +9,7 @@ from gridslam.core.messages import Event
 
 
 class StampOrder:
-    """Holds events back until none that is `late_ns` late can come before them; gives them on by stamp, equal ones in order."""
+    """Sorts events by stamp; each waits until no event that is `late_ns` late can precede it. Equal stamps keep their order."""
 
     def __init__(self, late_ns: int) -> None:
         self._late_ns = late_ns

@@ -54,7 +54,7 @@ from gridslam.logs.message_kind import (
     RowGroups,
 )
 
-TRUTH_TOPIC = "/ground_truth"
+TRUTH_TOPIC = "/ground_truth"  # where simulators and motion capture publish the true pose
 _POSE = ("x", "y", "yaw")
 _UNITS_OF_POSE = {"x": LENGTHS, "y": LENGTHS, "yaw": ANGLES}
 _QUATERNION = ("qw", "qx", "qy", "qz")

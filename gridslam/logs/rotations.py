@@ -1,4 +1,4 @@
-"""Rigid motions of space as (translation, quaternion) in plain floats, for sensor_extrinsics."""
+"""Rigid transforms in space as (translation, quaternion) of plain floats, for extrinsics."""
 
 from __future__ import annotations
 
@@ -39,9 +39,8 @@ def normalise(q: Quaternion) -> Quaternion | None:
     norm = math.sqrt(sum(c * c for c in q))
     if not math.isfinite(norm) or norm < 1e-6:
         return None
-    if (
-        abs(norm - 1.0) < 1e-12
-    ):  # already one: keep its digits, so that a round trip through a file keeps them
+    # Keep the digits of a unit quaternion: a round trip through a file keeps them too.
+    if abs(norm - 1.0) < 1e-12:
         return q
     return (q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm)
 

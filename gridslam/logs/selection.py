@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from gridslam.core.cameras import side_of
 from gridslam.core.errors import ConfigError
 from gridslam.logs.config import LogConfig
-from gridslam.logs.kinds import EVENT_KINDS, KINDS, PRECEDENCE
+from gridslam.logs.kinds import EVENT_KINDS, KINDS, PRECEDENCE, TRUTH_TOPIC
 from gridslam.logs.stereo import is_rectified
 from gridslam.logs.streams import RecordedStream
 
 _ROBOT_FRAMES = ("base_link", "base_footprint")
-TRUTH_TOPIC = "/ground_truth"  # where simulators and motion capture publish the true pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +20,7 @@ class StreamSelection:
     """The streams that are read.
 
     `kind_of` gives, by index of the stream, the kind that it serves as, in order of precedence. `truth` is the index
-    of the true poses, `listed` all indices in the order in which people see them.
+    of the true poses, `listed` all indices in the order in which they are shown.
     """
 
     kind_of: dict[int, str]

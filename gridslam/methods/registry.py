@@ -58,9 +58,8 @@ class MethodEntry:
     inputs: tuple[InputKind, ...] = ()  # what a run may be given besides the log
     localizes_without_map: bool = False  # its poses come from outside, so `localize` needs no map
     is_continued: bool = False  # its mapper takes a session and the log's name, and leaves session.npz
-    explorer: str = (
-        ""  # what drives in `gridslam explore`, built from the mapper, its config, the drive and a seed
-    )
+    # Drives the robot in `gridslam explore`; built from the mapper, its config, the drive and a seed
+    explorer: str = ""
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -131,7 +130,7 @@ def option_words(name: str, file: str) -> tuple[str, str]:
 
 
 def built_in_with(has: Callable[[MethodEntry], object]) -> list[str]:
-    """The program's own methods that have something, for texts of help: no package is looked for."""
+    """Names of the built-in methods for which `has` is true, for help texts; plug-in packages are not searched."""
     return [name for name, entry in BUILT_IN.items() if has(entry)]
 
 

@@ -69,9 +69,8 @@ def close_passages(obstacles: Cells, resolution_m: float, robot_radius_m: float 
         return obstacles.copy()
     margin = int(np.ceil(radius)) + 1
     padded = np.pad(obstacles, margin)
-    free_centres = (
-        distances_to(padded) > radius + 0.5
-    )  # half a cell: from the centre of an obstacle cell to its edge
+    # 0.5 cell: from the centre of an obstacle cell to its edge
+    free_centres = distances_to(padded) > radius + 0.5
     covered = distances_to(free_centres) <= radius if free_centres.any() else np.zeros_like(padded)
     return np.asarray((padded | ~covered)[margin:-margin, margin:-margin] | obstacles)
 

@@ -47,7 +47,7 @@ class Space:
         return CollisionWorld(self.field, self.blocked, self.resolution_m, self.discs, self.margin_m)
 
     def world_for_disc(self, radius_m: float) -> CollisionWorld:
-        """The same for a disc about the robot's origin in place of the robot."""
+        """Map and robot for the kernels, with a disc about the robot's origin in place of the robot."""
         return self.world._replace(discs=np.array([[0.0, 0.0, radius_m]]))
 
     @property

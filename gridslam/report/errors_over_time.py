@@ -14,8 +14,6 @@ from gridslam.evaluation.pose_errors import PoseErrors, absolute_errors
 from gridslam.evaluation.statistics import Statistics, statistics
 from gridslam.runs.run import Run
 
-MAX_GAP_NS = 100_000_000  # to the nearest true pose; a robot hardly accelerates in so short a time
-
 
 @dataclass(frozen=True, slots=True)
 class Errors:

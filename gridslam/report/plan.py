@@ -155,7 +155,7 @@ def _colours_at(occupancy: OccupancyGrid, points: Floats) -> Canvas:
 
 
 def _footprints(path: ArcLinePath, discs: Floats, spacing: float) -> list[Curve]:
-    """The outlines of the discs every `spacing` m or rad of the path."""
+    """The contours of the discs every `spacing` m or rad of the path."""
     _, poses, _ = path.sampled(spacing)
     bearing = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
     around = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)

@@ -67,9 +67,8 @@ class DepthBackground:
         known = self.depth_m
         off = depth_m - known
         rate = np.where(off > 0.0, np.float32(_RATE_FARTHER), np.float32(_RATE_NEARER))
-        is_behind = off > self._margin(
-            known
-        )  # the background was an object; what lies behind it replaces it at once
+        # Where the background was an object, what lies behind it replaces it at once.
+        is_behind = off > self._margin(known)
         moved = np.where(is_behind, depth_m, known + rate * off)
         self.depth_m = np.where(np.isnan(known), depth_m, np.where(np.isnan(off), known, moved))
 

@@ -111,7 +111,7 @@ class FixedCamera:
 
     @property
     def place(self) -> Floats:
-        """Its position `(2,)` on the map by the given extrinsics."""
+        """Position of the camera `(2,)` on the map by the given extrinsics."""
         return self._given.position[:2]
 
     def correct(self, pose: Floats) -> None:

@@ -20,7 +20,6 @@ FOLDER = REPOSITORY / "out" / "benchmarks" / "ispace"
 LENGTH_M, MIDDLE_M = 30.0, 1.3
 LANES_M = (0.65, 1.95)
 ROBOT_MPS = 0.5
-CAMERAS_HZ = 2.0
 
 Document = dict[str, Any]
 Adding = Callable[[np.random.Generator, Document], None]

@@ -83,11 +83,11 @@ def test_ranges_are_those_that_are_checked_and_the_default_is_named_where_anothe
 
 
 def test_a_default_that_a_section_has_in_its_method_is_not_the_class_s() -> None:
-    class Method(StrictModel):
+    class SampleMethod(StrictModel):
         sensor: SampleSensor = SampleSensor(range_m=5.0)
 
-    assert "[> 0, <= 30]" in annotated_yaml(Method())
-    assert "[> 0, <= 30; default: 5.0]" in annotated_yaml(Method(sensor=SampleSensor(range_m=7.0)))
+    assert "[> 0, <= 30]" in annotated_yaml(SampleMethod())
+    assert "[> 0, <= 30; default: 5.0]" in annotated_yaml(SampleMethod(sensor=SampleSensor(range_m=7.0)))
 
 
 def test_the_long_form_says_what_entries_of_a_mapping_consist_of() -> None:

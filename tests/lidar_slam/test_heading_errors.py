@@ -36,10 +36,10 @@ def deformed(path: Trajectory, rotation: Callable[[np.ndarray, float], float]) -
 
 
 FAULTS: dict[str, tuple[Callable[[np.ndarray, float], float], str]] = {
-    "less": (lambda step, s: 0.9 * step[2], "its turns are 0.90 of the true ones"),
-    "more": (lambda step, s: 1.25 * step[2], "its turns are 1.25 of the true ones"),
-    "wheels": (lambda step, s: step[2] - 0.1 * step[0], "it drifts by 5.7 deg a metre to the right"),
-    "gyro": (lambda step, s: step[2] + 0.05 * s, "it drifts by 2.9 deg a second to the left"),
+    "less": (lambda step, s: 0.9 * step[2], "its rotations are 0.90 of the true ones"),
+    "more": (lambda step, s: 1.25 * step[2], "its rotations are 1.25 of the true ones"),
+    "wheels": (lambda step, s: step[2] - 0.1 * step[0], "heading drifts by 5.7 deg per metre to the right"),
+    "gyro": (lambda step, s: step[2] + 0.05 * s, "its heading drifts by 2.9 deg per second to the left"),
 }
 
 

@@ -58,4 +58,4 @@ def test_a_misplaced_lidar_is_moved() -> None:
     right = fault.applied_to_transform(stated)
     np.testing.assert_allclose(right.translation_m, (0.0, 0.3, 0.3), atol=1e-9)
     np.testing.assert_allclose(right.quat_wxyz, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
-    assert "turned by 90 deg" in fault.note
+    assert "wrong by yaw 90 deg" in fault.note

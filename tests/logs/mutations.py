@@ -82,7 +82,7 @@ def fingerprint(event: Event) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class LogReading:
-    """What came of reading a log: its events' fingerprints (without sensor_extrinsics), or the error that refused it."""
+    """Result of reading a log: fingerprints of its events other than transforms, or the error that refused it."""
 
     events: Counter[bytes]
     scans: int

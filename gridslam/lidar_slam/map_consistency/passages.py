@@ -61,7 +61,7 @@ def find_passages(poses: Floats, travel_m: Floats) -> Passages:
 
 
 def _one_a_passage(scan: int, near: Ints, poses: Floats, travel_m: Floats) -> list[int]:
-    """Of each passage among the near scans the nearest one."""
+    """The nearest scan of each other passage among the near scans; at most `MAX_PASSAGES` of them."""
     apart = near[np.abs(travel_m[near] - travel_m[scan]) > APART_M]
     if not len(apart):
         return []

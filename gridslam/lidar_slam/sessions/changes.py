@@ -145,7 +145,7 @@ def _is_sure(surface: Evidence, free: Evidence) -> Bools:
 
 
 def at_ratio(evidence: Evidence, ratio: float, hits: int) -> Bools:
-    """Cells that were met at least `hits` times, and at least so often to all that is said of them."""
+    """Cells with at least `hits` hits, in which hits make up at least the fraction `ratio` of hits and misses."""
     return (evidence.hits >= hits) & (evidence.hits >= ratio * (evidence.hits + evidence.misses))
 
 

@@ -131,7 +131,7 @@ class _Union:
 
 
 def _union(known: KnownMap) -> _Union:
-    """The points and beams of all segments in the frame of the map, the last segment's where several saw the same."""
+    """Points and beams of all segments in the map frame; where several segments cover a cell, those of the last one."""
     clouds, poses = known.clouds, known.poses
     segment = np.repeat(np.arange(len(poses)), np.diff(clouds.first_point))
     c, s = np.cos(poses[segment, 2]), np.sin(poses[segment, 2])

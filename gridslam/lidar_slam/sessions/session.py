@@ -110,11 +110,6 @@ class Session:
         at = rows - self.first_key[drive]
         return [self.drives[d].scans[k] for d, k in zip(drive.tolist(), at.tolist(), strict=True)]
 
-    @property
-    def is_connected(self) -> bool:
-        """Whether all drives overlap."""
-        return bool((self.parts == self.parts[0]).all())
-
     def before(self, drive: int) -> Session:
         """The drives before one, without what holds them."""
         poses = self.poses[: self.first_key[drive]]

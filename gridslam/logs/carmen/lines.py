@@ -180,7 +180,7 @@ def _count(word: bytes) -> int:
 
 
 def odom_stamps(lines: Sequence[bytes]) -> list[int | SkipReason]:
-    """Of each ODOM line its stamp, or the reason why it cannot be used: as `odom_line` says, of many lines at once."""
+    """Stamp (ns) of each ODOM line, or the reason to skip it; as `odom_line`, but for many lines at once."""
     split = [line.split() for line in lines]
     used = [words for words in split if len(words) == ODOM_WORDS]
     try:

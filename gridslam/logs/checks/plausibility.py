@@ -52,17 +52,17 @@ class ScanPlausibility:
         return self._no_return_code(self._timed(self._sweep(scan)))
 
     def _in_radians(self, scan: LaserScan) -> LaserScan:
-        """Angles that can only be degrees become radians."""
+        """The scan with angles in radians; angles that can only be degrees are converted."""
         found = in_radians(scan)
         if found is not scan:
             self._note(
                 "degrees",
-                f"angle_increment {scan.angle_increment_rad:.6g} is in degrees, not radians: turned into these",
+                f"angle_increment {scan.angle_increment_rad:.6g} is in degrees, not radians: converted",
             )
         return found
 
     def _in_metres(self, scan: LaserScan) -> LaserScan:
-        """Readings that can be no metres become such."""
+        """The scan with readings in metres, converted from the unit that its stream uses."""
         if self._unit is None:
             return scan
         name, per_metre = self._unit
@@ -95,7 +95,7 @@ class ScanPlausibility:
         )
 
     def _range_limit(self, scan: LaserScan) -> LaserScan:
-        """A range_max of 0 or less states nothing, nor does NaN; limits that are exchanged are put right."""
+        """The scan with valid range limits: a range_max of 0, less or NaN becomes infinite, exchanged limits are swapped."""
         lower, upper = scan.range_min_m, scan.range_max_m
         if not upper > 0.0:
             self._note("range_max", f"range_max is {upper:g}: taken as not stated")
@@ -106,7 +106,7 @@ class ScanPlausibility:
         return scan
 
     def _sweep(self, scan: LaserScan) -> LaserScan:
-        """A sweep cannot last longer than the time between two scans."""
+        """The scan, without its time_increment if a sweep would last longer than the time between two scans."""
         sweep_s = abs(scan.time_increment_s) * max(len(scan.ranges_m) - 1, 0)
         if sweep_s <= MAX_SWEEP_PERIODS * self._period_s:
             return scan
@@ -118,13 +118,13 @@ class ScanPlausibility:
         return replace(scan, time_increment_s=0.0)
 
     def _timed(self, scan: LaserScan) -> LaserScan:
-        """A scan without times gets those of the config."""
+        """The scan, with the sweep time of the config if it states no times."""
         if self._sweep_s is None or scan.time_increment_s != 0.0 or len(scan.ranges_m) < 2:
             return scan
         return replace(scan, time_increment_s=as_float32(self._sweep_s / (len(scan.ranges_m) - 1)))
 
     def _no_return_code(self, scan: LaserScan) -> LaserScan:
-        """The value below range_max that a driver writes for no return becomes infinite."""
+        """The scan with infinity in place of the value that its driver writes for no return."""
         limit, ranges = scan.range_max_m, scan.ranges_m
         if not len(ranges):
             return scan

@@ -70,7 +70,7 @@ def in_metres(scan: LaserScan, per_metre: float) -> LaserScan:
 
 
 class CloudUnits:
-    """Turns the points of one stream into metres, where its first cloud with enough of them shows that they are none."""
+    """Converts the points of one stream to metres; the first cloud with enough points shows their unit."""
 
     def __init__(self, label: str, message_counts: MessageCounts) -> None:
         self._label = label

@@ -33,9 +33,8 @@ MAX_UNSET = 0.1  # fraction of zeros that are skipped where nothing replaces the
 MIN_UNEVENNESS, MIN_UNEVENNESS_RATIO = 0.12, 4.0
 MAX_BEHIND_NS = NS_PER_S // 2  # of stamps that jitter, before the latest one
 MAX_SPAN_ERROR = 0.2  # between the spans of both, relative: arrivals that are counts say nothing
-UNEVEN = (
-    "stamps jitter, or come in bursts"  # about the right times; all others that are replaced are too early
-)
+# The only replaced stamps that are early and late by turns: the delay of the arrivals is then the median one
+UNEVEN = "stamps jitter, or come in bursts"
 EDGE_NS = NS_PER_S  # scans so long before and after the odometry count as covered
 
 Stamps = NDArray[np.int64]

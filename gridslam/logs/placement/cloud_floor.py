@@ -77,8 +77,8 @@ def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: M
     what += [f"is tilted by {math.degrees(tilt_rad):.0f} deg"] * (tilt_rad >= MIN_TILT_RAD)
     frame = lidar.frame_id.removesuffix("_planar")
     counts.find(
-        f"{frame} {' and '.join(what)} by the floor that it sees, and its transform does not say so: its clouds are turned; "
-        f"log.extrinsics.{frame} with roll and pitch says it"
+        f"{frame} {' and '.join(what)} by the floor that it sees, but not by its extrinsics: its clouds are rotated; "
+        f"set log.extrinsics.{frame} with roll and pitch"
     )
     return replace(lidar, rotation=level @ turned_over @ lidar.rotation)
 

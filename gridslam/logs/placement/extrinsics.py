@@ -68,7 +68,7 @@ def refuse_several_places(
 
 
 def _distinct_places(edges: Iterable[Transform]) -> list[Transform]:
-    """Those of the transforms to one child that differ in parent or pose from all before."""
+    """The transforms to one child frame whose parent or pose differs from all earlier ones."""
     found: list[Transform] = []
     for edge in edges:
         is_known = any(

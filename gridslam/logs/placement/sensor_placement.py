@@ -136,7 +136,7 @@ def _first_stamp_ns(streams: Sequence[RecordedStream], selection: StreamSelectio
 def _planar_lidars(
     streams: Sequence[RecordedStream], lidar_frames: Sequence[str], config: LogConfig
 ) -> set[str]:
-    """Those of the frames in which planar lidars measure, no others, and that the config does not place."""
+    """Frames in which only planar lidars measure and for which the config has no extrinsics."""
     clouds = {frame for stream in streams if stream.kind == "cloud" for frame in stream.frames}
     return set(lidar_frames) - clouds - config.extrinsics.keys()
 

@@ -34,7 +34,7 @@ class Container(Protocol):
 
     @property
     def schemas(self) -> Mapping[int, Schema]:
-        """The same."""
+        """Schemas by id; complete after `messages` has been gone through once."""
 
     @property
     def arrival_ns(self) -> int | None:

@@ -68,9 +68,8 @@ def scan(data: bytes) -> LaserScan:
     angle_min, angle_max, increment, time_increment, _, range_min, range_max, count = _SCAN.unpack_from(
         data, at
     )
-    ranges = np.frombuffer(
-        data[at + 32 : at + 32 + 4 * count], dtype="<f4"
-    )  # the slice copies: a kept scan keeps no chunk
+    # The slice copies: a scan that is kept does not keep its chunk in memory.
+    ranges = np.frombuffer(data[at + 32 : at + 32 + 4 * count], dtype="<f4")
     if len(ranges) != count:
         raise ValueError("ranges reach beyond the message")
     frame = frame_text(data[16 : 15 + length] if length else b"")

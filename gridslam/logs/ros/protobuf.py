@@ -16,7 +16,7 @@ from typing import Any
 from numpy import frombuffer
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types
-_DOUBLE, _FLOAT, _BOOL, _STRING, _MESSAGE, _BYTES_TYPE, _ENUM = 1, 2, 8, 9, 11, 12, 14  # types of fields
+_DOUBLE, _FLOAT, _BOOL, _STRING, _MESSAGE, _BYTES_TYPE = 1, 2, 8, 9, 11, 12  # types of fields
 _ZIGZAG, _SIGNED = (17, 18), (3, 5, 14)
 _FIXED = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
 _REPEATED = 3

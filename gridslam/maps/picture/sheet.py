@@ -89,9 +89,8 @@ def with_axes(canvas: Canvas, window: MapWindow, step_m: float, text_px: int) ->
     """A window with a frame, and ticks in metres below it and on its left."""
     font = _font(text_px)
     width, height = window.size_px
-    y_step_m = min(
-        step_m, tick_step_m(window.px_per_m, round(0.5 * text_px))
-    )  # texts need less space above each other
+    # Texts need less space above each other.
+    y_step_m = min(step_m, tick_step_m(window.px_per_m, round(0.5 * text_px)))
     ticks = {"x": _ticks(window, "x", step_m), "y": _ticks(window, "y", y_step_m)}
     names = _axis_names(window)
     labels_px = max((font.getlength(text) for _, text in ticks["y"]), default=0.0)

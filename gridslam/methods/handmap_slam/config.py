@@ -118,8 +118,8 @@ class HandmapAdvancedConfig(StrictModel):
         ge=0.0,
         lt=1.0,
         description="Fraction of the particles placed at the earlier pose in the drawing when the robot returns to a "
-        "place; 0: none, as in the paper. Raise it if the robot loses its place after loops. Only with one "
-        "scale, or with lines.",
+        "place; 0: none, as in the paper. Raise it if the robot loses its place after loops. Used only with "
+        "separate_scales: false or front_end: lines.",
     )
     memory_limit_mb: float = Field(
         1024.0,

@@ -147,7 +147,7 @@ class AdvancedMatching(StrictModel):
 
 
 class AdvancedMotion(StrictModel):
-    """Noise of wheels and gyro in the extended Kalman filter (paper section 2.6), and limits of the motion."""
+    """Noise of wheels and gyro in the extended Kalman filter (paper section 2.6)."""
 
     forward_std_m: Positive = Field(
         0.012,

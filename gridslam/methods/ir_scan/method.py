@@ -49,9 +49,8 @@ class IrScanMapper:
         self._pos = PosGrid(config.resolution_m, config.advanced.memory_limit_mb)
         # The scans just taken share the present error of the odometry, and a map that holds them would confirm it.
         self._delay = config.advanced.matching.delay_stops if config.matching.kind == "shift" else 0
-        self._delayed: deque[tuple[ReliableReadings, Floats]] = (
-            deque()
-        )  # not in the map yet, with their poses
+        # Readings that are not in the map yet, with their poses
+        self._delayed: deque[tuple[ReliableReadings, Floats]] = deque()
         self._walls: WallMatcher | None = None
         self._stopwatch = Stopwatch()
 

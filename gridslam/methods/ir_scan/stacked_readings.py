@@ -30,7 +30,7 @@ class StackedReadings:
 
     @staticmethod
     def of(stops: Sequence[Stop]) -> StackedReadings:
-        """Those of all stops that have a scan, in order."""
+        """Stacked readings of all stops that have a scan, in order."""
         scans = [(k, stop.readings) for k, stop in enumerate(stops) if stop.readings is not None]
         return StackedReadings(
             np.concatenate([np.zeros(0, np.int64), *(np.full(len(readings), k) for k, readings in scans)]),

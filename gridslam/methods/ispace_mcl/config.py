@@ -161,8 +161,8 @@ class AdvancedLocalizationConfig(StrictModel):
         0.1,
         ge=-100.0,
         le=100.0,
-        description="In a log without a lidar, the onboard depth camera replaces it: lowest height above the floor, in "
-        "metres, at which depths count as walls. Raise it if the floor appears as walls.",
+        description="Lowest height above the floor, in metres, at which depths of the onboard camera count as walls; used in "
+        "logs without a lidar. Raise it if the floor appears as walls.",
     )
     depth_max_height_m: float = Field(
         1.0,
@@ -183,8 +183,8 @@ class AdvancedLocalizationConfig(StrictModel):
     )
     camera_background: Literal["colour-and-depth", "colour"] = Field(
         "colour-and-depth",
-        description="Comparison by which moving objects are found. colour: the paper's background subtraction, which takes "
-        "lights and shadows for objects.",
+        description="Background subtraction that finds moving objects. colour-and-depth: pixels that differ in colour and are "
+        "nearer than the background. colour: the paper's, which takes lights and shadows for objects.",
     )
 
 

@@ -41,15 +41,15 @@ class History(Protocol):
 
     @property
     def statuses(self) -> Sequence[str]:
-        """Of every scan."""
+        """Status of every scan: localized, uncertain or lost."""
 
     @property
     def inlier_ratios(self) -> Sequence[float]:
-        """Of every scan."""
+        """Fraction of the beams of every scan that agree with the map."""
 
     @property
     def displaced_ratios(self) -> Sequence[float]:
-        """Of every scan."""
+        """Fraction of the beams of every scan that end behind their wall."""
 
     def localized_m(self) -> float:
         """Travel (m) by odometry while localized."""

@@ -41,7 +41,6 @@ from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_o
 Floats = NDArray[np.float64]
 
 MAX_YAW_RATE_RADPS = 10.0  # odometry that rotates faster has jumped
-JUMP_M, JUMP_RAD = 0.5, 0.5  # shorter jumps of the odometry are taken as motion
 # Distance (m) and rotation (rad) between the key scans of the odometry check
 CHECK_SPACING = KeyScanSpacing(distance_m=0.25, rotation_rad=0.25)
 CHECK_MEMORY_MB = 500.0

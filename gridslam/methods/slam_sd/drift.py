@@ -1,4 +1,4 @@
-"""Drift of a path since its anchor, and the most likely path once its end turns out to be elsewhere.
+"""Drift of a path since its last certain match (the anchor), and the most likely path after its end has been corrected.
 
 The steps of the path have independent errors in x, y and yaw. An error of the heading at one pose rotates the rest of the path
 about that pose. The covariance of the end, and the distribution of a correction of the end over the path, follow in closed form.

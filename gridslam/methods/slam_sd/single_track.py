@@ -35,7 +35,7 @@ class SingleTrack:
 
     @property
     def trajectories(self) -> Floats:
-        """The same, `(1, k, 3)`."""
+        """Trajectories of all particles `(1, k, 3)`: the single track."""
         return self.best_trajectory[None]
 
     @property

@@ -39,9 +39,7 @@ class FrontierTour:
             return self._wait(stamp_ns)
         self._none_since_ns = None
         cost_m = viewpoint.found.cost_m
-        if (
-            cost_m > self._lowest_cost_m + OTHER_VIEWPOINT_M
-        ):  # the last viewpoint has served: this is another one
+        if cost_m > self._lowest_cost_m + OTHER_VIEWPOINT_M:  # another viewpoint: the last one was visited
             self.visited += 1
             self._lowest_cost_m = np.inf
         if cost_m < self._lowest_cost_m - PROGRESS_M:

@@ -36,7 +36,7 @@ class DrawnRoom:
 
     @property
     def state(self) -> str:
-        """Its state for people: not visited, agrees or differs."""
+        """State of the room in words: not visited, agrees or differs."""
         if self.observed < MIN_OBSERVED:
             return "not visited"
         return "agrees" if self.agreement >= MIN_AGREEMENT else "differs"

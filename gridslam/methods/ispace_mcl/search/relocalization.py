@@ -100,8 +100,10 @@ class TrackedPose:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Result of a comparison: new particles, None if the tracked ones are kept; whether no hypothesis comes near them; whether
-    another one took over from the tracked pose; and how many of the latest scans that one explains, None if all.
+    """Result of a comparison of the tracked pose with the hypotheses.
+
+    `particles`: new particles; None if the tracked ones are kept. `is_confirmed`: the tracked pose leads all hypotheses.
+    `is_switch`: a hypothesis replaces the tracked pose. `scans`: number of latest scans that it explains; None: all.
     """
 
     particles: Particles | None
@@ -224,7 +226,7 @@ def _is_clear(scores: Floats, leads: Floats) -> bool:
 
 
 def _held_at(score: LogLikelihood, poses: Floats) -> LogLikelihood:
-    """The score less what a move away from the poses `(n, 3)`, to which the odometry leads, costs."""
+    """The score minus a penalty for the distance from the poses `(n, 3)` that the odometry predicts."""
 
     def held(tried: Floats) -> Floats:
         off = tried - np.repeat(poses, len(tried) // len(poses), axis=0)
@@ -240,7 +242,7 @@ def _mass_near(poses: Floats, particles: Particles) -> Floats:
 
 
 def _elsewhere(poses: Floats, pose: Floats) -> Floats:
-    """Those of the poses `(n, 3)` that are about another place than the pose `(3,)`."""
+    """The poses `(n, 3)` that are not near the pose `(3,)`."""
     return np.asarray(poses[~_is_near(poses, pose, _SAME_M)])
 
 

@@ -33,7 +33,7 @@ class VisitedObject:
     earlier: PriorEstimate | None
 
     def filter(self, footprints: Sequence[Floats], settings: ObjectSettings) -> ObjectFilter:
-        """Its filter after these footprints `(k, 2)` have explained their beams."""
+        """The object's filter, without the beams that the footprints `(k, 2)` of other objects explain."""
         return ObjectFilter(self.model, self.evidence.explained_by(footprints), self.earlier, settings)
 
 

@@ -17,7 +17,7 @@ class AntennaConfig(StrictModel):
         2.0,
         gt=0.0,
         le=20.0,
-        description="Distance in metres at which half of the rounds read a tag that faces the antenna on its axis. "
+        description="Distance in metres at which a tag on the antenna's axis that faces it is read half as often as nearby. "
         "Raise it for a stronger antenna: objects are then looked for farther away.",
     )
 
@@ -44,8 +44,8 @@ class ObjectsConfig(StrictModel):
     min_reads: int = Field(
         2,
         ge=1,
-        description="Smallest number of reads during a visit that is believed. Raise it where false reads come in "
-        "bursts.",
+        description="Number of reads of an object in one visit from which they are believed; fewer may be false reads. Raise "
+        "it where false reads come in bursts.",
     )
     antenna: AntennaConfig = AntennaConfig()
 
