@@ -56,7 +56,7 @@ class StereoHead:
     position: Floats
 
     @staticmethod
-    def mounted(
+    def of_extrinsics(
         focal_px: float,
         centre_px: tuple[float, float],
         baseline_m: float,

@@ -36,7 +36,7 @@ NOTES = {
 class LevelledScans:
     """Static transforms of the lidars whose scans were levelled one by one, and the tilt to level them by."""
 
-    mounts: dict[str, Transform]
+    extrinsics: dict[str, Transform]
     by: Levelling = Levelling.BASE
 
     @classmethod
@@ -54,18 +54,18 @@ class LevelledScans:
 
     def applied_to(self, event: Event) -> Event:
         """A scan, or the transform that places one, as it is levelled by `by`; other events as they are."""
-        if self.by is Levelling.BASE or not self.mounts:
+        if self.by is Levelling.BASE or not self.extrinsics:
             return event
-        if self.by is Levelling.NONE and isinstance(event, LaserScan) and lidar_of(event) in self.mounts:
+        if self.by is Levelling.NONE and isinstance(event, LaserScan) and lidar_of(event) in self.extrinsics:
             return replace(event, frame_id=lidar_of(event))
         if self.by is Levelling.LIDAR and isinstance(event, Transform):
-            mount = self.mounts.get(event.child_frame_id.partition("@")[0])
-            return event if mount is None else replace(event, translation_m=mount.translation_m)
+            given = self.extrinsics.get(event.child_frame_id.partition("@")[0])
+            return event if given is None else replace(event, translation_m=given.translation_m)
         return event
 
     def decided(self, events: Sequence[Event], build_tracker: Callable[[], ScanTracker]) -> LevelledScans:
         """The same with the tilt that gives the most even path over the scans among the events; `BASE` if these are too few."""
-        if not self.mounts:
+        if not self.extrinsics:
             return self
         uneven: dict[Levelling, float] = {}
         for by in Levelling:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.mount_calibration import moved_transform, solve_mount
+from gridslam.lidar_slam.extrinsics_calibration import moved_transform, solve_extrinsics
 from gridslam.lidar_slam.odometry_calibration import calibrate, windows_of
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
@@ -93,7 +93,7 @@ def _disagreement(path: Trajectory, odometry: Trajectory) -> tuple[bool, bool, f
     if windows is None:
         return True, True, 0.0
     found = calibrate(path, odometry)
-    is_misplaced = not found.mirrors_yaw and solve_mount(*windows.motions(found)) is not None
+    is_misplaced = not found.mirrors_yaw and solve_extrinsics(*windows.motions(found)) is not None
     return found.mirrors_yaw, is_misplaced, abs(found.lag_s)
 
 
@@ -104,7 +104,7 @@ def _compared(first: str, other: str, path: Trajectory, other_path: Trajectory) 
         return None
     found = calibrate(path, other_path)
     by_other, by_first = windows.motions(found)
-    moved = None if found.mirrors_yaw else solve_mount(by_first, by_other)
+    moved = None if found.mirrors_yaw else solve_extrinsics(by_first, by_other)
     if not (found.lag_s or found.mirrors_yaw or moved is not None):
         return None
     x, y, yaw = (0.0, 0.0, 0.0) if moved is None else moved.tolist()

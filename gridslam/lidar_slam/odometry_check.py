@@ -14,10 +14,10 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
 from gridslam.lidar_slam.gyro_calibration import GyroCorrection, find_gyro_correction
 from gridslam.lidar_slam.level_check import LevelledScans
 from gridslam.lidar_slam.lidar_agreement import find_lidar_faults
-from gridslam.lidar_slam.mount_calibration import MountCheck, find_mount
 from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, OdometryCorrector, calibrate
 from gridslam.lidar_slam.own_body import LaterBodies, OwnBody, find_own_bodies, later_bodies_among
 from gridslam.lidar_slam.scan_angles import find_wrong_angles
@@ -60,7 +60,7 @@ class OdometryCheck:
         self.gyro: GyroCorrection | None = None
         self.repairs = ScanRepairs()
         self._later_bodies = LaterBodies()
-        self._place = MountCheck()
+        self._place = ExtrinsicsCheck()
         self.checked_scans = 0
 
     def process(self, event: Event) -> Iterator[Event]:
@@ -150,7 +150,7 @@ class OdometryCheck:
             path = self._decide_sense(held, self._path(held), by_odometry)
             self.correction = calibrate(path, by_odometry)
             path = self._turned_over(held, path, by_odometry)
-            self._place = find_mount(held, path, by_odometry, self.correction)
+            self._place = find_extrinsics(held, path, by_odometry, self.correction)
         if self.correction.is_undecided and not is_last and self._scans < self._max_scans:
             return False
         if self._scans > 1:

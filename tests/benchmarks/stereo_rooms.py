@@ -36,7 +36,7 @@ QUAT = (0.5, -0.5, 0.5, -0.5)  # optical: x right, y down, z ahead
 def head() -> StereoHead:
     """The stereo head, at the centre of the robot, facing forward."""
     centre = (0.5 * (WIDTH_PX - 1), 0.5 * (HEIGHT_PX - 1))
-    return StereoHead.mounted(FOCAL_PX, centre, BASELINE_M, QUAT, (0.0, 0.0, CAMERA_M))
+    return StereoHead.of_extrinsics(FOCAL_PX, centre, BASELINE_M, QUAT, (0.0, 0.0, CAMERA_M))
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,7 +86,7 @@ def test_tag_reads_of_one_stamp_and_antenna_are_one_round_and_empty_rounds_count
     assert all(isinstance(e, TagInventory) for e in events(path))
 
 
-def test_a_layout_renames_columns_converts_units_and_mounts_sensors(tmp_path: Path) -> None:
+def test_a_layout_renames_columns_converts_units_and_places_sensors(tmp_path: Path) -> None:
     layout = """
 version: 1
 base_frame: robot

@@ -22,7 +22,7 @@ from gridslam.sensors.stereo_likelihood import StereoNoise, first_likelihoods
 
 Floats = NDArray[np.float64]
 OPTICAL = (0.5, -0.5, 0.5, -0.5)
-HEAD = StereoHead.mounted(260.0, (159.5, 59.5), 0.12, OPTICAL, (0.1, 0.0, 0.6))
+HEAD = StereoHead.of_extrinsics(260.0, (159.5, 59.5), 0.12, OPTICAL, (0.1, 0.0, 0.6))
 COLUMNS = ColumnSettings(
     bin_px=4,
     low_m=0.15,

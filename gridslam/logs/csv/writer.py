@@ -85,7 +85,7 @@ class CsvFolderWriter:
             for part, its_topic in parts_of(event, topic):
                 self.write(part, its_topic)
         elif isinstance(event, Transform) and event.is_static:
-            self._mount(event)
+            self._write_extrinsics(event)
         else:
             is_truth = topic == TRUTH_TOPIC and isinstance(event, Odometry)
             kind = "truth" if is_truth else kind_of_event(event).name
@@ -123,7 +123,7 @@ class CsvFolderWriter:
         with suppress(OSError):  # what a full disk did not take is given up anyway
             self._aside.close()
 
-    def _mount(self, transform: Transform) -> None:
+    def _write_extrinsics(self, transform: Transform) -> None:
         x, y, z = transform.translation_m
         entry: dict[str, object] = {"x": x, "y": y, "z": z, "quat_wxyz": list(transform.quat_wxyz)}
         entry["parent"] = transform.frame_id

@@ -82,7 +82,7 @@ def verticals_of(readings: ImuReadings, R_base_imu: Floats, odometry: OdometryRe
     up = up @ R_base_imu.T
     if np.median(up[:, 2]) < 0.0:  # both axes of NED point down, and no extrinsics say so
         up = up * (1.0, -1.0, -1.0)
-    return Verticals(readings.stamps_ns, _mount_removed(up), tuple(remarks), by_gravity)
+    return Verticals(readings.stamps_ns, _extrinsics_removed(up), tuple(remarks), by_gravity)
 
 
 def _by_orientation(readings: ImuReadings, forces: Floats | None) -> Floats | None:
@@ -199,7 +199,7 @@ def _gravity_sense(up: Floats, R_base_imu: Floats, yaw_sense: int) -> float:
     raise UntrustedImuError(UPSIDE_DOWN)
 
 
-def _mount_removed(up: Floats) -> Floats:
+def _extrinsics_removed(up: Floats) -> Floats:
     """The verticals `(n, 3)` without the constant tilt of the IMU on the robot. Raises UntrustedImuError."""
     middle = np.median(up, axis=0)
     middle /= max(float(np.linalg.norm(middle)), 1e-9)

@@ -102,7 +102,7 @@ def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
     return found
 
 
-def mount(
+def sensor_transforms(
     sensor_frames: Iterable[str],
     edges: Iterable[Transform],
     config: Mapping[str, ExtrinsicsConfig],
@@ -118,7 +118,7 @@ def mount(
     """
     tree = tree_of(edges)
     base_ancestors = ancestors(tree, base_frame)
-    mounted = []
+    found = []
     for frame in dict.fromkeys(sensor_frames):
         parent, pose = base_frame, rotations.IDENTITY
         if frame in config:
@@ -137,13 +137,13 @@ def mount(
                     f"no transform from {base_frame} to {frame}{gap}: taken as mounted at the robot's centre, "
                     f"facing forward; if it is not, set log.extrinsics.{frame} with x, y, yaw"
                 )
-        mounted.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
-    return mounted
+        found.append(Transform(stamp_ns, parent, frame, pose[0], pose[1], is_static=True))
+    return found
 
 
-def refuse_upright(mounted: Iterable[Transform]) -> None:
+def refuse_upright(transforms: Iterable[Transform]) -> None:
     """Raises ConfigError: a planar lidar scans an upright plane, as in the optical frame of a camera."""
-    for sensor in mounted:
+    for sensor in transforms:
         _, x, y, _ = rotations.normalise(sensor.quat_wxyz) or rotations.IDENTITY[1]
         if abs(1.0 - 2.0 * (x * x + y * y)) < MAX_TILT_COS:
             raise ConfigError(

@@ -73,8 +73,8 @@ def find_tilt(
     for index, of_imu in readings.items():
         stream = source.streams[index]
         frame = next(iter(stream.frames), selection.base_frame)
-        mount = _mount(frame, tree, config, selection.base_frame)
-        R_base_imu = rotation_matrix((mount or rotations.IDENTITY)[1])
+        given = _extrinsics_of(frame, tree, config, selection.base_frame)
+        R_base_imu = rotation_matrix((given or rotations.IDENTITY)[1])
         lag_s = imu_lag_s(of_imu, R_base_imu, odometry)
         if lag_s:
             of_imu = replace(of_imu, stamps_ns=of_imu.stamps_ns - round(lag_s * 1e9))
@@ -97,7 +97,7 @@ def find_tilt(
                 f"{stream.label}: its readings cover {covered:.0%} of the scans, which are not levelled"
             )
             continue
-        line = _used(stream.label, found, frame if mount is None else None)
+        line = _used(stream.label, found, frame if given is None else None)
         partly = f"; its readings cover {covered:.0%} of the scans, and the others are not levelled"
         message_counts.note(line + partly * (covered < FULLY_COVERED))
         return Tilt(found.stamps_ns, found.up)
@@ -206,7 +206,7 @@ def _readings(stamps: array[int], values: array[float]) -> ImuReadings:
     return ImuReadings(np.array(stamps, np.int64), table[:, :4], np.nan_to_num(table[:, 4:7]), table[:, 7:])
 
 
-def _mount(frame: str, tree: extrinsics.Tree, config: LogConfig, base: str) -> Rigid | None:
+def _extrinsics_of(frame: str, tree: extrinsics.Tree, config: LogConfig, base: str) -> Rigid | None:
     """T_base_imu; None where the log does not say it."""
     if frame in config.extrinsics:
         m = config.extrinsics[frame]

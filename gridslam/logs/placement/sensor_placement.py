@@ -12,7 +12,7 @@ from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.placement import extrinsics
 from gridslam.logs.placement.levelling import Tilt, find_tilt
-from gridslam.logs.placement.moving_mount import MovingMount, moving_mounts
+from gridslam.logs.placement.moving_extrinsics import MovingExtrinsics, moving_extrinsics
 from gridslam.logs.placement.several_sensors import refuse_unknown_places
 from gridslam.logs.placement.virtual_scan import VirtualLidar, virtual_lidar
 from gridslam.logs.rotations import Rigid
@@ -27,7 +27,7 @@ class SensorPlacement:
     """Extrinsics of the sensor frames in use, one each; by frame the sensors on joints, and the lidars made of clouds."""
 
     fixed: Sequence[Transform]
-    moving: Mapping[str, MovingMount]
+    moving: Mapping[str, MovingExtrinsics]
     virtual_lidars: Mapping[str, VirtualLidar]
 
 
@@ -48,7 +48,7 @@ def place_sensors(
     tree = extrinsics.tree_of(edges)
     lidar_frames = _lidar_frames(streams, selection) if for_a_method else []
     in_place = [frame for frame in lidar_frames if frame not in config.extrinsics]
-    moving = moving_mounts(source, in_place, tree, base)
+    moving = moving_extrinsics(source, in_place, tree, base)
     for frame in moving:
         message_counts.note(
             f"{frame} sits on a joint that moves: each scan is placed by its angle at the scan's stamp"
@@ -59,7 +59,7 @@ def place_sensors(
         _refuse_registered(streams, selection, config)
         _refuse_unknown_base(streams, tree, config)
     needed = _frames_in_use(streams, selection, tree, config)
-    fixed = extrinsics.mount(
+    fixed = extrinsics.sensor_transforms(
         [frame for frame in dict.fromkeys(needed) if frame not in moving],
         edges,
         config=config.extrinsics,
@@ -89,17 +89,17 @@ def place_sensors(
 
 
 def _levelled(
-    moving: Mapping[str, MovingMount],
+    moving: Mapping[str, MovingExtrinsics],
     fixed: Sequence[Transform],
     virtual: Mapping[str, VirtualLidar],
     tilt: Tilt,
-) -> dict[str, MovingMount]:
-    """The mounts of lidars on joints, of `fixed` ones, and of those made of clouds, all on a robot that tilts."""
-    mounts = {place.child_frame_id: MovingMount(place.frame_id, [_pose_of(place)]) for place in fixed}
+) -> dict[str, MovingExtrinsics]:
+    """The extrinsics of lidars on joints, of `fixed` ones, and of those made of clouds, all on a robot that tilts."""
+    places = {place.child_frame_id: MovingExtrinsics(place.frame_id, [_pose_of(place)]) for place in fixed}
     for frame, lidar in virtual.items():
-        place = _pose_of(lidar.extrinsics(mounts[frame].base_frame, 0))
-        mounts[lidar.frame_id] = MovingMount(mounts.pop(frame).base_frame, [place], is_upright=True)
-    return {frame: replace(mount, tilt=tilt) for frame, mount in {**mounts, **moving}.items()}
+        place = _pose_of(lidar.extrinsics(places[frame].base_frame, 0))
+        places[lidar.frame_id] = MovingExtrinsics(places.pop(frame).base_frame, [place], is_upright=True)
+    return {frame: replace(moved, tilt=tilt) for frame, moved in {**places, **moving}.items()}
 
 
 def _pose_of(place: Transform) -> Rigid:

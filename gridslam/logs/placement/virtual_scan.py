@@ -101,18 +101,18 @@ class VirtualLidar:
 
 
 def virtual_lidar(
-    frame: str, mounted: Transform, config: CloudConfig, tilt: Tilt | None = None
+    frame: str, given: Transform, config: CloudConfig, tilt: Tilt | None = None
 ) -> VirtualLidar:
-    """The virtual lidar of a sensor frame, whose extrinsics are `mounted`, on a robot that tilts or does not."""
-    height = mounted.translation_m[2]
+    """The virtual lidar of a sensor frame, whose extrinsics are `given`, on a robot that tilts or does not."""
+    height = given.translation_m[2]
     if height >= RAISED_M:
         low, high = GROUND_M, max(HEAD_M, height + HALF_BAND_M)
     else:
         low, high = height - HALF_BAND_M, height + HALF_BAND_M
     return VirtualLidar(
         f"{frame}_planar",
-        rotation_matrix(mounted.quat_wxyz),
-        np.array(mounted.translation_m),
+        rotation_matrix(given.quat_wxyz),
+        np.array(given.translation_m),
         low if config.min_height_m is None else config.min_height_m,
         high if config.max_height_m is None else config.max_height_m,
         tilt,

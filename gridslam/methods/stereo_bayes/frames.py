@@ -133,11 +133,11 @@ class FrameBuilder:
         extrinsics = self._sensor_extrinsics.get(frame)
         quat = OPTICAL_FORWARD if extrinsics is None else extrinsics.quat_wxyz
         position = (0.0, 0.0, 0.0) if extrinsics is None else extrinsics.translation_m
-        head = StereoHead.mounted(focal_px, centre_px, baseline_m, quat, position)
+        head = StereoHead.of_extrinsics(focal_px, centre_px, baseline_m, quat, position)
         if not head.looks_along_the_ground:
             # The frame was defined as x forward, y left, z up although its images are optical: assume that it faces forward.
             self.counters["stereo.frame_is_not_optical"] += 1
-            head = StereoHead.mounted(focal_px, centre_px, baseline_m, OPTICAL_FORWARD, position)
+            head = StereoHead.of_extrinsics(focal_px, centre_px, baseline_m, OPTICAL_FORWARD, position)
         self._heads[frame] = head
 
 

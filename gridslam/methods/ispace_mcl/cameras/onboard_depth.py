@@ -45,8 +45,8 @@ class OnboardDepth:
 
     def accepts(self, frame: str) -> bool:
         """Whether depth images of this frame become scans: a camera on the robot, in a log without a lidar."""
-        mounted = self._transforms.get(frame)
-        return not self._has_lidar and mounted is not None and mounted.frame_id != self._fixed_frame
+        extrinsics = self._transforms.get(frame)
+        return not self._has_lidar and extrinsics is not None and extrinsics.frame_id != self._fixed_frame
 
     def lidar_found(self) -> list[DepthImage]:
         """Use the lidar from now on; returns the depth images that have waited, which may be those of fixed cameras."""

@@ -39,7 +39,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
-class MovingMount:
+class MovingExtrinsics:
     """The chain from the base to a sensor: poses that stay, and joints; and the tilt of the base where scans are levelled.
 
     `is_upright`: the sensor's frame is level already, and the tilt moves it only.
@@ -65,9 +65,9 @@ class MovingMount:
         return transform, replace(scan, frame_id=frame)
 
 
-def moving_mounts(
+def moving_extrinsics(
     source: Source, frames: Sequence[str], tree: Mapping[str, tuple[str, Rigid]], base_frame: str
-) -> dict[str, MovingMount]:
+) -> dict[str, MovingExtrinsics]:
     """The mounts of those of the frames that a moving transform connects with the base. `tree` has the rigid ones."""
     moving = {s.child_frame: i for i, s in enumerate(source.streams) if _moves(s, tree, base_frame)}
     chains = {frame: chain for frame in frames if (chain := _chain(frame, tree, moving, source, base_frame))}
@@ -76,7 +76,9 @@ def moving_mounts(
         return {}
     joints = _joints(source, wanted)
     return {
-        frame: MovingMount(base_frame, [joints[link] if isinstance(link, int) else link for link in chain])
+        frame: MovingExtrinsics(
+            base_frame, [joints[link] if isinstance(link, int) else link for link in chain]
+        )
         for frame, chain in chains.items()
         if all(link in joints for link in chain if isinstance(link, int))
     }

@@ -7,7 +7,12 @@ import pytest
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Transform
-from gridslam.lidar_slam.mount_calibration import assumed_mount, mount_note, solve_mount, with_mount
+from gridslam.lidar_slam.extrinsics_calibration import (
+    assumed_extrinsics,
+    extrinsics_note,
+    solve_extrinsics,
+    with_extrinsics,
+)
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -25,25 +30,27 @@ def motions(mount: np.ndarray, scale: float = 1.0, noise: float = 0.01) -> tuple
 @pytest.mark.parametrize("scale", [0.95, 1.0])
 def test_the_place_is_found(yaw: float, scale: float) -> None:
     mount = np.array([0.3, -0.1, yaw])
-    found = solve_mount(*motions(mount, scale))
+    found = solve_extrinsics(*motions(mount, scale))
     assert found is not None
     np.testing.assert_allclose(found, mount, atol=0.04)
 
 
 def test_a_lidar_that_looks_forward_near_the_centre_or_moves_otherwise_gives_no_place() -> None:
-    assert solve_mount(*motions(np.array([0.2, 0.0, 0.05]))) is None
+    assert solve_extrinsics(*motions(np.array([0.2, 0.0, 0.05]))) is None
     moved, _ = motions(np.array([0.0, 0.0, 1.0]))
-    assert solve_mount(moved, moved[::-1]) is None
-    assert solve_mount(np.zeros((50, 3)), np.zeros((50, 3))) is None
+    assert solve_extrinsics(moved, moved[::-1]) is None
+    assert solve_extrinsics(np.zeros((50, 3)), np.zeros((50, 3))) is None
 
 
 def test_only_an_assumed_place_is_replaced() -> None:
     assumed = Transform(5, "base_link", "laser", (0.0, 0.0, 0.2), LEVEL, is_static=True)
     recorded = Transform(5, "base_link", "rear", (0.1, 0.0, 0.2), LEVEL, is_static=True)
     events: list[Event] = [assumed, recorded]
-    assert assumed_mount(events, "laser") is assumed
-    assert assumed_mount(events, "rear") is None
-    assert assumed_mount(events, "other") is None
-    placed = with_mount(assumed, np.array([0.1, 0.2, 1.57]), "base")
+    assert assumed_extrinsics(events, "laser") is assumed
+    assert assumed_extrinsics(events, "rear") is None
+    assert assumed_extrinsics(events, "other") is None
+    placed = with_extrinsics(assumed, np.array([0.1, 0.2, 1.57]), "base")
     assert placed.translation_m == (0.1, 0.2, 0.2)
-    assert "laser is placed on base by its motion: x 0.10 m, y 0.20 m, yaw 90.0 deg" in mount_note(placed)
+    assert "laser is placed on base by its motion: x 0.10 m, y 0.20 m, yaw 90.0 deg" in extrinsics_note(
+        placed
+    )

@@ -27,44 +27,48 @@ ERROR_FLOOR_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class MountCheck:
+class ExtrinsicsCheck:
     """Extrinsics of the only lidar of a log by its motion, and whether the log has others; None if they are not needed."""
 
-    mount: Transform | None = None
+    corrected: Transform | None = None
     is_misplaced: bool = False
 
     @property
     def notes(self) -> list[str]:
         """A line about a lidar that was placed."""
-        return [] if self.mount is None else [mount_note(self.mount, self.is_misplaced)]
+        return [] if self.corrected is None else [extrinsics_note(self.corrected, self.is_misplaced)]
 
     def applied_to(self, event: Event) -> Event:
         """The transform of the lidar with its place; other events as they are."""
-        if self.mount is None or not isinstance(event, Transform):
+        if self.corrected is None or not isinstance(event, Transform):
             return event
-        return self.mount if event.child_frame_id == self.mount.child_frame_id else event
+        return self.corrected if event.child_frame_id == self.corrected.child_frame_id else event
 
 
-def find_mount(
+def find_extrinsics(
     events: list[Event], path: Trajectory, odometry: Trajectory, correction: OdometryCorrection
-) -> MountCheck:
+) -> ExtrinsicsCheck:
     """Extrinsics of the only lidar among the events, if the log has none, or clearly wrong ones.
 
     It may be the odometry as well that tracks another frame; the map is the same.
     """
     frames = {e.frame_id for e in events if isinstance(e, LaserScan)}
     windows = windows_of(path, odometry)
-    if len(frames) != 1 or windows is None or (found := solve_mount(*windows.motions(correction))) is None:
-        return MountCheck()
+    if (
+        len(frames) != 1
+        or windows is None
+        or (found := solve_extrinsics(*windows.motions(correction))) is None
+    ):
+        return ExtrinsicsCheck()
     lidar = next(iter(frames))
-    assumed = assumed_mount(events, lidar)
+    assumed = assumed_extrinsics(events, lidar)
     if assumed is not None:
         base = next(e.child_frame_id for e in events if isinstance(e, Odometry))
-        return MountCheck(with_mount(assumed, found, base))
+        return ExtrinsicsCheck(with_extrinsics(assumed, found, base))
     stated = next((e for e in events if isinstance(e, Transform) and e.child_frame_id == lidar), None)
     if stated is None or not stated.is_static:
-        return MountCheck()
-    return MountCheck(moved_transform(stated, found), is_misplaced=True)
+        return ExtrinsicsCheck()
+    return ExtrinsicsCheck(moved_transform(stated, found), is_misplaced=True)
 
 
 def moved_transform(stated: Transform, moved: Floats) -> Transform:
@@ -78,7 +82,7 @@ def moved_transform(stated: Transform, moved: Floats) -> Transform:
     )
 
 
-def solve_mount(moved: Floats, matched: Floats) -> Floats | None:
+def solve_extrinsics(moved: Floats, matched: Floats) -> Floats | None:
     """T_base_laser `(3,)` from motions `(n, 3)` of the base and of the lidar over the same times.
 
     None where the lidar looks forward from near the centre, or where the motions give no clear place. It holds
@@ -97,18 +101,18 @@ def solve_mount(moved: Floats, matched: Floats) -> Floats | None:
     (cos, sin, x, y), *_ = np.linalg.lstsq(
         np.vstack([x_rows, y_rows]), np.concatenate([moved[:, 0], moved[:, 1]]), rcond=None
     )
-    mount = np.array([x, y, math.atan2(sin, cos)])
-    is_near = abs(mount[2]) < MIN_YAW_RAD and math.hypot(x, y) < MIN_OFFSET_M
+    pose = np.array([x, y, math.atan2(sin, cos)])
+    is_near = abs(pose[2]) < MIN_YAW_RAD and math.hypot(x, y) < MIN_OFFSET_M
     if is_near or abs(math.hypot(cos, sin) - 1.0) > MAX_SCALE_ERROR or math.hypot(x, y) > MAX_DISTANCE_M:
         return None
-    expected = se2.compose(mount, se2.compose(matched, np.broadcast_to(se2.inverse(mount), matched.shape)))
+    expected = se2.compose(pose, se2.compose(matched, np.broadcast_to(se2.inverse(pose), matched.shape)))
     error_m, error_before_m = (
         float(np.hypot(*(motion - moved)[:, :2].T).mean()) + ERROR_FLOOR_M for motion in (expected, matched)
     )
-    return mount if error_m < MAX_ERROR_RATIO * error_before_m else None
+    return pose if error_m < MAX_ERROR_RATIO * error_before_m else None
 
 
-def assumed_mount(events: list[Event], frame_id: str) -> Transform | None:
+def assumed_extrinsics(events: list[Event], frame_id: str) -> Transform | None:
     """The static transform of a lidar without extrinsics: at the robot's centre, facing forward."""
     for event in events:
         if isinstance(event, Transform) and event.is_static and event.child_frame_id == frame_id:
@@ -117,9 +121,9 @@ def assumed_mount(events: list[Event], frame_id: str) -> Transform | None:
     return None
 
 
-def with_mount(transform: Transform, mount: Floats, frame_id: str) -> Transform:
-    """The static transform with the lidar at `mount` `(3,)` in the frame of the base."""
-    x, y, yaw = mount.tolist()
+def with_extrinsics(transform: Transform, pose: Floats, frame_id: str) -> Transform:
+    """The static transform with the lidar at `pose` `(3,)` in the frame of the base."""
+    x, y, yaw = pose.tolist()
     return Transform(
         transform.stamp_ns,
         frame_id,
@@ -130,7 +134,7 @@ def with_mount(transform: Transform, mount: Floats, frame_id: str) -> Transform:
     )
 
 
-def mount_note(transform: Transform, is_misplaced: bool = False) -> str:
+def extrinsics_note(transform: Transform, is_misplaced: bool = False) -> str:
     """One line for people."""
     (x, y, _), (w, _, _, z) = transform.translation_m, transform.quat_wxyz
     yaw_deg = math.degrees(2.0 * math.atan2(z, w))
