@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 import gridslam
-from gridslam.core.errors import GridslamError
+from gridslam.core.errors import GridslamError, was_interrupted
 
 from . import INTERRUPTED, console
 from . import run as run  # kept here for existing programs
@@ -108,7 +108,7 @@ def main(arguments: Sequence[str]) -> int:
     except OSError as error:  # a full disk, a missing permission
         return _fail(f"{error.filename or 'output'}: {error.strerror or error}", USAGE)
     except Exception as error:
-        if _was_interrupted(error):
+        if was_interrupted(error):
             return _fail(NOTHING_WRITTEN, INTERRUPTED)
         return _fail(f"internal error, please report it with the command: {_place_of(error)}", BUG)
 
@@ -119,13 +119,6 @@ def _fail(message: str, code: int) -> int:
             console.complain(line)
     console.complain(f"error: {' '.join(message.split())}")
     return code
-
-
-def _was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _usage_message(error: Exception) -> str:

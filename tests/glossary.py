@@ -25,6 +25,9 @@ WORDS = {
     "ways": "paths, routes",
     "told": "observed, evidence, reported",
     "tell": "report, apply_update",
+    "mount": "extrinsics",
+    "mounts": "extrinsics",
+    "mounted": "extrinsics",
     "tells": "reports",
     "telling": "reporting",
     "thing": "object, ObjectModel",
@@ -97,10 +100,7 @@ NAMES = {
 ALLOWED_NAMES = {
     "at_least": "numpy and scipy: atleast; the limits of a bound",
     "at_most": "the limits of a bound",
-    "atleast_1d": "numpy",
-    "atleast_2d": "numpy",
     "least_squares": "the field's own; scipy.optimize",
-    "least_squares_cost": "the field's own",
     "most_common": "collections.Counter",
     "BrokenPipeError": "Python",
     "BrokenProcessPool": "Python",
@@ -108,8 +108,6 @@ ALLOWED_NAMES = {
     "HUMBLE": "the ROS release",
     "STEREO_SGBM_MODE_SGBM_3WAY": "OpenCV",
     "fitLine": "OpenCV",
-    "sharex": "matplotlib",
-    "sharey": "matplotlib",
 }
 
 # Names that are right in files with this part of a path, with the reason.
@@ -192,6 +190,9 @@ PHRASES = (
     r"by more than this\b",
     r"and so well at least\b",
     r"mountings?\b",
+    r"bends?\b",
+    r"(?:gives?|given) on\b",
+    r"(?:become|into) (?:such|these)\b",
     r"ledgers?\b",
     r"hindsight\b",
     r"told across\b",

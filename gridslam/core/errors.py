@@ -42,6 +42,13 @@ class GridslamError(Exception):
         return shortened(super().__str__())
 
 
+def was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 class ConfigError(GridslamError):
     """A config file, an override or an argument is wrong; the message names the key path."""
 

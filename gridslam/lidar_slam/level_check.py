@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import chain
 
 import numpy as np
 
@@ -90,7 +89,4 @@ def unevenness_m(path: Trajectory) -> float | None:
 
 def _path(events: Sequence[Event], tracker: ScanTracker) -> Trajectory:
     """The path over scans by matching alone."""
-    given = [event for event in events if not isinstance(event, Odometry)]
-    for placed in chain(chain.from_iterable(map(tracker.process, given)), tracker.flush()):
-        tracker.track_scan(placed)
-    return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))
+    return tracker.track_all(event for event in events if not isinstance(event, Odometry))

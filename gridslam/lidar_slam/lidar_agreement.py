@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,8 +117,4 @@ def _path_of(lidar: str, events: Sequence[Event], tracker: ScanTracker) -> Traje
         for e in events
         if not isinstance(e, Odometry | Imu) and not (isinstance(e, LaserScan) and lidar_of(e) != lidar)
     )
-    for placed in chain(chain.from_iterable(map(tracker.process, own)), tracker.flush()):
-        tracker.track_scan(placed)
-    return Trajectory(
-        np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3)
-    ).sorted()
+    return tracker.track_all(own).sorted()

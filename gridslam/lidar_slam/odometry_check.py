@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,10 +290,9 @@ class OdometryCheck:
         events = [self.repairs.applied_to(e) for e in held[self._tracked :] if not isinstance(e, Odometry)]
         if self.gyro is not None:
             events = [self.gyro.applied_to(e) if isinstance(e, Imu) else e for e in events]
-        for placed in chain.from_iterable([*map(tracker.process, events), tracker.flush()]):
-            tracker.track_scan(placed)
-        self._tracked, self.checked_scans = len(held), len(tracker.stamps_ns)
-        return Trajectory(np.array(tracker.stamps_ns, np.int64), np.array(tracker.track_poses).reshape(-1, 3))
+        path = tracker.track_all(events)
+        self._tracked, self.checked_scans = len(held), len(path)
+        return path
 
 
 def _trajectory(odometry: list[Odometry]) -> Trajectory:

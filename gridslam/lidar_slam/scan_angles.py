@@ -106,10 +106,6 @@ def _matches_better(
     ratios = []
     for used in (scans, [angles.applied_to(scan) for scan in scans]):
         tracker = build_tracker()
-        for scan in used:
-            for placed in tracker.process(scan):
-                tracker.track_scan(placed)
-        for placed in tracker.flush():
-            tracker.track_scan(placed)
+        tracker.track_all(used)
         ratios.append(float(np.mean(tracker.inlier_ratios)))
     return ratios[1] > ratios[0] + MIN_GAIN

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,6 +224,12 @@ class ScanTracker:
         if self.is_key_scan_due:
             self.add_key_scan(scan)
         return scan
+
+    def track_all(self, events: Iterable[Event]) -> Trajectory:
+        """Track the scans among events, and those that waited; returns the path over all scans so far in the map frame."""
+        for placed in chain(chain.from_iterable(map(self.process, events)), self.flush()):
+            self.track_scan(placed)
+        return Trajectory(np.array(self.stamps_ns, np.int64), np.array(self.track_poses).reshape(-1, 3))
 
     @property
     def is_key_scan_due(self) -> bool:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,9 +111,7 @@ def find_sweep_time(
 
 def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> None:
     """Track scans whose sweep takes this time (s)."""
-    scans = (with_sweep(e, sweep_s) if isinstance(e, LaserScan) else e for e in events)
-    for placed in chain(chain.from_iterable(map(tracker.process, scans)), tracker.flush()):
-        tracker.track_scan(placed)
+    tracker.track_all(with_sweep(e, sweep_s) if isinstance(e, LaserScan) else e for e in events)
 
 
 def _other_than_stated(trials: _Trials, stated_s: float, period_s: float) -> float | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from gridslam.core.errors import GridslamError, MethodError
+from gridslam.core.errors import GridslamError, MethodError, was_interrupted
 from gridslam.core.messages import Event
 from gridslam.core.texts import visible
 from gridslam.methods.base import Estimate, Method, RunResult
@@ -30,20 +30,13 @@ def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[N
     except passed:
         raise
     except (Exception, SystemExit) as error:
-        if not package or _was_interrupted(error):
+        if not package or was_interrupted(error):
             raise
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         raise MethodError(
             f"{package}: {type(error).__name__}: {visible(str(error))}{place}; report it to its authors"
         ) from error
-
-
-def _was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def _is_usable(estimate: object) -> bool:

@@ -115,7 +115,7 @@ LEVEL = Sway()
 def returns(
     drive: InputDrive,
     stamp_ns: int,
-    mount: Floats,
+    sensor_extrinsics: Floats,
     rays: Floats,
     rng: np.random.Generator,
     sway: Sway = LEVEL,
@@ -129,11 +129,11 @@ def returns(
     robot, tilt = drive.poses_at(times), sway.rotations(times)
     heading = Rotation.from_euler("z", robot[:, 2:])
     about = Rotation.identity(len(rays)) if sway.is_about_lidar else tilt
-    above = heading.apply(about.apply(np.array([mount[0], mount[1], HEIGHT_M])))
+    above = heading.apply(about.apply(np.array([sensor_extrinsics[0], sensor_extrinsics[1], HEIGHT_M])))
     origin = above + np.pad(robot[:, :2], ((0, 0), (0, 1)))
     flat = np.cos(rays[:, 1])
     rays_xyz = np.column_stack([flat * np.cos(rays[:, 0]), flat * np.sin(rays[:, 0]), np.sin(rays[:, 1])])
-    towards = heading.apply(tilt.apply(Rotation.from_euler("z", mount[2]).apply(rays_xyz)))
+    towards = heading.apply(tilt.apply(Rotation.from_euler("z", sensor_extrinsics[2]).apply(rays_xyz)))
     level = np.hypot(towards[:, 0], towards[:, 1])
     hits = drive.scene.cast(np.column_stack([origin[:, :2], towards[:, :2] / level[:, None]]), 60.0, 0.0)
     with np.errstate(divide="ignore"):
@@ -243,7 +243,7 @@ def imu_message(event: Imu) -> Any:
     return message
 
 
-def mounted(frame: str, x: float = FORWARD_M, yaw_rad: float = 0.0) -> Any:
+def placed_sensors(frame: str, x: float = FORWARD_M, yaw_rad: float = 0.0) -> Any:
     """base_link -> frame."""
     return transform(
         0, "base_link", frame, (x, 0.0, HEIGHT_M), (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2))
@@ -276,7 +276,10 @@ def recorded(
 
 def plain(drive: InputDrive, path: Path, **changes: Any) -> Path:
     """The ordinary recording; `changes` are keywords of `recorded`."""
-    given = {"scans": lambda scan: iter([("/scan", scan_message(scan))]), "frames": (mounted("laser"),)}
+    given = {
+        "scans": lambda scan: iter([("/scan", scan_message(scan))]),
+        "frames": (placed_sensors("laser"),),
+    }
     return recorded(drive, path, **{**given, **changes})
 
 
@@ -296,7 +299,7 @@ def clouds(
         points, _ = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
         yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2] * is_timed, rings)
 
-    return recorded(drive, path, scans, (mounted("lidar"),), **changes)
+    return recorded(drive, path, scans, (placed_sensors("lidar"),), **changes)
 
 
 def livox(drive: InputDrive, path: Path) -> Path:
@@ -324,7 +327,7 @@ def livox(drive: InputDrive, path: Path) -> Path:
             ),
         )
 
-    return recorded(drive, path, scans, (mounted("lidar"),))
+    return recorded(drive, path, scans, (placed_sensors("lidar"),))
 
 
 def two_lidars(drive: InputDrive, path: Path, **changes: Any) -> Path:
@@ -348,7 +351,11 @@ def two_lidars(drive: InputDrive, path: Path, **changes: Any) -> Path:
             yield f"/{name}/scan", scan_message(one, angle_max=0.5 * field)
 
     return recorded(
-        drive, path, scans, tuple(mounted(n, float(p[0]), float(p[2])) for n, p in places.items()), **changes
+        drive,
+        path,
+        scans,
+        tuple(placed_sensors(n, float(p[0]), float(p[2])) for n, p in places.items()),
+        **changes,
     )
 
 
@@ -367,13 +374,13 @@ def swaying(
 ) -> Path:
     """A robot that rolls and pitches, with an IMU that says so (`imu` as in `tilted_imu`) or with none (empty)."""
     rng, sway = np.random.default_rng(9), Sway(amplitude_deg, is_about_lidar)
-    mount = np.array([FORWARD_M, 0.0, 0.0])
+    sensor_extrinsics = np.array([FORWARD_M, 0.0, 0.0])
     phase = np.arange(360) / 360
     beams = np.column_stack([2 * np.pi * phase - np.pi, np.zeros(360), 0.0997 * phase])
 
     def scans(scan: LaserScan) -> Messages:
         rays = spinning_rays() if is_cloud else beams
-        points, distances = returns(drive, scan.stamp_ns, mount, rays, rng, sway)
+        points, distances = returns(drive, scan.stamp_ns, sensor_extrinsics, rays, rng, sway)
         if is_cloud:
             yield "/points", cloud_message(scan.stamp_ns, points, rays[:, 2])
             return
@@ -383,7 +390,10 @@ def swaying(
         )  # fmt: skip
         yield "/scan", scan_message(one)
 
-    frames = (mounted("lidar" if is_cloud else "laser"), transform(0, "base_link", "imu", (0.0, 0.0, 0.1)))
+    frames = (
+        placed_sensors("lidar" if is_cloud else "laser"),
+        transform(0, "base_link", "imu", (0.0, 0.0, 0.1)),
+    )
     made_imu = tilted_imu(drive, sway, imu, rng) if imu else None
     return recorded(drive, path, scans, frames, imu=made_imu)
 

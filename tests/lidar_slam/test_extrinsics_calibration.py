@@ -17,22 +17,22 @@ from gridslam.lidar_slam.extrinsics_calibration import (
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
-def motions(mount: np.ndarray, scale: float = 1.0, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
+def motions(extrinsics: np.ndarray, scale: float = 1.0, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
     """Motions `(200, 3)` of a robot, with odometry times `scale`, and of a lidar on it."""
     rng = np.random.default_rng(3)
     moved = np.column_stack([rng.uniform(0.0, 0.6, 200), np.zeros(200), rng.uniform(-0.8, 0.8, 200)])
-    inverse = np.broadcast_to(se2.inverse(mount), moved.shape)
-    matched = se2.compose(inverse, se2.compose(moved, np.broadcast_to(mount, moved.shape)))
+    inverse = np.broadcast_to(se2.inverse(extrinsics), moved.shape)
+    matched = se2.compose(inverse, se2.compose(moved, np.broadcast_to(extrinsics, moved.shape)))
     return moved * [scale, scale, 1.0] + rng.normal(0.0, noise, moved.shape), matched
 
 
 @pytest.mark.parametrize("yaw", [-2.8, -0.3, 0.0, 0.3, 1.57, 3.1])
 @pytest.mark.parametrize("scale", [0.95, 1.0])
 def test_the_place_is_found(yaw: float, scale: float) -> None:
-    mount = np.array([0.3, -0.1, yaw])
-    found = solve_extrinsics(*motions(mount, scale))
+    extrinsics = np.array([0.3, -0.1, yaw])
+    found = solve_extrinsics(*motions(extrinsics, scale))
     assert found is not None
-    np.testing.assert_allclose(found, mount, atol=0.04)
+    np.testing.assert_allclose(found, extrinsics, atol=0.04)
 
 
 def test_a_lidar_that_looks_forward_near_the_centre_or_moves_otherwise_gives_no_place() -> None:

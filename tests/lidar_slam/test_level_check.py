@@ -30,8 +30,10 @@ def tracker() -> ScanTracker:
 
 def drive(moves_with_tilt: bool, reported_sign: float) -> list[Event]:
     """Scans of a robot that drives along a room and pitches; `reported_sign` times its tilt is what the scans are levelled by."""
-    mount = Transform(0, "base_link", "laser", (0.0, 0.0, HEIGHT_M), (1.0, 0.0, 0.0, 0.0), is_static=True)
-    events: list[Event] = [mount]
+    extrinsics = Transform(
+        0, "base_link", "laser", (0.0, 0.0, HEIGHT_M), (1.0, 0.0, 0.0, 0.0), is_static=True
+    )
+    events: list[Event] = [extrinsics]
     rays = np.column_stack([np.cos(BEARINGS), np.sin(BEARINGS), np.zeros(len(BEARINGS))])
     for k in range(220):
         tilt = Rotation.from_euler("y", math.radians(5.0) * math.sin(0.3 * k))
@@ -68,7 +70,7 @@ def test_scans_are_levelled_by_what_makes_the_path_even(
 
 def test_scans_of_lidars_on_joints_and_few_scans_are_left_as_they_are() -> None:
     events = drive(True, -1.0)
-    assert LevelledScans.among(events[1:]).mounts == {}
+    assert LevelledScans.among(events[1:]).all_extrinsics == {}
     few = LevelledScans.among(events[:30])
     assert few.decided(events[:30], tracker) == few
 

@@ -1,4 +1,4 @@
-"""Odometry that contradicts the scans is found, named and corrected; good odometry is given on as it is."""
+"""Odometry that contradicts the scans is found, named and corrected; good odometry is passed on unchanged."""
 
 from __future__ import annotations
 

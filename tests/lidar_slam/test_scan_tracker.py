@@ -133,11 +133,11 @@ def test_good_odometry_is_used_for_every_scan() -> None:
 def two_lidars() -> list[Event]:
     """The drive with the scans of a left and a right lidar, which stands askew and gives every second scan only."""
     yaw, half = -1.2, hall.BEAMS // 2
-    mounts = [
+    all_extrinsics = [
         Transform(0, "base_link", frame, (0.0, 0.0, 0.0), from_euler(0.0, 0.0, angle), is_static=True)
         for frame, angle in (("left", 0.0), ("right", yaw))
     ]
-    found: list[Event] = list(mounts)
+    found: list[Event] = list(all_extrinsics)
     count = 0
     for event in hall.events(1):
         if not isinstance(event, LaserScan):

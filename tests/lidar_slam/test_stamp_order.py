@@ -1,4 +1,4 @@
-"""Events whose stamps have been moved are given on in the order of their stamps."""
+"""Events whose stamps have been moved are passed on in the order of their stamps."""
 
 from __future__ import annotations
 

@@ -132,10 +132,10 @@ def test_a_topic_named_as_the_truth_that_holds_other_messages_is_no_truth(tmp_pa
 def test_an_event_without_a_frame_remains_without_one_and_keeps_its_extrinsics(
     tmp_path: Path, suffix: str
 ) -> None:
-    mounted = Transform(S, "base_link", "", (0.25, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    placed_sensors = Transform(S, "base_link", "", (0.25, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
     scan_ = LaserScan(2 * S, "", np.ones(3, np.float32), -1.0, 0.5, 0.125, 30.0)
     with open_writer(tmp_path / "first.mcap") as writer:
-        for event in (mounted, Odometry(S, "odom", 0.0, 0.0, 0.0), scan_):
+        for event in (placed_sensors, Odometry(S, "odom", 0.0, 0.0, 0.0), scan_):
             writer.write(event)
     with open_log(tmp_path / "first.mcap") as log:
         convert_log(log, tmp_path / f"log{suffix}")

@@ -15,7 +15,7 @@ from gridslam.logs import rotations
 from gridslam.logs.config import ExtrinsicsConfig, LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
-from gridslam.logs.placement.extrinsics import mount, usable
+from gridslam.logs.placement.extrinsics import sensor_extrinsics, usable
 from tests.logs.ros_samples import odometry, scan, tf, transform, write_mcap
 from tests.small_log import write_small_log
 
@@ -45,23 +45,27 @@ def matrix(
 @given(pose, pose, pose)
 def test_a_chain_is_composed_as_scipy_composes_it(first: Pose, second: Pose, third: Pose) -> None:
     edges = [edge("base", "a", *first), edge("a", "b", *second), edge("b", "laser", *third)]
-    (mounted,) = mount(["laser"], edges, {}, "base", 5, MessageCounts())
+    (placed_sensors,) = sensor_extrinsics(["laser"], edges, {}, "base", 5, MessageCounts())
     expected = np.eye(4)
     for link in edges:
         expected = expected @ matrix(link.translation_m, link.quat_wxyz)
-    assert mounted.frame_id == "base"
-    assert mounted.stamp_ns == 5
-    np.testing.assert_allclose(matrix(mounted.translation_m, mounted.quat_wxyz), expected, atol=1e-12)
+    assert placed_sensors.frame_id == "base"
+    assert placed_sensors.stamp_ns == 5
+    np.testing.assert_allclose(
+        matrix(placed_sensors.translation_m, placed_sensors.quat_wxyz), expected, atol=1e-12
+    )
 
 
 @given(pose, pose)
 def test_a_base_below_the_root_is_gone_up_from(up: Pose, down: Pose) -> None:
     edges = [edge("footprint", "base", *up), edge("footprint", "laser", *down)]
-    (mounted,) = mount(["laser"], edges, {}, "base", 0, MessageCounts())
+    (placed_sensors,) = sensor_extrinsics(["laser"], edges, {}, "base", 0, MessageCounts())
     expected = np.linalg.inv(matrix(edges[0].translation_m, edges[0].quat_wxyz)) @ matrix(
         edges[1].translation_m, edges[1].quat_wxyz
     )
-    np.testing.assert_allclose(matrix(mounted.translation_m, mounted.quat_wxyz), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        matrix(placed_sensors.translation_m, placed_sensors.quat_wxyz), expected, atol=1e-12
+    )
 
 
 @given(angle, angle, angle)
@@ -72,25 +76,25 @@ def test_euler_angles_turn_about_fixed_axes(roll: float, pitch: float, yaw: floa
 
 def test_config_wins_over_the_log() -> None:
     config = {"laser": ExtrinsicsConfig(x=0.3, yaw=math.pi / 2)}
-    (mounted,) = mount(
+    (placed_sensors,) = sensor_extrinsics(
         ["laser"], [edge("base", "laser", (1, 1, 1), (0, 0, 0))], config, "base", 0, MessageCounts()
     )
-    assert mounted.translation_m == (0.3, 0.0, 0.0)
-    assert rotations.yaw_of(mounted.quat_wxyz) == pytest.approx(math.pi / 2)
+    assert placed_sensors.translation_m == (0.3, 0.0, 0.0)
+    assert rotations.yaw_of(placed_sensors.quat_wxyz) == pytest.approx(math.pi / 2)
 
 
 def test_unknown_extrinsics_are_the_identity_and_noted() -> None:
     message_counts = MessageCounts()
-    (mounted,) = mount(["laser"], [], {}, "base", 0, message_counts)
-    assert (mounted.translation_m, mounted.quat_wxyz) == rotations.IDENTITY
+    (placed_sensors,) = sensor_extrinsics(["laser"], [], {}, "base", 0, message_counts)
+    assert (placed_sensors.translation_m, placed_sensors.quat_wxyz) == rotations.IDENTITY
     assert "log.extrinsics.laser" in message_counts.problems[0]
     assert not message_counts.is_lossy
 
 
 def test_a_camera_on_the_wall_hangs_on_its_own_root() -> None:
     edges = [edge("map", "bracket", (1, 2, 3), (0, 0, 0)), edge("bracket", "camera", (0, 0, 1), (0, 0, 0))]
-    (mounted,) = mount(["camera"], edges, {}, "base", 0, MessageCounts())
-    assert (mounted.frame_id, mounted.translation_m) == ("map", (1.0, 2.0, 4.0))
+    (placed_sensors,) = sensor_extrinsics(["camera"], edges, {}, "base", 0, MessageCounts())
+    assert (placed_sensors.frame_id, placed_sensors.translation_m) == ("map", (1.0, 2.0, 4.0))
 
 
 @pytest.mark.parametrize(
@@ -116,8 +120,8 @@ def test_transforms_that_are_no_rigid_motion_are_left_out_and_counted(
 
 def test_a_cycle_of_frames_ends() -> None:
     edges = [edge("a", "b", (1, 0, 0), (0, 0, 0)), edge("b", "a", (1, 0, 0), (0, 0, 0))]
-    (mounted,) = mount(["a"], edges, {}, "base", 0, MessageCounts())
-    assert mounted.child_frame_id == "a"
+    (placed_sensors,) = sensor_extrinsics(["a"], edges, {}, "base", 0, MessageCounts())
+    assert placed_sensors.child_frame_id == "a"
 
 
 def test_extrinsics_of_a_frame_that_the_log_lacks_are_an_error(tmp_path: Path) -> None:

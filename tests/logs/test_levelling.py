@@ -50,7 +50,7 @@ def readings(attitude: Rotation = ATTITUDE, up: Floats = UP) -> ImuReadings:
     return ImuReadings((TIMES * S).astype(np.int64), quats, np.vstack([rates, rates[-1:]]), 9.81 * up)
 
 
-def mounted(rotation: Rotation, is_ned: bool = False) -> ImuReadings:
+def placed_sensors(rotation: Rotation, is_ned: bool = False) -> ImuReadings:
     """The IMU with another attitude on the robot; NED: the world's z axis points down as well."""
     attitude = ATTITUDE * rotation
     world = Rotation.from_rotvec([math.pi, 0.0, 0.0]) if is_ned else Rotation.identity()
@@ -78,8 +78,8 @@ def check(found: Verticals, tolerance_deg: float = 0.5) -> None:
         (without(forces=NAN), ""),
         (replace(readings(), forces=UP), ""),  # in g
         (replace(readings(), rates=without(rates=0.0).rates), ""),
-        (mounted(DOWN, is_ned=True), "NED"),
-        (replace(mounted(DOWN, is_ned=True), forces=np.full((2000, 3), NAN)), "NED"),
+        (placed_sensors(DOWN, is_ned=True), "NED"),
+        (replace(placed_sensors(DOWN, is_ned=True), forces=np.full((2000, 3), NAN)), "NED"),
         (replace(readings(), forces=-9.81 * UP), ""),  # gravity in place of the force against it
     ],
 )
@@ -113,8 +113,8 @@ def test_without_an_orientation_that_can_be_trusted_gravity_shows_the_vertical(
     [
         (without(quats=NAN, forces=NAN), "^$"),  # a gyro
         (without(quats=NAN, forces=0.0), "^$"),
-        (mounted(Rotation.from_rotvec([0.0, math.radians(40.0), 0.0])), "tilted by 40 deg"),
-        (mounted(DOWN), "upside down"),
+        (placed_sensors(Rotation.from_rotvec([0.0, math.radians(40.0), 0.0])), "tilted by 40 deg"),
+        (placed_sensors(DOWN), "upside down"),
         (
             replace(without(forces=NAN, rates=0.0), quats=readings().quats[:, [1, 0, 3, 2]]),
             "upside down|tilt",
@@ -128,7 +128,7 @@ def test_an_imu_that_does_not_know_the_vertical_is_not_trusted(given: ImuReading
 
 @pytest.mark.parametrize("rotation", [DOWN, Rotation.from_euler("ZYX", [1.0, 0.7, -0.4])])
 def test_known_extrinsics_account_for_any_rotation_of_the_imu(rotation: Rotation) -> None:
-    check(verticals_of(mounted(rotation), rotation.as_matrix(), ODOMETRY))
+    check(verticals_of(placed_sensors(rotation), rotation.as_matrix(), ODOMETRY))
 
 
 def test_a_robot_that_remains_level_is_known_as_such() -> None:
@@ -244,16 +244,18 @@ def test_far_from_the_readings_no_tilt_is_known(stamp_ns: int) -> None:
 
 
 def test_a_cloud_of_a_tilted_robot_gives_the_scan_of_a_level_one() -> None:
-    mount = Transform(0, "base_link", "lidar", (0.1, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    sensor_extrinsics = Transform(
+        0, "base_link", "lidar", (0.1, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), is_static=True
+    )
     turned = Rotation.from_euler("ZYX", [0.0, 0.1, -0.05])
     up = turned.inv().apply([[0.0, 0.0, 1.0]] * 2)
     tilt = Tilt(np.array([0, 10 * S]), up)
     bearing, height = np.meshgrid(np.linspace(-3.1, 3.1, 700), np.linspace(-1.0, 1.0, 16))
     points = np.stack([3.0 * np.cos(bearing), 3.0 * np.sin(bearing), height], axis=-1).reshape(-1, 3)
     times = np.zeros(0, np.float32)
-    level = virtual_lidar("lidar", mount, CloudConfig()).scan(
+    level = virtual_lidar("lidar", sensor_extrinsics, CloudConfig()).scan(
         PointCloud(0, "lidar", points.astype(np.float32), times)
     )
     seen = PointCloud(0, "lidar", turned.inv().apply(points).astype(np.float32), times)
-    tilted = virtual_lidar("lidar", mount, CloudConfig(), tilt).scan(seen)
+    tilted = virtual_lidar("lidar", sensor_extrinsics, CloudConfig(), tilt).scan(seen)
     np.testing.assert_allclose(tilted.ranges_m, level.ranges_m, rtol=1e-4)

@@ -48,26 +48,28 @@ def test_a_lidar_on_a_moving_joint_is_placed_at_the_stamp_of_each_scan(tmp_path:
     assert len(scans) == 4
     for found in scans:
         yaw = 0.2 * found.stamp_ns / S
-        mount = placed[found.frame_id]
-        assert mount.frame_id == "base_link"
-        assert yaw_of(mount.quat_wxyz) == pytest.approx(yaw + 0.05)
-        assert mount.translation_m == pytest.approx((0.2 * math.cos(yaw), 0.2 * math.sin(yaw), 0.0))
+        sensor_extrinsics = placed[found.frame_id]
+        assert sensor_extrinsics.frame_id == "base_link"
+        assert yaw_of(sensor_extrinsics.quat_wxyz) == pytest.approx(yaw + 0.05)
+        assert sensor_extrinsics.translation_m == pytest.approx(
+            (0.2 * math.cos(yaw), 0.2 * math.sin(yaw), 0.0)
+        )
 
 
 def test_noise_of_a_joint_is_no_motion(tmp_path: Path) -> None:
     joint = [turned(i * S, "base_link", lidar_frame(), 0.3 + 1e-9 * (i % 3)) for i in range(6)]
     with open_log(drive(tmp_path / "a.mcap", *joint), kinds=KINDS) as log:
-        (mount,) = log.sensor_extrinsics
+        (sensor_extrinsics,) = log.sensor_extrinsics
         assert not log.problems
-    assert yaw_of(mount.quat_wxyz) == pytest.approx(0.3)
+    assert yaw_of(sensor_extrinsics.quat_wxyz) == pytest.approx(0.3)
 
 
 def test_a_gap_in_the_tree_of_frames_is_no_place_on_the_robot(tmp_path: Path) -> None:
     path = drive(tmp_path / "a.mcap", static=(turned(0, "plate", lidar_frame(), 0.0, x=0.4),))
     with open_log(path, kinds=KINDS) as log:
-        (mount,) = log.sensor_extrinsics
+        (sensor_extrinsics,) = log.sensor_extrinsics
         assert any("its tree ends at plate" in line for line in log.problems)
-    assert (mount.frame_id, mount.translation_m) == ("base_link", (0.0, 0.0, 0.0))
+    assert (sensor_extrinsics.frame_id, sensor_extrinsics.translation_m) == ("base_link", (0.0, 0.0, 0.0))
 
 
 def test_a_lidar_in_an_optical_frame_is_refused_and_the_advice_works(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ S = 1_000_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
-def mounted(z: float, quat: tuple[float, float, float, float] = LEVEL) -> Transform:
+def placed_sensors(z: float, quat: tuple[float, float, float, float] = LEVEL) -> Transform:
     return Transform(0, "base_link", "lidar", (0.1, 0.0, z), quat, is_static=True)
 
 
@@ -61,7 +61,7 @@ def test_the_nearest_return_of_each_bearing_is_kept_with_its_time() -> None:
     rng = np.random.default_rng(5)
     bearing, ranges = rng.uniform(-math.pi, math.pi, 5000), rng.uniform(0.5, 30.0, 5000)
     points = np.column_stack([ranges * np.cos(bearing), ranges * np.sin(bearing), np.zeros(5000)])
-    found = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(cloud_of(points)).ranges_m
+    found = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(cloud_of(points)).ranges_m
     beam = ((bearing + math.pi) * (BEAMS / (2.0 * math.pi))).astype(int) % BEAMS
     expected = [ranges[beam == k].min() if (beam == k).any() else math.nan for k in range(BEAMS)]
     np.testing.assert_allclose(found, expected, rtol=1e-6)
@@ -119,7 +119,7 @@ def test_a_layout_that_contradicts_itself_is_refused() -> None:
 
 
 def test_the_floor_and_the_ceiling_are_no_walls() -> None:
-    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(
+    scan = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(
         cloud_of([[2.0, 0.0, -1.0], [5.0, 0.0, 0.0], [1.0, 0.0, 1.5], [0.0, 3.0, 0.1], [0.0, 2.0, 0.2]])
     )
     seen = np.isfinite(scan.ranges_m)
@@ -128,14 +128,18 @@ def test_the_floor_and_the_ceiling_are_no_walls() -> None:
 
 def test_the_band_of_the_config_wins() -> None:
     config = CloudConfig(min_height_m=2.0, max_height_m=3.0)
-    scan = virtual_lidar("lidar", mounted(1.0), config).scan(cloud_of([[1.0, 0.0, 1.5], [5.0, 0.0, 0.0]]))
+    scan = virtual_lidar("lidar", placed_sensors(1.0), config).scan(
+        cloud_of([[1.0, 0.0, 1.5], [5.0, 0.0, 0.0]])
+    )
     np.testing.assert_allclose(scan.ranges_m[np.isfinite(scan.ranges_m)], [1.0], rtol=1e-6)
 
 
 def test_a_tilted_lidar_gives_the_scan_of_a_level_one() -> None:
     half = math.radians(10.0)
-    tilted = virtual_lidar("lidar", mounted(1.0, (math.cos(half), 0.0, math.sin(half), 0.0)), CloudConfig())
-    level = virtual_lidar("lidar", mounted(1.0), CloudConfig())
+    tilted = virtual_lidar(
+        "lidar", placed_sensors(1.0, (math.cos(half), 0.0, math.sin(half), 0.0)), CloudConfig()
+    )
+    level = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig())
     cloud = room_cloud()
     turned = PointCloud(
         cloud.stamp_ns, "lidar", (cloud.points_m @ tilted.rotation).astype(np.float32), cloud.times_s
@@ -150,7 +154,9 @@ def test_the_times_of_a_spinning_lidar_become_the_sweep_of_the_scan(sense: int) 
     place = np.arange(BEAMS)
     bearing = 0.7 + sense * place * 2.0 * math.pi / BEAMS
     points = np.stack([2.0 * np.cos(bearing), 2.0 * np.sin(bearing), np.zeros(BEAMS)], axis=1)
-    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(cloud_of(points, 0.1 * place / BEAMS))
+    scan = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(
+        cloud_of(points, 0.1 * place / BEAMS)
+    )
     assert scan.time_increment_s == pytest.approx(0.1 / BEAMS, rel=0.02)
     assert math.copysign(1, scan.angle_increment_rad) == sense
     assert scan.angle_min_rad == pytest.approx(0.7, abs=0.01)
@@ -161,7 +167,7 @@ def test_times_that_do_not_follow_the_bearing_are_one_moment() -> None:
     rng = np.random.default_rng(1)
     cloud = room_cloud()
     times = rng.uniform(0.0, 0.1, len(cloud.points_m)).astype(np.float32)
-    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(
+    scan = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(
         PointCloud(cloud.stamp_ns, "lidar", cloud.points_m, times)
     )
     assert scan.time_increment_s == 0.0
@@ -171,7 +177,7 @@ def test_times_that_do_not_follow_the_bearing_are_one_moment() -> None:
 def test_clouds_serve_as_scans_where_the_log_has_none_and_remain_clouds_in_a_conversion(
     tmp_path: Path,
 ) -> None:
-    events = [mounted(1.0), Odometry(5 * S, "odom", 0.0, 0.0, 0.0), room_cloud(), room_cloud(6 * S)]
+    events = [placed_sensors(1.0), Odometry(5 * S, "odom", 0.0, 0.0, 0.0), room_cloud(), room_cloud(6 * S)]
     write_log(tmp_path / "log.mcap", events)
     with open_log(tmp_path / "log.mcap", LogConfig(), ("scan", "odom")) as log:
         found = list(log.events())
@@ -201,7 +207,9 @@ def turning_cloud(bearings: np.ndarray, times: np.ndarray, yaw_rate: float) -> P
 def test_the_turn_of_the_robot_does_not_bring_a_wall_nearer_that_no_sweep_has_taken() -> None:
     rng = np.random.default_rng(3)
     bearings, times = rng.uniform(-1.0, 1.0, 8000), np.sort(rng.uniform(0.0, 0.1, 8000))
-    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(turning_cloud(bearings, times, 1.2))
+    scan = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(
+        turning_cloud(bearings, times, 1.2)
+    )
     angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(BEAMS)
     seen = np.isfinite(scan.ranges_m)
     assert np.abs(scan.ranges_m * np.cos(angles) - 3.0)[seen].mean() < 0.012  # of all 8,000 returns: 0.076
@@ -212,7 +220,9 @@ def test_the_turn_of_the_robot_does_not_bring_a_wall_nearer_that_no_sweep_has_ta
 def test_a_pattern_that_takes_all_the_time_for_its_field_of_view_keeps_it() -> None:
     times = np.linspace(0.0, 0.1, 4000)
     bearings = np.abs((times * 20.0) % 2.0 - 1.0) * 2.0 - 1.0  # there and back
-    scan = virtual_lidar("lidar", mounted(1.0), CloudConfig()).scan(turning_cloud(bearings, times, 0.0))
+    scan = virtual_lidar("lidar", placed_sensors(1.0), CloudConfig()).scan(
+        turning_cloud(bearings, times, 0.0)
+    )
     angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(BEAMS)
     seen = angles[np.isfinite(scan.ranges_m)]
     assert seen.min() < -0.85 and seen.max() > 0.85

@@ -48,15 +48,15 @@ def test_scans_and_odometry_one_after_the_other(
     )
     path = tmp_path / "a.rawlog"
     path.write_bytes(gzip.compress(data, mtime=0) if is_packed else data)
-    scans, odometry, (mount,), _ = events_of(path)
+    scans, odometry, (extrinsics,), _ = events_of(path)
     assert [s.stamp_ns for s in scans] == [START_NS + k * S for k in range(5)]
     np.testing.assert_array_equal(scans[0].ranges_m, np.float32([1.0, 2.0, np.nan, np.inf, 3.0]))
     assert scans[0].angle_min_rad == pytest.approx(-math.pi / 2)
     assert scans[0].angle_increment_rad == pytest.approx(math.pi / 4)
     assert scans[0].time_increment_s == pytest.approx(0.01 if version == 8 else 0.0)
     assert [o.x_m for o in odometry] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert mount.child_frame_id == ("laser" if version == 4 else "HOKUYO")
-    assert mount.translation_m == (0.2, 0.0, 0.3) and yaw_of(mount.quat_wxyz) == pytest.approx(0.5)
+    assert extrinsics.child_frame_id == ("laser" if version == 4 else "HOKUYO")
+    assert extrinsics.translation_m == (0.2, 0.0, 0.3) and yaw_of(extrinsics.quat_wxyz) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("version", [4, 5, 6, 7])

@@ -492,7 +492,7 @@ def test_foxglove_json_is_read(tmp_path: Path) -> None:
         "ranges": [1.0, None, 3.0],
         "intensities": [],
     }
-    mount = {
+    sensor_extrinsics = {
         "timestamp": time(0),
         "parent_frame_id": "base_link",
         "child_frame_id": "laser",
@@ -521,7 +521,7 @@ def test_foxglove_json_is_read(tmp_path: Path) -> None:
         [
             ("/scan", "foxglove.LaserScan", laser),
             ("/odom", "foxglove.PoseInFrame", {"timestamp": time(2), "frame_id": "odom", "pose": pose}),
-            ("/tf_static", "foxglove.FrameTransforms", {"transforms": [mount]}),
+            ("/tf_static", "foxglove.FrameTransforms", {"transforms": [sensor_extrinsics]}),
             ("/cam/image", "foxglove.RawImage", raw),
             ("/cam/calibration", "foxglove.CameraCalibration", {**calibration, "P": [2.0] * 12}),
         ],

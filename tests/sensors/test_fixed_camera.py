@@ -42,12 +42,16 @@ def filmed(
     moved = {**CAMERA, "extrinsics": {**CAMERA["extrinsics"], **(turned or {})}}
     world = room(fixed_cameras=[moved], robot={"start": [7.5, 0.5, 0], "wait_at_start_s": 1e6}, **changes)
     simulator = Simulator(world, Path())
-    mount = next(m for m in simulator.extrinsics() if isinstance(m, Transform) and m.frame_id == "map")
+    sensor_extrinsics = next(
+        m for m in simulator.extrinsics() if isinstance(m, Transform) and m.frame_id == "map"
+    )
     events = [e for _ in range(int(seconds * 100)) for e in simulator.step(0.0, 0.0)]
     info = next(e for e in events if isinstance(e, CameraInfo))
     images = [e.pixels for e in events if isinstance(e, Image)]
     depths = [e.depth_m for e in events if isinstance(e, DepthImage)]
-    return FixedCamera(Pinhole.of(info, mount), PARAMETERS, FLOOR), list(zip(images, depths, strict=True))
+    return FixedCamera(Pinhole.of(info, sensor_extrinsics), PARAMETERS, FLOOR), list(
+        zip(images, depths, strict=True)
+    )
 
 
 def walker(*path: tuple[float, float]) -> dict[str, Any]:

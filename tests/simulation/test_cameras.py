@@ -42,13 +42,13 @@ def rotation_of(transform: Transform) -> np.ndarray:
 
 def test_every_depth_pixel_lies_on_a_surface_by_calibration_and_extrinsics() -> None:
     simulator = Simulator(room(sensors=camera()), Path())
-    mount = first(list(simulator.extrinsics()), Transform)
+    sensor_extrinsics = first(list(simulator.extrinsics()), Transform)
     events = simulator.step(0.0, 0.0)
     depth, info = first(events, DepthImage).depth_m.astype(float), first(events, CameraInfo)
     v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
     rays = np.stack([u, v, np.ones_like(u)]).reshape(3, -1)
-    points = rotation_of(mount) @ (np.linalg.inv(info.K) @ rays * depth.ravel())
-    x, y, z = points + np.reshape(mount.translation_m, (3, 1)) + np.array([[3.0], [2.0], [0.0]])
+    points = rotation_of(sensor_extrinsics) @ (np.linalg.inv(info.K) @ rays * depth.ravel())
+    x, y, z = points + np.reshape(sensor_extrinsics.translation_m, (3, 1)) + np.array([[3.0], [2.0], [0.0]])
     nearest = np.min(np.abs([x - 8, x, y - 5, y, z, z - 2.6]), axis=0)
     assert nearest.max() < 1e-4
     assert (np.abs(z) < 1e-4).sum() > 500

@@ -27,7 +27,7 @@ MIN_RATE_CORRELATION = 0.5
 RATE_STEP_S = 0.1  # duration over which these are compared
 MIN_ROTATION_RAD = 1.0  # smallest rotation of the odometry that shows the sign of the IMU's yaw rate
 YAW_STEP_S = 0.5
-MAX_MOUNT_TILT_RAD = math.radians(15.0)  # largest tilt of the IMU on the robot beyond its known extrinsics
+MAX_IMU_TILT_RAD = math.radians(15.0)  # largest tilt of the IMU on the robot beyond its known extrinsics
 MAX_TILT_RAD = math.radians(35.0)  # a robot that maps a floor tilts less
 # Tilts of 95 % of the readings below these change no scan by more than its noise, or are that of the estimate itself.
 MIN_SWAY_RAD, MIN_SWAY_BY_GRAVITY_RAD = math.radians(0.6), math.radians(1.2)
@@ -203,7 +203,7 @@ def _extrinsics_removed(up: Floats) -> Floats:
     """The verticals `(n, 3)` without the constant tilt of the IMU on the robot. Raises UntrustedImuError."""
     middle = np.median(up, axis=0)
     middle /= max(float(np.linalg.norm(middle)), 1e-9)
-    if middle[2] < math.cos(MAX_MOUNT_TILT_RAD):
+    if middle[2] < math.cos(MAX_IMU_TILT_RAD):
         angle = math.degrees(math.acos(min(max(float(middle[2]), -1.0), 1.0)))
         raise UntrustedImuError(f"it is tilted by {angle:.0f} deg on the robot, and no transform says so")
     x, y, z = middle.tolist()

@@ -90,8 +90,8 @@ def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(config: Sla
 
 
 def test_a_lidar_that_looks_backwards_and_hangs_upside_down_gives_the_same_path() -> None:
-    mounted = Transform(0, "base_link", "laser", (0.0, 0.0, 0.3), (0.0, 0.0, 1.0, 0.0), is_static=True)
-    events: list[Event] = [mounted]  # half a turn about y: x backwards, z down
+    placed_sensors = Transform(0, "base_link", "laser", (0.0, 0.0, 0.3), (0.0, 0.0, 1.0, 0.0), is_static=True)
+    events: list[Event] = [placed_sensors]  # half a turn about y: x backwards, z down
     for event in hall.events(laps=1, extrinsics_yaw_rad=np.pi):
         is_scan = isinstance(event, LaserScan)
         flip = replace(event, ranges_m=np.roll(event.ranges_m[::-1], 1)) if is_scan else event

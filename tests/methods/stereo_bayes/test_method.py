@@ -52,7 +52,7 @@ def disparity(stamp_ns: int, pixels: np.ndarray, focal_px: float = 100.0) -> Dis
     return Disparity(stamp_ns, "optical", pixels.astype(np.float32), focal_px, 0.1, "head")
 
 
-def mounted() -> Transform:
+def placed_sensors() -> Transform:
     return Transform(0, "base_link", "optical", (0.0, 0.0, 0.5), QUAT, is_static=True)
 
 
@@ -62,7 +62,7 @@ def mapper(**settings: object) -> StereoBayes:
 
 def test_disparities_of_the_log_are_mapped() -> None:
     method = mapper()
-    method.process(mounted())
+    method.process(placed_sensors())
     for k in range(30):
         method.process(Odometry(k * 10**8, "odom", 0.0, 0.0, 0.0))
         method.process(disparity(k * 10**8, np.full((40, 80), 5.0)))
@@ -75,7 +75,7 @@ def test_disparities_of_the_log_are_mapped() -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -3.0, 0.0, 1e9])
 def test_invalid_disparities_give_no_map(value: float) -> None:
     method = mapper()
-    method.process(mounted())
+    method.process(placed_sensors())
     for k in range(30):
         method.process(Odometry(k * 10**8, "odom", 0.0, 0.0, 0.0))
         method.process(disparity(k * 10**8, np.full((40, 80), value)))

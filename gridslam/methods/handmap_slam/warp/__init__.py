@@ -1,1 +1,1 @@
-"""Bends the drawing onto the finished map: places of the map as a graph, their positions in the drawing, and a smooth warp."""
+"""Warps the drawing onto the finished map: places of the map as a graph, their positions in the drawing, and a smooth warp."""
