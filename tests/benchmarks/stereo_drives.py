@@ -122,6 +122,7 @@ class _Recorder(StereoBayes):
         self.frames: list[tuple[StereoFrame, PoseBelief]] = []
 
     def _use(self, frame: StereoFrame, belief: PoseBelief) -> None:
+        self._record(frame.stamp_ns, belief)
         self.frames.append((frame, belief))
 
 
