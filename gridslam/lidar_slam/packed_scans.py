@@ -48,7 +48,14 @@ class PackedScans(Sequence[PreparedScan]):
             self._used = 0
         sizes = len(scan.returns), len(scan.points), len(scan.surface)
         self._places.append(
-            _Place(len(self._blocks) - 1, self._used, sizes, rows, scan.stamp_ns, scan.viewpoint)
+            _Place(
+                block=len(self._blocks) - 1,
+                start=self._used,
+                sizes=sizes,
+                rows=rows,
+                stamp_ns=scan.stamp_ns,
+                viewpoint=scan.viewpoint,
+            )
         )
         for part in parts:
             self._blocks[-1][self._used : self._used + part.size] = part.ravel()
@@ -86,7 +93,13 @@ class PackedScans(Sequence[PreparedScan]):
         else:
             points, normals = surface[place.rows], surface_normals[place.rows]
         return PreparedScan(
-            place.stamp_ns, place.viewpoint, returns, points, normals, surface, surface_normals
+            stamp_ns=place.stamp_ns,
+            viewpoint=place.viewpoint,
+            returns=returns,
+            points=points,
+            normals=normals,
+            surface=surface,
+            surface_normals=surface_normals,
         )
 
 

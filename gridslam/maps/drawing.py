@@ -124,12 +124,12 @@ def drawn_map(
             "set method.drawing.walls_are to dark or bright, and close the outer walls of the place"
         )
     return DrawnMap(
-        _frozen(regions.free),
-        _frozen(regions.walls),
-        _colour(regions),
-        regions.is_open,
-        GridGeometry(RESOLUTION_M, (0.0, 0.0)),
-        _reading(drawing, regions, light_evened),
+        free=_frozen(regions.free),
+        walls=_frozen(regions.walls),
+        walls_are=_colour(regions),
+        is_open=regions.is_open,
+        geometry=GridGeometry(RESOLUTION_M, (0.0, 0.0)),
+        reading=_reading(drawing, regions, light_evened),
     )
 
 

@@ -84,12 +84,26 @@ def plan_path(
     window = window_around(occupancy, start, goal)
     if window is not None:
         try:
-            return _plan_over(window, start, goal, options, report, LARGE_MAP_STATES)
+            return _plan_over(
+                occupancy=window,
+                start=start,
+                goal=goal,
+                options=options,
+                report=report,
+                max_states=LARGE_MAP_STATES,
+            )
         except MethodError as error:
             logger.info("no path in the window around start and goal: %s", error)
     coarse = coarsened(occupancy, options.occupied_from)
     try:
-        return _plan_over(coarse, start, goal, options, report, LARGE_MAP_STATES)
+        return _plan_over(
+            occupancy=coarse,
+            start=start,
+            goal=goal,
+            options=options,
+            report=report,
+            max_states=LARGE_MAP_STATES,
+        )
     except MethodError as error:
         raise MethodError(
             f"{error} (planned in cells of {coarse.geometry.resolution_m:g} m, because the map has more than {MAX_CELLS} cells; "

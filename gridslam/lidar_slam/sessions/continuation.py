@@ -103,7 +103,14 @@ def _join(known: Session, fresh: Session, drift: DriftModel) -> _Joined | None:
         return None
     placed = np.concatenate([poses[at[:size]], _moved_into(poses[at], places, size)])
     start = ClosedLoops(placed, LoopMatches.concatenate([_known_loops(held), places]))
-    closed = close_loops(start, fixed, coarse.joint, SEGMENT_M, clouds, first_query)
+    closed = close_loops(
+        start=start,
+        fixed=fixed,
+        segments=coarse.joint,
+        segment_m=SEGMENT_M,
+        clouds=clouds,
+        first_query=first_query,
+    )
     loops = coarse.between_key_scans(closed.accepted.edges)
     poses = coarse.deformed(closed.poses)
     poses, visits = _refine(drives, scans, poses, replace(both, loops=loops), drift)

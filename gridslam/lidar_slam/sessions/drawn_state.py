@@ -37,7 +37,14 @@ class DrawnState:
         """An unknown map."""
         unknown = np.full((frame.rows, frame.cols), np.nan, np.float32)
         layer = np.zeros(unknown.shape, np.int16)
-        return DrawnState(frame, unknown, Evidence(frame.zeros(), frame.zeros()), layer, [], np.zeros((0, 3)))
+        return DrawnState(
+            frame=frame,
+            log_odds=unknown,
+            state=Evidence(frame.zeros(), frame.zeros()),
+            layer=layer,
+            changes=[],
+            poses=np.zeros((0, 3)),
+        )
 
     def is_valid_for(self, poses: Floats, resolution_m: float) -> bool:
         """Whether the map is right where the key scans are now at the poses `(k, 3)`."""

@@ -72,7 +72,9 @@ def _with_drive(drawn: DrawnState, session: Session, d: int, drive: PlacedScans)
     insert_drive(alone, LastUpdates(frame.rows, frame.cols), drive, frame)
     if not d:
         return replace(drawn, log_odds=alone, state=own)
-    found = find_changes(drawn.state, own, _scans_before(session, d), drive, frame, d)
+    found = find_changes(
+        before=drawn.state, after=own, earlier=_scans_before(session, d), later=drive, frame=frame, drive=d
+    )
     changed = np.zeros(drawn.layer.shape, np.bool_)
     for change in found:
         rows, cols = change.cells.T

@@ -131,7 +131,9 @@ def open_csv_folder(folder: Path, config: LogConfig) -> TableSource:
             raise LogError(f"{folder / stream.file}: no such file, which {LAYOUT_FILE} names")
         return path, TextLines(path, counts, config.limits.line_mb << 20)
 
-    return TableSource("CSV folder", folder, layout, lines_of, counts, files)
+    return TableSource(
+        name="CSV folder", path=folder, layout=layout, open_table=lines_of, message_counts=counts, files=files
+    )
 
 
 def open_table(path: Path, config: LogConfig) -> TableSource:
@@ -158,7 +160,14 @@ def open_hdf5(path: Path, config: LogConfig) -> TableSource:
     def lines_of(stream: CsvStream) -> tuple[Path, Hdf5Rows]:
         return path / stream.file.strip("/"), Hdf5Rows(path, stream, columns)
 
-    return TableSource("HDF5", path, layout, lines_of, MessageCounts(), [path])
+    return TableSource(
+        name="HDF5",
+        path=path,
+        layout=layout,
+        open_table=lines_of,
+        message_counts=MessageCounts(),
+        files=[path],
+    )
 
 
 def given_layout(config: LogConfig) -> CsvLayout | None:

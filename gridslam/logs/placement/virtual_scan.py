@@ -110,12 +110,12 @@ def virtual_lidar(
     else:
         low, high = height - HALF_BAND_M, height + HALF_BAND_M
     return VirtualLidar(
-        f"{frame}_planar",
-        rotation_matrix(given.quat_wxyz),
-        np.array(given.translation_m),
-        low if config.min_height_m is None else config.min_height_m,
-        high if config.max_height_m is None else config.max_height_m,
-        tilt,
+        frame_id=f"{frame}_planar",
+        rotation=rotation_matrix(given.quat_wxyz),
+        translation_m=np.array(given.translation_m),
+        min_height_m=low if config.min_height_m is None else config.min_height_m,
+        max_height_m=high if config.max_height_m is None else config.max_height_m,
+        tilt=tilt,
     )
 
 

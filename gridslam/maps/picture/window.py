@@ -168,4 +168,4 @@ def _window(geometry: GridGeometry, box: Box, zoom: float, min_side_px: int) -> 
         count = -(-(count + extra) // shrink) * shrink
         start = int(first) - margin - extra // 2
         ends += [start, start + count]
-    return MapWindow(geometry, ends[0], ends[1], ends[2], ends[3], zoom)
+    return MapWindow(geometry=geometry, row0=ends[0], row1=ends[1], col0=ends[2], col1=ends[3], zoom=zoom)

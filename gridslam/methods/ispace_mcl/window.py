@@ -117,7 +117,14 @@ class ScanWindow:
         """
         kept = points[evenly_spaced(len(points), _MAX_POINTS)]
         if not self._scans:
-            first = _WindowScan(odometry, viewpoint, kept, np.zeros(3), True, list(observations))
+            first = _WindowScan(
+                odometry=odometry,
+                viewpoint=viewpoint,
+                points=kept,
+                step=np.zeros(3),
+                is_matched=True,
+                observations=list(observations),
+            )
             self._scans.append(first)
             self.last_overlap = 1.0
             return
@@ -129,7 +136,17 @@ class ScanWindow:
             overlap = min(overlap, last.overlap)
         step = se2.between(self._scans[-1].odometry, odometry)
         seen = [*earlier, *observations]
-        self._scans.append(_WindowScan(odometry, viewpoint, kept, step, False, seen, overlap))
+        self._scans.append(
+            _WindowScan(
+                odometry=odometry,
+                viewpoint=viewpoint,
+                points=kept,
+                step=step,
+                is_matched=False,
+                observations=seen,
+                overlap=overlap,
+            )
+        )
 
     def track(self, pose: Floats) -> None:
         """Store the filter's pose `(3,)` at the last scan."""

@@ -106,7 +106,12 @@ class SlamSd:
             return RunResult(Trajectory.empty(), counters=self._counters())
         self._objects.finish(self._filter.best_trajectory)
         closing = DriveClosing(
-            self._config, self._tracker, self._objects, self._stopwatch, self._session, self._log_name
+            config=self._config,
+            tracker=self._tracker,
+            objects=self._objects,
+            stopwatch=self._stopwatch,
+            session=self._session,
+            log_name=self._log_name,
         )
         drive = closing.closed(self._filter.best_trajectory)
         consistency = closing.assessed(drive)

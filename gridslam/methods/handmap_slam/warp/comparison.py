@@ -84,7 +84,8 @@ def compare(drawn: DrawnMap, warp: DrawingWarp) -> DrawingComparison:
     extra = drawn.walls & observed & (distances_to(surfaces) * cell > DRAWN_WITHIN_M * scale)
     labels = _rooms(drawn, DOOR_M * scale / cell)
     rooms = [
-        _room(labels == k, observed, surfaces, matched, cell, scale) for k in range(1, int(labels.max()) + 1)
+        _room(room=labels == k, observed=observed, surfaces=surfaces, matched=matched, cell=cell, scale=scale)
+        for k in range(1, int(labels.max()) + 1)
     ]
     in_m = cell / scale
     return DrawingComparison(

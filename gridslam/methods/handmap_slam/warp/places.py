@@ -84,7 +84,9 @@ def place_graph(occupancy: OccupancyGrid, poses: Floats) -> PlaceGraph:
     ranges = caster.ranges(at, bearings, np.zeros(3), VIEW_M).astype(np.float64)
     views = [r[r < VIEW_M - 0.01, None] * directions[r < VIEW_M - 0.01] for r in ranges]
     open_views = [open_points(r, directions) for r in ranges]
-    return PlaceGraph(centres, parents, edges, views, open_views, owners)
+    return PlaceGraph(
+        centres=centres, parents=parents, edges=edges, views=views, open_views=open_views, owners=owners
+    )
 
 
 def open_points(ranges_m: Floats, directions: Floats) -> Floats:

@@ -43,7 +43,16 @@ def poses_in_drawing(
     numbers = np.column_stack([at, yaws, scales]).tolist()
     ratios = agreement[owners].tolist()
     return [
-        DrawingPose(int(stamp), x, y, yaw, scale_x, scale_y, position_std=float("nan"), inlier_ratio=ratio)
+        DrawingPose(
+            stamp_ns=int(stamp),
+            x=x,
+            y=y,
+            yaw_rad=yaw,
+            scale_x=scale_x,
+            scale_y=scale_y,
+            position_std=float("nan"),
+            inlier_ratio=ratio,
+        )
         for stamp, (x, y, yaw, scale_x, scale_y), ratio in zip(stamps_ns, numbers, ratios, strict=True)
     ]
 
