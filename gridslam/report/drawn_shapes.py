@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 PNG_SCALE = 2  # pixels of the PNG for a pixel of the SVG: sharp on a dense screen and in print
 PNG_LEVEL = 4  # of compression: higher ones take longer and save little
 DASH_PX, GAP_PX = 6.0, 4.0
-MAX_DASHED_PX = 200_000.0  # of a line, which beyond covers its own gaps
+MAX_DASHED_PX = 200_000.0  # length of a line from which on it covers its own gaps
 INK, PAPER = "#3c424c", "#ffffff"
 
 
@@ -181,8 +181,11 @@ def _paint(canvas: ink.Canvas, shape: Stroke | Disc | Area | Raster) -> None:
 
 
 def _dashes(points: Floats, dash_px: float, gap_px: float) -> Iterator[Floats]:
-    """The parts of a polyline `(n, 2)` that a dashed line shows."""
+    """The parts of a polyline `(n, 2)` that a dashed line shows; all of one that would cover its own gaps."""
     travel = cumulative_distance(points)
+    if travel[-1] > MAX_DASHED_PX:
+        yield points
+        return
     starts = np.arange(0.0, travel[-1], dash_px + gap_px)
     ends = np.minimum(starts + dash_px, travel[-1])
     tips = [

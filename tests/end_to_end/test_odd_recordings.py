@@ -44,7 +44,7 @@ DRIVE = {
 # The same drive in a mirrored world, by the odometry: the sense of the angles contradicts itself.
 MIRRORED = {
     "b3_min_gt_max_pos_increment.mcap": "contradicts angle_min, angle_max",
-    "b2_min_lt_max_neg_increment.mcap": "is that of the odometry",
+    "b2_min_lt_max_neg_increment.mcap": "that of the odometry is used",
 }
 RECORDINGS = {
     "a3_increment_half.mcap": (0.006, "contradicts angle_min, angle_max"),

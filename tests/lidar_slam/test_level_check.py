@@ -70,7 +70,7 @@ def test_scans_are_levelled_by_what_makes_the_path_even(
 
 def test_scans_of_lidars_on_joints_and_few_scans_are_left_as_they_are() -> None:
     events = drive(True, -1.0)
-    assert LevelledScans.among(events[1:]).all_extrinsics == {}
+    assert LevelledScans.among(events[1:]).extrinsics == {}
     few = LevelledScans.among(events[:30])
     assert few.decided(events[:30], tracker) == few
 

@@ -140,7 +140,7 @@ def test_scans_that_are_late_by_their_sweep_get_the_stamps_of_its_start(
 
 def test_a_late_scan_at_the_start_of_a_simulated_clock_has_no_stamp_before_it() -> None:
     check = OdometryCheck(new_tracker, Stopwatch())
-    check.late_scans_s = 0.3
+    check.repairs.late_scans_s = 0.3
     scan = replace(next(e for e in hall.events(1) if isinstance(e, LaserScan)), stamp_ns=NS // 10)
     assert [e.stamp_ns for e in (*check.process(scan), *check.flush())] == [0]
 
@@ -169,7 +169,7 @@ def test_odometry_decides_on_the_sense_of_scans_that_contradict_themselves() -> 
         for e in hall.events(1)
     ]
     check, given = checked(wrong)
-    assert any("is that of the odometry" in note for note in check.notes())
+    assert any("that of the odometry is used" in note for note in check.notes())
     assert not check.correction.faults
     scans = [e for e in given if isinstance(e, LaserScan)]
     for found, expected in zip(scans, right, strict=True):

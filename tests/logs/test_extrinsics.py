@@ -15,7 +15,7 @@ from gridslam.logs import rotations
 from gridslam.logs.config import ExtrinsicsConfig, LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
-from gridslam.logs.placement.extrinsics import sensor_extrinsics, usable
+from gridslam.logs.placement.extrinsics import sensor_transforms, usable
 from tests.logs.ros_samples import odometry, scan, tf, transform, write_mcap
 from tests.small_log import write_small_log
 
@@ -45,7 +45,7 @@ def matrix(
 @given(pose, pose, pose)
 def test_a_chain_is_composed_as_scipy_composes_it(first: Pose, second: Pose, third: Pose) -> None:
     edges = [edge("base", "a", *first), edge("a", "b", *second), edge("b", "laser", *third)]
-    (placed_sensors,) = sensor_extrinsics(["laser"], edges, {}, "base", 5, MessageCounts())
+    (placed_sensors,) = sensor_transforms(["laser"], edges, {}, "base", 5, MessageCounts())
     expected = np.eye(4)
     for link in edges:
         expected = expected @ matrix(link.translation_m, link.quat_wxyz)
@@ -59,7 +59,7 @@ def test_a_chain_is_composed_as_scipy_composes_it(first: Pose, second: Pose, thi
 @given(pose, pose)
 def test_a_base_below_the_root_is_gone_up_from(up: Pose, down: Pose) -> None:
     edges = [edge("footprint", "base", *up), edge("footprint", "laser", *down)]
-    (placed_sensors,) = sensor_extrinsics(["laser"], edges, {}, "base", 0, MessageCounts())
+    (placed_sensors,) = sensor_transforms(["laser"], edges, {}, "base", 0, MessageCounts())
     expected = np.linalg.inv(matrix(edges[0].translation_m, edges[0].quat_wxyz)) @ matrix(
         edges[1].translation_m, edges[1].quat_wxyz
     )
@@ -76,7 +76,7 @@ def test_euler_angles_turn_about_fixed_axes(roll: float, pitch: float, yaw: floa
 
 def test_config_wins_over_the_log() -> None:
     config = {"laser": ExtrinsicsConfig(x=0.3, yaw=math.pi / 2)}
-    (placed_sensors,) = sensor_extrinsics(
+    (placed_sensors,) = sensor_transforms(
         ["laser"], [edge("base", "laser", (1, 1, 1), (0, 0, 0))], config, "base", 0, MessageCounts()
     )
     assert placed_sensors.translation_m == (0.3, 0.0, 0.0)
@@ -85,7 +85,7 @@ def test_config_wins_over_the_log() -> None:
 
 def test_unknown_extrinsics_are_the_identity_and_noted() -> None:
     message_counts = MessageCounts()
-    (placed_sensors,) = sensor_extrinsics(["laser"], [], {}, "base", 0, message_counts)
+    (placed_sensors,) = sensor_transforms(["laser"], [], {}, "base", 0, message_counts)
     assert (placed_sensors.translation_m, placed_sensors.quat_wxyz) == rotations.IDENTITY
     assert "log.extrinsics.laser" in message_counts.problems[0]
     assert not message_counts.is_lossy
@@ -93,7 +93,7 @@ def test_unknown_extrinsics_are_the_identity_and_noted() -> None:
 
 def test_a_camera_on_the_wall_hangs_on_its_own_root() -> None:
     edges = [edge("map", "bracket", (1, 2, 3), (0, 0, 0)), edge("bracket", "camera", (0, 0, 1), (0, 0, 0))]
-    (placed_sensors,) = sensor_extrinsics(["camera"], edges, {}, "base", 0, MessageCounts())
+    (placed_sensors,) = sensor_transforms(["camera"], edges, {}, "base", 0, MessageCounts())
     assert (placed_sensors.frame_id, placed_sensors.translation_m) == ("map", (1.0, 2.0, 4.0))
 
 
@@ -120,7 +120,7 @@ def test_transforms_that_are_no_rigid_motion_are_left_out_and_counted(
 
 def test_a_cycle_of_frames_ends() -> None:
     edges = [edge("a", "b", (1, 0, 0), (0, 0, 0)), edge("b", "a", (1, 0, 0), (0, 0, 0))]
-    (placed_sensors,) = sensor_extrinsics(["a"], edges, {}, "base", 0, MessageCounts())
+    (placed_sensors,) = sensor_transforms(["a"], edges, {}, "base", 0, MessageCounts())
     assert placed_sensors.child_frame_id == "a"
 
 

@@ -109,14 +109,7 @@ def _fields(name: str, item: Any) -> Columns:
         if len(shape) <= 2 and (is_text or dtype.base.kind in "biufS"):
             row_bytes = dtype.itemsize * math.prod(item.shape[1:])
             full = f"{name}/{field}" if field else name
-            found[full] = Column(
-                dataset=name,
-                field=field,
-                shape=shape,
-                row_bytes=row_bytes,
-                chunk_bytes=chunk_bytes,
-                is_text=is_text,
-            )
+            found[full] = Column(name, field, shape, row_bytes, chunk_bytes=chunk_bytes, is_text=is_text)
     return found
 
 
