@@ -83,15 +83,17 @@ def _offsets_s(message: Any, field: Any, stamp_ns: int) -> NDArray[np.float32]:
     Drivers write other units, and stamps instead of offsets: the unit is the one that gives the time of a sweep.
     """
     values = _column(message, field)
-    times = values.astype(np.float64)
-    largest = float(np.nanmax(np.abs(times))) if len(times) else 0.0
+    with np.errstate(invalid="ignore"):  # NaNs of damaged messages that a conversion warns about
+        times = values.astype(np.float64)
+    largest = float(np.max(np.abs(times[np.isfinite(times)]), initial=0.0))
     usual = 1e-9 if values.dtype.kind in "iu" else 1.0
     units = (usual, *(unit for unit in _UNITS_S if unit != usual))
     for unit in units:
         if largest * unit > _ABSOLUTE_FROM_S and abs(largest * unit - stamp_ns * 1e-9) < _MAX_DELAY_S:
             return np.asarray(times * unit - stamp_ns * 1e-9, np.float32)
     unit = next((u for u in units if _SWEEPS_S[0] <= largest * u < _SWEEPS_S[1]), usual)
-    return np.asarray(times * unit, np.float32)
+    with np.errstate(over="ignore"):  # a time that is too large for a float32 is infinite
+        return np.asarray(times * unit, np.float32)
 
 
 def unusable_reason(cloud: PointCloud) -> SkipReason | None:
