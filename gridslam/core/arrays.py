@@ -17,6 +17,11 @@ def evenly_spaced(n: int, max_count: int) -> Ints:
     return (np.arange(count, dtype=np.int64) * n) // max(count, 1)
 
 
+def evenly_to_the_last(n: int, max_count: int) -> Ints:
+    """Indices of at most `max_count` of n items, evenly distributed, the first and the last among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, max_count)).astype(np.int64))
+
+
 def offsets_of(counts: Iterable[int]) -> Ints:
     """Indices `(n + 1,)` of the first item of each of n groups that lie one behind the other, and the end of the last group."""
     return np.concatenate([[0], np.cumsum(np.fromiter(counts, np.int64))])

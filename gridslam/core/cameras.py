@@ -15,6 +15,9 @@ _NUMBERED = {"infra1": "left", "infra2": "right", "cam0": "left", "cam1": "right
 _NUMBERED_NAME = re.compile(r"(?<![a-z0-9])(infra[12]|cam[01])(?![0-9])")
 
 
+OPTICAL_FORWARD = (0.5, -0.5, 0.5, -0.5)  # orientation (w, x, y, z) of an optical frame that faces forward
+
+
 def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
     """The rotation `(3, 3)` of a unit quaternion."""
     w, x, y, z = quat_wxyz
@@ -25,6 +28,14 @@ def rotation_matrix(quat_wxyz: Sequence[float]) -> Floats:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def quaternion_of_matrix(rotation: Floats) -> tuple[float, float, float, float]:
+    """The unit quaternion w, x, y, z of a rotation `(3, 3)`."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
+    return w, x, y, z
 
 
 def side_of(names: Iterable[str]) -> str:

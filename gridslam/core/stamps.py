@@ -52,6 +52,11 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
     return divmod(stamp_ns, NS_PER_S)
 
 
+def earlier_stamp(stamp_ns: int, seconds: float) -> int:
+    """A stamp moved by `seconds` into the past, but not below 0, where simulated clocks begin."""
+    return max(stamp_ns - round(seconds * 1e9), 0)
+
+
 def format_stamp(stamp_ns: int) -> str:
     """Seconds with nine decimals."""
     seconds, nanoseconds = split_stamp(stamp_ns)

@@ -25,10 +25,8 @@ MIN_GAIN_M = 0.05
 MIN_OFFSET_M = 0.1
 MIN_PAIRED = 0.8
 SCALES = ((1e-3, "millimetres"), (1e-2, "centimetres"), (0.3048, "feet"), (0.0254, "inches"))
-MIN_SCALE, SCALE_TOLERANCE = (
-    0.01,
-    0.05,
-)  # smallest difference of a scale from 1 that is named, largest one from a unit's
+# Smallest difference of a scale from 1 that is named, largest one from a unit's
+MIN_SCALE, SCALE_TOLERANCE = 0.01, 0.05
 LEVER_ROUNDS = 5  # number of times that alignment and lever are found in turn
 MAX_LEVER_M = 5.0  # no point of a robot is farther from another
 MIN_YAW_OFFSET_DEG, MAX_YAW_STD_DEG = 20.0, 10.0
@@ -130,9 +128,8 @@ def _point_causes(pairs: Pairs, rigid: float) -> Iterator[tuple[float, str]]:
             return
         aligned = found.apply(pairs.estimate)
         c, s = np.cos(aligned[:, 2]), np.sin(aligned[:, 2])
-        rows = np.zeros(
-            (2, len(pairs), 5)
-        )  # ahead, left, and what the alignment changes by them: rotation, x, y
+        # Ahead, left, and what the alignment changes by them: rotation, x, y
+        rows = np.zeros((2, len(pairs), 5))
         rows[0] = np.stack([c, -s, -aligned[:, 1], np.ones_like(c), np.zeros_like(c)], axis=1)
         rows[1] = np.stack([s, c, aligned[:, 0], np.zeros_like(c), np.ones_like(c)], axis=1)
         off = (pairs.truth[:, :2] - aligned[:, :2]).T.ravel()

@@ -16,12 +16,10 @@ MIN_MOTION_M = 0.5  # shorter motions are too small to judge
 OUT_OF_PLANE = 0.3  # vertical extent as a fraction of the horizontal one
 MAX_YAW_RAD = 2.0 * np.pi + 0.1  # larger yaw angles are taken for degrees
 MAX_TINY_YAW_RAD = np.radians(4.0 * np.pi)  # two turns in radians that were read as degrees
-# Of yaw angles from the course of the path, 1 less the length of their mean vector: such that follow it, and others
+# Variation of the yaw about the course of the path: largest one of yaw that follows it, smallest one of yaw that does not
 FOLLOWS, DEVIATES = 0.15, 0.3
-COURSE_M, MIN_STRIDES = (
-    0.3,
-    50,
-)  # by which the course is taken, as positions are noisy; and as short a part of the path
+COURSE_M = 0.3  # distance over which the course is taken, since positions are noisy
+MIN_STRIDES = 50  # smallest number of such distances on a path; on a shorter one they are shorter
 MAX_REPEATED = 0.05  # largest fraction of repeated stamps of a series
 
 

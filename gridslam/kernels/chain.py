@@ -86,11 +86,12 @@ def assume_front_empty(prior: Floats, first: Floats, none: float, evidence: RayE
     is P(o | first = k), and P(o | not E_k) is the weighted mean over the cells behind k. Arguments as in `hidden_chain`.
     """
     occupied, empty, reached = evidence.occupied, evidence.empty, evidence.reached
+    # Over the cells behind k: all empty, sum of P(E), sum of P(E) P(o | first)
     clear, weight, mass = (
         1.0,
         0.0,
         0.0,
-    )  # over the cells behind k: all empty, sum of P(E), sum of P(E) P(o | first)
+    )
     for k in range(prior.shape[0] - 1, -1, -1):
         occupied[k], empty[k] = first[k], (mass + clear * none) / (weight + clear)
         clear *= 1.0 - prior[k]

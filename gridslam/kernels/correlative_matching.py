@@ -60,7 +60,7 @@ def field_pyramid(field: NDArray[np.uint8], levels: int) -> NDArray[np.uint8]:
 
 
 @compiled
-def _score(
+def sum_under(
     level: NDArray[np.uint8], rows: NDArray[np.int64], cols: NDArray[np.int64], dr: int, dc: int
 ) -> int:
     """Sum of the field under all points after an offset of (dr, dc) cells."""
@@ -121,7 +121,7 @@ def _best_in_block(
             r, c = dr + half * (quarter // 2), dc + half * (quarter % 2)
             if r > window or c > window:
                 continue
-            score = _score(levels[level - 1], rows, cols, r, c)
+            score = sum_under(levels[level - 1], rows, cols, r, c)
             if score <= best:
                 continue
             j = depth
@@ -164,7 +164,7 @@ def correlate(
                 dr, dc = a * block - window, b * block - window
                 node = nodes[(k * per_axis + a) * per_axis + b]
                 node[LEVEL], node[ROW], node[COL] = top, dr, dc
-                node[BOUND] = _score(levels[top], rows[k], cols[k], dr, dc)
+                node[BOUND] = sum_under(levels[top], rows[k], cols[k], dr, dc)
     best = int(np.floor(min_score * n))
     best_k, best_dr, best_dc = -1, 0, 0
     stack = np.empty((STACK, 4), np.int64)

@@ -54,9 +54,8 @@ def couple_neighbouring_rays(
     P(o' | E) = P(E'|E) P(o'|E') + P(not E'|E) P(o'|not E') with prior 1/2, to the power of `strength` (0 to 1).
     """
     decay = np.log(max(correlation, _MIN_CORRELATION))
-    r = np.exp(
-        decay * np.abs(np.diff(bearings))[:, None] * ranges
-    )  # numpy's exp is faster than the compiler's
+    # numpy's exp is faster than the compiler's
+    r = np.exp(decay * np.abs(np.diff(bearings))[:, None] * ranges)
     r = np.minimum(r, _MAX_CORRELATION)
     occupied, empty = _pass_messages(evidence.occupied, evidence.empty, r, strength)
     return evidence._replace(occupied=occupied, empty=empty)

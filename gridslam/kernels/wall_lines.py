@@ -19,9 +19,8 @@ Ints = NDArray[np.int64]
 
 COUNT, W, WX, WY, WXX, WXY, WYY = range(7)  # columns of moments
 MOMENTS = 7  # number of columns
-ON_WALL_SQUARED = (
-    9.0  # largest squared distance of a point on a wall, in variances: three standard deviations
-)
+# Largest squared distance of a point on a wall, in variances: three standard deviations
+ON_WALL_SQUARED = 9.0
 
 
 class WallCriteria(NamedTuple):

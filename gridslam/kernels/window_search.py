@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
 from gridslam.kernels.copying import copy_row
-from gridslam.kernels.correlative_matching import field_pyramid
+from gridslam.kernels.correlative_matching import field_pyramid, sum_under
 
 LEVELS = 5
 STACK = 4 * LEVELS  # nodes waiting in the depth-first search
@@ -76,19 +76,6 @@ def likelihood_field(
                 if value > field[row - radius + r, col - radius + c]:
                     field[row - radius + r, col - radius + c] = value
     return LikelihoodField(field, corner, cell_m)
-
-
-@compiled
-def _sum_under(
-    level: NDArray[np.uint8], rows: NDArray[np.int32], cols: NDArray[np.int32], dr: int, dc: int
-) -> int:
-    h, w = level.shape
-    total = 0
-    for i in range(rows.shape[0]):
-        r, c = rows[i] + dr, cols[i] + dc
-        if 0 <= r < h and 0 <= c < w:
-            total += level[r, c]
-    return total
 
 
 class Peaks(NamedTuple):
@@ -165,7 +152,7 @@ def _highest(tree: _Tree, min_total: int, allowed: _Apart) -> _Peak:
                     nearest_side = r >= first.dr - apart and r + half - 1 <= first.dr + apart
                     if nearest_side and c >= first.dc - apart and c + half - 1 <= first.dc + apart:
                         continue
-                score = _sum_under(pyramid[level - 1], rows[k], cols[k], r, c)
+                score = sum_under(pyramid[level - 1], rows[k], cols[k], r, c)
                 if score <= best.total:
                     continue
                 j = depth
@@ -210,7 +197,7 @@ def search_window(
             for b in range(per_c):
                 dr, dc = a * block - window_r, b * block - window_c
                 nodes[m, YAW], nodes[m, ROW], nodes[m, COL] = k, dr, dc
-                nodes[m, BOUND] = _sum_under(pyramid[top], rows[k], cols[k], dr, dc)
+                nodes[m, BOUND] = sum_under(pyramid[top], rows[k], cols[k], dr, dc)
                 m += 1
     order = np.argsort(-nodes[:, BOUND], kind="mergesort")
     full = 255.0 * n

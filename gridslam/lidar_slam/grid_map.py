@@ -14,9 +14,8 @@ from gridslam.kernels import log_odds
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
-UPDATE = log_odds.LogOddsUpdate(
-    hit=0.9, miss=-0.4, limit=6.0
-)  # two misses nearly cancel a hit; 7 hits saturate
+# Two misses nearly cancel a hit; 7 hits saturate
+UPDATE = log_odds.LogOddsUpdate(hit=0.9, miss=-0.4, limit=6.0)
 MARGIN_M = 0.5  # width of the border around the scans
 SHORTENED_BY_M = 0.1  # beams to masked endpoints end this far before them: range noise and unevenness
 BYTES_PER_CELL = 5.0  # log-odds, which become the probability, and the number of the last update

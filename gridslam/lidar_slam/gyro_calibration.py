@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import Event, Imu, Transform
+from gridslam.core.stamps import earlier_stamp
 from gridslam.core.trajectory import Trajectory, time_windows
 
 Floats = NDArray[np.float64]
@@ -25,7 +26,7 @@ MAX_ERROR = 0.2  # largest mean difference after the correction, relative to the
 SAME_UNIT = 0.15  # largest relative difference of two factors of one unit
 PURE_AXIS = 0.97  # cosine of the largest angle between the upward direction and an axis of the sensor
 IN_BASE = ""  # frame of turn rates about the axes of the base: no extrinsics belong to it
-MIN_FACTOR = 0.01  # of turn rates in any unit; a smaller one, or a larger than its inverse, is chance
+MIN_FACTOR = 0.01  # smallest factor, and inverse of the largest, of a unit of turn rates; any other is chance
 RAD_PER_DEG = math.pi / 180.0
 
 
@@ -78,7 +79,7 @@ class GyroCorrection:
             return imu
         x, y, z = self.factors
         rate = x * imu.wx_radps + y * imu.wy_radps + z * imu.wz_radps
-        stamp_ns = max(imu.stamp_ns - round(self.lag_s * 1e9), 0)  # simulated clocks begin at 0
+        stamp_ns = earlier_stamp(imu.stamp_ns, self.lag_s)
         return replace(imu, stamp_ns=stamp_ns, frame_id=IN_BASE, wz_radps=rate)
 
 

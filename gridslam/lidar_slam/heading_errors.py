@@ -12,17 +12,19 @@ from gridslam.core import poses as se2
 
 Floats = NDArray[np.float64]
 
-# Of a fault. Good odometry turns by some percent too much or too little, and its wheels differ by some millimetres.
+# Smallest errors that are corrected: good odometry is wrong by some percent, and its wheels differ by some millimetres.
 MIN_SCALE_ERROR = 0.08
-MAX_SCALE = 5.0  # odometry that turns by more or less says nothing of the robot's turns
+# Largest scale, and inverse of the smallest: beyond, odometry shows nothing about the rotations
+MAX_SCALE = 5.0
 MIN_PER_M_RAD = math.radians(3.0)
 MIN_PER_S_RAD = math.radians(1.0)
 MIN_ERRORS = np.array([MIN_SCALE_ERROR, MIN_PER_M_RAD, MIN_PER_S_RAD])
 NEUTRAL = np.array([1.0, 0.0, 0.0])
-MIN_SIGNIFICANCE = 4.0  # of each error, in its standard deviations
-OUTLIER_RAD, ITERATIONS = 0.02, 10  # windows that differ by more weigh less: wheels slip, matching slides
-MIN_COMMON_ROTATION = 0.3  # of the matched one: odometry that turns less shows no scale
-MAX_RESIDUAL_RATIO = 0.7  # of the mean difference with the errors undone, to that without
+MIN_SIGNIFICANCE = 4.0  # smallest error, in its standard deviations
+# Difference beyond which a window weighs less: wheels slip, matching slides
+OUTLIER_RAD, ITERATIONS = 0.02, 10
+MIN_COMMON_ROTATION = 0.3  # smallest rotation by odometry, relative to the matched one: less shows no scale
+MAX_RESIDUAL_RATIO = 0.7  # largest ratio of the mean difference after the correction to that before
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
+from gridslam.core.stamps import earlier_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.extrinsics_calibration import moved_transform, solve_extrinsics
 from gridslam.lidar_slam.odometry_calibration import calibrate, windows_of
@@ -18,7 +19,7 @@ from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 
 Floats = NDArray[np.float64]
 
-MIN_SCANS = 60  # of a lidar that is compared
+MIN_SCANS = 60  # smallest number of scans of a lidar that is compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,19 +56,19 @@ class LidarFault:
         """The scan with corrected stamp and beam order; scans of other lidars unchanged."""
         if lidar_of(scan) != self.lidar:
             return scan
-        sign = -1.0 if self.is_mirrored else 1.0
-        return replace(
-            scan,
-            stamp_ns=max(scan.stamp_ns - round(self.lag_s * 1e9), 0),  # simulated clocks begin at 0
-            angle_min_rad=sign * scan.angle_min_rad,
-            angle_increment_rad=sign * scan.angle_increment_rad,
-        )
+        scan = replace(scan, stamp_ns=earlier_stamp(scan.stamp_ns, self.lag_s))
+        return mirrored(scan) if self.is_mirrored else scan
 
     def applied_to_transform(self, transform: Transform) -> Transform:
         """The corrected transform of the lidar; other transforms unchanged."""
         if self.moved is None or transform.child_frame_id.partition("@")[0] != self.lidar:
             return transform
         return moved_transform(transform, np.array(self.moved))
+
+
+def mirrored(scan: LaserScan) -> LaserScan:
+    """The scan with the bearings of its beams negated: of a lidar that hangs upside down, as they are from above."""
+    return replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)
 
 
 def find_lidar_faults(

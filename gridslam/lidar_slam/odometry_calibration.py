@@ -86,13 +86,13 @@ class OdometryCorrector:
             return odometry
         pose = self._correction.poses(odometry.pose)
         if self._correction.heading != NO_ERRORS and np.isfinite(pose).all():
-            pose = self._turned_rightly(odometry.stamp_ns * 1e-9, pose)
+            pose = self._with_corrected_rotation(odometry.stamp_ns * 1e-9, pose)
         x, y, yaw = pose.tolist()
         stamp_ns = odometry.stamp_ns - round(self._correction.lag_s * 1e9)
         nan = float("nan")
         return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
 
-    def _turned_rightly(self, time_s: float, pose: Floats) -> Floats:
+    def _with_corrected_rotation(self, time_s: float, pose: Floats) -> Floats:
         """The pose `(3,)` after the next step, integrated with corrected rotations."""
         last_s, last = self._last or (time_s, pose)
         start, end = self._correction.heading.removed_from(

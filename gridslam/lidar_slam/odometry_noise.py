@@ -19,9 +19,8 @@ TRANSLATION_PER_RAD_M = 0.02  # a wheelbase that is not exact moves the robot as
 ROTATION_PER_M_RAD = 0.1  # wheels of unequal diameter turn the robot as it drives
 ACCELERATION_NOISE = 0.3  # std per unit of change since the last step: odometry that stutters is trusted less
 NO_MIN_STD: Floats = np.zeros(3)
-JUMP_STD: Floats = np.array(
-    [0.3, 0.3, 0.3]
-)  # (m, m, rad): the motion during a jump of the odometry is unknown but short
+# (m, m, rad): the motion during a jump of the odometry is unknown but short
+JUMP_STD: Floats = np.array([0.3, 0.3, 0.3])
 JUMP_TOLERANCE_M = 0.5  # stamps may be off by a tenth of a second
 JUMP_TOLERANCE_RAD = 0.5
 

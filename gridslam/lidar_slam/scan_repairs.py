@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32
+from gridslam.core.stamps import earlier_stamp
 from gridslam.lidar_slam.level_check import LevelledScans
-from gridslam.lidar_slam.lidar_agreement import LidarFault
+from gridslam.lidar_slam.lidar_agreement import LidarFault, mirrored
 from gridslam.lidar_slam.own_body import OwnBody
 from gridslam.lidar_slam.scan_angles import ScanAngles
 from gridslam.lidar_slam.sweep_calibration import SweepTime
@@ -48,10 +49,9 @@ class ScanRepairs:
         if self.sweep is not None:
             event = self.sweep.applied_to(event)
         if self.late_scans_s:
-            begun_ns = event.stamp_ns - round(self.late_scans_s * 1e9)
-            event = replace(event, stamp_ns=max(begun_ns, 0))  # simulated clocks begin at 0
+            event = replace(event, stamp_ns=earlier_stamp(event.stamp_ns, self.late_scans_s))
         if self.is_upside_down:
-            event = turned_over(event)
+            event = mirrored(event)
         return reversed_sense(event) if self.reverses_scans and event.has_uncertain_sense else event
 
     @property
@@ -85,8 +85,3 @@ def reversed_sense(scan: LaserScan) -> LaserScan:
     return replace(
         scan, angle_min_rad=as_float32(last_rad), angle_increment_rad=as_float32(-scan.angle_increment_rad)
     )
-
-
-def turned_over(scan: LaserScan) -> LaserScan:
-    """The scan of a lidar that hangs upside down, with its bearings as they are from above."""
-    return replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)

@@ -101,9 +101,8 @@ def _names(streams: list[StreamInfo]) -> dict[tuple[str, str], str | None]:
     """
     keys = {(info.kind, info.topic) for info in streams}
     counts = Counter(kind for kind, _ in keys)
-    servos = {
-        f"{topic}/servo" for kind, topic in keys if kind == "range"
-    }  # what the rangers' servos are written on
+    # What the rangers' servos are written on
+    servos = {f"{topic}/servo" for kind, topic in keys if kind == "range"}
     return {
         (kind, topic): f"{topic}_{kind}" if topic in servos else _name(kind, topic, counts[kind] == 1)
         for kind, topic in keys

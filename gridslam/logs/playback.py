@@ -23,11 +23,11 @@ from gridslam.logs.kind_lookup import unusable_reason
 from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
-from gridslam.logs.placement.cloud_floor import first_items, lidars_on_the_floor
+from gridslam.logs.placement.cloud_floor import lidars_on_the_floor
 from gridslam.logs.placement.virtual_scan import VirtualLidar
 from gridslam.logs.skips import Skip, SkipReason
 from gridslam.logs.stereo import Pairing
-from gridslam.logs.streams import Source
+from gridslam.logs.streams import Source, first_items
 
 # At the beginning of a stream, by which it is judged before the first scan is given to a method
 PEEKED_SCANS = 60

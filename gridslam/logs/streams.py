@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -82,3 +83,9 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Close open files."""
+
+
+def first_items(source: Source, index: int, count: int) -> list[Event | Skip]:
+    """The first items of a stream."""
+    schedule = [index] * len(source.streams[index].stamps_ns)
+    return [event for _, event in islice(source.read(frozenset({index}), schedule), count)]

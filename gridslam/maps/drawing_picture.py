@@ -39,9 +39,8 @@ PAINTED_LEVELS, PAINTED_RATIO = 8, 0.85
 STRONG_COLOUR = 60  # smallest difference between the channels of a coloured stroke, once the paper is white
 MIN_COLOURED_RATIO = 0.001  # with a smaller fraction of coloured pixels the drawing counts as grey
 DRAWN_ALPHA = 0.5  # opacity above which a pixel belongs to a stroke
-MIN_OPEN_RATIO = (
-    0.05  # smallest fraction of transparent pixels around strokes; with less, the opaque ones are the sheet
-)
+# Smallest fraction of transparent pixels around strokes; with less, the opaque ones are the sheet
+MIN_OPEN_RATIO = 0.05
 MIDDLE_LEVEL = 127.0  # levels above are bright
 
 

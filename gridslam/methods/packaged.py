@@ -58,7 +58,7 @@ class PackagedMethod:
 
     @property
     def estimate(self) -> Estimate | None:
-        """The method's own."""
+        """That of the wrapped method."""
         with naming(self._package):
             estimate = self._method.estimate
             if estimate is not None and not _is_usable(estimate):
@@ -71,6 +71,6 @@ class PackagedMethod:
             self._method.process(event)
 
     def result(self) -> RunResult:
-        """The method's own."""
+        """That of the wrapped method."""
         with naming(self._package):
             return self._method.result()

@@ -42,7 +42,7 @@ class ParticleHistory:
 
     @property
     def estimate(self) -> Estimate | None:
-        """The method's own."""
+        """That of the wrapped method."""
         return self._method.estimate
 
     def process(self, event: Event) -> None:
@@ -52,7 +52,7 @@ class ParticleHistory:
             self._look()
 
     def result(self) -> RunResult:
-        """The method's own."""
+        """That of the wrapped method."""
         return self._method.result()
 
     def _look(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.arrays import evenly_to_the_last
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
@@ -68,7 +69,7 @@ def error_drawing(results: Sequence[EvaluatedTrajectory]) -> DrawnSheet:
 
 def path_error_drawing(result: EvaluatedTrajectory) -> DrawnSheet:
     """The path, coloured by its position error."""
-    keep = _kept(len(result.pairs))
+    keep = evenly_to_the_last(len(result.pairs), MAX_POINTS)
     estimate, truth = result.pairs.estimate[keep], result.pairs.truth[keep]
     errors = absolute_errors(estimate, truth).translation_m
     true = Curve(truth[:, 0], truth[:, 1], TRUTH_COLOUR, "ground truth", width=0.8, is_dashed=True)
@@ -106,7 +107,7 @@ def relative_errors_over_length(pairs: Pairs) -> tuple[Floats, Floats, Floats]:
     travel = travel_of(pairs.truth)
     if len(travel) < 3 or not travel[-1] > 0.0:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    starts = _kept(len(travel))
+    starts = evenly_to_the_last(len(travel), MAX_POINTS)
     rows = []
     for length in np.geomspace(SHORTEST, LONGEST, LENGTHS) * travel[-1]:
         ends = np.searchsorted(travel, travel[starts] + length)
@@ -125,10 +126,5 @@ def _colours(count: int) -> list[str]:
     return [COLOURS[i % len(COLOURS)] for i in range(count)]
 
 
-def _kept(count: int) -> NDArray[np.int64]:
-    """Indices of at most MAX_POINTS of `count` poses, evenly spaced, the last one among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).astype(np.int64))
-
-
 def _thinned(poses: Floats) -> Floats:
-    return poses[_kept(len(poses))]
+    return poses[evenly_to_the_last(len(poses), MAX_POINTS)]

@@ -24,10 +24,11 @@ from gridslam.runs.run import Run
 from gridslam.runs.run_counts import Counts
 
 TEMPLATE = "report.html.j2"
+# Of series, which come first
 NOTES = {
     "inlier_ratio": "fraction of each scan that agrees with the map",
     "confidence": "of the pose, from 0 to 1",
-}  # of series, which come first
+}
 
 
 @dataclass(frozen=True, slots=True)

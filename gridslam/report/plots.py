@@ -14,6 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.arrays import evenly_to_the_last
+
 Floats = NDArray[np.float64]
 
 MAX_POINTS = 2000
@@ -125,8 +127,7 @@ def thin_out(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 def _kept(xy_m: Floats) -> NDArray[np.int64]:
     """Indices of at most MAX_POINTS finite points, evenly spaced, the last one among them."""
     finite = np.flatnonzero(np.isfinite(xy_m).all(axis=1))
-    count = min(len(finite), MAX_POINTS)
-    return finite[np.unique(np.linspace(0, len(finite) - 1, count).astype(np.int64))] if count else finite
+    return finite[evenly_to_the_last(len(finite), MAX_POINTS)]
 
 
 def axis_of(values: Floats, first: float, last: float) -> Axis:

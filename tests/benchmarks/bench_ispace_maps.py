@@ -106,9 +106,8 @@ def world_of(
 def route_through(grid: OccupancyGrid, length_m: float, rng: np.random.Generator) -> Floats:
     """Waypoints `(n, 2)` of a random walk in the largest connected free space, each visible from the one before."""
     resolution = grid.geometry.resolution_m
-    free = (
-        np.nan_to_num(grid.probability, nan=1.0) < 0.15
-    )  # grey 205, 0.196, is unknown to those who save maps
+    # Grey 205, 0.196, is unknown to those who save maps
+    free = np.nan_to_num(grid.probability, nan=1.0) < 0.15
     clearance = scipy.ndimage.distance_transform_edt(free) * resolution
     labels, _ = scipy.ndimage.label(clearance > CLEAR_M)
     largest = int(np.argmax(np.bincount(labels.ravel())[1:])) + 1

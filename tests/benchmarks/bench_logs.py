@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -20,7 +21,7 @@ from tests.benchmarks.harness import BenchmarkRow
 ALONE = True
 
 SCANS, BEAMS = 20_000, 360
-RUNS = 5  # of which the fastest counts: the rest is the machine's
+RUNS = 5  # pairs of runs; of speeds alone the fastest counts: the rest is the machine's
 CLOUDS, RINGS, COLUMNS = 40, 64, 1024
 READ = """
 import sys
@@ -39,11 +40,12 @@ def rows() -> Iterator[BenchmarkRow]:
             path = Path(folder) / f"{compression}.mcap"
             write(path, compression, SCANS)
             pairs = [(seconds_of_reading(path), seconds_of_mcap(path)) for _ in range(RUNS)]
-            ours, theirs = (min(seconds) for seconds in zip(*pairs, strict=True))
-            yield BenchmarkRow(f"logs.mcap.{compression}.scans", SCANS / ours, "1/s")
+            # Each beside the other: the machine's speed is not the same in all pairs.
+            ratio = statistics.median(ours / theirs for ours, theirs in pairs)
             yield BenchmarkRow(
-                f"logs.mcap.{compression}.over_mcap", ours / theirs, "x", bound=6.0
-            )  # 2.8 to 5.0 in ten runs
+                f"logs.mcap.{compression}.scans", SCANS / min(ours for ours, _ in pairs), "1/s"
+            )
+            yield BenchmarkRow(f"logs.mcap.{compression}.over_mcap", ratio, "x", bound=4.0)
         clouds = Path(folder) / "clouds.mcap"
         write_clouds(clouds)
         yield BenchmarkRow(
@@ -107,6 +109,5 @@ def seconds_of_mcap(path: Path) -> float:
 def peak_mb(path: Path) -> float:
     """Peak memory of a process that reads the log."""
     done = subprocess.run([sys.executable, "-c", READ, str(path)], check=True, capture_output=True, text=True)
-    return float(
-        done.stdout
-    )  # its own word: the system's counts of children know those of other benchmarks, too
+    # Its own word: the system's counts of children know those of other benchmarks, too
+    return float(done.stdout)

@@ -32,11 +32,12 @@ from tests.benchmarks.harness import BenchmarkRow, say
 from tests.benchmarks.real_places import data_dir
 from tests.reference.path_checks import Squares, drive, escapes, largest_jump
 
+# Pairs of poses; tb3_sandbox is the same place
 MAPS = {
     "depot": 200,
     "warehouse": 50,
     "turtlebot3_world": 200,
-}  # pairs of poses; tb3_sandbox is the same place
+}
 ROBOT_M, RADIUS_M, MARGIN_M = 0.2, 0.2, 0.005
 KEPT_M = ROBOT_M + MARGIN_M
 OPPOSITE_HEADING = np.array([0.0, 0.0, np.pi])

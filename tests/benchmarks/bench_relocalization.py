@@ -35,6 +35,7 @@ TRAVEL_M = 15.0
 HELD_M = 3.0
 CROWD_RATIO = 0.5
 FAR_M = 5.0  # at least, between a wrong start, or the place that the robot is carried to, and where it was
+# And the smallest fraction of successes; none yet on aged maps
 TASKS: dict[str, float | None] = {
     "global": 0.95,
     "kidnapped": 0.95,
@@ -43,7 +44,7 @@ TASKS: dict[str, float | None] = {
     "kidnapped-crowd": 0.9,
     "global-aged": None,
     "kidnapped-aged": None,
-}  # and the smallest fraction of successes; none yet on aged maps
+}
 WRONG_M = 1.0
 
 

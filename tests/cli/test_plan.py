@@ -118,6 +118,7 @@ def test_the_correlation_of_a_map_is_printed_and_drawn(
 def test_an_error_that_few_walks_do_not_determine_is_null(
     room: Path, capsys: pytest.CaptureFixture[str], samples: int
 ) -> None:
+    # Its likelihood is flat
     command = [
         "correlation",
         str(room),
@@ -126,7 +127,7 @@ def test_an_error_that_few_walks_do_not_determine_is_null(
         "--seed",
         "18",
         "-q",
-    ]  # its likelihood is flat
+    ]
     assert main([*command, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["standard_error"] is None
     assert main(command) == 0

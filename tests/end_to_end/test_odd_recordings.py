@@ -48,17 +48,19 @@ MIRRORED = {
 }
 RECORDINGS = {
     "a3_increment_half.mcap": (0.006, "contradicts angle_min, angle_max"),
+    # Its times are of the other sense
     "a4_sign_contradiction.mcap": (
         0.11,
         "contradicts angle_min, angle_max",
-    ),  # its times are of the other sense
+    ),
     "a5_time_increment_ns.mcap": (0.03, "time_increment makes a sweep"),
     "a5b_time_increment_is_scan_time.mcap": (0.03, "time_increment makes a sweep"),
     "a6g_range_max_zero.mcap": (0.006, "range_max is 0"),
+    # Its scans were turned, but not moved with the joint
     "b15_panning_lidar.mcap": (
         0.12,
         "a joint that moves",
-    ),  # its scans were turned, but not moved with the joint
+    ),
     "b16_gap_in_tf_tree.mcap": (0.012, "laser is placed on base_link by its motion"),
     "b4d_laser_joint_noise.mcap": (0.006, ""),
     "b8_odom_zero_quaternion.mcap": (0.02, "858 x odom.not finite"),

@@ -79,10 +79,11 @@ def test_the_number_of_threads_changes_no_byte(
 ) -> None:
     log = REPOSITORY / "sample_logs" / f"{method}.mcap"
     files = [str(REPOSITORY / word) if "/" in word else word for word in given]
+    # Libraries read the number when they are imported
     for run, jobs in (
         (process, ("--jobs", "1")),
         (program, ()),
-    ):  # libraries read the number when they are imported
+    ):
         done = run(verb, log, "-c", method, *files, *jobs, "-o", tmp_path / str(len(jobs)))
         assert done.returncode == 0, done.stderr
     assert reproducible_files(tmp_path / "2") == reproducible_files(tmp_path / "0")

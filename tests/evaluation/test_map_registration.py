@@ -25,9 +25,8 @@ def house(
     pose = np.array(T_map_house)
     points = np.concatenate([np.linspace(s[:2], s[2:], 300) for s in segments])
     moved = se2.transform_points(pose, points)
-    low = (
-        np.floor(moved.min(axis=0) / CELL_M) * CELL_M - 0.5 + 0.5 * CELL_M
-    )  # walls of whole metres lie on cell centres
+    # Walls of whole metres lie on cell centres
+    low = np.floor(moved.min(axis=0) / CELL_M) * CELL_M - 0.5 + 0.5 * CELL_M
     shape = np.ceil((moved.max(axis=0) - low) / CELL_M).astype(int) + 6
     probability = np.full((shape[1], shape[0]), 0.02, np.float32)
     cells = ((moved - low) / CELL_M).astype(int)

@@ -45,9 +45,8 @@ def run(target: str, inputs: int, seed: int) -> int:
             out.write(f"at {number}\n")
             problem = ""
             signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
-            signal.alarm(
-                LONGEST_WALL_S
-            )  # a hang in compiled code ends the process: the parent goes on behind it
+            # A hang in compiled code ends the process: the parent goes on behind it
+            signal.alarm(LONGEST_WALL_S)
             before = noise.seek(0, os.SEEK_END)
             try:
                 with warnings.catch_warnings():

@@ -123,9 +123,8 @@ def test_the_expectation_behind_an_obstacle_is_the_chain_continued_from_it() -> 
     expected = reference.expected_behind(first[:6], correlation, prior)
     reached = 1.0 - np.concatenate([[0.0], np.cumsum(first)[:5]])
     found = expected_behind(reached[None], correlation[None], prior)[0]
-    assert found[:5] == pytest.approx(
-        expected[:5], abs=1e-12
-    )  # an obstacle in the last cell is not distinguished from none
+    # An obstacle in the last cell is not distinguished from none
+    assert found[:5] == pytest.approx(expected[:5], abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))

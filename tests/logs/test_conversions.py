@@ -207,9 +207,8 @@ def test_a_name_that_a_csv_row_cannot_hold_is_refused_aloud(tmp_path: Path) -> N
 def test_a_name_that_a_format_cannot_hold_is_refused_aloud(tmp_path: Path, name: str, place: str) -> None:
     event = Imu(S, name if place == "frame" else "imu", 0.5)
     topic = f"/{name}" if place == "topic" else None
-    targets = (
-        ["log"] if place == "topic" and "\0" in name else ["log", "log.mcap"]
-    )  # a topic in MCAP may hold a zero
+    # A topic in MCAP may hold a zero
+    targets = ["log"] if place == "topic" and "\0" in name else ["log", "log.mcap"]
     for target in targets:
         with pytest.raises(LogError, match="cannot be written"), open_writer(tmp_path / target) as writer:
             writer.write(event, topic)

@@ -102,9 +102,8 @@ def test_a_wrong_line_of_a_calibration_is_named(kitti: Path) -> None:
         open_log(kitti)
 
 
-BODY_OPTICAL = np.array(
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-)  # the body's x is up, as in EuRoC
+# The body's x is up, as in EuRoC
+BODY_OPTICAL = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @pytest.fixture

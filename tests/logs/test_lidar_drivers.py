@@ -18,11 +18,12 @@ from tests.logs.ros_samples import header, make, write_mcap
 NS = 10**9
 POINT = "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
 CUSTOM = "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nCustomPoint[] points\n"
+# The second is no return
 POINTS = [
     (0, 1.0, 2.0, 0.5),
     (1_000_000, 0.0, 0.0, 0.0),
     (2_000_000, -3.0, 0.0, 0.25),
-]  # the second is no return
+]
 
 
 def livox(package: str, edition: Stores) -> tuple[Any, Any]:

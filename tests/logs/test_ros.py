@@ -261,9 +261,8 @@ def test_two_candidates_without_a_choice_are_listed_with_the_line_to_write(tmp_p
         ConfigError, match=r"log.topics.scan: the log has no scan stream '/left'; it has: /front, /rear"
     ):
         open_log(path, LogConfig.model_validate({"topics": {"scan": "/left"}}), ["scan"])
-    assert (
-        sum(isinstance(e, LaserScan) for e in events(path)) == 2
-    )  # nothing needs to be unique for a conversion
+    # Nothing needs to be unique for a conversion
+    assert sum(isinstance(e, LaserScan) for e in events(path)) == 2
 
 
 def test_a_missing_stream_is_an_error_that_lists_what_there_is(tmp_path: Path) -> None:

@@ -119,9 +119,8 @@ def test_a_stop_keeps_the_estimated_bias() -> None:
     motion = wheel_filter()
     true = drive_with_slip(motion, bias=0.05, ticks=200, stop_at=100)
     assert len(motion.motion().path) == 100
-    assert motion.motion().T_stop_now[2] == pytest.approx(
-        true, abs=0.02
-    )  # the error is 0.25 without the bias
+    # The error is 0.25 without the bias
+    assert motion.motion().T_stop_now[2] == pytest.approx(true, abs=0.02)
 
 
 def test_marks_split_the_motion_without_changing_it() -> None:

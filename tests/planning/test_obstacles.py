@@ -31,9 +31,8 @@ def test_a_passage_wider_than_the_robot_remains_open_and_its_width_is_the_gap() 
 def test_a_passage_narrower_than_the_robot_is_closed() -> None:
     (region,) = obstacle_regions(two_blocks(gap_cells=5), robot_radius_m=0.2)
     assert region.cells == 200 + region.closed_cells
-    assert (
-        10 <= region.closed_cells <= 50
-    )  # the middle of the passage; the disc extends slightly into both ends
+    # The middle of the passage; the disc extends slightly into both ends
+    assert 10 <= region.closed_cells <= 50
     assert region.gap_m == np.inf
     assert region.nearest_id == 0
 

@@ -52,9 +52,8 @@ def test_the_map_is_the_room(run_small: RunSmall) -> None:
     walls = grid.geometry.centres(np.argwhere(grid.probability > 0.5))
     off_x = np.abs(np.abs(walls[:, 0]) - HALF_WIDTH_M)
     off_y = np.abs(np.abs(walls[:, 1]) - HALF_HEIGHT_M)
-    assert (
-        np.minimum(off_x, off_y).max() <= 0.11
-    )  # half a cell, and up to one more for float32 ranges at its edge
+    # Half a cell, and up to one more for float32 ranges at its edge
+    assert np.minimum(off_x, off_y).max() <= 0.11
 
 
 def test_the_truth_is_on_record_and_never_shown_to_the_method(run_small: RunSmall) -> None:

@@ -90,9 +90,8 @@ def test_the_right_picture_of_a_wall_is_the_left_one_shifted_by_the_disparity() 
         "name": "stereo", "kind": "stereo", "rate_hz": 100.0, "width_px": 128, "height_px": 64, "focal_px": 200.0,
         "extrinsics": {"z": 1.2}, "baseline_m": 0.25, "noise_levels": 0.0,
     }  # fmt: skip
-    world = room(
-        sensors={"cameras": [stereo], "odometry": None}
-    )  # the wall is 5 m ahead: 200 * 0.25 / 5 = 10 px
+    # The wall is 5 m ahead: 200 * 0.25 / 5 = 10 px
+    world = room(sensors={"cameras": [stereo], "odometry": None})
     pair = first(recorded(world, 1), StereoPair)
     left, right = pair.left.astype(int), pair.right.astype(int)
     assert left.std() > 5.0

@@ -90,9 +90,8 @@ def test_a_worker_killed_in_mid_run_loses_nothing(sweep_file: Path, tmp_path: Pa
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        eventually(
-            lambda: list(output.glob("records/**/*.json")) or process.poll() is not None
-        )  # it has ended one run and is at the next
+        # It has ended one run and is at the next
+        eventually(lambda: list(output.glob("records/**/*.json")) or process.poll() is not None)
         first.send_signal(signal.SIGKILL)
         cluster.add_worker("second")
         out, err = process.communicate(timeout=240)

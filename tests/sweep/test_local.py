@@ -105,6 +105,5 @@ def test_a_killed_sweep_takes_its_processes_with_it(sweep_file: Path, tmp_path: 
     assert len(team) == 2
     eventually(lambda: not any(Path(f"/proc/{pid}").exists() for pid in team), 60.0)
     assert not (output / "summary.json").exists()
-    assert (
-        json.loads((output / "sweep.json").read_bytes())["format"] == "gridslam sweep"
-    )  # so the next one goes on
+    # So the next one goes on
+    assert json.loads((output / "sweep.json").read_bytes())["format"] == "gridslam sweep"

@@ -34,9 +34,8 @@ FOUND, EXHAUSTED, TOO_MANY, UNFINISHED = 0, 1, 2, 3  # results of a search
 HEURISTIC_WEIGHT = 1.3
 GOAL_CONNECTION_M = 3.0  # every state with less than this left to go is connected to the goals
 CONNECT_EVERY = 16  # every 16th of the states farther away is connected too
-GUIDE_OFFSETS = np.array(
-    [1, 2, 4, 7, 11], np.int64
-)  # poses ahead on the guide path that a state is connected to
+# Poses ahead on the guide path that a state is connected to
+GUIDE_OFFSETS = np.array([1, 2, 4, 7, 11], np.int64)
 # Curvatures of the arcs, in units of 1 / radius
 RELATIVE_CURVATURES = np.array([0.0, 1.0, -1.0, 0.4, -0.4, 0.15, -0.15])
 MAX_NEW_STATES = 64  # largest number of states that one expansion can add, rounded up

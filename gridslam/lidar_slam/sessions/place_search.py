@@ -29,12 +29,12 @@ from gridslam.lidar_slam.loop_closure.closure import (
     MIN_SCORE,
 )
 from gridslam.lidar_slam.loop_closure.search import LoopMatches
+from gridslam.lidar_slam.loop_closure.segments import CLOUD_CELL_M
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-CLOUD_CELL_M = 0.1  # cell of the map in which one surface point is kept
 BEAM_CELL_M = 1.5  # cell of the segments' references in which the beams of the last segment are kept
 SPACINGS = 12, 6, 3  # segments between the parts that are searched for, until a place is found
 UNKNOWN_STD_M = 100.0  # standard deviation of a place anywhere in the map

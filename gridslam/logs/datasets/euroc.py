@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gridslam.config.errors import short
 from gridslam.config.yaml_file import read_yaml
-from gridslam.core.cameras import rotation_matrix
+from gridslam.core.cameras import quaternion_of_matrix, rotation_matrix
 from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, Event, Imu, Transform, readonly
 from gridslam.core.poses import MAX_COORDINATE_M
@@ -89,7 +89,7 @@ def open_euroc(folder: Path) -> DatasetSource:
             streams.append(_truth(table, left, R_base_body))
             files.append(table)
             break
-    quat = _quaternion(BASE_OPTICAL @ R_left.T)
+    quat = quaternion_of_matrix(BASE_OPTICAL @ R_left.T)
     edges = [Transform(0, BASE_FRAME, name, (0.0, 0.0, 0.0), quat, is_static=True) for name in CAMERAS]
     return DatasetSource("EuRoC", streams, edges, files)
 
@@ -192,11 +192,3 @@ def _truth(table: Path, left: EurocCamera, R_base_body: Floats) -> DatasetStream
     rotations = np.array([rotation_matrix(quat) for quat in values[:, 3:].tolist()]).reshape(-1, 3, 3)
     positions = values[:, :3] + rotations @ left.T_body_camera[:3, 3]
     return truth_stream(stamps, in_plane(positions, rotations @ R_base_body[0]))
-
-
-def _quaternion(rotation: Floats) -> tuple[float, float, float, float]:
-    """The unit quaternion w, x, y, z of a rotation `(3, 3)`."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
-    return w, x, y, z

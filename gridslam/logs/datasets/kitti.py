@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import OPTICAL_FORWARD
 from gridslam.core.errors import LogError
 from gridslam.core.messages import CameraInfo, Transform, readonly
-from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
+from gridslam.logs.datasets.source import BASE_FRAME, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     first_picture_size,
     image_stream,

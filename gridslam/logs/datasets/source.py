@@ -13,7 +13,6 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
 from gridslam.logs.streams import RecordedStream
 
-OPTICAL_FORWARD = (0.5, -0.5, 0.5, -0.5)  # orientation (w, x, y, z) of an optical frame that faces forward
 BASE_FRAME = "base_link"
 
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.cameras import rotation_matrix
+from gridslam.core.cameras import OPTICAL_FORWARD, rotation_matrix
 from gridslam.core.errors import LogError
 from gridslam.core.files import real_path
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Transform, readonly
 from gridslam.core.plain_files import read_plain_file
-from gridslam.logs.datasets.source import BASE_FRAME, OPTICAL_FORWARD, DatasetSource, DatasetStream
+from gridslam.logs.datasets.source import BASE_FRAME, DatasetSource, DatasetStream
 from gridslam.logs.datasets.tables import (
     MAX_BYTES,
     first_picture_size,

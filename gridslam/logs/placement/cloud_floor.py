@@ -5,29 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.messages import Event, PointCloud
+from gridslam.core.messages import PointCloud
 from gridslam.logs.checks.scan_units import CloudUnits
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.placement.virtual_scan import RAISED_M, VirtualLidar
-from gridslam.logs.skips import Skip
-from gridslam.logs.streams import Source
+from gridslam.logs.streams import Source, first_items
 
 Floats = NDArray[np.float64]
 
-PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # at the beginning: clouds are large, and the floor is in each
-MAX_POINTS, TRIALS = 4000, 400  # that are looked at; planes through three of them that are tried
-PLANE_M = 0.04  # half thickness of a floor: noise of ranges, and an even floor
-MIN_FRACTION = 0.05  # of the points that lie on the floor, for a sensor that sees it at all
-MAX_MISSING = 0.3  # of the points of the floor found, that may lie where the extrinsics put it
-MAX_HEIGHT_ERROR = 0.15  # of the sensor above the floor, relative
-MAX_TILT_RAD = math.radians(30.0)  # of a sensor that was mounted to look around
-MIN_TILT_RAD = math.radians(2.0)  # of a fault: less is the floor's, and the band's
-MIN_WIDTH_RATIO = 0.3  # of the smaller to the larger extent of a floor: the foot of a wall is a line
+PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # of the first 20 clouds every fourth is looked at: clouds are large
+MAX_POINTS, TRIALS = 4000, 400  # number of points that are looked at, and of planes through three of them
+PLANE_M = 0.04  # half thickness of a floor: noise of ranges, unevenness
+MIN_FRACTION = 0.05  # smallest fraction of points on the floor, for a sensor that sees it at all
+MAX_MISSING = 0.3  # points where the extrinsics put the floor, at most, relative to those of the floor found
+MAX_HEIGHT_ERROR = 0.15  # largest relative error of the height above the floor
+MAX_TILT_RAD = math.radians(30.0)  # largest tilt of a sensor that looks around
+# Smallest tilt that is a fault: less may be the floor's, and the height band allows it
+MIN_TILT_RAD = math.radians(2.0)
+MIN_WIDTH_RATIO = 0.3  # smallest ratio of the extents of a floor: the foot of a wall is a line
 
 
 def lidars_on_the_floor(
@@ -48,12 +47,6 @@ def lidars_on_the_floor(
             clouds = [in_metres(event) for event in first if isinstance(event, PointCloud)]
             found[frame] = placed_by_floor(lidars[frame], clouds, message_counts)
     return found
-
-
-def first_items(source: Source, index: int, count: int) -> list[Event | Skip]:
-    """The first items of a stream."""
-    schedule = [index] * len(source.streams[index].stamps_ns)
-    return [event for _, event in islice(source.read(frozenset({index}), schedule), count)]
 
 
 def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: MessageCounts) -> VirtualLidar:

@@ -22,9 +22,8 @@ from gridslam.logs.ros.joints import JointState
 from gridslam.logs.rotations import heading_of
 
 _HEADER = struct.Struct("<iII")  # sec, nanosec, length of frame_id
-_SCAN = struct.Struct(
-    "<7fI"
-)  # angle_min, angle_max, angle_increment, time_increment, scan_time, range_min, range_max, n
+# angle_min, angle_max, angle_increment, time_increment, scan_time, range_min, range_max, n
+_SCAN = struct.Struct("<7fI")
 _LENGTH = struct.Struct("<I")
 _RANGE = struct.Struct("<4f")  # field_of_view, min_range, max_range, range
 _POSE = struct.Struct("<7d")

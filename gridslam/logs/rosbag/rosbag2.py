@@ -169,9 +169,8 @@ def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCou
     for name in dict.fromkeys(map(str, names)):
         path = path_inside(folder, name)
         if path is None or not path.is_file():
-            path = path_inside(
-                folder, Path(name).name
-            )  # older recorders wrote the folder's name before the file's
+            # Older recorders wrote the folder's name before the file's
+            path = path_inside(folder, Path(name).name)
         if path is None or not path.is_file():
             raise LogError(
                 f"{folder / _METADATA}: {short(name)} is no file in this folder: put it there, or take it "

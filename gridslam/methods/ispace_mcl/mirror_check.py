@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.methods.ispace_mcl.weighing import RANDOM_WEIGHT
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import PoseHypotheses, climb
 from gridslam.sensors.visibility import BeamSegments, VisibilityField
@@ -17,7 +18,6 @@ from gridslam.sensors.visibility import BeamSegments, VisibilityField
 Floats = NDArray[np.float64]
 
 ENDPOINT_STD_M = 0.07  # narrow: the walls of a mirrored map are off by decimetres only
-RANDOM_WEIGHT = 0.1
 COMPARED = 40  # number of hypotheses of a search that are compared
 MAX_CHECKS = 6  # each takes another search
 MIN_CHECKS = 2

@@ -14,9 +14,8 @@ from gridslam.sensors.likelihood_field import DistanceField, log_likelihood_tabl
 from gridslam.sensors.range_caster import range_caster
 
 Floats = NDArray[np.float64]
-LogWeight = Callable[
-    [Beams, Floats, Floats], Floats
-]  # of a scan, poses (n, 3) and moving objects (k, 2): log-weights (n,)
+# Of a scan, poses (n, 3) and moving objects (k, 2): log-weights (n,)
+LogWeight = Callable[[Beams, Floats, Floats], Floats]
 
 # Of a beam's endpoint about a wall: lidar noise, map cells and pose error within a cell
 ENDPOINT_STD_M = 0.15

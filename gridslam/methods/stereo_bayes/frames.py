@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core.cameras import StereoHead, side_of
+from gridslam.core.cameras import OPTICAL_FORWARD, StereoHead, side_of
 from gridslam.core.messages import CameraInfo, Disparity, StereoPair, Transform
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
 from gridslam.motion.visual_odometry import VisualOdometry
@@ -17,8 +17,6 @@ from gridslam.sensors.stereo_head import BLOCK_PX, StereoMatcher
 from gridslam.sensors.stereo_rig import StereoRig, stereo_rig
 
 Floats = NDArray[np.float64]
-
-OPTICAL_FORWARD = (0.5, -0.5, 0.5, -0.5)  # orientation (w, x, y, z) of an optical frame that faces forward
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,8 @@ Floats = NDArray[np.float64]
 # After this time without an absolute pose, the map's origin is placed at the robot's first pose.
 START_AFTER_NS = 3_000_000_000
 START = PoseBelief(np.zeros(3), np.diag([1e-6, 1e-6, 1e-6]))
-VISUAL_NOISE = RootMotionNoise(
-    translation_m=0.02, rotation_rad=0.01, rotation_per_m_rad=0.003
-)  # for KITTI and for rooms
+# For KITTI and for rooms
+VISUAL_NOISE = RootMotionNoise(translation_m=0.02, rotation_rad=0.01, rotation_per_m_rad=0.003)
 MAX_SPEED_MPS, JUMP_TOLERANCE_M = 30.0, 0.5  # odometry has jumped if a step is longer than they allow
 FILTER = FilterSettings()
 WINDOW_NS = int(FILTER.window_s * 1e9)  # maximum delay of an absolute pose that is still used

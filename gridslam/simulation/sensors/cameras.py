@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
+from gridslam.core.cameras import quaternion_of_matrix
 from gridslam.core.messages import CameraInfo, DepthImage, Event, Image, StereoPair, Transform, readonly
 from gridslam.simulation.driving.drive import DrivenRobot
 from gridslam.simulation.scene import Scene
@@ -61,7 +62,7 @@ class CameraSensor:
         """T_parent_optical as a static transform; the optical frame has x right, y down, z along the view."""
         extrinsics = self._config.extrinsics
         forward, left, up = axes(extrinsics, 0.0).T
-        quat = _quaternion(np.column_stack([-left, -up, forward]))
+        quat = quaternion_of_matrix(np.column_stack([-left, -up, forward]))
         return Transform(
             stamp_ns,
             parent,
@@ -161,11 +162,3 @@ def axes(extrinsics: SensorExtrinsics, base_yaw_rad: float) -> Array:
     yaw, pitch = base_yaw_rad + math.radians(extrinsics.yaw_deg), math.radians(extrinsics.pitch_deg)
     cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     return np.array([[cy * cp, -sy, cy * sp], [sy * cp, cy, sy * sp], [-sp, 0.0, cp]])
-
-
-def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """w, x, y, z of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
-    return w, x, y, z

@@ -14,9 +14,8 @@ from gridslam.methods.handmap_slam.warp.search import Known, distinct, find_plac
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-PlaceOrder = tuple[
-    NDArray[np.int64], NDArray[np.int64]
-]  # of all places, and the one from which each is entered
+# Of all places, and the one from which each is entered
+PlaceOrder = tuple[NDArray[np.int64], NDArray[np.int64]]
 
 ROUNDS = 12
 MAX_ROUNDS = 24  # largest number of rounds while the drawing does not fit

@@ -22,9 +22,8 @@ Floats = NDArray[np.float64]
 PARTICLES = 5000  # each is a hypothesis for all places
 SIGMA_M = 0.35  # standard deviation of walls from where they are drawn
 THINNED = 2  # every second point is used
-TRANSLATION_PER_M = (
-    0.1  # std of a place's offset from the place it was entered from, as a fraction of their distance
-)
+# Std of a place's offset from the place it was entered from, as a fraction of their distance
+TRANSLATION_PER_M = 0.1
 ROTATION_STD, WIDE_ROTATION_STD = 0.04, 0.12  # standard deviations of the rotation, rad per root metre
 SCALE_STD, WIDE_SCALE_STD = 0.04, 0.15  # standard deviations of log scales per root metre
 SCALE_BOUND = 0.5  # std of a place's log scales about those of the start

@@ -27,6 +27,7 @@ from gridslam.methods.ispace_mcl.search.hypothesis_scores import (
     with_filter,
     with_kidnapping,
 )
+from gridslam.methods.ispace_mcl.weighing import RANDOM_WEIGHT
 from gridslam.methods.ispace_mcl.window import MAX_SEARCH_SCANS, PastScan, ScanWindow
 from gridslam.sensors.likelihood_field import log_likelihood_table
 from gridslam.sensors.pose_search import (
@@ -57,7 +58,6 @@ SEARCH = PoseSearchSettings(
 FINALISTS = 200  # number of these that are compared with the tracked pose at most
 
 MATCH_STD_M = 0.2  # standard deviation of the window's points about walls: matched scans add their own error
-RANDOM_WEIGHT = 0.1  # weight of beams that the map does not explain
 BEAM_WEIGHT = 0.1  # power of a beam's likelihood: neighbouring beams have common errors
 MAX_BEAMS = 300  # largest number of beams of the window, equally many of each scan
 CLIMB_BEAMS = 100  # number of these by which a pose climbs to its maximum; all of them score it there
