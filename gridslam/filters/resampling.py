@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gridslam.filters.kld import particles_needed
 from gridslam.filters.particles import Particles, bin_of
-from gridslam.kernels.mcl import occupied_bins, systematic
+from gridslam.kernels.localization.mcl import occupied_bins, systematic
 
 Floats = NDArray[np.float64]
 

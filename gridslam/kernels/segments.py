@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.compiled import compiled
-from gridslam.kernels.grid_traversal import Traversal, advance
-from gridslam.kernels.raycast import Ray
+from gridslam.kernels.grids.grid_traversal import Traversal, advance
+from gridslam.kernels.grids.raycast import Ray
 from gridslam.kernels.threads import run_in_ranges
 
 _PARALLEL = 1e-14

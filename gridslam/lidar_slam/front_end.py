@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import surfel_registration, surfels
-from gridslam.kernels.surfel_registration import PosePrior, Registration, YawSearch
+from gridslam.kernels.scan_matching import surfel_registration, surfels
+from gridslam.kernels.scan_matching.surfel_registration import PosePrior, Registration, YawSearch
 from gridslam.lidar_slam.config import OdometryConfig
 from gridslam.lidar_slam.odometry_noise import NO_MIN_STD, odometry_std
 from gridslam.lidar_slam.scans import PreparedScan

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.errors import MethodError
 from gridslam.core.memory import system_zeros
-from gridslam.kernels import log_odds
+from gridslam.kernels.grids import log_odds
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from gridslam.core.arrays import evenly_spaced, offsets_of
 from gridslam.core.messages import LaserScan
-from gridslam.kernels.prepared_points import PointDensity, prepare_points
-from gridslam.kernels.scan_points import RangeLimits
-from gridslam.kernels.surfels import OrientedPoints
-from gridslam.kernels.tiles import ScanSet
+from gridslam.kernels.grids.tiles import ScanSet
+from gridslam.kernels.scan_matching.prepared_points import PointDensity, prepare_points
+from gridslam.kernels.scan_matching.scan_points import RangeLimits
+from gridslam.kernels.scan_matching.surfels import OrientedPoints
 from gridslam.lidar_slam.config import ScanConfig
 from gridslam.sensors.lidar_beams import LidarExtrinsics
 

@@ -23,7 +23,7 @@ from scipy import optimize
 
 from gridslam.core.errors import MethodError
 from gridslam.core.random import random_stream
-from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
+from gridslam.kernels.grids.occupancy_runs import UNKNOWN, follow_runs
 from gridslam.maps.occupancy import OccupancyGrid, nth_cells
 
 Floats = NDArray[np.float64]

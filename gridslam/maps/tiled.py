@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import MethodError
-from gridslam.kernels import tiles as kernel
+from gridslam.kernels.grids import tiles as kernel
 
 GROWTH_MARGIN_TILES = 4
 

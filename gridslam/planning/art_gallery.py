@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.raycast import free_squares
-from gridslam.kernels.visibility import visible_faces, wall_faces
+from gridslam.kernels.grids.raycast import free_squares
+from gridslam.kernels.grids.visibility import visible_faces, wall_faces
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.wheel_window import free_distances
+from gridslam.kernels.planning.wheel_window import free_distances
 
 Floats = NDArray[np.float64]
 

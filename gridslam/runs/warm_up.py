@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gridslam.kernels.free_space import Profiles, testimony_of_shifts
+from gridslam.kernels.grids.free_space import Profiles, testimony_of_shifts
 from gridslam.kernels.machine_code_cache import MachineCodeCache
 from gridslam.lidar_slam.map_consistency.observations import SECTORS, TOLERANCES
 from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M

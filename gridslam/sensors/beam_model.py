@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.beam import MeasuredBeams, RangeTable, sum_over_ranges
+from gridslam.kernels.localization.beam import MeasuredBeams, RangeTable, sum_over_ranges
 from gridslam.sensors.grid_frame import poses_in_cells
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.range_caster import RangeCaster

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.raycast import cast_rays, free_squares
+from gridslam.kernels.grids.raycast import cast_rays, free_squares
 from gridslam.maps.occupancy import OccupancyGrid
 
 Floats = NDArray[np.float64]

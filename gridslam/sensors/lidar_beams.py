@@ -11,7 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, Transform
-from gridslam.kernels.scan_points import LEVEL, Projection, Sweep
+from gridslam.kernels.scan_matching.scan_points import LEVEL, Projection, Sweep
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.likelihood_field import sum_over_points
+from gridslam.kernels.localization.likelihood_field import sum_over_points
 from gridslam.maps.distances import distances_to
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.sensors.grid_frame import poses_in_cells

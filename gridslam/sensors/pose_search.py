@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
-from gridslam.kernels.likelihood_field import sum_over_offsets
+from gridslam.kernels.localization.likelihood_field import sum_over_offsets
 from gridslam.sensors.likelihood_field import FAR, DistanceField, Table
 
 Floats = NDArray[np.float64]

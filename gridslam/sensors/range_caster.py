@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.raycast import cast_rays, free_boxes, free_squares
+from gridslam.kernels.grids.raycast import cast_rays, free_boxes, free_squares
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.sensors.grid_frame import poses_in_cells
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.cameras import StereoHead
 from gridslam.core.messages import readonly
-from gridslam.kernels.stereo_columns import (
+from gridslam.kernels.stereo.stereo_columns import (
     MATCHED,
     NONE,
     STEPS_PER_PX,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.likelihood_field import BeamCells, VisibilityMap, sum_over_beams
+from gridslam.kernels.localization.likelihood_field import BeamCells, VisibilityMap, sum_over_beams
 from gridslam.sensors.grid_frame import poses_in_cells
 from gridslam.sensors.likelihood_field import DistanceField, Table
 from gridslam.sensors.range_caster import RangeCaster

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gridslam.kernels import (
+from gridslam.kernels import segments
+from gridslam.kernels.grids import log_odds
+from gridslam.kernels.scan_matching import (
     correlative_matching,
-    log_odds,
     scan_points,
-    segments,
     surfel_likelihood,
     surfel_registration,
     surfels,

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels import infrared, wall_lines, wheel_gyro
+from gridslam.kernels import wheel_gyro
+from gridslam.kernels.infrared import infrared_beams, wall_lines
 from gridslam.methods.ir_scan.lines import moments_of
 from gridslam.methods.ir_scan.wall_equations import by_cell
 from gridslam.motion.wheel_gyro import WheelGyroNoise
@@ -54,7 +55,7 @@ def drawing(rng: np.random.Generator) -> Pair:
     origins, pos = np.full((READINGS, 2), CELLS // 2), np.zeros((CELLS, CELLS))
     readings = [((a, b), (c, d)) for (a, b), (c, d) in zip(origins.tolist(), endpoints.tolist(), strict=True)]
     return (
-        lambda: infrared.add_readings(pos, origins, endpoints, bel),
+        lambda: infrared_beams.add_readings(pos, origins, endpoints, bel),
         lambda: [reference.add_reading(pos, *reading, 0.5) for reading in readings],
     )
 
@@ -64,7 +65,7 @@ def crossing(rng: np.random.Generator) -> Pair:
     endpoints, crossed = endpoints_in_cells(rng)[:, ::-1] + 0.37, np.zeros((CELLS, CELLS))
     origins = np.full((READINGS, 2), 0.5 * CELLS + 0.41)
     return (
-        lambda: infrared.count_crossed(crossed, origins, endpoints),
+        lambda: infrared_beams.count_crossed(crossed, origins, endpoints),
         lambda: reference.count_crossed(crossed, origins, endpoints),
     )
 
@@ -74,7 +75,7 @@ def splats(rng: np.random.Generator) -> Pair:
     values, splat = np.zeros((CELLS, CELLS)), rng.random((9, 9))
     cells, weights = endpoints_in_cells(rng), rng.random(READINGS)
     return (
-        lambda: infrared.splat_maximum(values, cells, splat, weights),
+        lambda: infrared_beams.splat_maximum(values, cells, splat, weights),
         lambda: reference.splat_maximum(values, cells, splat, weights),
     )
 
@@ -83,7 +84,7 @@ def shifting(rng: np.random.Generator) -> Pair:
     """The sums under the readings at 21 x 21 shifts."""
     values, cells = rng.standard_normal((CELLS, CELLS)), endpoints_in_cells(rng)
     return (
-        lambda: infrared.shifted_sums(values, cells, MAX_SHIFT),
+        lambda: infrared_beams.shifted_sums(values, cells, MAX_SHIFT),
         lambda: reference.shifted_sums(values, cells, MAX_SHIFT),
     )
 
@@ -92,7 +93,7 @@ def changing(rng: np.random.Generator) -> Pair:
     """The changes of these sums from one shift to the others."""
     values, cells = rng.standard_normal((CELLS, CELLS)), endpoints_in_cells(rng)
     return (
-        lambda: infrared.shifted_changes(values, cells, MAX_SHIFT, -2, 3),
+        lambda: infrared_beams.shifted_changes(values, cells, MAX_SHIFT, -2, 3),
         lambda: reference.shifted_changes(values, cells, MAX_SHIFT, -2, 3),
     )
 

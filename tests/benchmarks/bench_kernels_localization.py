@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.filters.kernel_density import kernel_density
-from gridslam.kernels import drawn_field, likelihood_field, mcl, object_weights, raycast
-from gridslam.kernels.beam import MeasuredBeams, RangeTable, sum_over_ranges
-from gridslam.kernels.likelihood_field import BeamCells, VisibilityMap
+from gridslam.kernels import object_weights
+from gridslam.kernels.drawings import drawn_field
+from gridslam.kernels.grids import raycast
+from gridslam.kernels.localization import likelihood_field, mcl
+from gridslam.kernels.localization.beam import MeasuredBeams, RangeTable, sum_over_ranges
+from gridslam.kernels.localization.likelihood_field import BeamCells, VisibilityMap
 from gridslam.sensors.rfid import OPEN_M, PROFILE_BINS, AntennaModel
 from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Floats, Pair, rows_of_pairs

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gridslam.kernels.grids.visibility import pass_beams
 from gridslam.kernels.planning import clearance
 from gridslam.kernels.planning.circles import travel_time
 from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.fast_marching import arrival_costs
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.kernels.planning.shortest_tour import exact_tour
-from gridslam.kernels.visibility import pass_beams
-from gridslam.kernels.wheel_window import free_distances
+from gridslam.kernels.planning.wheel_window import free_distances
 from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
 from tests.benchmarks.harness import BenchmarkRow

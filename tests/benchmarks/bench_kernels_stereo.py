@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gridslam.kernels import chain, polar_window, stereo_update
-from gridslam.kernels.occupancy_runs import UNKNOWN, follow_runs
-from gridslam.kernels.stereo_columns import BinCriteria, HeightBand, measure_columns
+from gridslam.kernels.grids.occupancy_runs import UNKNOWN, follow_runs
+from gridslam.kernels.stereo import chain, polar_window, stereo_update
+from gridslam.kernels.stereo.stereo_columns import BinCriteria, HeightBand, measure_columns
 from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
 from tests.reference import chain as chain_reference

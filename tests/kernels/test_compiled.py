@@ -15,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from gridslam.kernels import machine_code_cache, raycast, start
+from gridslam.kernels import machine_code_cache, start
+from gridslam.kernels.grids import raycast
 from gridslam.kernels.machine_code_cache import (
     DIGEST_BYTES,
     MachineCodeCache,

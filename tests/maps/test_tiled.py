@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gridslam.core.errors import MethodError
-from gridslam.kernels import log_odds
+from gridslam.kernels.grids import log_odds
 from gridslam.maps.tiled import TileStore
 
 MAPS = 4

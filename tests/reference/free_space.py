@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.free_space import Tolerances
+from gridslam.kernels.grids.free_space import Tolerances
 
 Floats = NDArray[np.float64]
 

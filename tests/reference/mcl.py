@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.beam import MeasuredBeams, RangeTable
-from gridslam.kernels.likelihood_field import BeamCells
+from gridslam.kernels.localization.beam import MeasuredBeams, RangeTable
+from gridslam.kernels.localization.likelihood_field import BeamCells
 from tests.reference.ray_traversal import cast_cell_by_cell
 
 

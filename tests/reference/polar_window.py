@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.polar_window import GridRays, PolarWindow
+from gridslam.kernels.stereo.polar_window import GridRays, PolarWindow
 
 Floats = NDArray[np.float64]
 

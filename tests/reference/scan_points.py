@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels import scan_points
-from gridslam.kernels.prepared_points import PointDensity, PreparedPoints
-from gridslam.kernels.scan_points import RangeLimits, Sweep
+from gridslam.kernels.scan_matching import scan_points
+from gridslam.kernels.scan_matching.prepared_points import PointDensity, PreparedPoints
+from gridslam.kernels.scan_matching.scan_points import RangeLimits, Sweep
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

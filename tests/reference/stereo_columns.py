@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.stereo_columns import BinCriteria, HeightBand
+from gridslam.kernels.stereo.stereo_columns import BinCriteria, HeightBand
 
 UNKNOWN, NONE, MATCHED = 0, 1, 2
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.chain import RayEvidence
-from gridslam.kernels.stereo_update import CellEvidence, UpdateRule
+from gridslam.kernels.stereo.chain import RayEvidence
+from gridslam.kernels.stereo.stereo_update import CellEvidence, UpdateRule
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.tiles import TILE_CELLS
+from gridslam.kernels.grids.tiles import TILE_CELLS
 
 Floats = NDArray[np.float64]
 Tile = tuple[int, int]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.wall_lines import MapPoints, StopPoints, WallCriteria
+from gridslam.kernels.infrared.wall_lines import MapPoints, StopPoints, WallCriteria
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]

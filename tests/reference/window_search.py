@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.window_search import LikelihoodField, PoseWindow, WindowSearch
+from gridslam.kernels.scan_matching.window_search import LikelihoodField, PoseWindow, WindowSearch
 
 Floats = NDArray[np.float64]
 

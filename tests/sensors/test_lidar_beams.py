@@ -7,7 +7,7 @@ import pytest
 
 from gridslam.core.cameras import rotation_matrix
 from gridslam.core.messages import LaserScan, Transform, readonly
-from gridslam.kernels.scan_points import LEVEL
+from gridslam.kernels.scan_matching.scan_points import LEVEL
 from gridslam.logs.rotations import from_euler
 from gridslam.sensors.lidar_beams import LidarExtrinsics, beams_of, extrinsics_of
 

@@ -18,7 +18,7 @@ from gridslam.graph.loop_consistency import CHI2_3DOF_99, departures, largest_cl
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.graph.relative_covariance import directed_edges
 from gridslam.kernels.relative_covariance import DirectedEdges
-from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
 from gridslam.lidar_slam.loop_closure.search import Candidate, LoopMatches, find_candidates, match_candidates
 from gridslam.lidar_slam.loop_closure.segments import Segments
 

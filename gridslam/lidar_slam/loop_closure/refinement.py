@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 from gridslam.core import poses as se2
 from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
-from gridslam.kernels.segment_clouds import SegmentClouds
-from gridslam.kernels.segment_registration import SegmentPairs, SubmapMembers, register_segments
-from gridslam.kernels.surfel_registration import Registration
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.segment_registration import SegmentPairs, SubmapMembers, register_segments
+from gridslam.kernels.scan_matching.surfel_registration import Registration
 from gridslam.lidar_slam.loop_closure.segments import Segments
 
 Floats = NDArray[np.float64]

@@ -15,10 +15,10 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import unpacked
 from gridslam.kernels import relative_covariance
 from gridslam.kernels.relative_covariance import CandidateLimits, DirectedEdges
-from gridslam.kernels.segment_clouds import SegmentClouds
-from gridslam.kernels.submap_matching import SubmapDrawing, SubmapPairs, match_submaps
-from gridslam.kernels.surfel_registration import Registration
-from gridslam.kernels.window_search import WindowSearch
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.submap_matching import SubmapDrawing, SubmapPairs, match_submaps
+from gridslam.kernels.scan_matching.surfel_registration import Registration
+from gridslam.kernels.scan_matching.window_search import WindowSearch
 from gridslam.lidar_slam.loop_closure.segments import Segments
 
 Floats = NDArray[np.float64]

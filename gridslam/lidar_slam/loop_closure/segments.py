@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.arrays import offsets_of
 from gridslam.graph.pose_graph import Edges
-from gridslam.kernels import segment_clouds
-from gridslam.kernels.segment_clouds import SegmentClouds
-from gridslam.kernels.surfels import OrientedPoints
+from gridslam.kernels.scan_matching import segment_clouds
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.surfels import OrientedPoints
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.scans import PreparedScan, scan_set
 

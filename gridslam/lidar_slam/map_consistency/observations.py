@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import offsets_of
-from gridslam.kernels import free_space
+from gridslam.kernels.grids import free_space
 from gridslam.lidar_slam.map_consistency.passages import Passages
 from gridslam.lidar_slam.scans import PreparedScan
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gridslam.kernels.free_space import Partners
+from gridslam.kernels.grids.free_space import Partners
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.graph.pose_graph import Edges, optimise
 from gridslam.graph.relative_covariance import reversed_covariances
-from gridslam.kernels.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
 from gridslam.lidar_slam.loop_closure.closure import ROBUST_SCALE, ClosedLoops, close_loops
 from gridslam.lidar_slam.loop_closure.drift import DriftModel
 from gridslam.lidar_slam.loop_closure.refinement import register_visits

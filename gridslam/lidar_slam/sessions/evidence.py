@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels import log_odds
+from gridslam.kernels.grids import log_odds
 from gridslam.lidar_slam.grid_map import MARGIN_M, UPDATE, LastUpdates, grid_extent
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.occupancy import GridGeometry

@@ -18,8 +18,8 @@ from gridslam.graph.loop_consistency import CHI2_3DOF_99, largest_cliques, pairw
 from gridslam.graph.pose_graph import Edges
 from gridslam.graph.relative_covariance import directed_edges
 from gridslam.kernels.relative_covariance import DirectedEdges
-from gridslam.kernels.segment_clouds import SegmentClouds
-from gridslam.kernels.submap_matching import SubmapMatches, SubmapPairs, match_submaps
+from gridslam.kernels.scan_matching.segment_clouds import SegmentClouds
+from gridslam.kernels.scan_matching.submap_matching import SubmapMatches, SubmapPairs, match_submaps
 from gridslam.lidar_slam.loop_closure import search
 from gridslam.lidar_slam.loop_closure.closure import (
     DISTINCT_RIVAL_RATIO,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.drawn_field import sum_over_stretched_points
+from gridslam.kernels.drawings.drawn_field import sum_over_stretched_points
 from gridslam.maps.distance_field import distance_to_occupied
 from gridslam.maps.drawing import DrawnMap
 from gridslam.maps.occupancy import OccupancyGrid

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.raycast import cast_rays
+from gridslam.kernels.grids.raycast import cast_rays
 from gridslam.maps.drawing import DrawnMap
 from gridslam.matching.lines import LineSegments, difference_modulo_pi, hough_segments
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
 from gridslam.filters.resampling import systematic_resampling
-from gridslam.kernels.stretched_places import PlacePoints, normal_equations
+from gridslam.kernels.drawings.stretched_places import PlacePoints, normal_equations
 from gridslam.maps.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood

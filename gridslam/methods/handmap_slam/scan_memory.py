@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan
-from gridslam.kernels.scan_points import RangeLimits, scan_to_points
-from gridslam.kernels.visibility import pass_beams
+from gridslam.kernels.grids.visibility import pass_beams
+from gridslam.kernels.scan_matching.scan_points import RangeLimits, scan_to_points
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.driving.plan_grid import PlanGrid
 from gridslam.sensors.lidar_beams import LidarExtrinsics

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.wall_lines import (
+from gridslam.kernels.infrared.wall_lines import (
     COUNT,
     MOMENTS,
     WX,

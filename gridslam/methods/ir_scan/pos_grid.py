@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.infrared import add_readings
+from gridslam.kernels.infrared.infrared_beams import add_readings
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.sensors.infrared import ReliableReadings

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.infrared import shifted_changes, shifted_sums
+from gridslam.kernels.infrared.infrared_beams import shifted_changes, shifted_sums
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.ir_scan.stops import StopMatch
 from gridslam.sensors.infrared import ReliableReadings

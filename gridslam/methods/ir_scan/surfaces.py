@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.infrared import count_crossed
+from gridslam.kernels.infrared.infrared_beams import count_crossed
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.ir_scan.lines import WallMoments

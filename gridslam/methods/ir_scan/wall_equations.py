@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gridslam.kernels.wall_lines import (
+from gridslam.kernels.infrared.wall_lines import (
     MapPoints,
     StopPoints,
     WallCriteria,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.infrared import shifted_sums, splat_maximum
-from gridslam.kernels.wall_lines import MapPoints
+from gridslam.kernels.infrared.infrared_beams import shifted_sums, splat_maximum
+from gridslam.kernels.infrared.wall_lines import MapPoints
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.methods.ir_scan.lines import WallMoments
 from gridslam.methods.ir_scan.stops import MeasuredPose, StopMatch

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
-from gridslam.kernels.correlative_matching import FieldPyramid, SearchWindow, correlate, field_pyramid
+from gridslam.kernels.scan_matching.correlative_matching import (
+    FieldPyramid,
+    SearchWindow,
+    correlate,
+    field_pyramid,
+)
 from gridslam.methods.ispace_mcl.cameras.environment import CameraObservation
 from gridslam.methods.ispace_mcl.continuity import overlap_of
 from gridslam.sensors.pose_search import climb

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.surfel_registration import PosePriors
-from gridslam.kernels.surfels import OrientedPoints
+from gridslam.kernels.scan_matching.surfel_registration import PosePriors
+from gridslam.kernels.scan_matching.surfels import OrientedPoints
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.drift import Drift
 from gridslam.methods.slam_sd.particle_grids import Matches, ParticleGrids

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.residual_resampling import residual_ancestors
-from gridslam.kernels.surfel_registration import PosePriors
+from gridslam.kernels.scan_matching.surfel_registration import PosePriors
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.methods.slam_sd.config import FilterConfig
 from gridslam.methods.slam_sd.drift import Drift, deformed_path

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels import log_odds, surfel_likelihood, surfel_registration, surfels
-from gridslam.kernels.surfel_likelihood import EndpointModel
-from gridslam.kernels.surfel_registration import PosePriors, Registration
-from gridslam.kernels.surfels import OrientedPoints
+from gridslam.kernels.grids import log_odds
+from gridslam.kernels.scan_matching import surfel_likelihood, surfel_registration, surfels
+from gridslam.kernels.scan_matching.surfel_likelihood import EndpointModel
+from gridslam.kernels.scan_matching.surfel_registration import PosePriors, Registration
+from gridslam.kernels.scan_matching.surfels import OrientedPoints
 from gridslam.lidar_slam.grid_map import UPDATE
 from gridslam.lidar_slam.scans import PreparedScan, scan_set
 from gridslam.maps.tiled import TileStore

@@ -6,9 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.chain import RayEvidence, expected_behind, likelihoods_of_rays
-from gridslam.kernels.polar_window import GridRays, priors_of_rays
-from gridslam.kernels.stereo_update import CellEvidence, UpdateRule, apply_update, couple_neighbouring_rays
+from gridslam.kernels.stereo.chain import RayEvidence, expected_behind, likelihoods_of_rays
+from gridslam.kernels.stereo.polar_window import GridRays, priors_of_rays
+from gridslam.kernels.stereo.stereo_update import (
+    CellEvidence,
+    UpdateRule,
+    apply_update,
+    couple_neighbouring_rays,
+)
 from gridslam.maps.growing_grid import GrowingGrid
 from gridslam.maps.occupancy import GridGeometry, GridLayer, OccupancyGrid
 from gridslam.methods.stereo_bayes.adaptive_correlation import CorrelationEstimate

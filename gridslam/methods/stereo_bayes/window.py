@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.polar_window import PolarWindow, averaged_over_yaw, window_of_rays
+from gridslam.kernels.stereo.polar_window import PolarWindow, averaged_over_yaw, window_of_rays
 
 Floats = NDArray[np.float64]
 

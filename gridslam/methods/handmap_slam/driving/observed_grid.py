@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.kernels.raycast import free_squares
-from gridslam.kernels.visibility import pass_beams, wall_faces
+from gridslam.kernels.grids.raycast import free_squares
+from gridslam.kernels.grids.visibility import pass_beams, wall_faces
 from gridslam.maps.distances import distances_to
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import cumulative_distance
-from gridslam.kernels.wheel_window import free_distances
+from gridslam.kernels.planning.wheel_window import free_distances
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.scan_memory import BeamEndpoints
 from gridslam.planning.dwa import DifferentialDrive, DwaSettings, WheelSpeeds, choose_speeds

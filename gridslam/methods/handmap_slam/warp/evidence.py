@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.kernels.drawn_field import crossed_segments, sum_over_stretched_points
+from gridslam.kernels.drawings.drawn_field import crossed_segments, sum_over_stretched_points
 from gridslam.maps.distances import distances_to
 from gridslam.maps.drawing import DrawnMap
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.arrays import offsets_of
-from gridslam.kernels.stretched_edges import PlaceEdges, add_edge_equations, edge_residuals
-from gridslam.kernels.stretched_places import NormalEquations, PlacePoints, normal_equations
+from gridslam.kernels.drawings.stretched_edges import PlaceEdges, add_edge_equations, edge_residuals
+from gridslam.kernels.drawings.stretched_places import NormalEquations, PlacePoints, normal_equations
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import DrawingContradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence

@@ -1,0 +1,1 @@
+"""ir-scan: infrared beams into grids, and the straight walls under points."""

@@ -1,0 +1,1 @@
+"""Scores of many poses on one map, and the steps of the particle filter."""
