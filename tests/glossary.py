@@ -148,7 +148,7 @@ ALLOWED_IN = (
     ("gridslam/methods/handmap_slam/", {"agree", "agrees"}, "a state in words"),
     ("tests/methods/handmap_slam/", {"fits"}, "fits of a drawing to a map"),
     ("tests/benchmarks/bench_drawn_buildings.py", {"fits"}, "fits of a drawing to a map"),
-    ("gridslam/lidar_slam/sweep_calibration.py", {"fit"}, "numpy's fit of a polynomial"),
+    ("gridslam/lidar_slam/sensor_checks/sweep_calibration.py", {"fit"}, "numpy's fit of a polynomial"),
     ("slam_sd/objects/walls.py", {"FIT_ROUNDS", "FIT_ITERATIONS"}, "the fit of lines to points"),
     *(
         (

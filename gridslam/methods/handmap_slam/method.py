@@ -13,8 +13,8 @@ from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.front_end import Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
-from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.maps.drawing import Drawing, drawn_map
 from gridslam.matching.lines import LineSegments
 from gridslam.methods.base import Estimate, RunResult, Series

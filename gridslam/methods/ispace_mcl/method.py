@@ -14,9 +14,9 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
-from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.odometry_noise import JUMP_TOLERANCE_M, JUMP_TOLERANCE_RAD
 from gridslam.lidar_slam.scan_tracker import ScanTracker
+from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import Doubt, Estimate, Picture, RunResult
 from gridslam.methods.ispace_mcl.cameras.fixed_cameras import (

@@ -20,9 +20,9 @@ from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, StepNoise
-from gridslam.lidar_slam.odometry_check import OdometryCheck
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
+from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.maps.tag_database import TagDatabase
 from gridslam.methods.base import Estimate, RunResult, Series

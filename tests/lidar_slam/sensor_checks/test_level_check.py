@@ -14,8 +14,8 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
-from gridslam.lidar_slam.level_check import LevelledScans, Levelling, unevenness_m
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
+from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans, Levelling, unevenness_m
 
 S = 10**9
 HEIGHT_M = 0.8

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Transform
-from gridslam.lidar_slam.sweep_calibration import SweepTime, _other_than_stated, find_sweep_time, with_sweep
+from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
+    SweepTime,
+    _other_than_stated,
+    find_sweep_time,
+    with_sweep,
+)
 from gridslam.logs.open import open_log
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import _tracker_of

@@ -9,7 +9,7 @@ import pytest
 
 from gridslam.core.messages import Event, Imu, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.gyro_calibration import GyroCorrection, find_gyro_correction
+from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
 
 NS = 10**9
 

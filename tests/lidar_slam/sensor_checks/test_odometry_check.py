@@ -10,15 +10,15 @@ import pytest
 from gridslam.core.messages import Event, LaserScan, Odometry
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam import odometry_check
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import FrontEnd
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
-from gridslam.lidar_slam.odometry_calibration import calibrate
-from gridslam.lidar_slam.odometry_check import OdometryCheck
-from gridslam.lidar_slam.scan_repairs import reversed_sense
 from gridslam.lidar_slam.scan_tracker import ScanTracker
-from gridslam.lidar_slam.sweep_calibration import stamped_at_end
+from gridslam.lidar_slam.sensor_checks import odometry_check
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
+from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
+from gridslam.lidar_slam.sensor_checks.scan_repairs import reversed_sense
+from gridslam.lidar_slam.sensor_checks.sweep_calibration import stamped_at_end
 from tests.methods.slam_sd import hall
 
 NS = 10**9

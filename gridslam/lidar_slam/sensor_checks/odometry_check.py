@@ -13,17 +13,30 @@ from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
-from gridslam.lidar_slam.gyro_calibration import GyroCorrection, find_gyro_correction
-from gridslam.lidar_slam.level_check import LevelledScans
-from gridslam.lidar_slam.lidar_agreement import find_lidar_faults
-from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, OdometryCorrector, calibrate
-from gridslam.lidar_slam.own_body import LaterBodies, OwnBody, find_own_bodies, later_bodies_among
-from gridslam.lidar_slam.scan_angles import find_wrong_angles
-from gridslam.lidar_slam.scan_repairs import ScanRepairs
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
-from gridslam.lidar_slam.stamp_order import StampOrder
-from gridslam.lidar_slam.sweep_calibration import find_sweep_time, stamped_at_end, stated_sweep_s
+from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
+from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
+from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
+from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import (
+    OdometryCorrection,
+    OdometryCorrector,
+    calibrate,
+)
+from gridslam.lidar_slam.sensor_checks.own_body import (
+    LaterBodies,
+    OwnBody,
+    find_own_bodies,
+    later_bodies_among,
+)
+from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
+from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
+from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
+from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
+    find_sweep_time,
+    stamped_at_end,
+    stated_sweep_s,
+)
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pytest
 
 from gridslam.core.messages import LaserScan
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.scan_angles import find_wrong_angles
+from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import _tracker_of
 from tests.small_log import wall_ranges

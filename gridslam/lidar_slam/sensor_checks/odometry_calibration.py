@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
 from gridslam.core.trajectory import Trajectory, time_windows
-from gridslam.lidar_slam.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
+from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
 
 Floats = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32
 from gridslam.core.stamps import earlier_stamp
-from gridslam.lidar_slam.level_check import LevelledScans
-from gridslam.lidar_slam.lidar_agreement import LidarFault, mirrored
-from gridslam.lidar_slam.own_body import OwnBody
-from gridslam.lidar_slam.scan_angles import ScanAngles
-from gridslam.lidar_slam.sweep_calibration import SweepTime
+from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
+from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, mirrored
+from gridslam.lidar_slam.sensor_checks.own_body import OwnBody
+from gridslam.lidar_slam.sensor_checks.scan_angles import ScanAngles
+from gridslam.lidar_slam.sensor_checks.sweep_calibration import SweepTime
 
 
 @dataclass(slots=True)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.stamps import earlier_stamp
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.extrinsics_calibration import moved_transform, solve_extrinsics
-from gridslam.lidar_slam.odometry_calibration import calibrate, windows_of
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
+from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import moved_transform, solve_extrinsics
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate, windows_of
 
 Floats = NDArray[np.float64]
 

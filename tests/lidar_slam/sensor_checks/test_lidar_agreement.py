@@ -11,9 +11,9 @@ import pytest
 
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam import lidar_agreement
-from gridslam.lidar_slam.lidar_agreement import LidarFault, find_lidar_faults
-from tests.lidar_slam.test_heading_errors import winding
+from gridslam.lidar_slam.sensor_checks import lidar_agreement
+from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, find_lidar_faults
+from tests.lidar_slam.sensor_checks.test_heading_errors import winding
 
 NS = 10**9
 LEVEL = (1.0, 0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ import pytest
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Transform
-from gridslam.lidar_slam.extrinsics_calibration import (
+from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import (
     assumed_extrinsics,
     extrinsics_note,
     solve_extrinsics,

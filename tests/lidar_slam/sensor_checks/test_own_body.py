@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gridslam.core.messages import Event, LaserScan, Transform, readonly
-from gridslam.lidar_slam.own_body import LaterBodies, find_own_bodies
-from tests.lidar_slam.test_odometry_check import checked
+from gridslam.lidar_slam.sensor_checks.own_body import LaterBodies, find_own_bodies
+from tests.lidar_slam.sensor_checks.test_odometry_check import checked
 from tests.methods.slam_sd import hall
 
 BEAMS = 360

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.odometry_calibration import OdometryCorrection, windows_of
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, windows_of
 
 Floats = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gridslam.core.messages import Imu
-from gridslam.lidar_slam.stamp_order import StampOrder
+from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
 
 
 def test_events_wait_for_those_that_are_late() -> None:
