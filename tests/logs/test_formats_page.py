@@ -1,4 +1,4 @@
-"""The examples of docs/formats.md are what they claim to be."""
+"""The examples of the pages about logs are what they claim to be."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from gridslam.logs import LogConfig, open_log
 from gridslam.logs.csv_layout import CsvLayout
 from gridslam.logs.kinds import CSV_KINDS
 from gridslam.logs.skips import SkipReason
+from tests.conftest import REPOSITORY
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+PAGE, LAYOUTS = ((REPOSITORY / "docs" / name).read_text() for name in ("formats.md", "log-layouts.md"))
 EXAMPLES = [
-    parse_mapping(text, "docs/formats.md") for text in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    parse_mapping(text, "docs") for text in re.findall(r"```yaml\n(.*?)```", PAGE + LAYOUTS, re.DOTALL)
 ]
 
 
