@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -10,28 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
+from gridslam.lidar_slam.sensor_checks.corrected_events import CorrectedEvents
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
 from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import (
     OdometryCorrection,
-    OdometryCorrector,
     calibrate,
 )
 from gridslam.lidar_slam.sensor_checks.own_body import (
-    LaterBodies,
     OwnBody,
     find_own_bodies,
     later_bodies_among,
 )
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
-from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
 from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
     find_sweep_time,
     stamped_at_end,
@@ -58,34 +55,29 @@ class OdometryCheck:
         self._build_tracker = build_tracker
         self._stopwatch = stopwatch
         self._tracker: ScanTracker | None = build_tracker()
-        self._held: list[Event] | None = []
+        self._held: list[Event] = []
+        self._corrected: CorrectedEvents | None = None  # after the check
         self._tracked = 0  # of the held events
         self._scans = 0
         self._max_scans = MAX_SCANS
         self._next_check = 0  # smallest number of scans for the next check
         self._moved = np.zeros(2)  # m, rad
         self._last: Odometry | None = None
-        self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
-        self._ordered: StampOrder | None = None  # where a lidar has another clock
         self.correction = OdometryCorrection()
-        self._corrector = OdometryCorrector(self.correction)
         self.gyro: GyroCorrection | None = None
         self.repairs = ScanRepairs()
-        self._later_bodies = LaterBodies()
         self._place = ExtrinsicsCheck()
         self.checked_scans = 0
 
     def process(self, event: Event) -> Iterator[Event]:
         """Take in an event; yields nothing until the check is done, and then all events."""
-        if self._held is None:
-            if isinstance(event, Odometry):
-                self._measure(event)
-            yield from self._give(event)
-            return
-        self._held.append(event)
         if isinstance(event, Odometry):
             self._measure(event)
-        elif isinstance(event, LaserScan):
+        if self._corrected is not None:
+            yield from self._corrected.add(event, float(self._moved[1]))
+            return
+        self._held.append(event)
+        if isinstance(event, LaserScan):
             self._scans += 1
             has_moved = self._moved[0] > MIN_DISTANCE_M and self._moved[1] > MIN_ROTATION_RAD
             if self._scans >= self._max_scans and self._is_standing:
@@ -101,13 +93,10 @@ class OdometryCheck:
 
     def flush(self) -> Iterator[Event]:
         """The events that are still held back."""
-        if self._held is not None:
+        if self._corrected is None:
             yield from self._check(is_last=True)
-        if self._ordered is not None:
-            for event in self._ordered.flush():
-                yield from self._released(event)
-        yield from self._early
-        self._early.clear()
+        if self._corrected is not None:
+            yield from self._corrected.flush()
 
     def measures(self) -> dict[str, object]:
         """The corrections and the number of checked scans, for the report."""
@@ -135,18 +124,15 @@ class OdometryCheck:
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and pass on the held events, or wait for more motion if that may allow a better decision."""
-        held = self._held or []
         with self._stopwatch.stage("odometry_check"):
-            is_decided = self._decide(held, is_last)
+            is_decided = self._decide(self._held, is_last)
         if not is_decided:
             self._next_check = 2 * self._scans
             return
-        self._held, self._tracker = None, None
-        self._corrector = OdometryCorrector(self.correction)
-        if late_s := [fault.lag_s for fault in self.repairs.lidars if fault.lag_s]:
-            self._ordered = StampOrder(round(max(0.0, *late_s) * 1e9))
+        held, self._held, self._tracker = self._held, [], None
+        self._corrected = CorrectedEvents(self.correction, self.gyro, self.repairs, self._place)
         for event in held:
-            yield from self._give(event)
+            yield from self._corrected.add(event, float(self._moved[1]))
 
     def _decide(self, held: list[Event], is_last: bool) -> bool:
         """Find the faults of odometry and scans; False if more motion may allow a better decision."""
@@ -187,47 +173,6 @@ class OdometryCheck:
         if stamped_at_end(self.correction.lag_s, sweep_s):
             self.repairs.late_scans_s = sweep_s
             self.correction = replace(self.correction, lag_s=0.0)
-
-    def _give(self, event: Event) -> Iterator[Event]:
-        """The corrected event, and events that have waited for it."""
-        recorded_ns = event.stamp_ns
-        event = self._place.applied_to(self._without_later_bodies(self.repairs.applied_to(event)))
-        if self.gyro is not None and isinstance(event, Imu):
-            event = self.gyro.applied_to(event)
-        if self._ordered is None or isinstance(event, Transform):
-            yield from self._released(event)
-            return
-        for earlier in self._ordered.add(event, recorded_ns):
-            yield from self._released(earlier)
-
-    def _released(self, event: Event) -> Iterator[Event]:
-        """The event; odometry waits until events have reached its corrected stamp.
-
-        Where scans are late, all else but transforms waits for them.
-        """
-        if not (self.correction.faults or self.repairs.late_scans_s):
-            yield event
-        elif isinstance(event, Odometry):
-            self._early.append(self._corrector.corrected(event))
-        elif self.repairs.late_scans_s and not isinstance(event, LaserScan):
-            if isinstance(event, Transform):
-                yield event
-            else:
-                self._early.append(event)
-        else:
-            while self._early and self._early[0].stamp_ns <= event.stamp_ns:
-                yield self._early.popleft()
-            yield event
-
-    def _without_later_bodies(self, event: Event) -> Event:
-        """A scan without parts of the robot that came into view after the check; other events unchanged."""
-        if not isinstance(event, LaserScan):
-            return event
-        body = self._later_bodies.found_in(event, float(self._moved[1]))
-        if body is None:
-            return event
-        self.repairs.own_bodies.append(body)
-        return body.removed_from(event)
 
     def _measure(self, odometry: Odometry) -> None:
         if self._last is not None and np.isfinite(odometry.pose).all():

@@ -1,0 +1,85 @@
+"""Events with the faults that the check has found removed, in the order of their corrected stamps."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
+from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck
+from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, OdometryCorrector
+from gridslam.lidar_slam.sensor_checks.own_body import LaterBodies
+from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
+from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
+
+
+class CorrectedEvents:
+    """Passes on events corrected; those whose stamps move wait for what comes before them now.
+
+    Parts of the robot that come into view later are added to the repairs' bodies.
+    """
+
+    def __init__(
+        self,
+        correction: OdometryCorrection,
+        gyro: GyroCorrection | None,
+        repairs: ScanRepairs,
+        extrinsics: ExtrinsicsCheck,
+    ) -> None:
+        self._correction, self._gyro, self._repairs, self._extrinsics = correction, gyro, repairs, extrinsics
+        self._corrector = OdometryCorrector(correction)
+        self._later_bodies = LaterBodies()
+        self._early: deque[Event] = deque()  # corrected odometry, and what else is later than the last scan
+        late_s = [fault.lag_s for fault in repairs.lidars if fault.lag_s]
+        self._ordered = StampOrder(round(max(0.0, *late_s) * 1e9)) if late_s else None
+
+    def add(self, event: Event, rotation_rad: float) -> Iterator[Event]:
+        """Take in an event at which the robot has turned by `rotation_rad` in all; yields what need not wait any more."""
+        recorded_ns = event.stamp_ns
+        event = self._without_later_bodies(self._repairs.applied_to(event), rotation_rad)
+        event = self._extrinsics.applied_to(event)
+        if self._gyro is not None and isinstance(event, Imu):
+            event = self._gyro.applied_to(event)
+        if self._ordered is None or isinstance(event, Transform):
+            yield from self._released(event)
+            return
+        for earlier in self._ordered.add(event, recorded_ns):
+            yield from self._released(earlier)
+
+    def flush(self) -> Iterator[Event]:
+        """The events that still wait."""
+        if self._ordered is not None:
+            for event in self._ordered.flush():
+                yield from self._released(event)
+        yield from self._early
+        self._early.clear()
+
+    def _released(self, event: Event) -> Iterator[Event]:
+        """The event; odometry waits until events have reached its corrected stamp.
+
+        Where scans are late, all else but transforms waits for them.
+        """
+        if not (self._correction.faults or self._repairs.late_scans_s):
+            yield event
+        elif isinstance(event, Odometry):
+            self._early.append(self._corrector.corrected(event))
+        elif self._repairs.late_scans_s and not isinstance(event, LaserScan):
+            if isinstance(event, Transform):
+                yield event
+            else:
+                self._early.append(event)
+        else:
+            while self._early and self._early[0].stamp_ns <= event.stamp_ns:
+                yield self._early.popleft()
+            yield event
+
+    def _without_later_bodies(self, event: Event, rotation_rad: float) -> Event:
+        """A scan without parts of the robot that came into view after the check; other events unchanged."""
+        if not isinstance(event, LaserScan):
+            return event
+        body = self._later_bodies.found_in(event, rotation_rad)
+        if body is None:
+            return event
+        self._repairs.own_bodies.append(body)
+        return body.removed_from(event)
