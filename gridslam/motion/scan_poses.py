@@ -86,11 +86,12 @@ class ScanPoses:
 
     def add_odometry(self, odometry: Odometry) -> Iterator[PlacedScan]:
         """Take in odometry; yields the waiting scans up to its stamp."""
-        pose = odometry.pose
-        if not np.isfinite(pose).all():
+        if not (
+            math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad)
+        ):
             self.counters["skipped.odom.not_finite"] += 1
             return
-        stamp = odometry.stamp_ns
+        pose, stamp = odometry.pose, odometry.stamp_ns
         if self._last is not None and stamp < self._last[0] - MIN_CLOCK_JUMP_NS:
             yield from self.flush()  # scans of the time before would wait until the new clock has caught up
         if self._last is None:

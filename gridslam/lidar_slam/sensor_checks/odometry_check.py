@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
@@ -61,7 +61,7 @@ class OdometryCheck:
         self._scans = 0
         self._max_scans = MAX_SCANS
         self._next_check = 0  # smallest number of scans for the next check
-        self._moved = np.zeros(2)  # m, rad
+        self._moved_m = self._turned_rad = 0.0
         self._last: Odometry | None = None
         self.correction = OdometryCorrection()
         self.gyro: GyroCorrection | None = None
@@ -74,12 +74,12 @@ class OdometryCheck:
         if isinstance(event, Odometry):
             self._measure(event)
         if self._corrected is not None:
-            yield from self._corrected.add(event, float(self._moved[1]))
+            yield from self._corrected.add(event, self._turned_rad)
             return
         self._held.append(event)
         if isinstance(event, LaserScan):
             self._scans += 1
-            has_moved = self._moved[0] > MIN_DISTANCE_M and self._moved[1] > MIN_ROTATION_RAD
+            has_moved = self._moved_m > MIN_DISTANCE_M and self._turned_rad > MIN_ROTATION_RAD
             if self._scans >= self._max_scans and self._is_standing:
                 self._max_scans = self._scans + MAX_SCANS
             if self._scans >= self._max_scans or (has_moved and self._scans >= self._next_check):
@@ -88,7 +88,7 @@ class OdometryCheck:
     @property
     def _is_standing(self) -> bool:
         """Whether by odometry the robot has not driven off yet, and more scans of this may be held."""
-        has_moved = self._moved[0] >= STANDING_M or self._moved[1] >= STANDING_RAD
+        has_moved = self._moved_m >= STANDING_M or self._turned_rad >= STANDING_RAD
         return self._last is not None and not has_moved and self._scans < MAX_STANDING_SCANS
 
     def flush(self) -> Iterator[Event]:
@@ -132,7 +132,7 @@ class OdometryCheck:
         held, self._held, self._tracker = self._held, [], None
         self._corrected = CorrectedEvents(self.correction, self.gyro, self.repairs, self._place)
         for event in held:
-            yield from self._corrected.add(event, float(self._moved[1]))
+            yield from self._corrected.add(event, self._turned_rad)
 
     def _decide(self, held: list[Event], is_last: bool) -> bool:
         """Find the faults of odometry and scans; False if more motion may allow a better decision."""
@@ -175,11 +175,15 @@ class OdometryCheck:
             self.correction = replace(self.correction, lag_s=0.0)
 
     def _measure(self, odometry: Odometry) -> None:
-        if self._last is not None and np.isfinite(odometry.pose).all():
-            step = se2.between(self._last.pose, odometry.pose)
-            self._moved += (np.hypot(step[0], step[1]), abs(step[2]))
-        if np.isfinite(odometry.pose).all():
-            self._last = odometry
+        """Add the motion since the last odometry, in plain numbers: this is done for each message of a log."""
+        if not (
+            math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad)
+        ):
+            return
+        last, self._last = self._last, odometry
+        if last is not None:
+            self._moved_m += math.hypot(odometry.x_m - last.x_m, odometry.y_m - last.y_m)
+            self._turned_rad += abs(math.remainder(odometry.yaw_rad - last.yaw_rad, 2.0 * math.pi))
 
     def _decide_sense(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
         """The path; tracked anew, with the beams of ambiguous scans reversed, if the odometry rotates in the other direction."""
@@ -230,7 +234,7 @@ class OdometryCheck:
         """Look for the robot's body in the scans of a robot that turns: beside a straight drive a wall looks like one."""
         bodies: list[OwnBody] = find_own_bodies(e for e in held if isinstance(e, LaserScan))
         self.repairs.own_bodies = bodies
-        if bodies and self._moved[1] < MIN_ROTATION_RAD:
+        if bodies and self._turned_rad < MIN_ROTATION_RAD:
             yaw = np.unwrap(self._path(held).poses[:, 2])
             if np.abs(np.diff(yaw)).sum() < MIN_ROTATION_RAD:
                 self.repairs.own_bodies = []

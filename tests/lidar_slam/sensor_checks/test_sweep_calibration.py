@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache, partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,9 @@ from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
 from gridslam.logs.open import open_log
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import _tracker_of
+from tests.conftest import REPOSITORY
 
-LOG = Path(__file__).parents[2] / "sample_logs" / "slam-sd.mcap"
+LOG = REPOSITORY / "sample_logs" / "slam-sd.mcap"
 TRUE_SWEEP_S = 0.05  # of configs/worlds/office.yaml
 SCANS = 300
 
