@@ -465,6 +465,34 @@ def timed(**changes: Any) -> Callable[[InputDrive, Path], Path]:
     return make_log
 
 
+def hanging(spans_s: tuple[tuple[float, float], ...], **changes: Any) -> Callable[[InputDrive, Path], Path]:
+    """The ordinary recording of a lidar whose driver gives its last scan again within spans of time (s)."""
+
+    def make_log(drive: InputDrive, path: Path) -> Path:
+        last: list[LaserScan] = []
+
+        def scans(scan: LaserScan) -> Messages:
+            time_s = (scan.stamp_ns - drive.start_ns) * 1e-9
+            if last and any(start_s <= time_s < end_s for start_s, end_s in spans_s):
+                scan = replace(last[0], stamp_ns=scan.stamp_ns)
+            last[:] = [scan]
+            yield "/scan", scan_message(scan)
+
+        return plain(drive, path, scans=scans, **changes)
+
+    return make_log
+
+
+def twice(drive: InputDrive, path: Path, **changes: Any) -> Path:
+    """The ordinary recording of a relay that publishes every scan again, half a period later."""
+
+    def scans(scan: LaserScan) -> Messages:
+        for late_s in (0.0, 0.5 * PERIOD_S):
+            yield "/scan", scan_message(replace(scan, stamp_ns=scan.stamp_ns + round(late_s * 1e9)))
+
+    return plain(drive, path, scans=scans, **changes)
+
+
 def odometry(
     change: Callable[[Odometry], Odometry | None], with_imu: bool = False
 ) -> Callable[[InputDrive, Path], Path]:
@@ -565,5 +593,9 @@ MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
         for is_cloud in (False, True)
         for imu in ("orientation", "")
     },
+    "scans_twice": (twice, "ordinary"),
+    "scans_twice_no_odometry": (lambda d, p: twice(d, p, odometry=lambda o: None), "ordinary"),
+    "lidar_hangs_1s": (hanging(((8, 9), (16, 17), (27, 28), (38, 39))), "ordinary"),
+    "lidar_hangs_10s": (hanging(((15, 25),)), "ordinary"),
     "two_lidars_no_odometry": (lambda d, p: two_lidars(d, p, odometry=lambda o: None), "ordinary"),
 }

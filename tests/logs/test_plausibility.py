@@ -60,6 +60,13 @@ def test_a_sweep_longer_than_the_period_is_not_used() -> None:
         assert counts.counters["repaired.scan.time_increment"] == 1
 
 
+def test_scans_that_are_given_twice_last_as_long_as_two_of_their_periods() -> None:
+    first = [scan(ranges_m=np.full(181, 2.0 + 0.1 * (k // 2), np.float32)) for k in range(20)]
+    twice = ScanPlausibility(STAMPS, "/scan", MessageCounts(), first=first)
+    assert twice.repaired(scan(time_increment_s=0.2 / 181)).time_increment_s > 0.0
+    assert twice.repaired(scan(time_increment_s=0.4 / 181)).time_increment_s == 0.0
+
+
 def test_a_range_limit_of_zero_states_nothing() -> None:
     assert repaired(scan(range_max_m=0.0))[0].range_max_m == math.inf
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -29,6 +30,7 @@ from gridslam.lidar_slam.sensor_checks.own_body import (
 )
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
+from gridslam.lidar_slam.sensor_checks.stale_scans import StaleScans
 from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
     find_sweep_time,
     stamped_at_end,
@@ -54,6 +56,7 @@ class OdometryCheck:
     def __init__(self, build_tracker: Callable[[], ScanTracker], stopwatch: Stopwatch) -> None:
         self._build_tracker = build_tracker
         self._stopwatch = stopwatch
+        self._stale_scans = StaleScans()
         self._tracker: ScanTracker | None = build_tracker()
         self._held: list[Event] = []
         self._corrected: CorrectedEvents | None = None  # after the check
@@ -70,7 +73,11 @@ class OdometryCheck:
         self.checked_scans = 0
 
     def process(self, event: Event) -> Iterator[Event]:
-        """Take in an event; yields nothing until the check is done, and then all events."""
+        """Take in an event; yields nothing until the check is done, and then all events but stale scans."""
+        for fresh in self._stale_scans.process(event):
+            yield from self._process(fresh)
+
+    def _process(self, event: Event) -> Iterator[Event]:
         if isinstance(event, Odometry):
             self._measure(event)
         if self._corrected is not None:
@@ -93,10 +100,17 @@ class OdometryCheck:
 
     def flush(self) -> Iterator[Event]:
         """The events that are still held back."""
+        for event in self._stale_scans.flush():
+            yield from self._process(event)
         if self._corrected is None:
             yield from self._check(is_last=True)
         if self._corrected is not None:
             yield from self._corrected.flush()
+
+    @property
+    def counters(self) -> Counter[str]:
+        """The number of stale scans, which are left out."""
+        return Counter({"skipped.scan.stale": self._stale_scans.count})
 
     def measures(self) -> dict[str, object]:
         """The corrections and the number of checked scans, for the report."""
@@ -120,7 +134,7 @@ class OdometryCheck:
         if self.gyro is not None and self.gyro.is_fault:
             wrong.append(self.gyro.note)
         bodies = [body.note for body in self.repairs.own_bodies]
-        return [*wrong, *self._place.notes, *self.repairs.notes, *bodies]
+        return [*wrong, *self._place.notes, *self.repairs.notes, *self._stale_scans.notes, *bodies]
 
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and pass on the held events, or wait for more motion if that may allow a better decision."""

@@ -19,6 +19,7 @@ CODE_FRACTION = 0.97  # a reading this near to range_max that comes again and ag
 CODE_BEAMS = 5  # a code is the largest reading of a scan, on at least this many beams
 MAX_SWEEP_PERIODS = 1.1  # a sweep that lasts longer would overlap the next
 MIN_STAMPS = 3  # fewer give no period
+MIN_DIFFERENT = 8  # number of the first scans that differ, which shows how often each was recorded
 
 
 class ScanPlausibility:
@@ -43,7 +44,9 @@ class ScanPlausibility:
         self._codes = NoReturnCodes(map(self._in_metres, first))
         steps = np.diff(np.asarray(stamps_ns, np.int64))
         steps = steps[steps > 0]
-        self._period_s = float(median(steps.tolist())) / NS_PER_S if len(steps) >= MIN_STAMPS else math.inf
+        copies = _copies_of_each(first)
+        period_ns = float(steps.mean()) * copies if copies > 1 else float(median(steps.tolist() or [0]))
+        self._period_s = period_ns / NS_PER_S if len(steps) >= MIN_STAMPS else math.inf
 
     def repaired(self, scan: LaserScan) -> LaserScan:
         """The scan with its contradictions removed; the same object where it has none."""
@@ -150,3 +153,10 @@ class ScanPlausibility:
         if not self._message_counts.counters[f"repaired.scan.{what}"]:
             self._message_counts.find(f"{self._label}: {line}")
         self._message_counts.count(f"repaired.scan.{what}")
+
+
+def _copies_of_each(scans: Sequence[LaserScan]) -> int:
+    """How many scans in a row have the same readings, of those that a relay gives twice; 1 where few differ."""
+    readings = [scan.ranges_m.tobytes() for scan in scans]
+    different = [0, *(k for k in range(1, len(scans)) if readings[k] != readings[k - 1])]
+    return round(median(np.diff(different).tolist())) if len(different) >= MIN_DIFFERENT else 1

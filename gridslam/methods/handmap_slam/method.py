@@ -199,7 +199,8 @@ class HandmapSlam:
 
     def _counters(self) -> dict[str, int]:
         used = Counter({"used.scan": len(self._scan_tracker.stamps_ns)})
-        counters = used + self._scan_tracker.counters + self._drawing_tracker.counters
+        counters = used + self._odometry_check.counters
+        counters += self._scan_tracker.counters + self._drawing_tracker.counters
         return {name: int(count) for name, count in counters.items()}
 
 

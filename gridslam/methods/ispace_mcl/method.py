@@ -154,7 +154,7 @@ class IspaceMcl:
             self._localize(placed)
         self.cameras.finish()
         counters = self._counters + self._localizer.counters + self._scans.counters
-        counters += self.cameras.counters + self._depth.counters
+        counters += self.cameras.counters + self._depth.counters + self._odometry_check.counters
         path = self._history.trajectory()
         series = self._history.series()
         return RunResult(

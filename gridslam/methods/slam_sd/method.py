@@ -237,7 +237,8 @@ class SlamSd:
         }
 
     def _counters(self) -> dict[str, int]:
-        return {k: int(v) for k, v in (self._tracker.counters + self._objects.counters).items()}
+        counters = self._odometry_check.counters + self._tracker.counters + self._objects.counters
+        return {name: int(count) for name, count in counters.items()}
 
 
 def _tracker_of(config: SlamSdConfig) -> ScanTracker:
