@@ -213,7 +213,7 @@ class StaleScans:
 
 
 def _is_repeat(scan: LaserScan, before: LaserScan) -> bool:
-    """Whether a scan has the readings of another one to the bit, and there are enough to tell."""
+    """Whether a scan has the readings of another one to the bit, and there are enough of them to be sure."""
     readings = scan.ranges_m
     if len(readings) != len(before.ranges_m) or readings.tobytes() != before.ranges_m.tobytes():
         return False

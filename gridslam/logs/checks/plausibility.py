@@ -156,7 +156,7 @@ class ScanPlausibility:
 
 
 def _copies_of_each(scans: Sequence[LaserScan]) -> int:
-    """How many scans in a row have the same readings, of those that a relay gives twice; 1 where few differ."""
+    """The number of scans in a row that have the same readings, where a relay gives each again; 1 where few differ."""
     readings = [scan.ranges_m.tobytes() for scan in scans]
     different = [0, *(k for k in range(1, len(scans)) if readings[k] != readings[k - 1])]
     return round(median(np.diff(different).tolist())) if len(different) >= MIN_DIFFERENT else 1
