@@ -20,7 +20,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
 from gridslam.logs.order.clocks import check_overlap, restamp
 from gridslam.logs.order.disorder import note_disorder
-from gridslam.logs.order.repeats import is_looped, without_repeats
+from gridslam.logs.order.repeats import COPIED, has_copies, is_looped, without_repeats
 from gridslam.logs.placement.sensor_placement import place_sensors
 from gridslam.logs.placement.several_sensors import note_choice
 from gridslam.logs.playback import Playback, file_states, true_pose_of
@@ -47,6 +47,7 @@ class Log:
         self._opening = MessageCounts()
         self._truth = MessageCounts()
         self._restamped: frozenset[int] = frozenset()
+        self._has_copies = has_copies(source.streams, self._selection.kind_of)
         if self._for_a_method:
             self._restamped = restamp(source.streams, self._selection.kind_of, self._opening)
             check_overlap(source.streams, self._selection.kind_of, self._opening)
@@ -209,6 +210,8 @@ class Log:
         ).events()
         if self._for_a_method and is_looped(self._source.streams, self._selection.kind_of):
             items = without_repeats(items, message_counts)
+        elif self._for_a_method and self._has_copies:
+            items = without_repeats(items, message_counts, COPIED)
         for kind, topic, event in items:
             if isinstance(event, LaserScan) and (moving := self._sensors.moving.get(event.frame_id)):
                 transform, event = moving.placed(event)

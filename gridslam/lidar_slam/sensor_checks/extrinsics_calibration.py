@@ -72,7 +72,11 @@ def find_extrinsics(
 
 
 def moved_transform(stated: Transform, moved: Floats) -> Transform:
-    """The sensor's extrinsics, corrected by `moved` `(3,)`: the pose of the base that they assume, in the true base frame."""
+    """The sensor's extrinsics, corrected by `moved` `(3,)`: the pose of the base that they assume, in the true base frame.
+
+    Of a rotation and an offset the one that is too small to be a fault is none.
+    """
+    moved = moved * ([math.hypot(moved[0], moved[1]) >= MIN_OFFSET_M] * 2 + [abs(moved[2]) >= MIN_YAW_RAD])
     w, x, y, z = stated.quat_wxyz
     place = se2.transform_points(moved, np.array([stated.translation_m[:2]]))[0]
     cos, sin = math.cos(0.5 * moved[2]), math.sin(0.5 * moved[2])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import LogError
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order.repeats import copies_among
 from gridslam.logs.streams import RecordedStream
 
 # Smallest offset that shows two clocks: drivers and networks delay messages by less
@@ -102,7 +103,8 @@ def _unset(stream: RecordedStream, stamps: Stamps, arrivals: Stamps | None) -> t
     if stream.kind in TIMED_KINDS and len(stream.frames) < 2 and len(stamps) >= MIN_STAMPS:
         if (np.diff(stamps) == 0).mean() > MAX_EQUAL:
             return every, "most stamps are those of the message before"
-        uneven = 0.0 if arrivals is None else _unevenness(stamps, arrivals)
+        once = ~copies_among(stamps)
+        uneven = 0.0 if arrivals is None else _unevenness(stamps[once], arrivals[once])
         if uneven > MIN_UNEVENNESS:
             return every, f"{UNEVEN}, by {uneven:.0%} of their period, and the messages came evenly"
     return ~every, ""

@@ -1,4 +1,4 @@
-"""Recordings of a playback that ran in a loop: what was played before is left out the second time."""
+"""Messages that a log holds twice, because its playback ran in a loop or two recordings were joined: the second is left out."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order.clock_steps import MIN_STEP_NS, clock_epochs
 from gridslam.logs.streams import RecordedStream
 
+MIN_COPIES = 10  # smallest number of stamps of a stream that come again among later ones: two bags of one drive were joined
 MIN_REPEATED = 0.5  # fraction of the stamps after a jump back that were there before to the nanosecond
 
 Item = tuple[str, str, Event]  # kind, topic, event
@@ -31,16 +32,48 @@ def is_looped(streams: Sequence[RecordedStream], kind_of: Mapping[int, str]) -> 
     return False
 
 
+def has_copies(streams: Sequence[RecordedStream], kind_of: Mapping[int, str]) -> bool:
+    """Whether a stream has copies of its messages among later ones."""
+    return any(copies_among(streams[i].stamps_ns).any() for i in kind_of)
+
+
+def copies_among(stamps_ns: Sequence[int]) -> NDArray[np.bool_]:
+    """Mask `(n,)` of stamps (ns) that were there before, with later ones between.
+
+    A clock that is set back by a whole number of periods gives stamps again as well, but many of them one after the other.
+    """
+    stamps = np.asarray(stamps_ns, np.int64)
+    is_copy = stamps < np.maximum.accumulate(stamps)
+    if np.count_nonzero(is_copy) < MIN_COPIES:
+        return np.zeros(len(stamps), np.bool_)
+    first = np.unique(stamps, return_index=True)[1]
+    is_copy[first] = False
+    edges = np.flatnonzero(np.diff(is_copy, prepend=False, append=False))
+    for start, end in edges.reshape(-1, 2).tolist():
+        if np.ptp(stamps[start:end]) >= MIN_STEP_NS:
+            is_copy[start:end] = False
+    return is_copy if np.count_nonzero(is_copy) >= MIN_COPIES else np.zeros(len(stamps), np.bool_)
+
+
 def _passes(stamps: NDArray[np.int64]) -> NDArray[np.int64]:
     """The number of jumps back before each stamp `(n,)` of a stream that is alone."""
     steps_back = np.diff(stamps, prepend=stamps[:1]) < -MIN_STEP_NS
     return np.cumsum(steps_back)
 
 
-def without_repeats(items: Iterable[Item], message_counts: MessageCounts) -> Iterator[Item]:
+LOOPED = "the recording was played in a loop: what had been played before is left out"
+COPIED = (
+    "messages were recorded twice, as where two bags of a drive were joined: the second of each is left out"
+)
+
+
+def without_repeats(
+    items: Iterable[Item], message_counts: MessageCounts, line: str = LOOPED
+) -> Iterator[Item]:
     """The items but for those of a stream that were there before, stamp and content; transforms all stay.
 
-    A clock that is set back by a whole number of periods gives stamps again as well, but not what was measured at them.
+    The first that is left out is found with `line`. A clock that is set back by a whole number of periods gives stamps again as
+    well, but not what was measured at them.
     """
     seen: dict[tuple[str, str], set[int]] = {}
     for kind, topic, event in items:
@@ -49,9 +82,7 @@ def without_repeats(items: Iterable[Item], message_counts: MessageCounts) -> Ite
             content = _content(event)
             if content in contents:
                 message_counts.count(f"repeated.{kind}")
-                message_counts.find(
-                    "the recording was played in a loop: what had been played before is left out"
-                )
+                message_counts.find(line)
                 continue
             contents.add(content)
         yield kind, topic, event
