@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 
 # Smallest yaw and offset of a lidar that is placed: less is left to the matching, since drift and slipping wheels look alike
 MIN_YAW_RAD, MIN_OFFSET_M = 0.15, 0.25
+EXACT_M, EXACT_RAD = 0.05, 0.05  # errors of an offset and a yaw that are found by motion
 MAX_DISTANCE_M = 2.0  # largest distance from the robot's centre: farther is no place on a robot
 # Largest deviation of (cos, sin) from length 1, which they have if both motions are of one body
 MAX_SCALE_ERROR = 0.3
@@ -74,9 +75,9 @@ def find_extrinsics(
 def moved_transform(stated: Transform, moved: Floats) -> Transform:
     """The sensor's extrinsics, corrected by `moved` `(3,)`: the pose of the base that they assume, in the true base frame.
 
-    Of a rotation and an offset the one that is too small to be a fault is none.
+    Of a rotation and an offset, one that is within the errors of both is none.
     """
-    moved = moved * ([math.hypot(moved[0], moved[1]) >= MIN_OFFSET_M] * 2 + [abs(moved[2]) >= MIN_YAW_RAD])
+    moved = moved * ([math.hypot(moved[0], moved[1]) >= EXACT_M] * 2 + [abs(moved[2]) >= EXACT_RAD])
     w, x, y, z = stated.quat_wxyz
     place = se2.transform_points(moved, np.array([stated.translation_m[:2]]))[0]
     cos, sin = math.cos(0.5 * moved[2]), math.sin(0.5 * moved[2])

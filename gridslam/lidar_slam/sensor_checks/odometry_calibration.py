@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
 from gridslam.core.trajectory import Trajectory, time_windows
+from gridslam.lidar_slam.sensor_checks.distance_errors import small_error, wrong_scale
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
 
 Floats = NDArray[np.float64]
@@ -27,10 +28,10 @@ MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations o
 UNDECIDED_Z_SCORE = 1.5  # from this z score on more motion may decide
 POSSIBLE_Z_SCORE = 2.0  # lags whose differences are larger by less than this may be the true one
 MIN_ROTATION_RAD = 2.0  # smallest rotation of all windows together, by matching
-MIN_WINDOW_M, MIN_WINDOWS = 0.2, 20  # motion in a window, and number of such windows, that show the scale
-MIN_SCALE_RATIO = 1.12  # smallest error of the scale that is a fault: good odometry is within a tenth
-# Relative; where the ratio varies more, matching has slid along a corridor or wheels have slipped
-MAX_SCALE_IQR = 0.2
+MIN_WINDOW_M = 0.2  # smallest motion in a window that shows the scale
+MAX_STRAIGHT_RAD = (
+    0.2  # largest rotation in a window of straight driving: a lidar that sits elsewhere moves alike
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,8 @@ class OdometryCorrection:
     """Correction of odometry: it is `lag_s` late, its translation must be multiplied by `scale`, its yaw perhaps mirrored.
 
     `mirrors_y`: the path is mirrored as well as the yaw, as by exchanged wheels. `heading`: errors of its rotations, which
-    deform the path. `is_undecided`: more motion may show a lag.
+    deform the path. `distance_ratio`: distances by the lidar, relative to those by odometry, that differ by too little to be
+    corrected; 1 without evidence. `is_undecided`: more motion may show a lag.
     `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.
     """
 
@@ -47,6 +49,7 @@ class OdometryCorrection:
     mirrors_yaw: bool = False
     mirrors_y: bool = False
     heading: HeadingErrors = NO_ERRORS
+    distance_ratio: float = 1.0
     is_undecided: bool = False
     possible_lags_s: tuple[float, float] | None = None
 
@@ -65,6 +68,21 @@ class OdometryCorrection:
                 f"its distances are {1.0 / self.scale:.3g} of the true ones (or the lidar's ranges {self.scale:.3g})"
             )
         return [*found, *self.heading.faults]
+
+    @property
+    def notes(self) -> list[str]:
+        """Lines for people: the faults, which are corrected, and distances that differ; none for good odometry."""
+        found = (
+            [f"odometry contradicts the scans: {', '.join(self.faults)}; used corrected"]
+            if self.faults
+            else []
+        )
+        if self.distance_ratio != 1.0:
+            found.append(
+                f"distances by odometry are {1.0 / self.distance_ratio:.3g} of those by the lidar, which are taken as right: if "
+                f"a length in the map is {self.distance_ratio:.3g} of the true one, the lidar's ranges are wrong"
+            )
+        return found
 
     def poses(self, poses: Floats) -> Floats:
         """Odometry poses `(..., 3)` without the wrong scale and signs."""
@@ -112,7 +130,10 @@ def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:
     if found.mirrors_yaw:
         both = [replace(found, mirrors_y=mirrors) for mirrors in (False, True)]
         found = min(both, key=windows.translation_cost)
-    found = replace(found, scale=windows.scale(found.lag_s))
+    found = replace(found, scale=wrong_scale(*windows.distance_ratios(found.lag_s)))
+    if found.scale == 1.0:
+        straight = windows.distance_ratios(found.lag_s, MAX_STRAIGHT_RAD)
+        found = replace(found, distance_ratio=small_error(*straight))
     return replace(found, heading=windows.heading_errors(found))
 
 
@@ -200,17 +221,14 @@ class MotionWindows:
         moved, matched = self.motions(correction)
         return float(np.hypot(*(moved - matched)[:, :2].T).mean())
 
-    def scale(self, lag_s: float) -> float:
-        """Factor by which the odometry's distances must be multiplied; 1 without evidence."""
+    def distance_ratios(self, lag_s: float, max_rotation_rad: float = np.inf) -> tuple[Floats, Floats]:
+        """Ratios `(k,)` of the distances by matching to those by odometry in windows that show them, and their weights."""
         start, end = self._at(self._start_s, lag_s), self._at(self._end_s, lag_s)
         by_odometry = np.hypot(*(end - start)[:, :2].T)
         matched = np.hypot(*self._matched[:, :2].T)
-        moved = (by_odometry > MIN_WINDOW_M) & (matched > MIN_WINDOW_M)
-        if moved.sum() < MIN_WINDOWS:
-            return 1.0
-        low, middle, high = _weighted_quartiles(matched[moved] / by_odometry[moved], matched[moved])
-        is_clear = max(middle, 1.0 / middle) > MIN_SCALE_RATIO and high - low < MAX_SCALE_IQR * middle
-        return float(middle) if is_clear else 1.0
+        shown = (by_odometry > MIN_WINDOW_M) & (matched > MIN_WINDOW_M)
+        shown &= np.abs(self._matched[:, 2]) < max_rotation_rad
+        return matched[shown] / by_odometry[shown], matched[shown]
 
     def _yaw_errors(self, lag_s: float, sign: float) -> Floats:
         """Absolute differences `(n,)` (rad) of the windows' rotations, and the noise."""
@@ -234,10 +252,3 @@ class MotionWindows:
 
     def _seconds(self, stamps_ns: NDArray[np.int64]) -> Floats:
         return np.asarray((stamps_ns - self._origin_ns) * 1e-9)
-
-
-def _weighted_quartiles(values: Floats, weights: Floats) -> Floats:
-    """Quartiles `(3,)` of values `(n,)`; the noise of matching lengthens short motions, so long ones weigh more."""
-    order = np.argsort(values)
-    fractions = np.cumsum(weights[order]) / weights.sum()
-    return np.asarray(values[order][np.searchsorted(fractions, [0.25, 0.5, 0.75])])

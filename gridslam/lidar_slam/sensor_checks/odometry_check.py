@@ -129,8 +129,7 @@ class OdometryCheck:
 
     def notes(self) -> list[str]:
         """One line that names the faults of the odometry, and one for each other fault and body in view; empty for a good log."""
-        faults = self.correction.faults
-        wrong = [f"odometry contradicts the scans: {', '.join(faults)}; used corrected"] if faults else []
+        wrong = self.correction.notes
         if self.gyro is not None and self.gyro.is_fault:
             wrong.append(self.gyro.note)
         bodies = [body.note for body in self.repairs.own_bodies]

@@ -5,6 +5,7 @@ While the robot turns, scans match best when its motion is undone with the true 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,8 @@ MIN_YAW_RATE_RADPS = 0.3
 MIN_TURNING_SCANS = 40
 # Of the period; the others only where the first is better than no motion
 FIRST_FRACTION, FRACTIONS = 0.25, (0.5, 0.75, 1.0)
+GRID: Floats = np.array([0.0, FIRST_FRACTION, *FRACTIONS])
+PARTS = 10  # parts of the scans, each left out once
 CORRELATED_SCANS = 4  # neighbours match well or badly together
 MIN_Z_SCORE = 2.5  # smallest advantage of the better match, in standard deviations of its mean
 MIN_GAIN = 0.005  # smallest gain of the mean inlier ratio
@@ -103,10 +106,12 @@ def find_sweep_time(
         return None
     gain = trials.ratios(best_s) - trials.ratios(stated_s)
     z_score = gain.mean() / max(float(gain.std()), 1e-9) * np.sqrt(len(gain) / CORRELATED_SCANS)
-    is_certain = (
-        gain.mean() > MIN_GAIN and z_score > MIN_Z_SCORE and abs(best_s) <= MAX_SWEEP_PERIODS * period_s
+    is_certain = z_score > MIN_Z_SCORE or (
+        stated_s != 0.0
+        and abs(best_s - stated_s) > MIN_Z_SCORE * _best_fraction_std(trials, period_s, best_s)
     )
-    return SweepTime(best_s, stated_s) if is_certain else None
+    is_usable = gain.mean() > MIN_GAIN and abs(best_s) <= MAX_SWEEP_PERIODS * period_s
+    return SweepTime(best_s, stated_s) if is_certain and is_usable else None
 
 
 def _track(tracker: ScanTracker, events: Sequence[Event], sweep_s: float) -> None:
@@ -139,12 +144,27 @@ def _best_fraction(trials: _Trials, period_s: float) -> float | None:
     sign = 1.0 if means[FIRST_FRACTION] > means[-FIRST_FRACTION] else -1.0
     if means[sign * FIRST_FRACTION] <= means[0.0]:
         return None
-    grid = np.array([0.0, FIRST_FRACTION, *FRACTIONS])
-    values = np.array([float(trials.ratios(sign * f * period_s).mean()) for f in grid])
-    curve = np.polynomial.Polynomial.fit(grid, values, 2)
-    fine = np.linspace(0.0, 1.0, 101)
-    best = float(fine[int(np.argmax(curve(fine)))])
+    best = _vertex(_curve(trials, sign * period_s).mean(axis=1))
     return sign * best * period_s if best > 0.0 else None
+
+
+def _best_fraction_std(trials: _Trials, period_s: float, best_s: float) -> float:
+    """Standard deviation (s) of the best time of a sweep, by leaving out each of some parts of the scans (jackknife)."""
+    curve = _curve(trials, math.copysign(period_s, best_s))
+    parts = np.array_split(np.arange(curve.shape[1]), PARTS)
+    found = [_vertex(np.delete(curve, part, axis=1).mean(axis=1)) for part in parts]
+    return period_s * float(np.std(found)) * math.sqrt(PARTS - 1)
+
+
+def _curve(trials: _Trials, period_s: float) -> Floats:
+    """Inlier ratios `(f, k)` of the turning scans with each time of a sweep of `GRID`; negative: the last beam is first."""
+    return np.array([trials.ratios(fraction * period_s) for fraction in GRID])
+
+
+def _vertex(values: Floats) -> float:
+    """The fraction from 0 to 1 at which a parabola through values `(f,)` at those of `GRID` is largest."""
+    fine = np.linspace(0.0, 1.0, 101)
+    return float(fine[int(np.argmax(np.polynomial.Polynomial.fit(GRID, values, 2)(fine)))])
 
 
 def _times_s(tracker: ScanTracker) -> Floats:

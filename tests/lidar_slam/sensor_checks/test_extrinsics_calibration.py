@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from gridslam.core.messages import Event, Transform
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import (
     assumed_extrinsics,
     extrinsics_note,
+    moved_transform,
     solve_extrinsics,
     with_extrinsics,
 )
@@ -54,3 +57,12 @@ def test_only_an_assumed_place_is_replaced() -> None:
     assert "laser is placed on base by its motion: x 0.10 m, y 0.20 m, yaw 90.0 deg" in extrinsics_note(
         placed
     )
+
+
+def test_extrinsics_that_are_wrong_in_yaw_alone_keep_their_place() -> None:
+    stated = Transform(0, "base", "laser", (0.1, 0.0, 0.3), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    turned = moved_transform(stated, np.array([-0.01, 0.02, -math.pi / 2]))
+    np.testing.assert_allclose(turned.translation_m, (0.0, -0.1, 0.3), atol=1e-9)
+    moved = moved_transform(stated, np.array([0.6, 0.0, 0.01]))
+    np.testing.assert_allclose(moved.translation_m, (0.7, 0.0, 0.3), atol=1e-9)
+    assert moved.quat_wxyz == stated.quat_wxyz
