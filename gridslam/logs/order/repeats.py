@@ -37,7 +37,7 @@ def has_copies(streams: Sequence[RecordedStream], kind_of: Mapping[int, str]) ->
     return any(copies_among(streams[i].stamps_ns).any() for i in kind_of)
 
 
-def copies_among(stamps_ns: Sequence[int]) -> NDArray[np.bool_]:
+def copies_among(stamps_ns: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
     """Mask `(n,)` of stamps (ns) that were there before, with later ones between.
 
     A clock that is set back by a whole number of periods gives stamps again as well, but many of them one after the other.
