@@ -34,8 +34,8 @@ def small_error(ratios: Floats, weights: Floats) -> float:
         _weighted_quartiles(*part)[1]
         for part in zip(np.array_split(ratios, PARTS), np.array_split(weights, PARTS), strict=True)
     ]
-    least = min(parts) if middle > 1.0 else 1.0 / max(parts)
-    return middle if least > MIN_RATIO_OF_PARTS else 1.0
+    smallest = min(parts) if middle > 1.0 else 1.0 / max(parts)
+    return middle if smallest > MIN_RATIO_OF_PARTS else 1.0
 
 
 def _certain_ratio(ratios: Floats, weights: Floats) -> float:
