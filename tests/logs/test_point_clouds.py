@@ -99,7 +99,7 @@ def test_times_of_points_are_offsets_whatever_the_driver_writes(
 ) -> None:
     dtype = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), (name, kind)])
     rows = np.zeros(2, dtype)
-    rows[name] = values
+    rows["x"], rows[name] = 1.0, values
     stamp = SimpleNamespace(sec=5 + (1_700_000_000 if name == "timestamp" else 0), nanosec=0)
     header = SimpleNamespace(stamp=stamp, frame_id="lidar")
     found = codec.from_ros(message(f"x y z {name}", dtype, rows, header=header), "/points")

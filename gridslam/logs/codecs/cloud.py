@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,18 @@ from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 # sensor_msgs/PointField: datatype -> numpy's letter and size
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-# Names that drivers give to the time of a point: Ouster, Velodyne, Hesai and RoboSense, Livox.
-_TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset")
-_ABSOLUTE_FROM_S = 1e6  # a time later than eleven days after the header is no offset but a stamp
-_MAX_DELAY_S = 60.0  # largest difference of the stamp of a point from the header's
+# Names that drivers give to the time of a point (Ouster, Velodyne, Hesai and RoboSense, Livox), in order of precedence; any
+# other name with one of these parts is taken as well.
+_TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset", "ts", "dt")
+_TIME_PARTS = ("time", "stamp")
+_MAX_DELAY_S = (
+    3.0  # largest difference of the stamp of a point from the header's: beyond it they are of two clocks
+)
+_MAX_OFFSET_S = 0.5  # largest offset of a first point that is none of another clock
 _UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 _SWEEPS_S = (0.003, 3.0)  # times that lidars take for a cloud: in one unit only
+_MIN_SWEEP_S = 5e-4  # shortest time of a part of a sweep, where the unit is the usual one
+_SMALLEST_NUMBER = 1e-100  # smaller numbers of 64 bits are integers that a driver calls floats
 _MAX_POINTS = 4_000_000
 
 
@@ -37,14 +44,17 @@ def from_ros(message: Any, topic: str) -> PointCloud:
     for axis, name in enumerate("xyz"):
         points[:, axis] = _column(message, fields[name])
     usable = np.isfinite(points).all(axis=1)
-    times = next((fields[name] for name in _TIME_FIELDS if name in fields), None)
-    offsets = np.zeros(0, np.float32) if times is None else _offsets_s(message, times, stamp_ns)
-    return PointCloud(
-        stamp_ns,
-        frame,
-        readonly(points[usable], np.float32),
-        readonly(offsets[usable] if len(offsets) else offsets, np.float32),
+    points = points[usable]
+    times, unit_s = _times(message, fields)
+    is_return = points.any(axis=1)  # those at the origin are none, and their times say nothing
+    offsets = (
+        _offsets_s(times[usable][is_return], unit_s, stamp_ns) if len(times) else np.zeros(0, np.float32)
     )
+    if len(offsets) and len(offsets) < len(points):
+        filled = np.zeros(len(points), np.float32)
+        filled[is_return] = offsets
+        offsets = filled
+    return PointCloud(stamp_ns, frame, readonly(points, np.float32), readonly(offsets, np.float32))
 
 
 def from_livox(message: Any, topic: str) -> PointCloud:
@@ -77,23 +87,46 @@ def _column(message: Any, field: Any) -> NDArray[np.generic]:
     return view.reshape(-1)
 
 
-def _offsets_s(message: Any, field: Any, stamp_ns: int) -> NDArray[np.float32]:
-    """Times of the points `(n,)` after the header's stamp, s: by the standard, integers are nanoseconds and floats seconds.
+def _times(message: Any, fields: Mapping[str, Any]) -> tuple[NDArray[np.float64], float]:
+    """The times of the points `(n,)` as recorded, empty without any, and their unit by the standard (s).
 
-    Drivers write other units, and stamps instead of offsets: the unit is the one that gives the time of a sweep.
+    Integers are nanoseconds, and floats seconds; two fields may hold the seconds and the nanoseconds.
     """
+    for name in fields:
+        seconds = name.removesuffix("nsec") + "sec", name.removesuffix("Nsec") + "Sec"
+        if whole := next((fields[s] for s in seconds if s != name and s in fields), None):
+            parts = (_column(message, field).astype(np.float64) for field in (whole, fields[name]))
+            return next(parts) + 1e-9 * next(parts), 1.0
+    other = (name for name in fields if any(part in name.lower() for part in _TIME_PARTS))
+    field = next((fields[name] for name in (*_TIME_FIELDS, *other) if name in fields), None)
+    if field is None or int(field.datatype) not in _TYPES:
+        return np.zeros(0), 1.0
     values = _column(message, field)
+    if values.dtype.itemsize == 8 and np.any(values) and np.max(np.abs(values)) < _SMALLEST_NUMBER:
+        values = np.ascontiguousarray(values).view(values.dtype.str.replace("f", "u"))
     with np.errstate(invalid="ignore"):  # NaNs of damaged messages that a conversion warns about
-        times = values.astype(np.float64)
-    largest = float(np.max(np.abs(times[np.isfinite(times)]), initial=0.0))
-    usual = 1e-9 if values.dtype.kind in "iu" else 1.0
-    units = (usual, *(unit for unit in _UNITS_S if unit != usual))
-    for unit in units:
-        if largest * unit > _ABSOLUTE_FROM_S and abs(largest * unit - stamp_ns * 1e-9) < _MAX_DELAY_S:
-            return np.asarray(times * unit - stamp_ns * 1e-9, np.float32)
-    unit = next((u for u in units if _SWEEPS_S[0] <= largest * u < _SWEEPS_S[1]), usual)
-    with np.errstate(over="ignore"):  # a time that is too large for a float32 is infinite
-        return np.asarray(times * unit, np.float32)
+        return values.astype(np.float64), 1e-9 if values.dtype.kind in "iu" else 1.0
+
+
+def _offsets_s(times: NDArray[np.float64], usual: float, stamp_ns: int) -> NDArray[np.float32]:
+    """Times of the points `(n,)` after the header's stamp (s), given their times in a unit that is perhaps the `usual` one (s).
+
+    Drivers write other units, and stamps instead of offsets, perhaps of another clock: the unit is the one that gives the time of
+    a sweep. Empty where none does.
+    """
+    known = times[np.isfinite(times)]
+    if len(known) < len(times):  # no method can use the cloud
+        return np.asarray(times, np.float32)
+    first, last = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    sweep = last - first
+    others = (unit for unit in _UNITS_S if unit != usual and _SWEEPS_S[0] <= sweep * unit < _SWEEPS_S[1])
+    unit = usual if _MIN_SWEEP_S <= sweep * usual < _SWEEPS_S[1] else next(others, None)
+    if unit is None:
+        return np.zeros(0, np.float32)
+    if abs(first * unit - stamp_ns * 1e-9) < _MAX_DELAY_S and first * unit > _MAX_OFFSET_S:
+        return np.asarray(times * unit - stamp_ns * 1e-9, np.float32)
+    is_offset = abs(first) * unit <= max(_MAX_OFFSET_S, sweep * unit)
+    return np.asarray((times if is_offset else times - first) * unit, np.float32)
 
 
 def unusable_reason(cloud: PointCloud) -> SkipReason | None:
