@@ -105,14 +105,11 @@ def run(
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.runs.explore import LOG_NAME, TRUTH_NAME, explore
 
-    def say_compiling() -> None:
-        console.say("compiling kernels, once per installation: about a minute")
-
     inputs = read_inputs(files, settings.method_name)
     target = real_path(output)
     target.parent.mkdir(parents=True, exist_ok=True)
     with partial_folder(target) as folder, stop_on_signals() as stop:
-        with console.progress_bar("explore") as show, announcing_compilation(say_compiling):
+        with console.progress_bar("explore") as show, announcing_compilation(_say_compiling):
             done = explore(
                 settings, place, path, inputs, folder, show=show, stop=stop, max_duration_s=longest
             )
@@ -125,6 +122,10 @@ def run(
         else:
             console.emit_table(("", ""), _summary(done, document, output))
     _exit_unless_finished(done, output)
+
+
+def _say_compiling() -> None:
+    console.say("compiling kernels, once per installation: about a minute")
 
 
 def _summary(done: Explored, document: dict[str, Any], output: Path) -> list[tuple[str, str]]:

@@ -12,6 +12,9 @@ from .. import console
 from ..options import AsJson
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from gridslam.planning.arcs_and_lines import PlannedPath
 
 
@@ -104,8 +107,6 @@ def run(
     from gridslam.kernels.compiling import announcing_compilation
     from gridslam.maps.load import load_any_map
     from gridslam.planning.arcs_and_lines import plan_path
-    from gridslam.planning.footprint import cover_polygon, disc
-    from gridslam.planning.obstacles import ROBOT_RADIUS_M
     from gridslam.planning.options import PlanOptions
     from gridslam.planning.travel_time import SpeedLimits
     from gridslam.report.directory import check_free
@@ -113,14 +114,8 @@ def run(
 
     from ..interruption import finishing
 
-    if radius is not None and footprint is not None:
-        raise typer.BadParameter("give --radius or --footprint, not both", param_hint="'--footprint'")
-    if footprint is not None:
-        discs = cover_polygon(np.array(_corners(footprint)))
-    else:
-        discs = disc(ROBOT_RADIUS_M if radius is None else radius)
     options = PlanOptions(
-        discs=discs,
+        discs=_discs_of_robot(radius, footprint),
         min_radius_m=min_radius,
         turn_on_spot=turn_on_spot,
         reverse=reverse,
@@ -134,20 +129,36 @@ def run(
             acceleration_mps2=acceleration,
         ),
     )
-    start_pose, goal_pose = np.array(_pose("--start", start, False)), np.array(_pose("--goal", goal, True))
+    start_pose, goal_pose = np.array([_pose("--start", start, False), _pose("--goal", goal, True)])
     before = check_free(output, force) if output is not None else None
     occupancy = load_any_map(map_path)
-    with announcing_compilation(
-        lambda: console.say("compiling the planner, once per installation: half a minute")
-    ):
+    with announcing_compilation(_say_compiling):
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())
     with finishing():
         if output is not None:
-            write_plan(output, plan, occupancy, discs, map_path, force=force, before=before)
+            write_plan(output, plan, occupancy, options.discs, map_path, force=force, before=before)
         if as_json:
             console.emit_json(plan_document(plan, map_path))
         else:
             _show(plan)
+
+
+def _say_compiling() -> None:
+    console.say("compiling the planner, once per installation: half a minute")
+
+
+def _discs_of_robot(radius_m: float | None, footprint: str | None) -> NDArray[np.float64]:
+    """The discs `(n, 3)` (x, y, radius; m) that cover the robot. Raises BadParameter: radius and footprint are both given."""
+    import numpy as np
+
+    from gridslam.planning.footprint import cover_polygon, disc
+    from gridslam.planning.obstacles import ROBOT_RADIUS_M
+
+    if radius_m is not None and footprint is not None:
+        raise typer.BadParameter("give --radius or --footprint, not both", param_hint="'--footprint'")
+    if footprint is not None:
+        return cover_polygon(np.array(_corners(footprint)))
+    return disc(ROBOT_RADIUS_M if radius_m is None else radius_m)
 
 
 class _SearchNotice:

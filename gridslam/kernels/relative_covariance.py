@@ -141,7 +141,7 @@ def covariances_from(
                 continue
             best[v] = cost
             dx, dy = poses[v, 0] - poses[u, 0], poses[v, 1] - poses[u, 1]
-            _extend(out[u], edges.covariance[e], poses[u, 2], dx, dy, out[v])
+            _extend(out[u], edges.covariance[e], poses[u, 2], dx=dx, dy=dy, out=out[v])
             keys[size], nodes[size] = cost, v
             _sift_up(keys, nodes, size)
             size += 1
@@ -257,4 +257,13 @@ def _loop_candidates(
 ) -> None:
     """Fill in the items first to last - 1 of `loop_candidates`."""
     for b in range(max(first, limits.first_query), last):
-        counts[b] = _candidates_of(b, poses, travel_m, edges, limits, is_target, nodes[b], covariances[b])
+        counts[b] = _candidates_of(
+            b,
+            poses,
+            travel_m=travel_m,
+            edges=edges,
+            limits=limits,
+            is_target=is_target,
+            nodes=nodes[b],
+            covariances=covariances[b],
+        )

@@ -210,7 +210,9 @@ def _cast_segments(
     n, k = segments.shape[0], moving.shape[0]
     for i in range(first, last):
         ox, oy, dx, dy = rays[i, 0], rays[i, 1], rays[i, 2], rays[i, 3]
-        best, index = _cast_static(segments, starts, items, grid, Ray(ox, oy, dx, dy), max_range)
+        best, index = _cast_static(
+            segments, starts, items, grid=grid, ray=Ray(ox, oy, dx, dy), max_range=max_range
+        )
         for j in range(k):
             distance = _segment_distance(moving[j], ox, oy, dx, dy)
             if distance < best:

@@ -19,6 +19,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.kernels.compiling import timing_compilation
 from gridslam.logs.write import open_writer
 from gridslam.methods import registry
+from gridslam.methods.base import Method, RunResult
 from gridslam.methods.registry import MethodEntry
 from gridslam.planning.dwa import DifferentialDrive
 from gridslam.runs.closed_loop import ClosedLoop, Ending, Explores
@@ -73,23 +74,15 @@ def explore(
         started = clock.now()
         simulator = Simulator(world, world_path.parent)
         grid = true_map(simulator.scene, world.truth)
-        method = method_builder("map", config)(
-            config.method, config.seed, **{name: item.value for name, item in inputs.items()}
-        )
-        explorer: Explores = registry.load(entry.explorer)(
-            method, config.method, drive_of(world), config.seed
-        )
-        limit_s, limit = min(
-            (world.max_duration_s, "max_duration_s of the world"), (max_duration_s or np.inf, "--longest")
-        )
+        method, explorer = _built(entry, config, world, inputs)
+        limit_s, limit = _limit(world, max_duration_s)
         log_path = folder / LOG_NAME
         loop = ClosedLoop(simulator, method, explorer, show=show, limit_s=limit_s, now=clock.now)
         with open_writer(log_path, force=False) as writer:
             loop.drive(writer.write, writer.write_truth, stop)
         before_result = clock.now()
         show(Progress(loop.events, loop.events, loop.scans, is_finishing=True))
-        result = explorer.add_to(method.result())
-        result = replace(result, measures=_with_ending(result.measures, loop))
+        result = _with_ending(explorer.add_to(method.result()), loop)
         write_truth(folder / TRUTH_NAME, world, simulator.scene, loop.path, grid)
         finished = clock.now()
         run = Run(
@@ -109,13 +102,8 @@ def explore(
             compile_s=clock.seconds,
             given={name: item.path.name for name, item in inputs.items()},
         )
-        return Explored(
-            run=run,
-            ended=loop.ended,
-            duration_s=simulator.time_s,
-            travelled_m=simulator.robot.distance_m,
-            clearance_m=loop.watch.clearance_m,
-        )
+        robot, watch = simulator.robot, loop.watch
+        return Explored(run, loop.ended, simulator.time_s, robot.distance_m, watch.clearance_m)
 
 
 def drive_of(world: WorldConfig) -> DifferentialDrive:
@@ -145,6 +133,21 @@ def _checked(config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[s
     return entry
 
 
+def _built(
+    entry: MethodEntry, config: RunConfig[BaseModel], world: WorldConfig, inputs: Mapping[str, Input]
+) -> tuple[Method, Explores]:
+    """The method, and the part of it that drives the world's robot."""
+    values = {name: item.value for name, item in inputs.items()}
+    method = method_builder("map", config)(config.method, config.seed, **values)
+    return method, registry.load(entry.explorer)(method, config.method, drive_of(world), config.seed)
+
+
+def _limit(world: WorldConfig, max_duration_s: float | None) -> tuple[float, str]:
+    """The longest time (s) in the world, and what sets it."""
+    given_s = np.inf if max_duration_s is None else max_duration_s
+    return min((world.max_duration_s, "max_duration_s of the world"), (given_s, "--longest"))
+
+
 def _hashes(inputs: Mapping[str, Input], files: Iterable[Path]) -> dict[str, str]:
     """SHA-256 of the inputs and of further files, by name."""
     return {item.path.name: item.sha256 for item in inputs.values()} | {
@@ -157,9 +160,9 @@ def _trajectory(path: list[Odometry]) -> Trajectory:
     return Trajectory(stamps, np.array([pose.pose for pose in path]).reshape(-1, 3))
 
 
-def _with_ending(measures: Mapping[str, object], loop: ClosedLoop) -> dict[str, object]:
-    """The measures with the ending, duration, distance and clearance of the exploration."""
-    exploration = measures.get("exploration")
+def _with_ending(result: RunResult, loop: ClosedLoop) -> RunResult:
+    """The result whose measures have the ending, duration, distance and clearance of the exploration."""
+    exploration = result.measures.get("exploration")
     simulator = loop.simulator
     ending: dict[str, object] = {
         "ended": loop.ended,
@@ -167,7 +170,8 @@ def _with_ending(measures: Mapping[str, object], loop: ClosedLoop) -> dict[str, 
         "travelled_m": round(simulator.robot.distance_m, 2),
         "min_clearance_m": round(float(loop.watch.clearance_m), 3),
     }
-    return {**measures, "exploration": {**ending, **(exploration if isinstance(exploration, dict) else {})}}
+    known = exploration if isinstance(exploration, dict) else {}
+    return replace(result, measures={**result.measures, "exploration": {**ending, **known}})
 
 
 def _problems(loop: ClosedLoop, limit: str) -> tuple[str, ...]:

@@ -151,22 +151,18 @@ def _run(
         missing = set(entry.input_names) - further.keys()
         unused = unused_streams(counts)
         is_lossy = log.is_lossy or not missing.issuperset(unused)
-        inputs = {**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}}
+        unused_lines = [unused_stream_line(name, counts, missing) for name in unused]
         return Run(
             command=command,
             config=config,
             log_path=log_path,
-            inputs=inputs,
+            inputs={**log.input_hashes(), **{i.path.name: i.sha256 for i in further.values()}},
             result=result,
             occupancy=result.occupancy if occupancy is None else occupancy,
             truth=truth if truth is not None and len(truth) else None,
             status=status_of(result, is_interrupted=interrupted, is_lossy=is_lossy),
             is_lossy=is_lossy or log.has_findings or bool(result.notes),
-            problems=(
-                *log.problems,
-                *result.notes,
-                *(unused_stream_line(name, counts, missing) for name in unused),
-            ),
+            problems=(*log.problems, *result.notes, *unused_lines),
             counts=counts,
             read_s=opened - started + fed.read_s + clock.now() - finished,
             process_s=fed.process_s + finished - before_result,

@@ -166,7 +166,9 @@ def mark_tiles_of_scans(
     for i in range(poses.shape[0]):
         own = scans.points[scans.first_point[i] : scans.first_point[i + 1]]
         if with_beams:
-            mark_beam_tiles(wanted, origin, poses[i], viewpoint, own, resolution_m)
+            mark_beam_tiles(
+                wanted, origin, poses[i], viewpoint=viewpoint, points=own, resolution_m=resolution_m
+            )
         else:
             mark_endpoint_tiles(wanted, origin, poses[i], own, resolution_m)
 
@@ -238,7 +240,14 @@ def own_tiles_of_scan(
     for k in range(first, scan.maps.shape[0]):
         pose = scan.poses[k]
         if scan.with_beams:
-            mark_beam_tiles(wanted, origin, pose, scan.viewpoint, scan.points, maps.resolution_m)
+            mark_beam_tiles(
+                wanted,
+                origin,
+                pose,
+                viewpoint=scan.viewpoint,
+                points=scan.points,
+                resolution_m=maps.resolution_m,
+            )
         else:
             mark_endpoint_tiles(wanted, origin, pose, scan.points, maps.resolution_m)
         row_0 = max(int(np.floor((pose[1] - scan.radius_m) / tile_m)) - origin[0] - 1, 0)

@@ -221,11 +221,11 @@ def equations_of_walls(
             wall_gradients[wall, 1] += weight * along * distance
     pairs = pair + 1
     return WallEquations(
-        pose_blocks,
-        pose_gradients,
-        wall_blocks,
-        wall_gradients,
-        stops_of_wall,
-        pair_stops[:pairs],
-        pair_blocks[:pairs],
+        pose_blocks=pose_blocks,
+        pose_gradients=pose_gradients,
+        wall_blocks=wall_blocks,
+        wall_gradients=wall_gradients,
+        stops_of_wall=stops_of_wall,
+        pair_stops=pair_stops[:pairs],
+        pair_blocks=pair_blocks[:pairs],
     )

@@ -159,7 +159,7 @@ def parts_are_free(
         x, y, yaw, length, curvature, angle = parts[k]
         if abs(angle) > _ZERO and not is_free_to_turn_in_place(world, x, y, yaw, angle):
             return False
-        if abs(length) > _ZERO and not is_free(world, x, y, yaw, length, curvature):
+        if abs(length) > _ZERO and not is_free(world, x, y, yaw=yaw, length=length, curvature=curvature):
             return False
     return True
 
@@ -200,7 +200,9 @@ def minimise_travel_time(
             i = 0
             while i < n:
                 for move in range(MOVES):
-                    m = _apply_move(now, n, i, move, step, radius, parts, trial)
+                    m = _apply_move(
+                        now, n, i=i, move=move, step=step, radius=radius, parts=parts, trial=trial
+                    )
                     if m == 0:
                         continue
                     there = trial_parts[: 2 * m - 1]

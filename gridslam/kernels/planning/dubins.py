@@ -107,7 +107,7 @@ def connect(
         for k in range(3):
             length, curvature = parts[word, k], WORDS[word, k] / radius
             if length > 0.0:
-                free = is_free(world, x, y, yaw, length, curvature)
+                free = is_free(world, x, y, yaw=yaw, length=length, curvature=curvature)
                 if not free:
                     break
                 x, y, yaw = advance(x, y, yaw, length, curvature)

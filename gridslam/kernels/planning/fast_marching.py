@@ -47,7 +47,7 @@ def arrival_costs(
             there = int(r * cols + c)
             if done[there] or cell_cost[r, c] == np.inf:
                 continue
-            new = np.float32(_eikonal(cost, done, rows, cols, r, c, cell_cost[r, c]))
+            new = np.float32(_eikonal(cost, done, rows, cols=cols, r=r, c=c, cell_cost=cell_cost[r, c]))
             if new < cost[there]:
                 cost[there] = new
                 heapq.heappush(queue, (new, np.int64(there)))

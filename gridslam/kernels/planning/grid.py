@@ -148,4 +148,4 @@ def _is_line_free(
 ) -> bool:
     """Whether the robot can drive straight from point a to point b."""
     dx, dy = b[0] - a[0], b[1] - a[1]
-    return bool(is_free(world, a[0], a[1], np.arctan2(dy, dx), np.hypot(dx, dy), 0.0))
+    return bool(is_free(world, a[0], a[1], yaw=np.arctan2(dy, dx), length=np.hypot(dx, dy), curvature=0.0))

@@ -102,9 +102,9 @@ def _connect_to_goals(
     for goal in query.goals:
         max_length = 3.0 * np.hypot(goal[X] - here[X], goal[Y] - here[Y]) + 4.0 * np.pi * query.radius
         if direction > 0:
-            found = connect(world, here, goal, query.radius, max_length, connection)
+            found = connect(world, here, goal, radius=query.radius, max_length=max_length, out=connection)
         else:
-            found = connect(world, goal, here, query.radius, max_length, connection)
+            found = connect(world, goal, here, radius=query.radius, max_length=max_length, out=connection)
             connection[:, 0] = -connection[:, 0]
             connection = connection[::-1].copy()
         if np.isfinite(found):
@@ -115,7 +115,16 @@ def _connect_to_goals(
             )
             if direction < 0:
                 cost += found / query.limits.top_speed
-            push_state(states, node, goal, cost, cost, AT_GOAL, direction, connection)
+            push_state(
+                states,
+                node,
+                pose=goal,
+                cost=cost,
+                priority=cost,
+                mark=AT_GOAL,
+                direction=direction,
+                motion=connection,
+            )
 
 
 @compiled
@@ -134,13 +143,17 @@ def _connect_to_guide_path(world: CollisionWorld, query: Query, states: States, 
         if so_far + away / query.limits.top_speed >= states.guide_best[k]:
             continue
         max_length = 1.5 * away + 2.0 * np.pi * query.radius
-        if not np.isfinite(connect(world, here, pose, query.radius, max_length, connection)):
+        if not np.isfinite(
+            connect(world, here, pose, radius=query.radius, max_length=max_length, out=connection)
+        ):
             continue
         cost = so_far + _driving_time(connection, query.limits)
         if cost < states.guide_best[k]:
             states.guide_best[k] = cost
             priority = cost + HEURISTIC_WEIGHT * _cost_to_go_at(world, query, pose) / query.limits.top_speed
-            push_state(states, node, pose, cost, priority, k, 1, connection)
+            push_state(
+                states, node, pose=pose, cost=cost, priority=priority, mark=k, direction=1, motion=connection
+            )
 
 
 @compiled
@@ -172,19 +185,19 @@ def _steer(
         if not np.isfinite(rest):
             continue
         slot, key = hash_slot(query, states, pose, direction)
-        if cost >= states.best[slot] or not is_free(world, x, y, yaw, length, curvature):
+        if cost >= states.best[slot] or not is_free(world, x, y, yaw=yaw, length=length, curvature=curvature):
             continue
         states.keys[slot], states.best[slot] = key, cost
         motion[0, 0], motion[0, 1] = length, curvature
         push_state(
             states,
             node,
-            pose,
-            cost,
-            cost + HEURISTIC_WEIGHT * rest / query.limits.top_speed,
-            ON_GRID,
-            direction,
-            motion,
+            pose=pose,
+            cost=cost,
+            priority=cost + HEURISTIC_WEIGHT * rest / query.limits.top_speed,
+            mark=ON_GRID,
+            direction=direction,
+            motion=motion,
         )
 
 

@@ -73,18 +73,18 @@ def start_search(query: Query, start: NDArray[np.float64], max_states: int) -> S
     while slots < 2 * max_states:
         slots *= 2
     states = States(
-        np.array([1, -1, 0, MAX_EXPANSIONS_AFTER_GOAL]),  # COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT
-        np.empty((max_states, 3)),
-        np.empty(max_states),
-        np.empty(max_states, np.int64),
-        np.empty((max_states, 3, 2)),
-        np.empty(max_states, np.int64),
-        np.empty(max_states, np.int64),
-        np.full(slots, -1, np.int64),
-        np.full(slots, np.inf),
-        np.full(query.guide_path.shape[0], np.inf),
-        np.empty(max_states),
-        np.empty(max_states, np.int64),
+        size=np.array([1, -1, 0, MAX_EXPANSIONS_AFTER_GOAL]),  # COUNT, BEST_GOAL, QUEUED, EXPANSIONS_LEFT
+        pose=np.empty((max_states, 3)),
+        cost=np.empty(max_states),
+        parent=np.empty(max_states, np.int64),
+        parts=np.empty((max_states, 3, 2)),
+        mark=np.empty(max_states, np.int64),
+        direction=np.empty(max_states, np.int64),
+        keys=np.full(slots, -1, np.int64),
+        best=np.full(slots, np.inf),
+        guide_best=np.full(query.guide_path.shape[0], np.inf),
+        queue_priority=np.empty(max_states),
+        queue_node=np.empty(max_states, np.int64),
     )
     states.pose[0] = start
     states.cost[0], states.parent[0], states.mark[0], states.direction[0] = 0.0, -1, ON_GRID, 1

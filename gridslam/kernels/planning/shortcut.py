@@ -58,9 +58,9 @@ def shortcut(
                     world,
                     joints[i, :3],
                     joints[j, :3],
-                    radius,
-                    max_length,
-                    connection,
+                    radius=radius,
+                    max_length=max_length,
+                    out=connection,
                 )
                 if not np.isfinite(found):
                     continue

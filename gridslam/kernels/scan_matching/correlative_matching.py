@@ -158,7 +158,7 @@ def correlate(
     nodes = np.empty((n_yaw * per_axis * per_axis, 4), np.int64)
     for k in range(n_yaw):
         yaw = start[2] + (k - yaw_steps) * search.yaw_step_rad
-        _cells_under(pyramid, points, start[:2], yaw, rows[k], cols[k])
+        _cells_under(pyramid, points, start[:2], yaw_rad=yaw, rows=rows[k], cols=cols[k])
         for a in range(per_axis):
             for b in range(per_axis):
                 dr, dc = a * block - window, b * block - window
@@ -173,7 +173,9 @@ def correlate(
             break
         k = index // (per_axis * per_axis)
         stack[0] = nodes[index]
-        best, dr, dc, is_better = _best_in_block(levels, rows[k], cols[k], stack, window, best)
+        best, dr, dc, is_better = _best_in_block(
+            levels, rows[k], cols[k], stack=stack, window=window, best=best
+        )
         if is_better:
             best_k, best_dr, best_dc = k, dr, dc
     if best_k < 0:

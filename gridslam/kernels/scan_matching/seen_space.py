@@ -76,7 +76,7 @@ def explained_and_contradicted(
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
         nx = c * normals[i, 0] - s * normals[i, 1]
         ny = s * normals[i, 0] + c * normals[i, 1]
-        if nearest_surfel(surfels, x, y, nx, ny, max_distance_m)[0] >= 0:
+        if nearest_surfel(surfels, x, y, nx=nx, ny=ny, max_distance_m=max_distance_m)[0] >= 0:
             explained += 1
             continue
         row = int(np.floor((y - seen.corner[1]) / seen.cell_m))

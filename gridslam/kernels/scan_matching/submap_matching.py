@@ -156,7 +156,12 @@ def match_submaps(
     """Every query searched for in its target; a score of -1 and the start as pose where nothing was found."""
     n = pairs.starts.shape[0]
     out = SubmapMatches(
-        pairs.starts.copy(), np.full(n, -1.0), np.full(n, -1.0), np.zeros((n, 3, 3)), np.zeros(n), np.zeros(n)
+        poses=pairs.starts.copy(),
+        scores=np.full(n, -1.0),
+        rival_scores=np.full(n, -1.0),
+        information=np.zeros((n, 3, 3)),
+        explained=np.zeros(n),
+        contradicted=np.zeros(n),
     )
     run_in_ranges(_match_submaps, n, (clouds, pairs, drawing, search, registration, out))
     return out
@@ -175,4 +180,4 @@ def _match_submaps(
 ) -> None:
     """Fill in the items first to last - 1 of `match_submaps`."""
     for k in range(first, last):
-        _match(clouds, pairs, k, drawing, search, registration, out)
+        _match(clouds, pairs, k, drawing=drawing, search=search, registration=registration, out=out)

@@ -77,7 +77,9 @@ def log_likelihood(
         y = pose[1] + s * points[i, 0] + c * points[i, 1]
         nx = c * normals[i, 0] - s * normals[i, 1]
         ny = s * normals[i, 0] + c * normals[i, 1]
-        tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, model.max_correspondence_m)
+        tile, row, col = nearest_surfel(
+            surfaces, x, y, nx=nx, ny=ny, max_distance_m=model.max_correspondence_m
+        )
         if tile >= 0:
             cell = surfaces.pool[tile, row, col]
             scale = 1.0 / np.sqrt(cell[NX] * cell[NX] + cell[NY] * cell[NY])
@@ -86,7 +88,7 @@ def log_likelihood(
             continue
         row, col = int(np.floor(y / cells.resolution_m)), int(np.floor(x / cells.resolution_m))
         if _log_odds_at(cells, row, col) < 0.0 or _crosses_wall(
-            cells, x0, y0, x, y, model.max_correspondence_m
+            cells, x0, y0, x1=x, y1=y, margin_m=model.max_correspondence_m
         ):
             total += miss
         else:
@@ -126,4 +128,6 @@ def _log_likelihood_all(
 ) -> None:
     """Fill in the items first to last - 1 of `log_likelihood_all`."""
     for k in range(first, last):
-        out[k] = log_likelihood(map_of(surfaces, k), map_of(cells, k), viewpoint, scan, poses[k], model)
+        out[k] = log_likelihood(
+            map_of(surfaces, k), map_of(cells, k), viewpoint, scan=scan, pose=poses[k], model=model
+        )

@@ -79,7 +79,7 @@ def _normal_equations(
         nx = c * normals[i, 0] - s * normals[i, 1]
         ny = s * normals[i, 0] + c * normals[i, 1]
         x, y = pose[0] + rx, pose[1] + ry
-        tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, max_correspondence_m)
+        tile, row, col = nearest_surfel(surfaces, x, y, nx=nx, ny=ny, max_distance_m=max_correspondence_m)
         if tile < 0:
             continue
         mean_nx, mean_ny = pool[tile, row, col, NX], pool[tile, row, col, NY]
@@ -140,7 +140,12 @@ def register(
     max_correspondence_m = settings.max_correspondence_m
     for _ in range(settings.max_iterations):
         scan_gradient, used = _normal_equations(
-            surfaces, scan, pose, settings.sigma_m, max_correspondence_m, scan_information
+            surfaces,
+            scan,
+            pose,
+            sigma_m=settings.sigma_m,
+            max_correspondence_m=max_correspondence_m,
+            information=scan_information,
         )
         offset = pose - prior.pose
         offset[2] -= 2.0 * np.pi * np.round(offset[2] / (2.0 * np.pi))
@@ -180,7 +185,9 @@ def search_yaw(
             y = predicted[1] + s * points[i, 0] + c * points[i, 1]
             nx = c * normals[i, 0] - s * normals[i, 1]
             ny = s * normals[i, 0] + c * normals[i, 1]
-            tile, row, col = nearest_surfel(surfaces, x, y, nx, ny, search.max_correspondence_m)
+            tile, row, col = nearest_surfel(
+                surfaces, x, y, nx=nx, ny=ny, max_distance_m=search.max_correspondence_m
+            )
             if tile >= 0:
                 d2 = (x - pool[tile, row, col, X]) ** 2 + (y - pool[tile, row, col, Y]) ** 2
                 score += np.exp(-0.5 * d2 / (search.sigma_m * search.sigma_m))

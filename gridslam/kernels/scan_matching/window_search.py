@@ -201,7 +201,7 @@ def search_window(
                 m += 1
     order = np.argsort(-nodes[:, BOUND], kind="mergesort")
     full = 255.0 * n
-    tree = _Tree(pyramid, rows, cols, nodes, order, window_r, window_c)
+    tree = _Tree(pyramid, rows, cols, nodes=nodes, order=order, window_r=window_r, window_c=window_c)
     anywhere = _Apart(_Peak(k=-1, dr=0, dc=0, total=-1), cells=0, yaw_steps=0)
     best = _highest(tree, int(search.min_score * full), anywhere)
     if best.k < 0:

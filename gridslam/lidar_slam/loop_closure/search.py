@@ -135,7 +135,7 @@ def find_candidates(
         first_query=first_query,
     )
     counts, nodes, covariances = relative_covariance.loop_candidates(
-        poses, travel_m, graph, limits, is_target, MAX_PASSAGES
+        poses, travel_m, graph, limits=limits, is_target=is_target, max_passages=MAX_PASSAGES
     )
     query, column = np.nonzero(np.arange(MAX_PASSAGES) < counts[:, None])
     target = nodes[query, column]

@@ -164,7 +164,7 @@ class ObjectTracker:
         earlier = earlier_estimate(history, observations, path, observations.last_key)
         key = observations.key_nearest_to(visit.middle_ns)
         readers = observations.readers(model, visit)
-        if not self._gate.accepts(model, visit, key, readers, earlier, path):
+        if not self._gate.accepts(model, visit, key, readers=readers, earlier=earlier, path=path):
             self._counters["tags.false_reads"] += visit.reads
             return
         evidence = observations.evidence(model, visit)
