@@ -6,6 +6,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,19 +141,22 @@ def _views_of_rotation(
 
 
 def _beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
-    """The beams of a scan, and the place `(n,)` of each of its readings among them.
+    """The beams of a scan, and the place `(n,)` of each of its readings among them."""
+    frame, count = scan.frame_id.partition("@")[0], len(scan.ranges_m)
+    return _layout(frame, count, scan.angle_min_rad, scan.angle_increment_rad)
 
-    A scan of the whole circle may begin at any bearing.
-    """
-    frame, count, step = scan.frame_id.partition("@")[0], len(scan.ranges_m), scan.angle_increment_rad
+
+@lru_cache(maxsize=64)  # most scans of a log have the same beams
+def _layout(frame: str, count: int, first_rad: float, step: float) -> tuple[BeamLayout, NDArray[np.int64]]:
+    """The beams, and the place of each reading among them: a scan of the whole circle may begin at any bearing."""
     places = np.arange(count)
     if abs(abs(step) * count - 2.0 * np.pi) < 0.5 * abs(step):
         circle_step = 2.0 * np.pi / count
-        first = round((scan.angle_min_rad + np.pi) / circle_step - 0.5)
+        first = round((first_rad + np.pi) / circle_step - 0.5)
         return BeamLayout(frame, count, 0.5 * circle_step - np.pi, circle_step), (
             first + (places if step > 0.0 else -places)
         ) % count
-    return BeamLayout(frame, count, scan.angle_min_rad, step), places
+    return BeamLayout(frame, count, first_rad, step), places
 
 
 def _body_limits(views: Floats) -> Floats:
@@ -181,7 +185,8 @@ def _different_views(ranges: Floats) -> Floats:
 
 def _differ(ranges: NDArray[np.floating[Any]], others: NDArray[np.floating[Any]]) -> bool:
     """Whether most ranges `(n,)` of two scans differ; 0 is no return."""
-    return bool((np.abs(ranges - others) > CHANGED_M).mean() > MIN_CHANGED_FRACTION)
+    changed = np.count_nonzero(np.abs(ranges - others) > CHANGED_M)
+    return int(changed) > MIN_CHANGED_FRACTION * len(ranges)
 
 
 def later_bodies_among(events: Sequence[Event], known: Sequence[OwnBody]) -> list[OwnBody]:
