@@ -15,6 +15,7 @@ from gridslam.core.messages import Imu
 from gridslam.lidar_slam.front_end import ScanMatch
 from gridslam.lidar_slam.odometry_noise import JUMP_STD, NO_MIN_STD
 from gridslam.lidar_slam.odometry_trust import OdometryTrust
+from gridslam.lidar_slam.prediction_errors import MIN_COMPARED_STEPS, PredictionErrors, VelocityChange
 from gridslam.motion.gyro_heading import GyroHeading
 from gridslam.motion.scan_poses import MAX_SCAN_GAP_S, PlacedScan, twist_between
 
@@ -29,14 +30,10 @@ GYRO_FLOOR_RAD, GYRO_STD_PER_RAD = 0.01, 0.05
 MIN_INLIER_RATIO = 0.4
 MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those of two lidars are
 FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
-LEARNED_STEPS = 200  # number of steps over which changes of the velocity are averaged
-CHANGE_STDS = 1.5  # the changes are not Gaussian: robots drive evenly and then stop
-MIN_TRANSLATION_STD_M = 0.01
 KEPT_SCANS = 16
 MAX_LOST_S = 5.0  # after this time without a match the surroundings are new
 # Advantage of constant velocity that a gyro may have: on straight drives it is as good
 GYRO_TOLERANCE_RAD = 0.005
-MIN_COMPARED_STEPS = 20  # a source is judged by its errors once it has been compared this often
 # Root mean square changes of motion from scan to scan beyond which a path without odometry is doubted: those of recorded logs
 # whose paths were right are below 0.05 rad and 0.03 m.
 MAX_CHANGE_M, MAX_CHANGE_RAD = 0.1, 0.15
@@ -56,59 +53,6 @@ class PredictedMotion:
 
     odometry: Floats
     min_std: Floats
-
-
-class PredictionErrors:
-    """Root mean square differences between predicted and matched motions of one source."""
-
-    def __init__(self) -> None:
-        self.steps = 0
-        self._squares_m2 = self._squares_rad2 = 0.0
-
-    def add(self, predicted: Floats, matched: Floats) -> None:
-        """Take in a step `(3,)` by the source and by matching, both in the robot's frame."""
-        x, y, yaw = (predicted - matched).tolist()
-        self._squares_m2 += x * x + y * y
-        self._squares_rad2 += math.remainder(yaw, 2.0 * math.pi) ** 2
-        self.steps += 1
-
-    @property
-    def rms_m(self) -> float:
-        """Root mean square error of the translation of a step (m)."""
-        return math.sqrt(self._squares_m2 / max(self.steps, 1))
-
-    @property
-    def rms_rad(self) -> float:
-        """Root mean square error of the heading of a step (rad)."""
-        return math.sqrt(self._squares_rad2 / max(self.steps, 1))
-
-    def measures(self) -> dict[str, object]:
-        """The errors for the report."""
-        return {
-            "compared_scans": self.steps,
-            "rms_error_m": round(self.rms_m, 4),
-            "rms_error_rad": round(self.rms_rad, 5),
-        }
-
-
-class VelocityChange:
-    """Change of the robot's speed from scan to scan, learned from matches that are certain in all directions."""
-
-    def __init__(self) -> None:
-        self._steps = 0
-        self._mean_square = 0.0  # (m/s)^2
-
-    def add(self, difference_m: float, elapsed_s: float) -> None:
-        """Take in a position's distance from its prediction at constant velocity over `elapsed_s`."""
-        self._steps += 1
-        weight = 1.0 / min(self._steps, LEARNED_STEPS)
-        self._mean_square += weight * ((difference_m / elapsed_s) ** 2 - self._mean_square)
-
-    def std_m(self, elapsed_s: float) -> float:
-        """Standard deviation (m) of the translation over `elapsed_s`; infinite while little is known, or after a gap."""
-        if self._steps < MIN_COMPARED_STEPS or elapsed_s > MAX_SCAN_GAP_S:
-            return math.inf
-        return MIN_TRANSLATION_STD_M + CHANGE_STDS * math.sqrt(self._mean_square) * elapsed_s
 
 
 class MotionPredictor:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gridslam.lidar_slam.motion_prediction import (
+from gridslam.lidar_slam.prediction_errors import (
     CHANGE_STDS,
     MIN_COMPARED_STEPS,
     MIN_TRANSLATION_STD_M,
