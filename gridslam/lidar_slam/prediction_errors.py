@@ -1,4 +1,4 @@
-"""What is learned about predicted motions: the errors of each source, and how fast the robot's speed changes."""
+"""Errors of predicted motions by source, and how fast the robot changes its speed, learned from matched scans."""
 
 from __future__ import annotations
 
