@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck
 from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, OdometryCorrector
+from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection
 from gridslam.lidar_slam.sensor_checks.own_body import LaterBodies
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
 from gridslam.lidar_slam.sensor_checks.stamp_order import StampOrder
+
+Floats = NDArray[np.float64]
 
 
 class CorrectedEvents:
@@ -83,3 +91,34 @@ class CorrectedEvents:
             return event
         self._repairs.own_bodies.append(body)
         return body.removed_from(event)
+
+
+class OdometryCorrector:
+    """Corrects the odometry of a log message by message; velocities are left out."""
+
+    def __init__(self, correction: OdometryCorrection) -> None:
+        self._correction = correction
+        self._last: tuple[float, Floats] | None = None  # time (s) and pose with errors of the heading
+        self._pose = np.zeros(3)  # without them
+
+    def corrected(self, odometry: Odometry) -> Odometry:
+        """The next odometry of the log; the same object where there are no faults."""
+        if not self._correction.faults:
+            return odometry
+        pose = self._correction.poses(odometry.pose)
+        if self._correction.heading != NO_ERRORS and np.isfinite(pose).all():
+            pose = self._with_corrected_rotation(odometry.stamp_ns * 1e-9, pose)
+        x, y, yaw = pose.tolist()
+        stamp_ns = odometry.stamp_ns - round(self._correction.lag_s * 1e9)
+        nan = float("nan")
+        return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
+
+    def _with_corrected_rotation(self, time_s: float, pose: Floats) -> Floats:
+        """The pose `(3,)` after the next step, integrated with corrected rotations."""
+        last_s, last = self._last or (time_s, pose)
+        start, end = self._correction.heading.removed_from(
+            np.array([last_s, max(time_s, last_s)]), np.array([last, pose])
+        )
+        self._pose = pose if self._last is None else se2.compose(self._pose, se2.between(start, end))
+        self._last = time_s, pose
+        return self._pose

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
-from gridslam.core.messages import Odometry
 from gridslam.core.trajectory import Trajectory, time_windows
 from gridslam.lidar_slam.sensor_checks.distance_errors import small_error, wrong_scale
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors, find_heading_errors
@@ -58,9 +57,7 @@ class OdometryCorrection:
         """The faults in words; empty for good odometry."""
         found = []
         if self.mirrors_yaw:
-            found.append(
-                "its yaw has the wrong sign, or the lidar hangs upside down (then log.extrinsics needs roll: 3.1416)"
-            )
+            found.append(self._mirrored_in_words)
         if self.lag_s:
             found.append(f"it is {abs(self.lag_s):.2f} s {'late' if self.lag_s > 0 else 'early'}")
         if self.scale != 1.0:
@@ -68,6 +65,16 @@ class OdometryCorrection:
                 f"its distances are {1.0 / self.scale:.3g} of the true ones (or the lidar's ranges {self.scale:.3g})"
             )
         return [*found, *self.heading.faults]
+
+    @property
+    def _mirrored_in_words(self) -> str:
+        """What may be mirrored: a lidar that hangs upside down mirrors the path as well as the yaw."""
+        if not self.mirrors_y:
+            return "its yaw has the wrong sign"
+        return (
+            "its yaw and y have the wrong sign (exchanged wheels, or a turn rate of the wrong sign), or else the lidar's beams "
+            "are mirrored (it hangs upside down), and then so is the map: log.extrinsics with roll: 3.1416 mirrors them back"
+        )
 
     @property
     def notes(self) -> list[str]:
@@ -88,37 +95,6 @@ class OdometryCorrection:
         """Odometry poses `(..., 3)` without the wrong scale and signs."""
         y = -self.scale if self.mirrors_y else self.scale
         return np.asarray(poses * np.array([self.scale, y, -1.0 if self.mirrors_yaw else 1.0]))
-
-
-class OdometryCorrector:
-    """Corrects the odometry of a log message by message; velocities are left out."""
-
-    def __init__(self, correction: OdometryCorrection) -> None:
-        self._correction = correction
-        self._last: tuple[float, Floats] | None = None  # time (s) and pose with errors of the heading
-        self._pose = np.zeros(3)  # without them
-
-    def corrected(self, odometry: Odometry) -> Odometry:
-        """The next odometry of the log; the same object where there are no faults."""
-        if not self._correction.faults:
-            return odometry
-        pose = self._correction.poses(odometry.pose)
-        if self._correction.heading != NO_ERRORS and np.isfinite(pose).all():
-            pose = self._with_corrected_rotation(odometry.stamp_ns * 1e-9, pose)
-        x, y, yaw = pose.tolist()
-        stamp_ns = odometry.stamp_ns - round(self._correction.lag_s * 1e9)
-        nan = float("nan")
-        return replace(odometry, stamp_ns=stamp_ns, x_m=x, y_m=y, yaw_rad=yaw, vx_mps=nan, wz_radps=nan)
-
-    def _with_corrected_rotation(self, time_s: float, pose: Floats) -> Floats:
-        """The pose `(3,)` after the next step, integrated with corrected rotations."""
-        last_s, last = self._last or (time_s, pose)
-        start, end = self._correction.heading.removed_from(
-            np.array([last_s, max(time_s, last_s)]), np.array([last, pose])
-        )
-        self._pose = pose if self._last is None else se2.compose(self._pose, se2.between(start, end))
-        self._last = time_s, pose
-        return self._pose
 
 
 def calibrate(track: Trajectory, odometry: Trajectory) -> OdometryCorrection:

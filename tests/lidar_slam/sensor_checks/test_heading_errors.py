@@ -10,8 +10,9 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.core.messages import Odometry
 from gridslam.core.trajectory import Trajectory
+from gridslam.lidar_slam.sensor_checks.corrected_events import OdometryCorrector
 from gridslam.lidar_slam.sensor_checks.heading_errors import NO_ERRORS, HeadingErrors
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrector, calibrate
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import calibrate
 
 NS = 10**9
 

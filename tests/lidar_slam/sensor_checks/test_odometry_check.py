@@ -102,11 +102,21 @@ def test_odometry_of_exchanged_wheels_is_corrected_and_named() -> None:
         replace(e, y_m=-e.y_m, yaw_rad=-e.yaw_rad) if isinstance(e, Odometry) else e for e in hall.events(1)
     ]
     check, given = checked(events)
-    assert "wrong sign" in check.notes()[0]
+    assert "its yaw and y have the wrong sign" in check.notes()[0]
+    assert "or else the lidar's beams are mirrored" in check.notes()[0]
     right = {e.stamp_ns: e for e in hall.events(1) if isinstance(e, Odometry)}
     for event in given:
         if isinstance(event, Odometry):
             np.testing.assert_allclose(event.pose, right[event.stamp_ns].pose)
+
+
+def test_distances_that_differ_a_little_are_named_and_left_as_they_are() -> None:
+    truth = winding()
+    for ratio in (0.95, 1.05):
+        found = calibrate(truth, Trajectory(truth.stamps_ns, truth.poses / [ratio, ratio, 1.0]))
+        assert not found.faults
+        assert f"are {1.0 / ratio:.3g} of those by the lidar" in found.notes[0]
+    assert not calibrate(truth, Trajectory(truth.stamps_ns, truth.poses * [1.02, 1.02, 1.0])).notes
 
 
 def test_odometry_whose_stamps_are_early_is_given_on_no_sooner_than_the_scans_need_it() -> None:
