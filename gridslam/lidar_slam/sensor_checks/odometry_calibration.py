@@ -68,7 +68,7 @@ class OdometryCorrection:
 
     @property
     def _mirrored_in_words(self) -> str:
-        """What may be mirrored: a lidar that hangs upside down mirrors the path as well as the yaw."""
+        """The mirrored parts in words: a lidar that hangs upside down mirrors the path as well as the yaw."""
         if not self.mirrors_y:
             return "its yaw has the wrong sign"
         return (
