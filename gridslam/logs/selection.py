@@ -47,7 +47,7 @@ def select_streams(
         if kinds is not None and kind not in kinds:
             continue
         recorded = "image" if kind == "stereo" else kind
-        candidates = [i for i in listed if i not in (truth, *kind_of) and streams[i].kind == recorded]
+        candidates = [i for i in listed if streams[i].kind == recorded and i != truth and i not in kind_of]
         if kind == "stereo":
             candidates = [i for i in candidates if kinds is not None and _is_sided(streams[i])]
         if kind == "scan" and kinds is not None:

@@ -25,7 +25,7 @@ from gridslam.runs.run_config import run_config_model, validate_run_config
 from gridslam.simulation.record import record_world
 from gridslam.simulation.world_config import WorldConfig, validate_world
 from gridslam.sweep.config import load_sweep
-from tests.fuzz import command_lines, log_records, targets, text_logs
+from tests.fuzz import command_lines, definitions, log_records, targets, text_logs
 from tests.fuzz.map_files import write_odd_map
 from tests.fuzz.value_trees import at_bounds, damaged, drawn
 
@@ -256,6 +256,7 @@ def _world_answer(document: dict[str, Any], folder: Path) -> str:
 STRUCTURES: Mapping[str, Callable[[random.Random, Path], str]] = {
     **{kind: log_target(kind) for kind in log_records.MAKERS},
     "table": read_table,
+    "definition": definitions.fuzz_definition,
     "yaml": read_tree,
     "map": read_map,
     "trajectory": read_trajectory,

@@ -44,7 +44,7 @@ from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
 
 _HEADER_BYTES = 100
-# Of a chunk that unpacks to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
+# Of a chunk, or of all chunks of a file, that unpack to more than _ALWAYS_UNPACKED bytes; sensor data stay below 100
 _MAX_EXPANSION = 1000
 _ALWAYS_UNPACKED = 64 << 20
 _MIN_MESSAGE_LIMIT = 10_000  # messages that any file may hold; a larger file one per byte
@@ -73,6 +73,7 @@ class McapFile:
     profile: str = ""
     span_ns: tuple[int, int] | None = None  # of the times of arrival, where the index says them
     _size: int = 0
+    _unpacked: int = 0  # bytes of all chunks so far of a pass
     _is_indexed: bool = False
     _last: tuple[bytes, int] = b"", 0  # the data of the last message's record, and where its body begins
     _complete: bool = False
@@ -108,6 +109,7 @@ class McapFile:
         """(channel number, data) of every readable message in recorded order. The same messages on every call."""
         number = 0
         limit = max(self._size, _MIN_MESSAGE_LIMIT)
+        self._unpacked = 0
         self._channels.present.clear()
         self._schemas.present.clear()
         for message in self._messages():
@@ -190,7 +192,9 @@ class McapFile:
             start = CHUNK_HEAD.size + name_length + 8
             packed_size = int.from_bytes(body[start - 8 : start], "little")
             is_bomb = size > max(_ALWAYS_UNPACKED, _MAX_EXPANSION * packed_size)
+            is_bomb |= self._unpacked + size > max(_ALWAYS_UNPACKED, _MAX_EXPANSION * self._size)
             if start + packed_size <= length and size <= self.limit_bytes and not is_bomb:
+                self._unpacked += size
                 name = body[CHUNK_HEAD.size : start - 8].decode("utf-8", "replace")
                 fault = "chunk_that_cannot_be_unpacked"
                 data = unpack(name, body[start : start + packed_size], size)

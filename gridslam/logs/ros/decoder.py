@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from gridslam.core.messages import Event, Transform
@@ -49,10 +50,17 @@ class ChannelDecoder:
     """Decodes the messages of one channel; its methods raise DECODING_ERRORS for damaged ones.
 
     `kind` is what the channel's messages serve as, `stream` the stream that they belong to. `unusable_reason` is the reason
-    why none of them can be decoded. `joint_names` are those of the first message, where it holds joints.
+    why none of them can be decoded. `joint_names` are those of the first message, where it holds joints. `may_read` says
+    whether a definition may be read, which takes time.
     """
 
-    def __init__(self, channel: Channel, schema: Schema | None, config: LogConfig) -> None:
+    def __init__(
+        self,
+        channel: Channel,
+        schema: Schema | None,
+        config: LogConfig,
+        may_read: Callable[[Schema], bool] = lambda definition: True,
+    ) -> None:
         self.topic = channel.topic
         self.type = full_name(schema.name) if schema else ""
         self.kind = kind_of_ros_type(self.type)
@@ -65,37 +73,42 @@ class ChannelDecoder:
         self._is_standard = False
         self._decode: Callable[[bytes], Any] = _no_decoder
         if self.is_json:
-            self._use_json(schema, is_protobuf=channel.encoding == "protobuf")
+            self._use_json(schema)
         elif channel.encoding != "cdr":
             self.unusable_reason = SkipReason.UNKNOWN_ENCODING if self.kind != "other" else None
         elif self.kind != "other" and schema is not None:
-            self._use_schema(schema)
+            self._use_schema(schema, may_read)
+        if channel.encoding == "protobuf" and self.kind != "other":
+            self._use_protobuf(schema, may_read)
         self._convert = ros_converter(self.type)
         self._convert_foxglove: FromFoxglove | None = foxglove_converter(self.type)
         self._with_context = {_JOINTS: self._wheels, _RANGE: self._reading}.get(self.type)
 
-    def _use_json(self, schema: Schema | None, is_protobuf: bool) -> None:
+    def _use_json(self, schema: Schema | None) -> None:
         name = schema.name if schema else ""
         foxglove_kind = kind_of_foxglove_type(name)
         if foxglove_kind:
             self.type, self.kind = name, foxglove_kind
         self._decode = foxglove.parse
-        if is_protobuf and self.kind != "other":
-            try:
-                self._decode = protobuf.decoder_of(schema.data if schema else b"", name)
-            except DECODING_ERRORS:
-                self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
 
-    def _use_schema(self, schema: Schema) -> None:
-        self._is_standard = is_standard(schema)
+    def _use_protobuf(self, schema: Schema | None, may_read: Callable[[Schema], bool]) -> None:
+        self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
+        if schema is not None and may_read(schema):
+            with suppress(*DECODING_ERRORS):
+                self._decode = protobuf.decoder_of(schema.data, schema.name)
+                self.unusable_reason = None
+
+    def _use_schema(self, schema: Schema, may_read: Callable[[Schema], bool]) -> None:
+        self._is_standard = may_read(schema) and is_standard(schema)
         if self._is_standard:
             self._fast = _FAST.get(self.type)
             self._decode = _LazyDecoder(schema, self.type)
             return
-        try:
-            self._decode = decoder_of(schema, self.type)
-        except ValueError:
-            self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
+        self.unusable_reason = SkipReason.UNREADABLE_SCHEMA
+        if may_read(schema):
+            with suppress(ValueError):
+                self._decode = decoder_of(schema, self.type)
+                self.unusable_reason = None
 
     @property
     def is_tf(self) -> bool:

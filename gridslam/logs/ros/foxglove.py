@@ -16,9 +16,14 @@ from gridslam.logs.encoding.ros_fields import frame_name
 from gridslam.logs.message_kind import FromFoxglove
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
+_PART_STARTS = b",", b"[", b"{"  # of a part of a document each
+_MAX_PARTS = 1_000_000  # largest number in one message; each may take a hundred bytes, and more time than reading a number
+
 
 def parse(data: bytes) -> Any:
-    """The JSON document as an object with fields. Raises ValueError where it is none."""
+    """The JSON document as an object with fields. Raises ValueError: it is none, or has too many parts."""
+    if sum(map(data.count, _PART_STARTS)) > _MAX_PARTS:
+        raise ValueError(f"more than {_MAX_PARTS} values in a message")
     message = json.loads(data, object_hook=_object)
     if not isinstance(message, SimpleNamespace):
         raise ValueError("not a JSON object")

@@ -22,6 +22,10 @@ _FIXED = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
 _REPEATED = 3
 _MAX_DEPTH = 30
 _MAX_MESSAGES = 1000  # largest number of messages of one schema
+_MAX_SCHEMA_BYTES = 1 << 20  # a schema with all that it imports has some 100 kB
+_MAX_NAME = 1000  # longest full name of a message: those within others have the others' in theirs
+# Largest number of values of one message, those that have their default too; numbers of fixed size that are packed count as one
+_MAX_VALUES = 1_000_000
 _WELL_KNOWN = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 
 
@@ -44,13 +48,16 @@ def decoder_of(schema: bytes, name: str) -> Callable[[bytes], Any]:
 
     Raises ValueError: the schema does not define the type.
     """
+    if len(schema) > _MAX_SCHEMA_BYTES:
+        raise ValueError(f"{name}: its definition is larger than any real one")
     types: dict[str, _Message] = {}
     for number, _, file in _fields(schema):
         if number == 1:
             _enter_file(bytes(file), types)
     if name not in types:
         raise ValueError(f"{name}: the log has no definition of this type")
-    return lambda data: _decode(data, types[name], types, 0)
+    decoder = _Decoder(types)
+    return lambda data: decoder.message(data, name)
 
 
 def _enter_file(data: bytes, types: dict[str, _Message]) -> None:
@@ -78,6 +85,8 @@ def _enter_message(data: bytes, scope: str, types: dict[str, _Message], depth: i
             found.fields[place] = described
         elif number == 3:
             nested.append(value)
+    if len(found.name) > _MAX_NAME:
+        raise ValueError("a name longer than any real one")
     types[found.name] = found
     for message in nested:
         _enter_message(message, found.name, types, depth + 1)
@@ -91,51 +100,69 @@ def _field_of(data: bytes) -> tuple[int, _Field]:
     return values[3], _Field(name, values[5], values.get(4) == _REPEATED, message)
 
 
-def _decode(data: bytes, of: _Message, types: dict[str, _Message], depth: int) -> SimpleNamespace:
-    """A message as an object; a field that is absent has its default."""
-    if depth > _MAX_DEPTH:
-        raise ValueError("messages nested deeper than any real one")
-    found: dict[str, Any] = {f.name: [] if f.is_repeated else _default(f) for f in of.fields.values()}
-    for number, wire, value in _fields(data):
-        described = of.fields.get(number)
-        if described is None:
-            continue
-        if described.kind == _MESSAGE:
-            inner: Any = _inner(value, described.message, types, depth)
-        elif wire == _BYTES and described.kind not in (_STRING, _BYTES_TYPE):
-            found[described.name].extend(_packed(value, described.kind))
-            continue
-        else:
-            inner = _scalar(value, described.kind)
-        if described.is_repeated:
-            found[described.name].append(inner)
-        else:
-            found[described.name] = inner
-    return SimpleNamespace(**found)
+class _Decoder:
+    """Decodes messages of the types of one schema."""
 
+    def __init__(self, types: dict[str, _Message]) -> None:
+        self._types = types
+        self._left = 0  # values that the present message may still have
 
-def _inner(data: bytes, name: str, types: dict[str, _Message], depth: int) -> SimpleNamespace:
-    if name in _WELL_KNOWN:
-        values = {number: value for number, _, value in _fields(data)}
-        return SimpleNamespace(sec=_scalar(values.get(1, 0), 3), nsec=_scalar(values.get(2, 0), 5))
-    return _decode(data, types[name], types, depth + 1)
+    def message(self, data: bytes, name: str) -> SimpleNamespace:
+        """A message as an object. Raises ValueError and the like: it is damaged, or has too many values."""
+        self._left = _MAX_VALUES
+        return self._decode(data, self._types[name], 0)
+
+    def _spend(self, values: int) -> None:
+        self._left -= values
+        if self._left < 0:
+            raise ValueError(f"more than {_MAX_VALUES} values in a message")
+
+    def _decode(self, data: bytes, of: _Message, depth: int) -> SimpleNamespace:
+        """A field that is absent has its default."""
+        if depth > _MAX_DEPTH:
+            raise ValueError("messages nested deeper than any real one")
+        self._spend(1 + len(of.fields))
+        found: dict[str, Any] = {f.name: [] if f.is_repeated else _default(f) for f in of.fields.values()}
+        for number, wire, value in _fields(data):
+            self._spend(1)
+            described = of.fields.get(number)
+            if described is None:
+                continue
+            if described.kind == _MESSAGE:
+                inner: Any = self._inner(value, described.message, depth)
+            elif wire == _BYTES and described.kind not in (_STRING, _BYTES_TYPE):
+                found[described.name].extend(self._packed(value, described.kind))
+                continue
+            else:
+                inner = _scalar(value, described.kind)
+            if described.is_repeated:
+                found[described.name].append(inner)
+            else:
+                found[described.name] = inner
+        return SimpleNamespace(**found)
+
+    def _inner(self, data: bytes, name: str, depth: int) -> SimpleNamespace:
+        if name in _WELL_KNOWN:
+            values = {number: value for number, _, value in _fields(data)}
+            return SimpleNamespace(sec=_scalar(values.get(1, 0), 3), nsec=_scalar(values.get(2, 0), 5))
+        return self._decode(data, self._types[name], depth + 1)
+
+    def _packed(self, data: bytes, kind: int) -> list[Any]:
+        """The numbers of a packed repeated field."""
+        if kind in _FIXED:
+            return list(frombuffer(data, _FIXED[kind]).tolist())
+        values, at = [], 0
+        while at < len(data):
+            value, at = _varint(data, at)
+            self._spend(1)
+            values.append(_scalar(value, kind))
+        return values
 
 
 def _default(described: _Field) -> Any:
     if described.kind == _MESSAGE:
         return None
     return "" if described.kind in (_STRING, _BYTES_TYPE) else _scalar(0, described.kind)
-
-
-def _packed(data: bytes, kind: int) -> list[Any]:
-    """The numbers of a packed repeated field."""
-    if kind in _FIXED:
-        return list(frombuffer(data, _FIXED[kind]).tolist())
-    values, at = [], 0
-    while at < len(data):
-        value, at = _varint(data, at)
-        values.append(_scalar(value, kind))
-    return values
 
 
 def _scalar(value: Any, kind: int) -> Any:

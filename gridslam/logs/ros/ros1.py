@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
+from gridslam.logs.kind_lookup import kind_of_ros_type
 from gridslam.logs.ros.container import Channel, Container, Schema
-from gridslam.logs.ros.definitions import is_valid
-from gridslam.logs.ros.types import MAX_SCHEMA_BYTES, full_name, ros2_types
+from gridslam.logs.ros.definitions import BadDefinitionError, is_valid, refuse_unbounded, types_within
+from gridslam.logs.ros.types import MAX_DEFINITIONS, MAX_SCHEMA_BYTES, full_name, ros2_types
 
 ENCODING = "ros1"  # of messages, as MCAP names it
 _UNREADABLE = (("", (0, "")),)  # fields that are no valid ones
@@ -22,6 +24,11 @@ def present_name(name: str) -> str:
     return _PRESENT_NAMES.get(full_name(name), full_name(name))
 
 
+def is_used(name: str) -> bool:
+    """Whether messages of a type serve as anything."""
+    return kind_of_ros_type(present_name(name)) != "other"
+
+
 class Ros1Types:
     """The types that ROS 1 messages of one file have, given `(type name, definition)` pairs.
 
@@ -31,10 +38,14 @@ class Ros1Types:
     def __init__(self, definitions: Iterable[tuple[str, str]]) -> None:
         from rosbags.typesys import Stores, get_typestore
 
+        from gridslam.logs.ros.type_store import BoundedTypestore
+
         types = dict(get_typestore(Stores.ROS1_NOETIC).fielddefs)
         wrong: set[str] = set()
         valid: dict[str, Any] = {}
+        names = []
         for name, text in definitions:
+            names.append(full_name(name))
             for found, (_, fields) in _types_in(full_name(name), text).items():
                 if is_valid(found, fields):
                     valid[found] = ([], fields)
@@ -42,15 +53,17 @@ class Ros1Types:
                     wrong.add(found)
         types = {name: definition for name, definition in types.items() if name not in wrong} | valid
         types["std_msgs/msg/Header"] = ros2_types().fielddefs["std_msgs/msg/Header"]
-        self._store = get_typestore(Stores.EMPTY)
-        self._store.register(types)
+        self._store = BoundedTypestore()
+        needed = {found for name in names for found in types_within(types, name)}
+        self._store.register({found: types[found] for found in sorted(needed)})
+        self._bounded: dict[str, bool] = {}
 
     def schema_of(self, name: str) -> Schema:
         """The schema of a type's messages in CDR: by its name where ROS 2 has it, else by the definition in the file."""
         from rosbags.typesys import TypesysError
 
         present = present_name(name)
-        if present in ros2_types().fielddefs:
+        if present in ros2_types().fielddefs or not self._is_bounded(present):
             return Schema(present, "", b"")
         try:
             text, _ = self._store.generate_msgdef(present, ros_version=2)
@@ -63,10 +76,20 @@ class Ros1Types:
         from rosbags.serde import SerdeError
         from rosbags.typesys import TypesysError
 
+        if not self._is_bounded(full_name(name)):
+            return b""
         try:
             return bytes(self._store.ros1_to_cdr(raw, full_name(name)))
         except (SerdeError, TypesysError, MemoryError, *_DAMAGE):
             return b""
+
+    def _is_bounded(self, name: str) -> bool:
+        """Whether the cost of a type's messages is bounded by their size."""
+        if name not in self._bounded:
+            with suppress(BadDefinitionError):
+                refuse_unbounded(self._store.fielddefs, name)
+                self._bounded[name] = True
+        return self._bounded.setdefault(name, False)
 
 
 def _types_in(name: str, text: str) -> dict[str, Any]:
@@ -80,20 +103,17 @@ def _types_in(name: str, text: str) -> dict[str, Any]:
 
 
 class Ros1Messages:
-    """A container whose channels of ROS 1 messages appear as channels of CDR; the others stay as they are."""
+    """A container whose channels of ROS 1 messages appear as channels of CDR; the others stay as they are.
+
+    Messages of types that nothing uses stay as they are too: nobody looks into them.
+    """
 
     def __init__(self, container: Container) -> None:
         self._container = container
+        self._of_definition: dict[Schema, Ros1Types] = {}
         self._types: dict[int, tuple[Ros1Types, str] | None] = {}
+        self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
-
-    @property
-    def channels(self) -> Mapping[int, Channel]:
-        """Channels by number."""
-        return {
-            number: Channel(c.topic, "cdr", number) if self._types.get(number) else c
-            for number, c in self._container.channels.items()
-        }
 
     @property
     def arrival_ns(self) -> int | None:
@@ -102,21 +122,29 @@ class Ros1Messages:
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
         """(channel, data); messages of ROS 1 in CDR."""
-        for channel, data in self._container.messages():
-            if channel not in self._types:
-                self._types[channel] = self._types_of(channel)
-            types = self._types[channel]
-            yield channel, data if types is None else types[0].to_cdr(data, types[1])
+        for number, data in self._container.messages():
+            channel = self._container.channels.get(number)
+            if number not in self._types and channel is not None:
+                self._types[number] = self._enter(number, channel)
+            types = self._types.get(number)
+            yield number, data if types is None else types[0].to_cdr(data, types[1])
 
-    def _types_of(self, number: int) -> tuple[Ros1Types, str] | None:
-        """Types and type name of a channel of ROS 1 messages; None for others."""
-        channel = self._container.channels.get(number)
-        schema = None if channel is None else self._container.schemas.get(channel.schema_id)
-        if channel is None or schema is None:
+    def _enter(self, number: int, channel: Channel) -> tuple[Ros1Types, str] | None:
+        """Enter a channel, and its schema under the channel's number; types and type name of messages to be converted."""
+        schema = self._container.schemas.get(channel.schema_id)
+        if schema is None or channel.encoding != ENCODING:
+            self.channels[number] = replace(channel, schema_id=number)
+            if schema is not None:
+                self.schemas[number] = schema
             return None
-        if channel.encoding != ENCODING:
-            self.schemas[channel.schema_id] = schema
+        self.channels[number] = Channel(channel.topic, "cdr", number)
+        self.schemas[number] = Schema(present_name(schema.name), "", b"")
+        if not is_used(schema.name):
             return None
-        types = Ros1Types([(schema.name, schema.data.decode("utf-8", "replace"))])
+        if schema not in self._of_definition:
+            text = schema.data.decode("utf-8", "replace")
+            definitions = [(schema.name, text)] if len(self._of_definition) < MAX_DEFINITIONS else []
+            self._of_definition[schema] = Ros1Types(definitions)
+        types = self._of_definition[schema]
         self.schemas[number] = types.schema_of(schema.name)
         return types, schema.name

@@ -12,9 +12,10 @@ from typing import Literal
 from gridslam.core.messages import Event, Transform
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.ros.container import Container
+from gridslam.logs.ros.container import Container, Schema
 from gridslam.logs.ros.decoder import DECODING_ERRORS, ChannelDecoder
 from gridslam.logs.ros.joints import Servos
+from gridslam.logs.ros.types import MAX_DEFINITIONS
 from gridslam.logs.rotations import is_same, normalise
 from gridslam.logs.skips import Skip, SkipReason, UnusableMessageError
 from gridslam.logs.streams import RecordedStream
@@ -55,6 +56,10 @@ class RosSource:
         self._container = container
         self._config = config
         self._decoders: dict[int, ChannelDecoder] = {}
+        self._definitions: set[Schema] = set()  # that decoders have read
+        self._numbers: dict[
+            tuple[str, str, str], int
+        ] = {}  # of streams but those of tf, by kind, topic and type
         self._tf_streams: dict[tuple[str, str, str], int] = {}
         self._assignment = array("i")  # per message of the container: its stream, _SKIPPED or _TRANSFORMS
         self._index()
@@ -235,7 +240,7 @@ class RosSource:
         if channel is None:
             return None
         schema = self._container.schemas.get(channel.schema_id)
-        decoder = ChannelDecoder(channel, schema, self._config)
+        decoder = ChannelDecoder(channel, schema, self._config, self._may_read)
         with suppress(*DECODING_ERRORS):  # the index pass counts the message; its type's usual kind holds
             decoder.classify(first)
         if not decoder.is_tf:
@@ -243,14 +248,19 @@ class RosSource:
         self._decoders[identifier] = decoder
         return decoder
 
+    def _may_read(self, definition: Schema) -> bool:
+        """Whether a definition is one of the first MAX_DEFINITIONS that the decoders of this log need."""
+        if len(self._definitions) < MAX_DEFINITIONS:
+            self._definitions.add(definition)
+        return definition in self._definitions
+
     def _stream_of(self, kind: str, topic: str, type_name: str) -> int:
         """The stream of a channel; channels of one topic and type (parts of one recording) share a stream."""
         key = (kind, topic, type_name)
-        for index, stream in enumerate(self.streams):
-            if (stream.kind, stream.topic, stream.type) == key:
-                return index
-        self.streams.append(RecordedStream(*key))
-        return len(self.streams) - 1
+        if key not in self._numbers:
+            self._numbers[key] = len(self.streams)
+            self.streams.append(RecordedStream(*key))
+        return self._numbers[key]
 
 
 def _says_the_same(a: Transform, b: Transform) -> bool:

@@ -5,13 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import cache, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gridslam.logs.kinds import ROS_DEFINITIONS
 from gridslam.logs.ros.container import Schema
-from gridslam.logs.ros.definitions import checked_types, is_type_name
+from gridslam.logs.ros.definitions import checked_types, is_type_name, refuse_unbounded
+from gridslam.logs.ros.idl import types_of_idl
+
+if TYPE_CHECKING:
+    from gridslam.logs.ros.type_store import BoundedTypestore
 
 MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
+MAX_DEFINITIONS = (
+    64  # of one log; there are some 20 types that anything uses, and each may have changed within a recording
+)
 
 # The fields that the hand-written decoders in `fast_cdr` expect.
 _STANDARD_FIELDS = {
@@ -90,39 +97,40 @@ def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
 
     Raises ValueError: the schema cannot be understood, or has names that no ROS definition has.
     """
-    from rosbags.typesys import Stores, TypesysError, get_typestore
+    from rosbags.typesys import TypesysError
+
+    from gridslam.logs.ros.type_store import BoundedTypestore
 
     if schema is None or not schema.data.strip():
         if name not in ros2_types().fielddefs:
             raise ValueError(f"{name}: the log has no definition of this type")
-        return _decoder(ros2_types(), name)
+        return _decoder(BoundedTypestore(ros2_types()), name)
     if not is_type_name(name):
         raise ValueError("not the name of a message type")
     if len(schema.data) > MAX_SCHEMA_BYTES:
         raise ValueError(f"{name}: its definition is larger than any real one")
-    store = get_typestore(Stores.EMPTY)
+    store = BoundedTypestore()
     try:
-        parsed = _types_of(schema.data.decode(), schema.encoding, name)
-        store.register({**_time_types(), **checked_types(parsed)})
+        types = {**_time_types(), **checked_types(_types_of(schema.data.decode(), schema.encoding, name))}
+        refuse_unbounded(types, name)
+        store.register(types)
     except (TypesysError, KeyError, ValueError, RecursionError, MemoryError) as error:
         raise ValueError(f"{name}: its definition cannot be understood ({error})") from error
     return _decoder(store, name)
 
 
 def _types_of(text: str, encoding: str, name: str) -> dict[str, Any]:
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+    from rosbags.typesys import get_types_from_msg
 
     if encoding != "ros2idl":
         return dict(get_types_from_msg(text, name))
     types: dict[str, Any] = {}
     for section in re.split(r"(?m)^=+\s*$", text):
-        body = re.sub(r"(?m)^(IDL: |\s*#include).*$", "", section).strip()
-        if body:
-            types.update(get_types_from_idl(body))
+        types.update(types_of_idl(re.sub(r"(?m)^IDL: .*$", "", section)))
     return types
 
 
-def _decoder(store: Any, name: str) -> Callable[[bytes], Any]:
+def _decoder(store: BoundedTypestore, name: str) -> Callable[[bytes], Any]:
     from rosbags.serde import SerdeError
 
     def decode(data: bytes) -> Any:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from gridslam.core.errors import LogError
 from gridslam.logs.config import LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.ros.container import Channel, Schema
-from gridslam.logs.ros.ros1 import Ros1Types
+from gridslam.logs.ros.ros1 import Ros1Types, is_used
 from gridslam.logs.ros.source import RosSource
+from gridslam.logs.ros.types import MAX_DEFINITIONS
 
 _DAMAGE = (OSError, ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 
@@ -35,13 +37,14 @@ class Ros1Bag:
             raise LogError(
                 f"{path}: not a readable ROS 1 bag ({error}); `rosbag reindex` may repair it"
             ) from error
-        self._types = Ros1Types((c.msgtype, c.msgdef.data) for c in connections)
+        definitions = dict.fromkeys((c.msgtype, c.msgdef.data) for c in connections if is_used(c.msgtype))
+        self._types = Ros1Types(islice(definitions, MAX_DEFINITIONS))
         for connection in connections:
             self.channels[connection.id] = Channel(connection.topic, "cdr", connection.id)
             self.schemas[connection.id] = self._types.schema_of(connection.msgtype)
 
     def messages(self) -> Iterator[tuple[int, bytes]]:
-        """(connection, data in CDR) of every readable message."""
+        """(connection, data in CDR) of every readable message; data of types that nothing uses stay as they are."""
         from rosbags.rosbag1 import Reader, ReaderError
 
         read = 0
@@ -50,7 +53,8 @@ class Ros1Bag:
                 for connection, arrival, raw in reader.messages():
                     read += 1
                     self.arrival_ns = int(arrival)
-                    yield connection.id, self._types.to_cdr(raw, connection.msgtype)
+                    is_wanted = is_used(connection.msgtype)
+                    yield connection.id, self._types.to_cdr(raw, connection.msgtype) if is_wanted else raw
         except (ReaderError, *_DAMAGE) as error:
             if not self._is_indexed:
                 self._message_counts.lose("rest_of_bag", f"{self.path.name} after message {read} ({error})")
