@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
@@ -17,11 +18,12 @@ from gridslam.graph.pose_graph import Edges
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
-from gridslam.lidar_slam.motion_prediction import MotionPredictor
+from gridslam.lidar_slam.motion_prediction import MIN_TWIST_S, MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.slips import slip_variances
+from gridslam.lidar_slam.unmeasured_gaps import UnmeasuredGaps
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
 
@@ -51,6 +53,7 @@ class ScanTracker:
         self._spacing = spacing
         self._scan_poses = ScanPoses(odometry_limits(odometry), max_wait_s=MAX_WAIT_S)
         self._predictor = MotionPredictor()
+        self._gaps = UnmeasuredGaps()
         self.known_twist: Callable[[int], Floats] | None = None  # at a stamp, where it is known beforehand
         self._counters: Counter[str] = Counter()
         self._last_readings = ""  # of an empty scan, in words
@@ -139,7 +142,7 @@ class ScanTracker:
     @property
     def motion_doubt(self) -> str | None:
         """The reason, in words, to distrust a path that no other passage confirms; None without one."""
-        return self._predictor.doubt
+        return self._gaps.doubt or self._predictor.doubt
 
     @property
     def inlier_ratios(self) -> Floats:
@@ -204,11 +207,19 @@ class ScanTracker:
         self._lidar = lidar_of(placed.scan)
         self._lidars.append(self._lidar)
         self._slips_m2.append(self._slip_m2(placed, match))
+        if len(self.stamps_ns) > 1 and not self._predictor.uses_odometry(placed):
+            self._gaps.add((scan.stamp_ns - self.stamps_ns[-1]) * 1e-9, self._last_speed_mps, match)
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)
         self._predictor.add_match(placed, match)
         return match
+
+    @property
+    def _last_speed_mps(self) -> float:
+        """The speed between the last two tracked scans; there must be two."""
+        elapsed_s = max((self.stamps_ns[-1] - self.stamps_ns[-2]) * 1e-9, MIN_TWIST_S)
+        return math.hypot(*se2.between(*self.track_poses[-2:])[:2].tolist()) / elapsed_s
 
     def _slip_m2(self, placed: PlacedScan, match: ScanMatch) -> Floats:
         """Variances `(2,)` along x and y by which the step to a scan may have slipped: none where there is odometry."""

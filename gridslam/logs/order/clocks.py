@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import LogError
 from gridslam.core.stamps import END_NS, NS_PER_S
 from gridslam.logs.message_counts import MessageCounts
+from gridslam.logs.order.even_stamps import evened
 from gridslam.logs.order.repeats import copies_among
 from gridslam.logs.streams import RecordedStream
 
@@ -51,6 +52,7 @@ def restamp(
     """
     used = [i for i in kind_of if len(streams[i].stamps_ns) > 1]
     changed = {i for i in used if _replace_unset(streams[i], message_counts)}
+    changed |= {i for i in used if i not in changed and _even_out(streams[i], message_counts)}
     offsets = {i: offset for i in used if (offset := _clock_offset_ns(streams[i])) is not None}
     if not offsets or max(offsets.values()) - min(offsets.values()) <= MAX_OFFSET_NS:
         return frozenset(changed)
@@ -89,6 +91,21 @@ def _replace_unset(stream: RecordedStream, message_counts: MessageCounts) -> boo
     delay_ns = 0 if not len(late) else int(np.median(late) if UNEVEN in what else late.min())
     stream.stamps_ns = _valid(np.where(is_unset, arrivals - delay_ns, stamps))
     message_counts.find(f"{stream.label}: {what}: the times of arrival are used")
+    return True
+
+
+def _even_out(stream: RecordedStream, message_counts: MessageCounts) -> bool:
+    """Replace stamps of one stream that jitter by even ones, where its messages were made evenly; whether they were."""
+    if stream.kind not in TIMED_KINDS or len(stream.frames) > 1:
+        return False
+    found = evened(_stamps(stream))
+    if found is None:
+        return False
+    stamps, std_s = found
+    stream.stamps_ns = _valid(stamps)
+    message_counts.find(
+        f"{stream.label}: stamps jitter by {1e3 * std_s:.0f} ms about even ones: the even ones are used"
+    )
     return True
 
 
