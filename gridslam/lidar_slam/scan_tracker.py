@@ -142,7 +142,7 @@ class ScanTracker:
     @property
     def motion_doubt(self) -> str | None:
         """The reason, in words, to distrust a path that no other passage confirms; None without one."""
-        return self._gaps.doubt or self._predictor.doubt
+        return self._predictor.doubt or self._gaps.doubt
 
     @property
     def inlier_ratios(self) -> Floats:
