@@ -13,12 +13,12 @@ from gridslam.evaluation import document as measures
 from gridslam.evaluation.alignment import Align
 from gridslam.evaluation.association import DEFAULT_MAX_GAP_NS, Sync
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth
-from gridslam.evaluation.from_files import load_result, load_truth
 from gridslam.evaluation.gates import Gate, answers, check_keys, failures, measures_of, parse_gate
 from gridslam.evaluation.headline import headline, text_of, unit_of
 from gridslam.evaluation.pose_errors import Delta, DeltaUnit
-from gridslam.evaluation.run_files import read_consistency, run_command_of
-from gridslam.evaluation.sanity import check_pairs, remarks_of
+from gridslam.evaluation.readers.from_files import load_result, load_truth
+from gridslam.evaluation.readers.run_files import read_consistency, run_command_of
+from gridslam.evaluation.remarks.sanity import check_pairs, remarks_of
 
 from . import console
 
@@ -181,7 +181,7 @@ def _write(
     request: Request, evaluated: Sequence[_Evaluated], output: Mapping[str, Any], replies: Sequence[str]
 ) -> None:
     from gridslam.report.evaluation_page import write_evaluation
-    from gridslam.report.evaluation_plots import EvaluatedTrajectory
+    from gridslam.report.figures.evaluation_plots import EvaluatedTrajectory
 
     assert request.output is not None
     trajectories = [

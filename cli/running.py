@@ -87,7 +87,7 @@ def _read_truth(options: RunOptions) -> Trajectory | None:
         if options.truth_topic is not None:
             raise ConfigError("--truth-topic: name the log with --truth")
         return None
-    from gridslam.evaluation.from_files import load_truth
+    from gridslam.evaluation.readers.from_files import load_truth
 
     truth = load_truth(options.truth, topic=options.truth_topic).trajectory
     if truth is None:

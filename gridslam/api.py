@@ -18,9 +18,9 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation import document as measures
 from gridslam.evaluation.document import EvaluationOptions
-from gridslam.evaluation.files import read_trajectory
-from gridslam.evaluation.from_files import load_result, load_truth
-from gridslam.evaluation.run_files import run_command_of
+from gridslam.evaluation.readers.files import read_trajectory
+from gridslam.evaluation.readers.from_files import load_result, load_truth
+from gridslam.evaluation.readers.run_files import run_command_of
 from gridslam.logs.config import LogConfig
 from gridslam.logs.log import Log
 from gridslam.maps.load import load_any_map

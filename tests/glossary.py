@@ -158,7 +158,7 @@ ALLOWED_IN = (
         )
         for file in (
             "gridslam/maps/occupancy_correlation.py",
-            "gridslam/report/run_length_plot.py",
+            "gridslam/report/figures/run_length_plot.py",
             "cli/commands/correlation.py",
             "tests/benchmarks/bench_plan.py",
             "tests/maps/test_occupancy_correlation.py",

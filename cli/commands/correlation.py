@@ -45,7 +45,7 @@ def run(
         raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
     fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
     if output is not None:
-        from gridslam.report.run_length_plot import correlation_picture
+        from gridslam.report.figures.run_length_plot import correlation_picture
 
         output.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(output, correlation_picture(fit, map_path.name))

@@ -57,7 +57,7 @@ def show(
     The picture of -o has the drawing frame along its edges, in drawing units: read a start for method.start from it.
     """
     from gridslam.core.errors import ConfigError
-    from gridslam.maps.drawing import drawn_map, load_drawing
+    from gridslam.maps.drawings.drawing import drawn_map, load_drawing
     from gridslam.report.drawing_reading import reading_document, write_reading
 
     if output is not None and output.exists() and not force:

@@ -27,7 +27,7 @@ from gridslam.evaluation.map_errors import intersection_over_union, log_loss, wa
 from gridslam.evaluation.map_registration import MapRegistration, register_maps
 from gridslam.evaluation.object_errors import MapObject, object_errors
 from gridslam.evaluation.pose_errors import Delta, PoseErrors, absolute_errors, relative_errors
-from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_series import PoseSeries
 from gridslam.evaluation.relations import Relations, relation_errors
 from gridslam.evaluation.statistics import statistics
 from gridslam.maps.occupancy import OccupancyGrid

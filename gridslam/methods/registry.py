@@ -30,7 +30,7 @@ class InputKind:
 
 DRAWING = InputKind(
     "drawing",
-    reader="gridslam.maps.drawing:load_drawing",
+    reader="gridslam.maps.drawings.drawing:load_drawing",
     is_needed=True,
     example="gridslam.simulation.driving.scripted:scripted_drawing",
 )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from gridslam.core.files import write_atomic
-from gridslam.maps.drawing import Drawing, DrawnMap
+from gridslam.maps.drawings.drawing import Drawing, DrawnMap
 
 OUTSIDE, FREE, ENCLOSED = (214, 218, 224), (255, 255, 255), (176, 205, 235)
 WALL, IGNORED, PAPER, GRID = (28, 32, 40), (225, 60, 140), (255, 255, 255), (110, 118, 130)

@@ -16,8 +16,8 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
 from gridslam.evaluation.headline import text_of, unit_of
 from gridslam.report.document import json_bytes
-from gridslam.report.drawn_shapes import DrawnSheet, png_of, svg_of
-from gridslam.report.evaluation_plots import (
+from gridslam.report.figures.drawn_shapes import DrawnSheet, png_of, svg_of
+from gridslam.report.figures.evaluation_plots import (
     EvaluatedTrajectory,
     error_drawing,
     overlay_drawing,

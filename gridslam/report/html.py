@@ -17,9 +17,9 @@ from gridslam.core.files import write_atomic
 from gridslam.core.nested import flatten
 from gridslam.core.texts import visible
 from gridslam.report.errors_over_time import errors_of
+from gridslam.report.figures.path_plot import path_plot
+from gridslam.report.figures.plots import Line, time_plot
 from gridslam.report.marks import untrusted_stretches
-from gridslam.report.path_plot import path_plot
-from gridslam.report.plots import Line, time_plot
 from gridslam.runs.run import Run
 from gridslam.runs.run_counts import Counts
 

@@ -15,7 +15,7 @@ import numpy as np
 from gridslam.kernels.grids.free_space import Profiles, testimony_of_shifts
 from gridslam.kernels.machine_code_cache import MachineCodeCache
 from gridslam.lidar_slam.map_consistency.observations import SECTORS, TOLERANCES
-from gridslam.maps.drawing import RESOLUTION_M as DRAWING_CELL_M
+from gridslam.maps.drawings.drawing import RESOLUTION_M as DRAWING_CELL_M
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods import registry
 from gridslam.methods.base import Method, RunResult

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import PICTURE_DAMAGE, ConfigError, MapError
-from gridslam.maps.drawing import FORMATS
+from gridslam.maps.drawings.drawing import FORMATS
 from gridslam.maps.image_levels import check_header
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import GridGeometry

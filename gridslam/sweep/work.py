@@ -103,8 +103,8 @@ def _measure(job: RunJob) -> dict[str, float | int | bool | str | None]:
     import json
 
     from gridslam.evaluation.document import EvaluationOptions, evaluate, without_nan
-    from gridslam.evaluation.from_files import load_result, load_truth
     from gridslam.evaluation.gates import measures_of
+    from gridslam.evaluation.readers.from_files import load_result, load_truth
     from gridslam.report.directory import REPORT_NAME
 
     report = json.loads((job.directory / REPORT_NAME).read_bytes())

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.maps.drawing import drawn_map
+from gridslam.maps.drawings.drawing import drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.localizer import first_states
 from gridslam.methods.handmap_slam.warp.warp import DrawingWarp, warp_of

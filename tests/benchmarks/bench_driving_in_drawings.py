@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gridslam.core import poses as se2
-from gridslam.maps.drawing import drawn_map
+from gridslam.maps.drawings.drawing import drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_tracker import localizer_of
 from tests.benchmarks.bench_drawn_buildings import PLACES

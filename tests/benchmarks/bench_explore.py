@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.planning.shortest_tour import exact_tour, improved_tour
-from gridslam.maps.drawing import drawn_map, load_drawing
+from gridslam.maps.drawings.drawing import drawn_map, load_drawing
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.driving.pathfinder import CostGrid, find_path, observed_costs

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from gridslam.maps.drawing import Drawing, load_drawing
+from gridslam.maps.drawings.drawing import Drawing, load_drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from tests.benchmarks.drawn_places import (
     DRAWINGS,

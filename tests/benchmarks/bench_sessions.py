@@ -19,7 +19,7 @@ import numpy as np
 
 from gridslam.api import map_log
 from gridslam.core.messages import Event, LaserScan
-from gridslam.evaluation.files import read_relations, read_trajectory
+from gridslam.evaluation.readers.files import read_relations, read_trajectory
 from gridslam.evaluation.relations import relation_errors
 from gridslam.lidar_slam.sessions.session import Session
 from gridslam.lidar_slam.sessions.session_file import read_session

@@ -18,7 +18,7 @@ from gridslam.core.messages import Event, Odometry
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.map_errors import wall_distances
 from gridslam.maps.distances import distances_to
-from gridslam.maps.drawing import Drawing, drawn_map, load_drawing
+from gridslam.maps.drawings.drawing import Drawing, drawn_map, load_drawing
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.maps.drawing import RESOLUTION_M, Drawing
+from gridslam.maps.drawings.drawing import RESOLUTION_M, Drawing
 from tests.benchmarks.wing_buildings import Building, CentreLine, Part, WingRoom, dense, overlaps, walls_of
 
 Floats = NDArray[np.float64]

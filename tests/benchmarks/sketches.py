@@ -23,7 +23,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.association import associate
 from gridslam.evaluation.map_errors import wall_distances
-from gridslam.maps.drawing import load_drawing
+from gridslam.maps.drawings.drawing import load_drawing
 from gridslam.maps.map_server import load_map
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult

@@ -14,9 +14,9 @@ from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import find_alignment
 from gridslam.evaluation.association import associate
-from gridslam.evaluation.files import read_trajectory
 from gridslam.evaluation.object_errors import MapObject
-from gridslam.evaluation.object_files import read_objects
+from gridslam.evaluation.readers.files import read_trajectory
+from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.maps.tag_database import TagDatabase, load_tag_database
 from gridslam.methods.base import RunResult, Table

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gridslam.evaluation.document import EvaluationOptions, evaluate
-from gridslam.evaluation.from_files import load_result, load_truth
+from gridslam.evaluation.readers.from_files import load_result, load_truth
 
 Floats = NDArray[np.float64]
 NAMES = ("rmse", "mean", "median", "std", "min", "max")

@@ -8,7 +8,7 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
 from gridslam.evaluation.map_registration import register_maps
-from gridslam.evaluation.sanity import remarks_of
+from gridslam.evaluation.remarks.sanity import remarks_of
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 
 CELL_M = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.files import read_relations, read_trajectory
+from gridslam.evaluation.readers.files import read_relations, read_trajectory
 from gridslam.evaluation.relations import Relations, relation_errors
 
 

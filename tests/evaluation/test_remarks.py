@@ -12,8 +12,8 @@ from gridslam.core.poses import compose, inverse, quaternion_of_yaw
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, evaluate
-from gridslam.evaluation.pose_series import PoseSeries
-from gridslam.evaluation.sanity import check_pairs, remarks_of
+from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.remarks.sanity import check_pairs, remarks_of
 
 N = 200
 TIME = 0.1 * np.arange(N)

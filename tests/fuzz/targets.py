@@ -17,13 +17,13 @@ from gridslam.config.errors import short
 from gridslam.config.overrides import apply_overrides
 from gridslam.config.yaml_file import parse_mapping
 from gridslam.core.errors import GridslamError
-from gridslam.evaluation.files import read_relations, read_trajectory
-from gridslam.evaluation.object_files import read_objects
-from gridslam.evaluation.run_files import read_probability
+from gridslam.evaluation.readers.files import read_relations, read_trajectory
+from gridslam.evaluation.readers.object_files import read_objects
+from gridslam.evaluation.readers.run_files import read_probability
 from gridslam.logs.config import LogConfig, LogLimits
 from gridslam.logs.encoding.csv_pictures import read_floats
 from gridslam.logs.open import open_log
-from gridslam.maps.drawing import load_drawing
+from gridslam.maps.drawings.drawing import load_drawing
 from gridslam.maps.load import load_any_map
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.maps.tag_database import load_tag_database

@@ -23,7 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 from gridslam.config.yaml_file import read_yaml
 from gridslam.core.errors import ConfigError, InputError, LogError
 from gridslam.core.messages import Imu, LaserScan, Odometry, Transform
-from gridslam.evaluation.object_files import read_objects
+from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.logs import open_log, open_writer
 from gridslam.logs.mcap.file import McapFile
 from gridslam.logs.mcap.records import CHANNEL, CHUNK, CHUNK_HEAD, HEADER, MAGIC, MESSAGE, SCHEMA

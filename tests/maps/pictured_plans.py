@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import MapError
-from gridslam.maps.drawing import drawn_map, load_drawing
+from gridslam.maps.drawings.drawing import drawn_map, load_drawing
 
 Pixels = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from gridslam.core.errors import MapError
-from gridslam.maps.drawing import drawn_map, load_drawing
-from gridslam.maps.drawing_marks import marks_of
-from gridslam.maps.drawing_picture import PHOTOGRAPH_SIDE_PX
-from gridslam.maps.drawing_sheet import find_sheet, flattened
+from gridslam.maps.drawings.drawing import drawn_map, load_drawing
+from gridslam.maps.drawings.drawing_marks import marks_of
+from gridslam.maps.drawings.drawing_picture import PHOTOGRAPH_SIDE_PX
+from gridslam.maps.drawings.drawing_sheet import find_sheet, flattened
 from tests.maps.pictured_plans import KINDS, SHEET, iou_of, picture_of
 
 

@@ -14,14 +14,14 @@ import pytest
 from PIL import Image
 
 from gridslam.core.errors import MapError
-from gridslam.maps.drawing import load_drawing
+from gridslam.maps.drawings.drawing import load_drawing
 from gridslam.maps.image_levels import read_levels
 
 CODE = """
 import resource, sys
 from pathlib import Path
 from gridslam.core.errors import MapError
-from gridslam.maps.drawing import load_drawing
+from gridslam.maps.drawings.drawing import load_drawing
 from gridslam.maps.image_levels import read_levels
 path = Path(sys.argv[1])
 now = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()

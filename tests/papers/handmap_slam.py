@@ -13,7 +13,7 @@ from unittest import mock
 import cv2
 import numpy as np
 
-from gridslam.maps.drawing import load_drawing
+from gridslam.maps.drawings.drawing import load_drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.line_front_end import LineFrontEnd
 from tests.benchmarks.bench_handmap import DISTORTED_START, paper_settings

@@ -9,7 +9,7 @@ import numpy as np
 
 from gridslam.maps.occupancy_correlation import fit_correlation
 from gridslam.methods.stereo_bayes.config import StereoBayesConfig
-from gridslam.report.run_length_plot import correlation_picture
+from gridslam.report.figures.run_length_plot import correlation_picture
 from gridslam.runs.run_config import load_config
 from gridslam.simulation.scene import Scene
 from gridslam.simulation.truth_map import true_map

@@ -14,7 +14,7 @@ import yaml
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Imu, LaserScan, Odometry
-from gridslam.evaluation.object_files import read_objects
+from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.logs import open_log, write_log
 from gridslam.logs.tum import read_trajectory
 from gridslam.logs.write import open_writer

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gridslam.core.stamps import format_stamp
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.maps.distance_field import distance_to_occupied
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import GridLayer, OccupancyGrid
 from gridslam.methods.base import Picture, Series, Table
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.matching.lines import LineSegments, ransac_lines
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.drawings.drawn_field import sum_over_stretched_points
 from gridslam.maps.distance_field import distance_to_occupied
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import OccupancyGrid
 
 Floats = NDArray[np.float64]

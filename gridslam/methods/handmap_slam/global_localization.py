@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.filters.resampling import systematic_resampling
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import scattered
 from gridslam.methods.handmap_slam.drawn_likelihood import MAX_DISTANCE_SIGMAS, OUTLIER_FRACTION

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.kernels.grids.raycast import cast_rays
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.matching.lines import LineSegments, difference_modulo_pi, hough_segments
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.sensors.range_caster import range_caster

@@ -11,7 +11,7 @@ from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
 from gridslam.filters.particles import Particles, main_cluster
 from gridslam.filters.resampling import systematic_resampling
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import scattered
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood

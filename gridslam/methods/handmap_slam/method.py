@@ -15,7 +15,7 @@ from gridslam.lidar_slam.front_end import Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.sensor_checks.odometry_check import OdometryCheck
-from gridslam.maps.drawing import Drawing, drawn_map
+from gridslam.maps.drawings.drawing import Drawing, drawn_map
 from gridslam.matching.lines import LineSegments
 from gridslam.methods.base import Estimate, RunResult, Series
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig

@@ -15,7 +15,7 @@ from gridslam.core import poses as se2
 from gridslam.core.arrays import evenly_spaced
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.kernels.drawings.stretched_places import PlacePoints, normal_equations
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood
 from gridslam.methods.handmap_slam.localizer import (

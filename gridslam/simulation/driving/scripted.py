@@ -25,7 +25,7 @@ from gridslam.core.messages import (
     readonly,
 )
 from gridslam.core.random import random_stream
-from gridslam.maps.drawing import RESOLUTION_M, Drawing
+from gridslam.maps.drawings.drawing import RESOLUTION_M, Drawing
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000

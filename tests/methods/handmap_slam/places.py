@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.messages import Event, Odometry, Range
-from gridslam.maps.drawing import Drawing
+from gridslam.maps.drawings.drawing import Drawing
 from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

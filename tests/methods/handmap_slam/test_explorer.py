@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gridslam.core import poses as se2
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.base import Estimate
 from gridslam.methods.handmap_slam.config import ExplorationConfig

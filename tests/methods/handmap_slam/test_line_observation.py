@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
+from gridslam.maps.drawings.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.matching.lines import LineSegments
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.line_front_end import heading_difference

@@ -9,7 +9,7 @@ import pytest
 
 from gridslam.core.errors import ConfigError, MethodError
 from gridslam.core.messages import LaserScan, Odometry, readonly
-from gridslam.maps.drawing import Drawing
+from gridslam.maps.drawings.drawing import Drawing
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.method import HandmapSlam
 from gridslam.runs.inputs import refuse_missing_inputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.core.messages import LaserScan, readonly
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

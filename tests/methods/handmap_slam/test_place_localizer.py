@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from gridslam.maps.drawing import Drawing, drawn_map
+from gridslam.maps.drawings.drawing import Drawing, drawn_map
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_tracker import localizer_of

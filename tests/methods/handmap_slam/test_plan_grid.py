@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import GridGeometry
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.driving.plan_grid import plan_grid

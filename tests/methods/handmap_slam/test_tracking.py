@@ -9,7 +9,7 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.core.random import random_stream
 from gridslam.lidar_slam.scans import PreparedScan
-from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
+from gridslam.maps.drawings.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.drawn_likelihood import DrawnLikelihood

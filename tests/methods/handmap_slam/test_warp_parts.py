@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.drawings.drawn_field import crossed_segments
-from gridslam.maps.drawing import Drawing, DrawnMap, drawn_map
+from gridslam.maps.drawings.drawing import Drawing, DrawnMap, drawn_map
 from gridslam.methods.handmap_slam.warp.block_matrix import BlockMatrix
 from gridslam.methods.handmap_slam.warp.contradictions import CROSSED_COST, UNSEEN_COST, DrawingContradictions
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence

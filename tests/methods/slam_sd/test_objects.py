@@ -12,7 +12,7 @@ import pytest
 from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError
 from gridslam.core.messages import Event, TagInventory
-from gridslam.evaluation.object_files import read_objects
+from gridslam.evaluation.readers.object_files import read_objects
 from gridslam.logs.config import LogConfig
 from gridslam.logs.open import open_log
 from gridslam.maps.occupancy import OccupancyGrid

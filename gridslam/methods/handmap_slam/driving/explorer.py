@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.core.messages import LaserScan, Odometry, Transform
 from gridslam.core.random import random_stream
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.base import Estimate
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose

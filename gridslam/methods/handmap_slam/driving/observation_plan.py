@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.distances import distances_to
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.handmap_slam.config import ExplorationConfig
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.driving.pathfinder import (

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 
 Floats = NDArray[np.float64]

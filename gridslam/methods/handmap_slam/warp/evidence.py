@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.drawings.drawn_field import crossed_segments, sum_over_stretched_points
 from gridslam.maps.distances import distances_to
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 
 Floats = NDArray[np.float64]
 Field = NDArray[np.float32]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.trajectory import Trajectory
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.base import RunResult
 from gridslam.methods.handmap_slam.config import HandmapSlamConfig

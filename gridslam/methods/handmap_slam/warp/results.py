@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core import poses as se2
 from gridslam.core.stamps import format_stamp
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.methods.base import Doubt, Picture, Table
 from gridslam.methods.handmap_slam.drawing_pose import DrawingPose
 from gridslam.methods.handmap_slam.warp.comparison import MIN_ROOM_M2, DrawingComparison

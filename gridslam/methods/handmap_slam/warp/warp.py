@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gridslam.core import poses as se2
 from gridslam.filters.resampling import systematic_resampling
 from gridslam.kernels.threads import on_threads
-from gridslam.maps.drawing import DrawnMap
+from gridslam.maps.drawings.drawing import DrawnMap
 from gridslam.maps.occupancy import OccupancyGrid
 from gridslam.methods.handmap_slam.warp.evidence import DrawnEvidence, to_drawing
 from gridslam.methods.handmap_slam.warp.places import PlaceGraph, place_graph

@@ -9,9 +9,9 @@ import pytest
 
 from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.files import read_relations, read_trajectory
-from gridslam.evaluation.object_files import read_objects
-from gridslam.evaluation.run_files import read_probability, read_truth, truth_paths
+from gridslam.evaluation.readers.files import read_relations, read_trajectory
+from gridslam.evaluation.readers.object_files import read_objects
+from gridslam.evaluation.readers.run_files import read_probability, read_truth, truth_paths
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.report.layers import write_layers
 from gridslam.report.text_files import write_tum

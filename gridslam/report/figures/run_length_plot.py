@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gridslam.maps.occupancy_correlation import CorrelationFit
-from gridslam.report.charts import Chart, Curve, draw_charts
-from gridslam.report.drawn_shapes import png_of
+from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.drawn_shapes import png_of
 
 MIN_PROBABILITY = 1e-3  # at which the curves end
 WIDTH, HEIGHT = 640, 320  # px

@@ -7,9 +7,9 @@ from typing import Any
 from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.document import EvaluationOptions, Result, Truth, pairs_of
-from gridslam.evaluation.map_remarks import map_remarks
-from gridslam.evaluation.pair_remarks import no_pairs_hint, pair_remarks
-from gridslam.evaluation.series_remarks import series_remarks
+from gridslam.evaluation.remarks.map_remarks import map_remarks
+from gridslam.evaluation.remarks.pair_remarks import no_pairs_hint, pair_remarks
+from gridslam.evaluation.remarks.series_remarks import series_remarks
 
 
 def remarks_of(

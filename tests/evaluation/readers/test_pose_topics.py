@@ -12,8 +12,8 @@ from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import AbsolutePose, Odometry, Transform, readonly
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.evaluation.document import Truth
-from gridslam.evaluation.from_files import load_result
-from gridslam.evaluation.pose_topics import read_topic
+from gridslam.evaluation.readers.from_files import load_result
+from gridslam.evaluation.readers.pose_topics import read_topic
 from gridslam.logs.mcap.writer import McapWriter
 from gridslam.logs.ros.encode import encode
 

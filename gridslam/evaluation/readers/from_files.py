@@ -7,11 +7,11 @@ from pathlib import Path
 
 from gridslam.core.errors import InputError
 from gridslam.evaluation.document import Result, Truth
-from gridslam.evaluation.files import read_relations
-from gridslam.evaluation.object_files import read_objects
-from gridslam.evaluation.pose_series import PoseSeries
-from gridslam.evaluation.pose_topics import read_topic
-from gridslam.evaluation.run_files import (
+from gridslam.evaluation.readers.files import read_relations
+from gridslam.evaluation.readers.object_files import read_objects
+from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_topics import read_topic
+from gridslam.evaluation.readers.run_files import (
     MAX_EVALUATED_CELLS,
     Paths,
     read_consistency,
@@ -20,7 +20,7 @@ from gridslam.evaluation.run_files import (
     run_paths,
     truth_paths,
 )
-from gridslam.evaluation.trajectory_formats import read_poses
+from gridslam.evaluation.readers.trajectory_formats import read_poses
 from gridslam.maps.map_server import load_map
 
 BAG_ENDINGS = (".mcap", ".db3", ".bag")

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gridslam.core.errors import InputError
 from gridslam.core.stamps import NS_PER_S, parse_stamp
 from gridslam.core.texts import parse_number
-from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_series import PoseSeries
 from gridslam.logs.tum import lines_of, numbers_in, stamp_in
 
 TUM_WORDS, PLANAR_WORDS, KITTI_WORDS, EUROC_WORDS = 8, 4, 12, 8

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.drawing_picture import FORMATS as FORMATS
-from gridslam.maps.drawing_picture import MAX_PIXELS as MAX_PIXELS
-from gridslam.maps.drawing_picture import brightness_of, is_photograph, read_picture
-from gridslam.maps.drawing_regions import Regions, classes_of, regions_of
-from gridslam.maps.drawing_sheet import find_sheet, flattened
+from gridslam.maps.drawings.drawing_picture import FORMATS as FORMATS
+from gridslam.maps.drawings.drawing_picture import MAX_PIXELS as MAX_PIXELS
+from gridslam.maps.drawings.drawing_picture import brightness_of, is_photograph, read_picture
+from gridslam.maps.drawings.drawing_regions import Regions, classes_of, regions_of
+from gridslam.maps.drawings.drawing_sheet import find_sheet, flattened
 from gridslam.maps.occupancy import GridGeometry
 
 RESOLUTION_M = 0.1

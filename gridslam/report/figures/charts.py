@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.picture.ink import Canvas
-from gridslam.report.drawn_shapes import (
+from gridslam.report.figures.drawn_shapes import (
     INK,
     PNG_SCALE,
     Area,
@@ -21,7 +21,7 @@ from gridslam.report.drawn_shapes import (
     Words,
     text_width,
 )
-from gridslam.report.plots import Axis, axis_of, plane_axes
+from gridslam.report.figures.plots import Axis, axis_of, plane_axes
 
 Floats = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Align, find_alignment
 from gridslam.evaluation.association import Pairs, associate
-from gridslam.evaluation.coverage_remarks import coverage_remarks
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.remarks.coverage_remarks import coverage_remarks
 from gridslam.evaluation.time_offset import find_time_offset
 
 Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gridslam.report.plots import MAX_POINTS, Line, thin_out, time_plot
+from gridslam.report.figures.plots import MAX_POINTS, Line, thin_out, time_plot
 
 
 @pytest.mark.parametrize(

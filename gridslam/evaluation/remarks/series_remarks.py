@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.stamps import NS_PER_S
-from gridslam.evaluation.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_series import PoseSeries
 
 Floats = NDArray[np.float64]
 TILTED_DEG, LEVEL_DEG = 20.0, 5.0  # median tilt of a series that is not planar, and of one that is

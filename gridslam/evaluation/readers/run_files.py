@@ -16,9 +16,9 @@ from gridslam.core.numpy_files import read_npz
 from gridslam.core.plain_files import MAX_JSON_BYTES, open_plain_file, read_plain_file
 from gridslam.core.texts import is_number
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.pose_series import PoseSeries
-from gridslam.evaluation.pose_topics import read_topic
-from gridslam.evaluation.trajectory_formats import read_poses
+from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.readers.pose_topics import read_topic
+from gridslam.evaluation.readers.trajectory_formats import read_poses
 from gridslam.maps.map_yaml import MAX_ORIGIN
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.maps.distances import distances_to
-from gridslam.maps.drawing_light import in_even_light, is_light_uneven, strokes_in_even_light
-from gridslam.maps.drawing_marks import Marks, marks_of
+from gridslam.maps.drawings.drawing_light import in_even_light, is_light_uneven, strokes_in_even_light
+from gridslam.maps.drawings.drawing_marks import Marks, marks_of
 
 Mask = NDArray[np.bool_]
 

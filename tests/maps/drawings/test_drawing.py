@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.maps.drawing import MAX_PIXELS, drawn_map, load_drawing
+from gridslam.maps.drawings.drawing import MAX_PIXELS, drawn_map, load_drawing
 
 HEIGHT, WIDTH = 120, 200
 ROOM = (slice(20, 100), slice(30, 170))  # rows from the top, columns: what lies within the strokes of `room`

@@ -12,8 +12,8 @@ from gridslam.core import poses as se2
 from gridslam.core.errors import ConfigError, InputError
 from gridslam.core.messages import Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.evaluation.pose_series import PoseSeries
-from gridslam.evaluation.trajectory_formats import is_pose_line
+from gridslam.evaluation.readers.pose_series import PoseSeries
+from gridslam.evaluation.readers.trajectory_formats import is_pose_line
 from gridslam.logs.codecs.transform import unusable_reason
 from gridslam.logs.config import LogConfig
 from gridslam.logs.log import Log

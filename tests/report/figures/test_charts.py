@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from gridslam.evaluation.association import Pairs
-from gridslam.report.charts import TEXT, Chart, Curve, draw_charts
-from gridslam.report.drawn_shapes import (
+from gridslam.report.figures.charts import TEXT, Chart, Curve, draw_charts
+from gridslam.report.figures.drawn_shapes import (
     PNG_SCALE,
     Disc,
     DrawnSheet,
@@ -22,7 +22,7 @@ from gridslam.report.drawn_shapes import (
     svg_of,
     text_width,
 )
-from gridslam.report.evaluation_plots import (
+from gridslam.report.figures.evaluation_plots import (
     EvaluatedTrajectory,
     error_drawing,
     overlay_drawing,

@@ -10,7 +10,7 @@ import pytest
 from gridslam.core.errors import InputError
 from gridslam.core.poses import quaternion_of_yaw
 from gridslam.core.stamps import format_stamp
-from gridslam.evaluation.trajectory_formats import read_poses
+from gridslam.evaluation.readers.trajectory_formats import read_poses
 
 N = 40
 STAMPS = 1_700_000_000_000_000_000 + np.arange(N) * 100_000_000

@@ -9,7 +9,7 @@ from gridslam.core import poses as se2
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.alignment import Alignment, find_alignment
 from gridslam.evaluation.association import associate
-from gridslam.report.plots import PlanePath, plane_plot
+from gridslam.report.figures.plots import PlanePath, plane_plot
 from gridslam.runs.run import Run
 
 RESULT_COLOUR, ODOMETRY_COLOUR, TRUTH_COLOUR = "#1e6ec8", "#d9661f", "#555555"

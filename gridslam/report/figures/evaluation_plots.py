@@ -13,10 +13,10 @@ from gridslam.core.arrays import evenly_to_the_last
 from gridslam.evaluation.association import Pairs
 from gridslam.evaluation.kitti_errors import travel_of
 from gridslam.evaluation.pose_errors import absolute_errors
-from gridslam.report.charts import Chart, Curve, draw_charts
-from gridslam.report.coloured_curves import coloured_curves
-from gridslam.report.drawn_shapes import DrawnSheet
-from gridslam.report.plots import thin_out
+from gridslam.report.figures.charts import Chart, Curve, draw_charts
+from gridslam.report.figures.coloured_curves import coloured_curves
+from gridslam.report.figures.drawn_shapes import DrawnSheet
+from gridslam.report.figures.plots import thin_out
 
 Floats = NDArray[np.float64]
 MAX_POINTS = 1000  # of a path

@@ -1,0 +1,1 @@
+"""Remarks on a result that looks wrong, with the likely cause."""
