@@ -14,7 +14,7 @@ PART = 100  # stamps of a part, through which a line of its own is laid
 MIN_UNEVENNESS = 0.25
 # Largest ratio of the deviations from one line to those from the lines of the parts: it grows where messages are missing, or were
 # not made evenly, since then the deviations add up
-MAX_GLOBAL_RATIO = 1.3
+MAX_GLOBAL_RATIO = 1.15
 # Skewness ((mean - median) / standard deviation) from which on the deviations are delays, which are never negative, and the
 # quantile of them that is none
 MIN_SKEWNESS, NO_DELAY = 0.12, 0.05
