@@ -42,6 +42,14 @@ class GridslamError(Exception):
         return shortened(super().__str__())
 
 
+def text_of(error: BaseException) -> str:
+    """The message of an error, whose class may be of another package; no text where it has none that can be made."""
+    try:
+        return str(error)
+    except Exception:
+        return ""
+
+
 def was_interrupted(error: BaseException | None) -> bool:
     """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
     while error is not None and not isinstance(error, KeyboardInterrupt):

@@ -9,10 +9,9 @@ from numbers import Integral
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
-
-from gridslam.core.errors import GridslamError, MethodError, was_interrupted
+from gridslam.core.errors import GridslamError, MethodError, text_of, was_interrupted
 from gridslam.core.messages import Event
+from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.texts import visible
 from gridslam.methods.base import Estimate, Method, RunResult
 
@@ -21,22 +20,27 @@ from gridslam.methods.base import Estimate, Method, RunResult
 def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[None]:
     """Turn an error of a method's code into a MethodError that names its `package`; no text: the program's own method.
 
-    A GridslamError that was raised on purpose keeps its message and its kind, and so do the kinds in `passed`.
+    A GridslamError that was raised on purpose, which is one of its children, keeps its message and its kind; so do lack of
+    memory, Ctrl-C, and the kinds in `passed`.
     """
     try:
         yield
-    except (GridslamError, MemoryError, ValidationError):
+    except (MemoryError, KeyboardInterrupt, *passed):
         raise
-    except passed:
-        raise
-    except (Exception, SystemExit) as error:
-        if not package or was_interrupted(error):
+    except (
+        BaseException
+    ) as error:  # one that no `except Exception` stops is an error of the package all the same
+        if not package or was_interrupted(error) or _is_on_purpose(error):
             raise
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         raise MethodError(
-            f"{package}: {type(error).__name__}: {visible(str(error))}{place}; report it to its authors"
+            f"{package}: {type(error).__name__}: {visible(text_of(error))}{place}; report it to its authors"
         ) from error
+
+
+def _is_on_purpose(error: BaseException) -> bool:
+    return isinstance(error, GridslamError) and type(error) is not GridslamError
 
 
 def _is_usable(estimate: object) -> bool:
@@ -45,8 +49,13 @@ def _is_usable(estimate: object) -> bool:
         and isinstance(estimate.stamp_ns, Integral)
         and np.shape(estimate.pose) == (3,)
         and (estimate.particles is None or np.shape(estimate.particles)[1:] == (3,))
-        and all(np.isfinite(p).all() for p in (estimate.pose, estimate.particles) if p is not None)
+        and all(_are_poses(p) for p in (estimate.pose, estimate.particles) if p is not None)
     )
+
+
+def _are_poses(poses: object) -> bool:
+    """Whether all numbers are those of poses; NaN is none."""
+    return bool((np.abs(np.asarray(poses, np.float64)) <= MAX_COORDINATE_M).all())
 
 
 class PackagedMethod:

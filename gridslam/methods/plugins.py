@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from gridslam.core.errors import ConfigError
+from gridslam.core.errors import ConfigError, text_of
 
 GROUP = "gridslam.methods"
 
@@ -21,12 +21,18 @@ class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
 
     Lookup is lazy. Installed packages are searched at the first access to a name that is not built in, or when all names are
     listed. The entry of a package is imported when its name is looked up. Raises ConfigError, which names the package: its entry
-    cannot be imported, is not of the type `kind`, or has the name of another method.
+    cannot be imported, is not of the type `kind`, has a part for which `problem_of` has words, or has the name of another method.
     """
 
-    def __init__(self, own: Mapping[str, Entry], kind: type[Entry]) -> None:
+    def __init__(
+        self,
+        own: Mapping[str, Entry],
+        kind: type[Entry],
+        problem_of: Callable[[Entry], str] = lambda entry: "",
+    ) -> None:
         self._own = own
         self._kind = kind
+        self._problem_of = problem_of
 
     def __getitem__(self, name: str) -> Entry:
         if name in self._own:
@@ -61,14 +67,19 @@ class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
     def _load(self, point: EntryPoint) -> Entry:
         try:
             entry = point.load()
-        except (Exception, SystemExit) as error:  # what its modules raise when they are imported
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # what its modules raise when they are imported
             raise ConfigError(
-                f"{_description(point)}: cannot be loaded ({type(error).__name__}: {error}); repair or uninstall the package"
+                f"{_description(point)}: cannot be loaded ({type(error).__name__}: {text_of(error)}); "
+                "repair or uninstall the package"
             ) from error
         if not isinstance(entry, self._kind):
             raise ConfigError(
                 f"{_description(point)}: {point.value} is of type {type(entry).__name__}, expected {self._kind.__name__}"
             )
+        if problem := self._problem_of(entry):
+            raise ConfigError(f"{_description(point)}: {point.value}: {problem}")
         return entry
 
 

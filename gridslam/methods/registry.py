@@ -116,7 +116,25 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
 )
 
 
-METHODS: Mapping[str, MethodEntry] = PluginRegistry(BUILT_IN, MethodEntry)
+def problem_of(entry: MethodEntry) -> str:
+    """What is wrong with the types of an entry's parts, in words; no text if nothing is."""
+    texts = {name: getattr(entry, name) for name in ("config", "mapper", "localizer", "explorer")}
+    for name, text in texts.items():
+        if not isinstance(text, str):
+            return f"its {name} is no text"
+    for name in ("needs", "uses"):
+        kinds = getattr(entry, name)
+        if not isinstance(kinds, (tuple, list)) or not all(isinstance(kind, str) for kind in kinds):
+            return f"its {name} are no tuple of texts"
+    inputs = entry.inputs
+    if not isinstance(inputs, (tuple, list)) or not all(isinstance(kind, InputKind) for kind in inputs):
+        return "its inputs are no tuple of InputKind"
+    if not all(isinstance(text, str) for kind in inputs for text in (kind.name, kind.reader, kind.in_run)):
+        return "an input has a name or a reader that is no text"
+    return ""
+
+
+METHODS: Mapping[str, MethodEntry] = PluginRegistry(BUILT_IN, MethodEntry, problem_of)
 
 
 def package_of(name: str) -> str:

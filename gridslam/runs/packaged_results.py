@@ -11,7 +11,7 @@ import numpy as np
 from gridslam.core.texts import is_storable
 from gridslam.core.trajectory import Trajectory
 from gridslam.maps.image_levels import MAX_PIXELS
-from gridslam.maps.occupancy import GridGeometry
+from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.methods.base import Doubt, PlacedObject, RunResult, Series, Table
 
 _RUN_FILES = (
@@ -25,6 +25,9 @@ def packaged_problems(result: RunResult) -> Iterator[str]:
     """Faults in the parts of a plug-in's result, in words that follow "the result"; they rely on the checks of all results."""
     for trajectory in (result.trajectory, *result.trajectories.values()):
         yield from _disorder(trajectory)
+    for grid in (result.occupancy, *result.maps.values()):
+        if grid is not None and type(grid.probability) is not np.ndarray:
+            yield f"has a map that is no plain array, but a {type(grid.probability).__name__}"
     yield from _repeated_files(result)
     for name, table in result.tables.items():
         yield from _problems_of_table(name, table)
@@ -34,16 +37,22 @@ def packaged_problems(result: RunResult) -> Iterator[str]:
         *([result.position_std] if result.position_std is not None else []),
     ):
         yield from _problems_of_series(series)
-    for name, layer in result.layers.items():
-        values = layer.values
-        if not isinstance(name, str) or not isinstance(layer.geometry, GridGeometry):
-            yield f"has a layer {name!r} without a name or a geometry"
-        elif not isinstance(values, np.ndarray) or values.ndim < 2 or values.dtype.kind not in "biuf":
-            yield f"has a layer {name!r} that is no array of numbers (rows, cols)"
+    yield from _problems_of_layers(result.layers)
     for picture in result.pictures.values():
         if not 0 < picture.rgb.size <= 3 * MAX_PIXELS or not _are_texts((picture.title, picture.note)):
             yield f"has a picture without pixels, with more than {MAX_PIXELS}, or whose title is no text"
     yield from _problems_of_facts(result)
+
+
+def _problems_of_layers(layers: Mapping[str, GridLayer]) -> Iterator[str]:
+    for name, layer in layers.items():
+        values = layer.values
+        if not isinstance(layer.geometry, GridGeometry) or not _are_texts((name,)) or not name.isprintable():
+            yield f"has a layer {name!r} without a name in printable characters, or without a geometry"
+        elif type(values) is not np.ndarray or values.ndim < 2 or values.dtype.kind not in "biuf":
+            yield f"has a layer {name!r} that is no array of numbers (rows, cols)"
+        elif sum(other.values.size for other in layers.values()) > MAX_PIXELS:
+            yield f"has layers of more than {MAX_PIXELS} values in all"
 
 
 def _disorder(trajectory: Trajectory) -> Iterator[str]:

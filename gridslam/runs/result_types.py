@@ -28,6 +28,7 @@ _NAMED = {
     "files": bytes,
 }
 _TAKEN = {"maps": "map", "pictures": "map", "trajectories": "trajectory"}  # names of the run's own files
+_MAX_SIDE = 1_000_000  # cells; each row and column of a picture takes memory of its own
 _KEYED = {"layers": GridLayer, "series": Series}
 
 
@@ -80,7 +81,7 @@ def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
         yield "has poses that are no numbers, or stamps that are no integers"
     elif not np.isfinite(poses).all():
         yield "has poses that are not finite"
-    elif np.abs(poses).max(initial=0.0) > MAX_COORDINATE_M:
+    elif np.abs(poses.astype(np.float64)).max(initial=0.0) > MAX_COORDINATE_M:
         yield f"has poses beyond {MAX_COORDINATE_M:g} m"
     elif (stamps < 0).any():
         yield "has negative stamps"
@@ -97,6 +98,8 @@ def _problems_of_map(grid: object) -> Iterator[str]:
         yield "has a map that is no array of floats (rows, cols)"
     elif values.size > MAX_PIXELS:
         yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit is {MAX_PIXELS}"
+    elif max(values.shape) > _MAX_SIDE:
+        yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit of a side is {_MAX_SIDE}"
     elif not _is_usable(grid.geometry):
         yield "has a map whose geometry is no GridGeometry of finite numbers"
     elif values.size and not (np.fmin.reduce(values, axis=None) >= 0.0 or np.isnan(values).all()):

@@ -105,7 +105,7 @@ def validate_run_config(
     """The checked config. Raises ConfigError, which names `source` and marks key paths that --set has `overridden`."""
     name = method_name(document, source)
     try:
-        with naming(registry.package_of(name)):
+        with naming(registry.package_of(name), passed=(ValidationError,)):
             model = run_config_model(name)
             return model.model_validate(document)
     except ValidationError as error:

@@ -31,7 +31,7 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def methods() -> PluginRegistry[MethodEntry]:
-    return PluginRegistry(BUILT_IN, MethodEntry)
+    return PluginRegistry(BUILT_IN, MethodEntry, registry.problem_of)
 
 
 ENTRY = "from gridslam.methods.registry import MethodEntry\nENTRY = MethodEntry(config='added_method:AddedConfig')\n"
@@ -57,6 +57,18 @@ def test_what_is_not_there_is_a_key_error() -> None:
         ("added = added_method:ENTRY", "import no_such_module\n", "cannot be loaded .*no_such_module"),
         ("added = added_method:NOTHING", ENTRY, "cannot be loaded .*NOTHING"),
         ("added = added_method:ENTRY", "ENTRY = 3\n", "is of type int, expected MethodEntry"),
+        (
+            "added = added_method:ENTRY",
+            ENTRY.replace("fig')", "fig', needs='scan')"),
+            "its needs are no tuple",
+        ),
+        ("added = added_method:ENTRY", ENTRY.replace("fig')", "fig', uses=(5,))"), "its uses are no tuple"),
+        (
+            "added = added_method:ENTRY",
+            ENTRY.replace("fig')", "fig', inputs=None)"),
+            "its inputs are no tuple",
+        ),
+        ("added = added_method:ENTRY", ENTRY.replace("fig')", "fig', mapper=5)"), "its mapper is no text"),
     ],
 )
 def test_a_bad_entry_is_an_error_that_names_the_package(
@@ -150,11 +162,19 @@ def run_added(
 
 
 @pytest.mark.parametrize("stage", ["import", "config", "reader", "build", "process", "result"])
-@pytest.mark.parametrize("error", ["ZeroDivisionError('of mine')", "SystemExit('of mine')"])
+@pytest.mark.parametrize(
+    "error",
+    [
+        "ZeroDivisionError('of mine')",
+        "SystemExit('of mine')",
+        "GeneratorExit('of mine')",
+        "BaseExceptionGroup('of mine', [GeneratorExit()])",
+    ],
+)
 def test_whatever_a_method_of_a_package_raises_names_the_package(
     packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, stage: str, error: str
 ) -> None:
-    message = r"^method 'added' of the package added-method 1\.2: .*(ZeroDivisionError|SystemExit): of mine"
+    message = r"^method 'added' of the package added-method 1\.2: .*(Error|Exit|Group): of mine"
     with pytest.raises(GridslamError, match=message):
         run_added(small_log, packages, stage, error, monkeypatch)
 
@@ -198,6 +218,22 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("series={'s': Series(np.array([1]), np.array(['a']))}", "values are no numbers"),
         ("position_std=5", "series that is no Series"),
         ("layers={'l': GridLayer(np.array([[None]]), GridGeometry(0.1, (0.0, 0.0)))}", "no array of numbers"),
+        (
+            "occupancy=OccupancyGrid(np.ma.masked_array(np.ones((2, 2)), True), GridGeometry(0.1, (0.0, 0.0)))",
+            "no plain array, but a MaskedArray",
+        ),
+        (
+            "occupancy=OccupancyGrid(np.broadcast_to(0.5, (1, 2 * 10**6)), GridGeometry(1.0, (0.0, 0.0)))",
+            "the limit of a side",
+        ),
+        (
+            "layers={'l': GridLayer(np.broadcast_to(0.0, (20000, 20000)), GridGeometry(0.1, (0.0, 0.0)))}",
+            "layers of more than",
+        ),
+        (
+            "layers={'l\\0': GridLayer(np.ones((1, 1)), GridGeometry(0.1, (0.0, 0.0)))}",
+            "printable characters",
+        ),
         ("layers={5: GridLayer(np.ones((1, 1)), GridGeometry(0.1, (0.0, 0.0)))}", "layer 5 without a name"),
         ("pictures={'p': Picture(np.zeros((0, 4, 3), np.uint8), 'p')}", "without pixels"),
         ("pictures={'p': Picture(np.zeros((4, 4, 3), np.uint8), 5)}", "title is no text"),
@@ -248,12 +284,36 @@ def test_what_cannot_be_written_names_the_package(
     assert not (packages / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "estimate", ["5", "Estimate(5, np.full(3, 1e300))", "Estimate(5, np.full(3, np.nan))"]
+)
 def test_an_estimate_that_is_none_names_the_package(
-    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, estimate: str
 ) -> None:
-    monkeypatch.setattr(sys.modules[__name__], "RAISING", RAISING.replace("estimate = None", "estimate = 5"))
+    code = RAISING.replace("estimate = None", f"estimate = {estimate}").replace(
+        "import Doubt,", "import Doubt, Estimate,"
+    )
+    monkeypatch.setattr(sys.modules[__name__], "RAISING", code)
     with pytest.raises(MethodError, match=r"added-method 1\.2: TypeError: the estimate has no stamp"):
         run_added(small_log, packages, "viewer", "AssertionError", monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (
+            "__import__('pydantic').ValidationError.from_exception_data('of mine', [])",
+            "ValidationError: 0 validation errors for of mine",
+        ),
+        ("__import__('gridslam.core.errors').core.errors.GridslamError('of mine')", "GridslamError: of mine"),
+        ("type('Mute', (Exception,), {'__str__': lambda self: 1 / 0})", "Mute: "),
+    ],
+)
+def test_an_error_of_a_kind_that_means_something_elsewhere_names_the_package(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, error: str, message: str
+) -> None:
+    with pytest.raises(MethodError, match=rf"added-method 1\.2: {message}"):
+        run_added(small_log, packages, "process", error, monkeypatch)
 
 
 def test_an_error_that_is_raised_on_purpose_is_unchanged(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from gridslam.logs.datasets.euroc import mav_folder, open_euroc
 from gridslam.logs.datasets.kitti import is_kitti, open_kitti
 from gridslam.logs.datasets.source import DatasetSource
@@ -12,10 +14,11 @@ from gridslam.logs.datasets.tum_rgbd import is_tum_rgbd, open_tum_rgbd
 
 def open_dataset(folder: Path) -> DatasetSource | None:
     """The source of a folder of a known dataset; None for other folders. Raises LogError: it is damaged."""
-    if is_kitti(folder):
-        return open_kitti(folder)
-    if mav_folder(folder) is not None:
-        return open_euroc(folder)
-    if is_tum_rgbd(folder):
-        return open_tum_rgbd(folder)
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite then is counted as such
+        if is_kitti(folder):
+            return open_kitti(folder)
+        if mav_folder(folder) is not None:
+            return open_euroc(folder)
+        if is_tum_rgbd(folder):
+            return open_tum_rgbd(folder)
     return None
