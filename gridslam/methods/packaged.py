@@ -9,6 +9,7 @@ from numbers import Integral
 from pathlib import Path
 
 import numpy as np
+
 from gridslam.core.errors import GridslamError, MethodError, text_of, was_interrupted
 from gridslam.core.messages import Event
 from gridslam.core.poses import MAX_COORDINATE_M

@@ -117,7 +117,7 @@ BUILT_IN: Mapping[str, MethodEntry] = MappingProxyType(
 
 
 def problem_of(entry: MethodEntry) -> str:
-    """What is wrong with the types of an entry's parts, in words; no text if nothing is."""
+    """The part of an entry whose type is wrong, in words; no text if there is none."""
     texts = {name: getattr(entry, name) for name in ("config", "mapper", "localizer", "explorer")}
     for name, text in texts.items():
         if not isinstance(text, str):
