@@ -26,12 +26,11 @@ def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[N
     """
     try:
         yield
-    except (MemoryError, KeyboardInterrupt, *passed):
+    except passed:
         raise
-    except (
-        BaseException
-    ) as error:  # one that no `except Exception` stops is an error of the package all the same
-        if not package or was_interrupted(error) or _is_on_purpose(error):
+    except BaseException as error:  # also those that no `except Exception` stops
+        is_ours = isinstance(error, MemoryError) or was_interrupted(error) or _is_on_purpose(error)
+        if not package or is_ours:
             raise
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
