@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,4 +64,26 @@ def test_a_sensor_whose_floor_is_below_it_or_not_seen_is_left_unchanged() -> Non
     ):
         assert placed_by_floor(LIDAR, [seen], counts) is LIDAR
     assert placed_by_floor(LIDAR, [], counts) is LIDAR
+    assert not counts.problems
+
+
+@pytest.mark.parametrize("floor_m", [0.0, -0.3])
+def test_clouds_in_the_base_frame_have_their_band_above_the_floor_that_they_show(floor_m: float) -> None:
+    counts = MessageCounts()
+    at_base = Transform(0, "base", "base", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    lidar = virtual_lidar("base", at_base, CloudConfig())
+    seen = cloud(Rotation.identity())
+    raised = readonly(seen.points_m + np.array([0.0, 0.0, HEIGHT_M + floor_m]), np.float32)
+    found = placed_by_floor(lidar, [replace(seen, points_m=raised)], counts)
+    assert (found.min_height_m, found.max_height_m) == pytest.approx((floor_m + 0.2, floor_m + 1.8), abs=0.02)
+    assert "show the floor" in counts.problems[0]
+
+
+@pytest.mark.parametrize("config", [CloudConfig(), CloudConfig(min_height_m=-0.4)])
+def test_a_floor_below_the_band_or_a_band_of_the_config_change_nothing(config: CloudConfig) -> None:
+    counts = MessageCounts()
+    at_base = Transform(0, "base", "lidar", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    lidar = virtual_lidar("lidar", at_base, config)
+    low = cloud(Rotation.identity(), has_floor=config.min_height_m is None)
+    assert placed_by_floor(lidar, [low], counts) is lidar
     assert not counts.problems

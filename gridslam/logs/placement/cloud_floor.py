@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from gridslam.core.messages import PointCloud
 from gridslam.logs.checks.scan_units import CloudUnits
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.placement.virtual_scan import RAISED_M, VirtualLidar
+from gridslam.logs.placement.virtual_scan import (
+    GROUND_M,
+    HALF_BAND_M,
+    HEAD_M,
+    RAISED_M,
+    VirtualLidar,
+)
 from gridslam.logs.streams import Source, first_items
 
 Floats = NDArray[np.float64]
@@ -20,6 +26,7 @@ Floats = NDArray[np.float64]
 PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # of the first 20 clouds every fourth is looked at: clouds are large
 MAX_POINTS, TRIALS = 4000, 400  # number of points that are looked at, and of planes through three of them
 PLANE_M = 0.04  # half thickness of a floor: noise of ranges, unevenness
+MAX_BELOW = 0.01  # fraction of the points that may lie below the floor: reflections
 MIN_FRACTION = 0.05  # smallest fraction of points on the floor, for a sensor that sees it at all
 MAX_MISSING = 0.3  # points where the extrinsics put the floor, at most, relative to those of the floor found
 MAX_HEIGHT_ERROR = 0.15  # largest relative error of the height above the floor
@@ -53,9 +60,11 @@ def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: M
     """The lidar with the rotation that puts the floor below it; the same object where it is there, or is not seen."""
     height_m = float(lidar.translation_m[2])
     points = _sample([cloud.points_m for cloud in clouds])
-    if height_m < RAISED_M or len(points) < MAX_POINTS // 4:
+    if len(points) < MAX_POINTS // 4:
         return lidar
     given = points @ lidar.rotation.T
+    if height_m < RAISED_M:
+        return _above_the_floor(lidar, given + np.array([0.0, 0.0, height_m]), counts)
     at_floor = float((np.abs(given[:, 2] + height_m) < PLANE_M).mean())
     up, fraction = _floor(given, height_m)
     if fraction < MIN_FRACTION or at_floor > MAX_MISSING * fraction:
@@ -74,6 +83,32 @@ def placed_by_floor(lidar: VirtualLidar, clouds: Iterable[PointCloud], counts: M
         f"set log.extrinsics.{frame} with roll and pitch"
     )
     return replace(lidar, rotation=level @ turned_over @ lidar.rotation)
+
+
+def _above_the_floor(lidar: VirtualLidar, points: Floats, counts: MessageCounts) -> VirtualLidar:
+    """The lidar with a band of heights above the floor that points `(n, 3)` in the base frame show within its usual band.
+
+    So it is with clouds that a driver or a filter gives in the base frame.
+    """
+    is_usual = math.isclose(lidar.max_height_m - lidar.min_height_m, 2.0 * HALF_BAND_M)
+    floor_m = _lowest_level(points)
+    if not is_usual or floor_m is None or floor_m + GROUND_M <= lidar.min_height_m:
+        return lidar
+    found = replace(lidar, min_height_m=floor_m + GROUND_M, max_height_m=floor_m + HEAD_M)
+    counts.find(
+        f"{lidar.frame_id.removesuffix('_planar')}: its clouds show the floor {floor_m:.2f} m high, so returns from "
+        f"{found.min_height_m:.2f} to {found.max_height_m:.2f} m are used; log.cloud sets another band"
+    )
+    return found
+
+
+def _lowest_level(points: Floats) -> float | None:
+    """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None where there is none."""
+    heights = np.sort(points[:, 2])
+    lowest = heights[int(MAX_BELOW * len(heights))]
+    near = points[(points[:, 2] >= lowest - PLANE_M) & (points[:, 2] <= lowest + 2.0 * PLANE_M)]
+    is_floor = len(near) > MIN_FRACTION * len(points) and _is_wide(near)
+    return float(np.median(near[:, 2])) if is_floor else None
 
 
 def _sample(clouds: list[NDArray[np.float32]]) -> Floats:
