@@ -11,6 +11,7 @@ import typer
 
 import gridslam
 from gridslam.core.errors import GridslamError, was_interrupted
+from gridslam.core.threads import drop_wrong_counts
 
 from . import INTERRUPTED, console
 from . import run as run  # kept here for existing programs
@@ -89,6 +90,8 @@ def main(arguments: Sequence[str]) -> int:
     console.settings.debug = "--debug" in arguments
     console.settings.has_spoken = False
     console.start()
+    for variable in drop_wrong_counts():
+        console.say(f"warning: {variable} is no number of threads, and is ignored")
     try:
         code = app(args=list(arguments), prog_name="gridslam", standalone_mode=False)
         if code == INTERRUPTED and not console.settings.has_spoken:  # raised by typer while parsing

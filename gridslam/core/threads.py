@@ -9,6 +9,20 @@ from contextlib import contextmanager
 VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
+MAX_THREADS = 4096
+
+
+def drop_wrong_counts() -> list[str]:
+    """The variables `NAME=value` whose value is no number of threads; they are removed, or numba would end the program."""
+    wrong = [
+        name
+        for name in VARIABLES
+        if (text := os.environ.get(name)) is not None
+        and not (text.isascii() and text.isdigit() and 0 < int(text[:9]) <= MAX_THREADS)
+    ]
+    return [f"{name}={os.environ.pop(name)}" for name in wrong]
+
+
 def limit_threads(count: int) -> None:
     """Let libraries that are imported later use `count` threads."""
     os.environ.update(dict.fromkeys(VARIABLES, str(count)))

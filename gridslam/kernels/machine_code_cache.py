@@ -96,7 +96,9 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
 
 
 def _read(file: Path, key: tuple[str, ...]) -> Any:
-    """The machine code in a file. Raises OSError; ValueError: it is damaged, or another kernel's."""
+    """The machine code in a file. Raises OSError; ValueError: it is damaged, another kernel's, or a device or a pipe."""
+    if not file.is_file():
+        raise ValueError(f"{file}: no file")
     content = file.read_bytes()
     body = memoryview(content)[DIGEST_BYTES:]
     if content[:DIGEST_BYTES] != _digest(body):

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from gridslam.core.threads import VARIABLES, threads_each
+from gridslam.core.threads import VARIABLES, drop_wrong_counts, threads_each
 
 COUNT = """
 from gridslam.core.threads import limit_threads
@@ -34,3 +34,14 @@ def test_what_the_user_has_set_is_kept_and_the_rest_is_put_back(monkeypatch: pyt
     with threads_each(3):
         assert [os.environ[name] for name in VARIABLES] == ["7", "3", "3", "3"]
     assert [name for name in VARIABLES if name in os.environ] == [VARIABLES[0]]
+
+
+@pytest.mark.parametrize("value", ["abc", "0", "-1", "1.5", "99999", "\u0664", "", "9" * 50])
+def test_a_variable_that_is_no_number_of_threads_is_removed_and_named(
+    monkeypatch: pytest.MonkeyPatch, value: str
+) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", value)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert drop_wrong_counts() == [f"NUMBA_NUM_THREADS={value}"]
+    assert "NUMBA_NUM_THREADS" not in os.environ
+    assert os.environ["OMP_NUM_THREADS"] == "3"

@@ -149,6 +149,15 @@ def test_damaged_files_and_those_of_other_kernels_are_not_loaded(kept: Path) -> 
         assert load() is None
 
 
+def test_a_pipe_or_a_device_in_the_place_of_machine_code_is_not_read(kept: Path) -> None:
+    kept.unlink()
+    os.mkfifo(kept)
+    assert load() is None
+    kept.unlink()
+    kept.symlink_to("/dev/zero")
+    assert load() is None
+
+
 def test_a_file_that_cannot_be_written_is_said_once(kept: Path, caplog: pytest.LogCaptureFixture) -> None:
     kept.unlink()
     kept.mkdir()
