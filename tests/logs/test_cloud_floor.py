@@ -79,6 +79,18 @@ def test_clouds_in_the_base_frame_have_their_band_above_the_floor_that_they_show
     assert "show the floor" in counts.problems[0]
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.03])
+def test_the_points_of_few_rings_are_no_floor(slope: float) -> None:
+    counts = MessageCounts()
+    at_base = Transform(0, "base", "base", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), is_static=True)
+    lidar = virtual_lidar("base", at_base, CloudConfig())
+    seen = cloud(Rotation.identity(), has_floor=False)
+    flat = np.array(seen.points_m)
+    flat[:, 2] = slope * np.resize([-3.0, -1.0, 1.0, 3.0], len(flat)) * np.hypot(flat[:, 0], flat[:, 1])
+    assert placed_by_floor(lidar, [replace(seen, points_m=readonly(flat, np.float32))], counts) is lidar
+    assert not counts.problems
+
+
 @pytest.mark.parametrize("config", [CloudConfig(), CloudConfig(min_height_m=-0.4)])
 def test_a_floor_below_the_band_or_a_band_of_the_config_change_nothing(config: CloudConfig) -> None:
     counts = MessageCounts()

@@ -27,6 +27,7 @@ PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # of the first 20 clouds every fourth is loo
 MAX_POINTS, TRIALS = 4000, 400  # number of points that are looked at, and of planes through three of them
 PLANE_M = 0.04  # half thickness of a floor: noise of ranges, unevenness
 MAX_BELOW = 0.01  # fraction of the points that may lie below the floor: reflections
+MIN_CONTRAST = 2.0  # smallest ratio of the points of a floor to those within as much height above it
 MIN_FRACTION = 0.05  # smallest fraction of points on the floor, for a sensor that sees it at all
 MAX_MISSING = 0.3  # points where the extrinsics put the floor, at most, relative to those of the floor found
 MAX_HEIGHT_ERROR = 0.15  # largest relative error of the height above the floor
@@ -103,11 +104,17 @@ def _above_the_floor(lidar: VirtualLidar, points: Floats, counts: MessageCounts)
 
 
 def _lowest_level(points: Floats) -> float | None:
-    """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None where there is none."""
+    """The height (m) of the lowest wide and level plane through many of the points `(n, 3)`; None where there is none.
+
+    Walls stand on a floor, and right above it there are fewer points: all points of a planar lidar lie in one plane as well.
+    """
     heights = np.sort(points[:, 2])
-    lowest = heights[int(MAX_BELOW * len(heights))]
-    near = points[(points[:, 2] >= lowest - PLANE_M) & (points[:, 2] <= lowest + 2.0 * PLANE_M)]
-    is_floor = len(near) > MIN_FRACTION * len(points) and _is_wide(near)
+    above_m = heights - heights[int(MAX_BELOW * len(heights))]
+    near = points[np.argsort(points[:, 2], kind="stable")][(above_m >= -PLANE_M) & (above_m <= 2.0 * PLANE_M)]
+    next_to_it = np.count_nonzero((above_m > 2.0 * PLANE_M) & (above_m <= 5.0 * PLANE_M))
+    walls = np.count_nonzero(above_m > GROUND_M)
+    is_many = len(near) > max(MIN_FRACTION * len(points), MIN_CONTRAST * next_to_it)
+    is_floor = is_many and walls > MIN_FRACTION * len(points) and _is_wide(near)
     return float(np.median(near[:, 2])) if is_floor else None
 
 
