@@ -35,11 +35,16 @@ settings = ConsoleOptions()
 
 
 def start() -> None:
-    """Send the library's log messages to stderr, one line each; escape characters that stdout cannot encode."""
+    """Send the library's log messages to stderr, one line each; escape characters that stdout cannot encode.
+
+    What other libraries log, such as remarks about damaged pictures, is not shown.
+    """
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
     handler = _StderrHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
+    if not logging.root.handlers:  # or Python writes it to stderr
+        logging.root.addHandler(logging.NullHandler())
     logger = logging.getLogger("gridslam")
     logger.handlers[:] = [handler]
     logger.propagate = False

@@ -66,3 +66,15 @@ def test_warnings_of_the_library_are_one_line_each(capsys: pytest.CaptureFixture
     console.start()
     logging.getLogger("gridslam.maps.map_server").warning("%s is odd", "map.yaml")
     assert capsys.readouterr() == ("", "gridslam: warning: map.yaml is odd\n")
+
+
+def test_what_other_libraries_log_is_not_shown(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.root, "handlers", [])
+    console.start()
+    console.start()
+    logging.getLogger("PIL.TiffImagePlugin").error("More samples per pixel than can be decoded: 65535")
+    logging.getLogger("gridslam").warning("our own")
+    assert capsys.readouterr().err == "gridslam: warning: our own\n"
+    assert len(logging.root.handlers) == 1

@@ -66,7 +66,8 @@ def _column(group: Any, name: str, rows: int, rng: random.Random, width: int = 0
     if what == 0:
         group[name] = values[:-1]
     elif what == 1:
-        group[name] = values.astype(rng.choice(("f2", ">f4", "i1", "u8", "?", "c16", "S3")))
+        with np.errstate(invalid="ignore", over="ignore"):
+            group[name] = values.astype(rng.choice(("f2", ">f4", "i1", "u8", "?", "c16", "S3")))
     elif what == 2:
         texts = [rng.choice((*NAMES, "1.5", "laser")) for _ in range(values.size)]
         group.create_dataset(name, data=np.array(texts, object).reshape(shape), dtype=h5py.string_dtype())
