@@ -55,7 +55,7 @@ FAULTS = {
     "late_0.3": Fault(late(0.3), "s late", lag_s=0.3),
     "yaw_mirrored": Fault(lambda o: replace(o, yaw_rad=-o.yaw_rad), "its yaw has the wrong sign"),
     "wheels_exchanged": Fault(
-        lambda o: replace(o, y_m=-o.y_m, yaw_rad=-o.yaw_rad), "its yaw has the wrong sign"
+        lambda o: replace(o, y_m=-o.y_m, yaw_rad=-o.yaw_rad), "its yaw and y have the wrong sign"
     ),
     "dropped": Fault(lambda o: None),
     "none": Fault(lambda o: o),
