@@ -27,7 +27,7 @@ PEEKED_CLOUDS, EVERY_CLOUD = 20, 4  # of the first 20 clouds every fourth is loo
 MAX_POINTS, TRIALS = 4000, 400  # number of points that are looked at, and of planes through three of them
 PLANE_M = 0.04  # half thickness of a floor: noise of ranges, unevenness
 MAX_BELOW = 0.01  # fraction of the points that may lie below the floor: reflections
-MIN_CONTRAST = 1.5  # smallest ratio of the points of a floor to those within as much height above it
+MIN_CONTRAST = 2.0  # smallest ratio of the points of a floor to those within as much height above it
 MIN_FRACTION = 0.05  # smallest fraction of points on the floor, for a sensor that sees it at all
 MAX_MISSING = 0.3  # points where the extrinsics put the floor, at most, relative to those of the floor found
 MAX_HEIGHT_ERROR = 0.15  # largest relative error of the height above the floor
@@ -110,8 +110,8 @@ def _lowest_level(points: Floats) -> float | None:
     """
     heights = np.sort(points[:, 2])
     above_m = heights - heights[int(MAX_BELOW * len(heights))]
-    near = points[np.argsort(points[:, 2], kind="stable")][(above_m >= -PLANE_M) & (above_m <= 2.0 * PLANE_M)]
-    next_to_it = np.count_nonzero((above_m > 2.0 * PLANE_M) & (above_m <= 5.0 * PLANE_M))
+    near = points[np.argsort(points[:, 2], kind="stable")][np.abs(above_m) <= PLANE_M]
+    next_to_it = np.count_nonzero((above_m > PLANE_M) & (above_m <= 3.0 * PLANE_M))
     walls = np.count_nonzero(above_m > GROUND_M)
     is_many = len(near) > max(MIN_FRACTION * len(points), MIN_CONTRAST * next_to_it)
     is_floor = is_many and walls > MIN_FRACTION * len(points) and _is_wide(near)
