@@ -55,6 +55,14 @@ def remarks(estimate: PoseSeries, align: Align = "none", truth: PoseSeries = TRU
     return remarks_of(result, true, options, evaluate(result, true, options))
 
 
+@pytest.mark.parametrize("align", ["none", "se2"])
+def test_the_truth_of_another_drive_is_doubted(align: Align) -> None:
+    along = np.column_stack([np.zeros(N), 0.4 * TIME, np.zeros(N)])
+    other = PoseSeries("other.tum", ESTIMATE.stamps_ns, along, quaternion_of_yaw(np.full(N, 1.57)))
+    (remark,) = [r for r in remarks(other, align) if "same drive" in r]
+    assert remark.startswith("the estimate does not follow the truth: aligned the error is 4.31 m")
+
+
 @pytest.mark.parametrize("align", ["none", "se2", "origin"])
 def test_a_sound_estimate_gets_no_remark(align: Align) -> None:
     assert remarks(ESTIMATE, align) == []

@@ -30,6 +30,8 @@ MIN_SCALE, SCALE_TOLERANCE = 0.01, 0.05
 LEVER_ROUNDS = 5  # number of times that alignment and lever are found in turn
 MAX_LEVER_M = 5.0  # no point of a robot is farther from another
 MIN_YAW_OFFSET_DEG, MAX_YAW_STD_DEG = 20.0, 10.0
+# Largest error of an estimate that follows the truth, as a fraction of what is left if it had stayed in one place
+MAX_LEFT_OF_MOTION = 0.7
 
 
 def pair_remarks(
@@ -60,6 +62,8 @@ def pair_remarks(
         # A drive at constant speed looks alike with another clock and another point of the robot: the better one is named.
         causes = [*_clock_causes(estimate, truth, rigid), *_point_causes(pairs, rigid)]
         yield from (remark for _, remark in sorted(causes)[:1])
+        if not causes:
+            yield from _other_drive_remarks(pairs, rigid)
     yield from _heading_remarks(pairs)
 
 
@@ -140,6 +144,16 @@ def _point_causes(pairs: Pairs, rigid: float) -> Iterator[tuple[float, str]]:
             error,
             f"the truth seems to be of another point of the robot, {lever[0]:+.2f} m ahead and {lever[1]:+.2f} m to the left of "
             f"the estimate's: with it the error is {error:.3g} m instead of {rigid:.3g} m",
+        )
+
+
+def _other_drive_remarks(pairs: Pairs, rigid: float) -> Iterator[str]:
+    """The estimate does not follow the truth."""
+    standing = float(np.sqrt(np.var(pairs.truth[:, :2], axis=0).sum()))
+    if rigid > MAX_LEFT_OF_MOTION * standing:
+        yield (
+            f"the estimate does not follow the truth: aligned the error is {rigid:.3g} m, and {standing:.3g} m if it had stayed "
+            "in one place; are they of the same drive?"
         )
 
 
