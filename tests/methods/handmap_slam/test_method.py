@@ -191,6 +191,6 @@ def test_odometry_with_a_mirrored_yaw_is_used_corrected():
         )
         method.process(mirrored)
     result = method.result()
-    assert "its yaw has the wrong sign" in result.notes[0]
+    assert "its yaw and y have the wrong sign" in result.notes[0]
     assert result.measures["motion"]["odometry_check"]["yaw_sign"] == -1
     assert position_errors(result).max() < 0.1

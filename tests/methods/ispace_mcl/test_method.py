@@ -208,6 +208,6 @@ def test_a_log_without_scans_gives_an_empty_result():
 def test_odometry_with_a_mirrored_yaw_is_used_corrected():
     mirrored = [replace(e, yaw_rad=-e.yaw_rad, y_m=-e.y_m) if isinstance(e, Odometry) else e for e in LOG]
     result = run(IspaceMclConfig(start=START), log=mirrored)
-    assert "its yaw has the wrong sign" in result.notes[0]
+    assert "its yaw and y have the wrong sign" in result.notes[0]
     assert result.measures["motion"]["odometry_check"]["yaw_sign"] == -1
     assert errors(result)[0].max() < 0.25
