@@ -81,7 +81,9 @@ class OdometryCheck:
         if isinstance(event, Odometry):
             self._measure(event)
         if self._corrected is not None:
-            yield from self._corrected.add(event, self._turned_rad)
+            with self._stopwatch.stage("odometry_check"):
+                corrected = list(self._corrected.add(event, self._turned_rad))
+            yield from corrected
             return
         self._held.append(event)
         if isinstance(event, LaserScan):

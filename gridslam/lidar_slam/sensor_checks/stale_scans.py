@@ -27,12 +27,10 @@ KEPT_ODOMETRY = 400  # covers the time between two scans
 # and after: by twice as much if there is one repeat
 MIN_CHANGE_RATIO, MIN_CHANGE_M = 1.3, 0.01
 MAX_CHANGE_M = 0.5  # a reading that changes by more has met another thing
-MIN_LAST_REPEATS = (
-    10  # number of repeats at the end of a log, which nothing decides on, from which on a line names them
-)
-MAX_HELD_SCANS = (
-    3000  # largest number of repeats that wait until it is known whether the robot moves; bounds memory
-)
+# Number of repeats at the end of a log, on which nothing decides, from which on a line names them
+MIN_LAST_REPEATS = 10
+# Largest number of repeats that wait until it is known whether the robot moves; bounds memory
+MAX_HELD_SCANS = 3000
 
 
 @dataclass(slots=True)
@@ -77,9 +75,8 @@ class StaleScans:
         self._first_ns: int | None = None  # stamp of the first scan
         self._left_out: dict[str, list[int]] = {}  # stamps of each lidar's stale scans
         self._stood: set[str] = set()  # lidars with repeats of a robot that stood
-        self._last_repeats: dict[
-            str, list[int]
-        ] = {}  # stamps of each lidar's repeats at the end, on which nothing decides
+        # Stamps of each lidar's repeats at the end, on which nothing decides
+        self._last_repeats: dict[str, list[int]] = {}
 
     def process(self, event: Event) -> Iterator[Event]:
         """Take in an event; yields those about which nothing is unknown any more."""
