@@ -32,9 +32,8 @@ MIN_TWIST_S = 0.02  # no velocity is derived from scans closer in time, as those
 FIRM_STD_M = 0.012  # a match that is as certain in all directions shows how the velocity changes; along a corridor none does
 KEPT_SCANS = 16
 MAX_LOST_S = 5.0  # after this time without a match the surroundings are new
-GYRO_TOLERANCE_RAD = (
-    0.005  # by which constant velocity may be better than a gyro: on straight drives it is as good
-)
+# By which constant velocity may be better than a gyro: on straight drives it is as good
+GYRO_TOLERANCE_RAD = 0.005
 # Root mean square changes of motion from scan to scan beyond which a path without odometry is doubted: those of recorded logs
 # whose paths were right are below 0.05 rad and 0.03 m.
 MAX_CHANGE_M, MAX_CHANGE_RAD = 0.1, 0.15

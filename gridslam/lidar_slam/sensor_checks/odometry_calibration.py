@@ -28,9 +28,8 @@ UNDECIDED_Z_SCORE = 1.5  # from this z score on more motion may decide
 POSSIBLE_Z_SCORE = 2.0  # lags whose differences are larger by less than this may be the true one
 MIN_ROTATION_RAD = 2.0  # smallest rotation of all windows together, by matching
 MIN_WINDOW_M = 0.2  # smallest motion in a window that shows the scale
-MAX_STRAIGHT_RAD = (
-    0.2  # largest rotation in a window of straight driving: a lidar that sits elsewhere moves alike
-)
+# Largest rotation in a window of straight driving: a lidar that sits elsewhere moves alike
+MAX_STRAIGHT_RAD = 0.2
 
 
 @dataclass(frozen=True, slots=True)

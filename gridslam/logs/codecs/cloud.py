@@ -20,9 +20,8 @@ _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"
 # other name with one of these parts is taken as well.
 _TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset", "ts", "dt")
 _TIME_PARTS = ("time", "stamp")
-_MAX_DELAY_S = (
-    3.0  # largest difference of the stamp of a point from the header's: beyond it they are of two clocks
-)
+# Largest difference of the stamp of a point from the header's: beyond it they are of two clocks
+_MAX_DELAY_S = 3.0
 _MAX_OFFSET_S = 0.5  # largest offset of a first point that is none of another clock
 _UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 _SWEEPS_S = (0.003, 3.0)  # times that lidars take for a cloud: in one unit only

@@ -15,9 +15,8 @@ from rosbags.typesys.store import Typestore
 
 from gridslam.logs.ros.definitions import holds_lists_of_texts
 
-MAX_STRUCTURES = (
-    500_000  # largest number in one message; the largest sweep of a lidar has some 200,000 points
-)
+# Largest number in one message; the largest sweep of a lidar has some 200,000 points
+MAX_STRUCTURES = 500_000
 _MAX_TEXTS_BYTES = 1 << 20  # largest message with sequences of texts: names of joints, tags
 
 

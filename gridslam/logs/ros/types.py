@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from gridslam.logs.ros.type_store import BoundedTypestore
 
 MAX_SCHEMA_BYTES = 1 << 16  # the longest of ROS 2 have 20 kB
-MAX_DEFINITIONS = (
-    64  # of one log; there are some 20 types that anything uses, and each may have changed within a recording
-)
+# Of one log; there are some 20 types that anything uses, and each may have changed within a recording
+MAX_DEFINITIONS = 64
 
 # The fields that the hand-written decoders in `fast_cdr` expect.
 _STANDARD_FIELDS = {
