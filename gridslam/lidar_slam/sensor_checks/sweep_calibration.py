@@ -106,8 +106,9 @@ def find_sweep_time(
         return None
     gain = trials.ratios(best_s) - trials.ratios(stated_s)
     z_score = gain.mean() / max(float(gain.std()), 1e-9) * np.sqrt(len(gain) / CORRELATED_SCANS)
+    # A time of the same sign lies on one curve with the stated one; the other direction is judged by the scans alone.
     is_certain = z_score > MIN_Z_SCORE or (
-        stated_s != 0.0
+        best_s * stated_s > 0.0
         and abs(best_s - stated_s) > MIN_Z_SCORE * _best_fraction_std(trials, period_s, best_s)
     )
     is_usable = gain.mean() > MIN_GAIN and abs(best_s) <= MAX_SWEEP_PERIODS * period_s

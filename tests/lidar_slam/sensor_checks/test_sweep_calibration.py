@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from gridslam.lidar_slam.sensor_checks.sweep_calibration import (
 from gridslam.logs.open import open_log
 from gridslam.methods.slam_sd.config import SlamSdConfig
 from gridslam.methods.slam_sd.method import _tracker_of
+from tests.benchmarks.input_kinds import ORDINARY, drive
 from tests.conftest import REPOSITORY
 
 LOG = REPOSITORY / "sample_logs" / "slam-sd.mcap"
@@ -81,3 +83,13 @@ def test_a_stated_time_near_the_best_is_kept(factor: float) -> None:
 
 def test_few_turns_show_no_time() -> None:
     assert found_with(0.0, scans=80) is None
+
+
+def test_right_times_of_a_narrow_lidar_are_kept(tmp_path: Path) -> None:
+    """With this seed scans match as well in the other direction, which once took the path 0.035 m off."""
+    with open_log(ORDINARY["ordinary_narrow"](drive(2), tmp_path / "narrow.mcap")) as log:
+        seen = [e for e in log.events() if isinstance(e, LaserScan | Transform)][:500]
+    build = partial(_tracker_of, SlamSdConfig())
+    tracker = build()
+    tracker.track_all(seen)
+    assert find_sweep_time(seen, tracker, build) is None
