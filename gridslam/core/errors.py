@@ -42,7 +42,7 @@ class GridslamError(Exception):
         return shortened(super().__str__())
 
 
-def text_of(error: BaseException) -> str:
+def message_of(error: BaseException) -> str:
     """The message of an error, whose class may be of another package; no text where it has none that can be made."""
     try:
         return str(error)

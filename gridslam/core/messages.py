@@ -112,6 +112,11 @@ class Odometry:
         """(x, y, yaw) as an array `(3,)`."""
         return np.array([self.x_m, self.y_m, self.yaw_rad])
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether the pose is a pose: no number of it is NaN or infinite."""
+        return math.isfinite(self.x_m) and math.isfinite(self.y_m) and math.isfinite(self.yaw_rad)
+
 
 @dataclass(frozen=True, slots=True)
 class Imu:

@@ -7,20 +7,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 VARIABLES = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-
-
-MAX_THREADS = 4096
+MAX_DIGITS = 4  # of a number of threads: no machine has more cores
 
 
 def drop_wrong_counts() -> list[str]:
-    """The variables `NAME=value` whose value is no number of threads; they are removed, or numba would end the program."""
-    wrong = [
-        name
-        for name in VARIABLES
-        if (text := os.environ.get(name)) is not None
-        and not (text.isascii() and text.isdigit() and 0 < int(text[:9]) <= MAX_THREADS)
-    ]
-    return [f"{name}={os.environ.pop(name)}" for name in wrong]
+    """The variables `NAME=value` whose value is no number of threads; they are removed, or libraries would end the program.
+
+    OpenMP takes a list as well: a number for each level of nesting.
+    """
+    wrong = []
+    for name in VARIABLES:
+        text = os.environ.get(name)
+        numbers = [] if text is None else text.split(",") if name.startswith("OMP") else [text]
+        if not all(map(_is_count, numbers)):
+            wrong.append(f"{name}={os.environ.pop(name)}")
+    return wrong
+
+
+def _is_count(text: str) -> bool:
+    digits = text.strip()
+    return digits.isascii() and digits.isdigit() and len(digits) <= MAX_DIGITS and int(digits) > 0
 
 
 def limit_threads(count: int) -> None:

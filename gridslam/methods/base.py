@@ -104,9 +104,8 @@ class RunResult:
     counters: Mapping[str, int] = field(default_factory=dict)
     timings_s: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json
-    notes: Sequence[
-        str
-    ] = ()  # repairs and doubts about the log, one line each, reported like the log's own problems
+    # Repairs and doubts about the log, one line each, reported like the log's own problems
+    notes: Sequence[str] = ()
     loops_ns: NDArray[np.int64] = field(default_factory=no_stamps)
     untrusted_ns: NDArray[np.int64] = field(default_factory=no_stamps)
     position_std: Series | None = None

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gridslam.core.errors import GridslamError, MethodError, text_of, was_interrupted
+from gridslam.core.errors import GridslamError, MethodError, message_of, was_interrupted
 from gridslam.core.messages import Event
 from gridslam.core.poses import MAX_COORDINATE_M
 from gridslam.core.texts import visible
@@ -35,7 +35,7 @@ def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[N
         frames = traceback.extract_tb(error.__traceback__)
         place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
         raise MethodError(
-            f"{package}: {type(error).__name__}: {visible(text_of(error))}{place}; report it to its authors"
+            f"{package}: {type(error).__name__}: {visible(message_of(error))}{place}; report it to its authors"
         ) from error
 
 

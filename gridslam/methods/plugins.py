@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from gridslam.core.errors import ConfigError, text_of
+from gridslam.core.errors import ConfigError, message_of
 
 GROUP = "gridslam.methods"
 
@@ -71,7 +71,7 @@ class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
             raise
         except BaseException as error:  # what its modules raise when they are imported
             raise ConfigError(
-                f"{_description(point)}: cannot be loaded ({type(error).__name__}: {text_of(error)}); "
+                f"{_description(point)}: cannot be loaded ({type(error).__name__}: {message_of(error)}); "
                 "repair or uninstall the package"
             ) from error
         if not isinstance(entry, self._kind):

@@ -86,9 +86,7 @@ class ScanPoses:
 
     def add_odometry(self, odometry: Odometry) -> Iterator[PlacedScan]:
         """Take in odometry; yields the waiting scans up to its stamp."""
-        if not (
-            math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad)
-        ):
+        if not odometry.is_finite:
             self.counters["skipped.odom.not_finite"] += 1
             return
         pose, stamp = odometry.pose, odometry.stamp_ns

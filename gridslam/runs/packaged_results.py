@@ -51,8 +51,8 @@ def _problems_of_layers(layers: Mapping[str, GridLayer]) -> Iterator[str]:
             yield f"has a layer {name!r} without a name in printable characters, or without a geometry"
         elif type(values) is not np.ndarray or values.ndim < 2 or values.dtype.kind not in "biuf":
             yield f"has a layer {name!r} that is no array of numbers (rows, cols)"
-        elif sum(other.values.size for other in layers.values()) > MAX_PIXELS:
-            yield f"has layers of more than {MAX_PIXELS} values in all"
+    if sum(np.size(layer.values) for layer in layers.values()) > MAX_PIXELS:
+        yield f"has layers of more than {MAX_PIXELS} values in all"
 
 
 def _disorder(trajectory: Trajectory) -> Iterator[str]:

@@ -45,3 +45,11 @@ def test_a_variable_that_is_no_number_of_threads_is_removed_and_named(
     assert drop_wrong_counts() == [f"NUMBA_NUM_THREADS={value}"]
     assert "NUMBA_NUM_THREADS" not in os.environ
     assert os.environ["OMP_NUM_THREADS"] == "3"
+
+
+def test_a_number_of_threads_for_each_level_of_nesting_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    monkeypatch.setenv("OMP_NUM_THREADS", "4,2")
+    assert drop_wrong_counts() == []
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "4,2")
+    assert drop_wrong_counts() == ["NUMBA_NUM_THREADS=4,2"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from tests.rawlog_objects import (
     frame_of,
     object_of,
     odometry_of,
+    pose_3d,
     scan_of,
 )
 
@@ -87,6 +89,15 @@ def test_what_is_not_read_and_what_is_damaged_is_named(tmp_path: Path) -> None:
     assert any("not read: 2 CObservationImage" in line for line in problems)
     with open_log(tmp_path / "a.rawlog") as log:
         assert log.is_lossy
+
+
+@pytest.mark.parametrize("side", [1, 3, 4])
+def test_a_place_as_a_matrix_is_read_if_it_is_a_homogeneous_one(tmp_path: Path, side: int) -> None:
+    matrix = object_of("CMatrixD", 0, struct.pack("<2I", side, side) + np.eye(side).tobytes())
+    odd = scan_of(START_NS + S).replace(pose_3d(0.2, 0.5), object_of("CPose3D", 1, matrix))
+    (tmp_path / "a.rawlog").write_bytes(scan_of(START_NS) + odd)
+    scans, _, _, _ = events_of(tmp_path / "a.rawlog")
+    assert len(scans) == (2 if side == 4 else 1)
 
 
 @pytest.mark.parametrize("cut", [30, 120, 180])

@@ -19,15 +19,8 @@ from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsC
 from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
-from gridslam.lidar_slam.sensor_checks.odometry_calibration import (
-    OdometryCorrection,
-    calibrate,
-)
-from gridslam.lidar_slam.sensor_checks.own_body import (
-    OwnBody,
-    find_own_bodies,
-    later_bodies_among,
-)
+from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, calibrate
+from gridslam.lidar_slam.sensor_checks.own_body import OwnBody, find_own_bodies, later_bodies_among
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
 from gridslam.lidar_slam.sensor_checks.stale_scans import StaleScans
@@ -151,7 +144,7 @@ class OdometryCheck:
 
     def _decide(self, held: list[Event], is_last: bool) -> bool:
         """Find the faults of odometry and scans; False if more motion may allow a better decision."""
-        odometry = [e for e in held if isinstance(e, Odometry) and np.isfinite(e.pose).all()]
+        odometry = [e for e in held if isinstance(e, Odometry) and e.is_finite]
         by_odometry = _trajectory(odometry)
         self._find_own_bodies(held)
         if not self._tracked:
@@ -191,9 +184,7 @@ class OdometryCheck:
 
     def _measure(self, odometry: Odometry) -> None:
         """Add the motion since the last odometry, in plain numbers: this is done for each message of a log."""
-        if not (
-            math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad)
-        ):
+        if not odometry.is_finite:
             return
         last, self._last = self._last, odometry
         if last is not None:

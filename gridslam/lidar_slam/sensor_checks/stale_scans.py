@@ -71,7 +71,7 @@ class StaleScans:
         self._runs: dict[str, _Run] = {}  # the last of each lidar
         self._held: deque[_Held] = deque()
         self._waiting = 0  # repeats among them
-        self._odometry: deque[tuple[int, Floats]] = deque(maxlen=KEPT_ODOMETRY)
+        self._odometry: deque[Odometry] = deque(maxlen=KEPT_ODOMETRY)
         self._first_ns: int | None = None  # stamp of the first scan
         self._left_out: dict[str, list[int]] = {}  # stamps of each lidar's stale scans
         self._stood: set[str] = set()  # lidars with repeats of a robot that stood
@@ -81,8 +81,8 @@ class StaleScans:
     def process(self, event: Event) -> Iterator[Event]:
         """Take in an event; yields those about which nothing is unknown any more."""
         held = _Held(event)
-        if isinstance(event, Odometry) and np.isfinite(event.pose).all():
-            self._odometry.append((event.stamp_ns, event.pose))
+        if isinstance(event, Odometry) and event.is_finite:
+            self._odometry.append(event)
             for run in self._runs.values():
                 self._decide_by_odometry(run)
         elif isinstance(event, LaserScan):
@@ -196,16 +196,17 @@ class StaleScans:
 
     def _odometry_at(self, stamp_ns: int) -> Floats | None:
         """The pose `(3,)` by odometry at a stamp; None where odometry has not reached it, or has a gap."""
-        later: tuple[int, Floats] | None = None
+        later: Odometry | None = None
         for earlier in reversed(self._odometry):
-            if earlier[0] > stamp_ns:
+            if earlier.stamp_ns > stamp_ns:
                 later = earlier
                 continue
-            if earlier[0] == stamp_ns:
-                return earlier[1]
-            if later is None or later[0] - earlier[0] > MAX_ODOMETRY_GAP_S * 1e9:
+            if earlier.stamp_ns == stamp_ns:
+                return earlier.pose
+            if later is None or later.stamp_ns - earlier.stamp_ns > MAX_ODOMETRY_GAP_S * 1e9:
                 return None
-            return se2.interpolate(earlier[1], later[1], (stamp_ns - earlier[0]) / (later[0] - earlier[0]))
+            fraction = (stamp_ns - earlier.stamp_ns) / (later.stamp_ns - earlier.stamp_ns)
+            return se2.interpolate(earlier.pose, later.pose, fraction)
         return None
 
 

@@ -19,10 +19,7 @@ _NO_COVARIANCE = (0.0,) * 36
 
 def unusable_reason(odometry: Odometry) -> SkipReason | None:
     """NOT_FINITE if the position or yaw is NaN or infinite; None if the odometry is usable."""
-    # Not tested as one sum, which can overflow although each number is finite.
-    if math.isfinite(odometry.x_m) and math.isfinite(odometry.y_m) and math.isfinite(odometry.yaw_rad):
-        return None
-    return SkipReason.NOT_FINITE
+    return None if odometry.is_finite else SkipReason.NOT_FINITE
 
 
 def from_ros(message: Any, topic: str) -> Odometry:

@@ -16,6 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import quaternion_of_matrix
 from gridslam.core.messages import LaserScan, as_float32, readonly
 from gridslam.core.stamps import END_NS
 from gridslam.logs.rotations import Quaternion, Vector
@@ -82,7 +83,11 @@ class ObjectFields:
         if version == 2:
             x, y, z, qw, qx, qy, qz = self.take("7d")
         else:
-            x, y, z, qw, qx, qy, qz = _of_matrix(self.matrix())
+            matrix = self.matrix()
+            if matrix.shape != (4, 4):
+                raise ValueError("no homogeneous matrix")
+            x, y, z = matrix[:3, 3].tolist()
+            qw, qx, qy, qz = quaternion_of_matrix(matrix[:3, :3])
         self.end()
         return (x, y, z), (qw, qx, qy, qz)
 
@@ -205,11 +210,3 @@ def _stamp_ns(ticks: int) -> int:
     """Nanoseconds since 1970; 0 for a stamp that was never set."""
     stamp_ns = (ticks - EPOCH_TICKS) * TICK_NS
     return stamp_ns if 0 < stamp_ns < END_NS else 0
-
-
-def _of_matrix(matrix: Floats) -> tuple[float, ...]:
-    """Position and quaternion of a homogeneous matrix `(4, 4)`."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()
-    return (*matrix[:3, 3].tolist(), w, x, y, z)

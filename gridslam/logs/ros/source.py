@@ -57,9 +57,8 @@ class RosSource:
         self._config = config
         self._decoders: dict[int, ChannelDecoder] = {}
         self._definitions: set[Schema] = set()  # that decoders have read
-        self._numbers: dict[
-            tuple[str, str, str], int
-        ] = {}  # of streams but those of tf, by kind, topic and type
+        # Of streams but those of tf, by kind, topic and type
+        self._numbers: dict[tuple[str, str, str], int] = {}
         self._tf_streams: dict[tuple[str, str, str], int] = {}
         self._assignment = array("i")  # per message of the container: its stream, _SKIPPED or _TRANSFORMS
         self._index()
