@@ -10,6 +10,8 @@ from gridslam.lidar_slam.scans import PreparedScan
 
 Floats = NDArray[np.float64]
 
+FIRST_KEY_SCANS = 64  # for which there is room at first; it is doubled when it is full
+
 
 class SingleTrack:
     """One particle without noise and without a map; it starts at the origin and follows the front end."""
@@ -21,17 +23,18 @@ class SingleTrack:
     memory_mb = 0.0
 
     def __init__(self) -> None:
-        self._path: list[Floats] = []
+        self._path = np.zeros((FIRST_KEY_SCANS, 3))
+        self._count = 0
 
     @property
     def poses(self) -> Floats:
         """The present pose `(1, 3)`."""
-        return self._path[-1][None] if self._path else np.zeros((1, 3))
+        return self._path[max(self._count - 1, 0) : max(self._count, 1)]
 
     @property
     def best_trajectory(self) -> Floats:
-        """The poses `(k, 3)` at all key scans."""
-        return np.array(self._path).reshape(-1, 3)
+        """The poses `(k, 3)` at all key scans; a view, since it is asked for at each of them."""
+        return self._path[: self._count]
 
     @property
     def trajectories(self) -> Floats:
@@ -45,7 +48,11 @@ class SingleTrack:
 
     def add_key_scan(self, scan: PreparedScan, step: Floats, step_std: Floats) -> None:
         """Move by the step `(3,)`."""
-        self._path.append(se2.compose(self._path[-1], step) if self._path else np.zeros(3))
+        if self._count == len(self._path):
+            self._path = np.concatenate([self._path, np.zeros_like(self._path)])
+        if self._count:
+            self._path[self._count] = se2.compose(self._path[self._count - 1], step)
+        self._count += 1
 
     def replace_scan(self, key: int, scan: PreparedScan) -> None:
         """Do nothing: there is no map that a scan could enter."""
