@@ -5,14 +5,21 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from contextlib import suppress
+from types import FrameType
 
 INTERRUPTED = 130
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # Ctrl-C, a request to end, a closed terminal
+AT_ONCE_S = 0.5  # signals so close together are one: `timeout` and others send theirs twice
+
+_obeyed_s = -AT_ONCE_S  # when the last signal that was no repetition came
 
 
 def run() -> None:
-    """The entry point of the program. Ctrl-C and SIGTERM give one line from the start on."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """The entry point of the program. Signals give one line from the start on."""
+    for number in heeded_signals():
+        signal.signal(number, interrupt)
     try:
         from .main import main
 
@@ -26,7 +33,31 @@ def run() -> None:
     sys.exit(code)
 
 
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """The handler of signals outside of what stops at a safe point: raises KeyboardInterrupt."""
+    if not is_repetition():
+        raise KeyboardInterrupt
+
+
+def is_repetition() -> bool:
+    """Whether the signal that has just come belongs to the one before.
+
+    What that one has begun is not disturbed: removing unfinished files above all.
+    """
+    global _obeyed_s
+    now_s = time.monotonic()
+    if now_s - _obeyed_s < AT_ONCE_S:
+        return True
+    _obeyed_s = now_s
+    return False
+
+
+def heeded_signals() -> list[signal.Signals]:
+    """The signals that end a command, without those that its parent ignores: SIGHUP under `nohup`, SIGINT in the background."""
+    return [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+
+
 def _ignore_signals() -> None:
     """The work is done and the exit code is known: a signal that comes now changes neither."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)

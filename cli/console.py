@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import io
 import json
 import logging
@@ -84,13 +85,15 @@ def escaped(text: str) -> str:
 
 
 def emit(text: str) -> None:
-    """Print text of the result to stdout. A closed pipe (`| head`) ends the output, not the command."""
+    """Print text of the result to stdout. A closed pipe (`| head`) or terminal ends the output, not the command."""
     if sys.stdout is None:
         return
     try:
         sys.stdout.write(text if text.endswith("\n") else text + "\n")
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
         silence_stdout()
 
 

@@ -21,6 +21,7 @@ from gridslam.evaluation.readers.run_files import read_consistency, run_command_
 from gridslam.evaluation.remarks.sanity import check_pairs, remarks_of
 
 from . import console
+from .interruption import finishing
 
 TRUTH_FOLDER = "truth"  # written by `gridslam explore` into its run directory
 MAX_DELTA = 1e9  # frames, metres or seconds
@@ -93,14 +94,15 @@ def run_evaluation(request: Request) -> None:
         check_keys(gates, one.document, measures.NEEDS)
     replies = [line for one in evaluated for line in _labelled(one, evaluated, answers(gates, one.document))]
     output = _output(evaluated)
-    if request.output is not None:
-        _write(request, evaluated, output, replies)
-    if request.as_json:
-        console.emit_json(output)
-    else:
-        _show(evaluated, request.all_measures, replies)
+    with finishing():
         if request.output is not None:
-            console.say(f"plots and measures are in {request.output / 'evaluation.html'}")
+            _write(request, evaluated, output, replies)
+        if request.as_json:
+            console.emit_json(output)
+        else:
+            _show(evaluated, request.all_measures, replies)
+            if request.output is not None:
+                console.say(f"plots and measures are in {request.output / 'evaluation.html'}")
     _refuse_failed(evaluated, gates)
 
 

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as a request to stop, for commands that stop at a safe point; and where they come too late."""
+"""Signals as a request to stop, for commands that stop at a safe point; and where they come too late."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
-from . import console
+from . import console, heeded_signals, is_repetition
 
 
 @contextmanager
@@ -23,6 +24,8 @@ def stop_on_signals(
 
     def request(number: int, frame: FrameType | None) -> None:
         nonlocal requested
+        if is_repetition():
+            return
         if requested or not is_asked:
             raise KeyboardInterrupt
         requested = True
@@ -33,20 +36,23 @@ def stop_on_signals(
         is_asked = True
         return requested
 
-    before = {number: signal.signal(number, request) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with _handled_by(request):
         yield ask
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
 def finishing() -> Iterator[None]:
     """Signals come too late within the block: the result is there, and is written and shown whole."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
+    with _handled_by(signal.SIG_IGN):
+        yield
+
+
+@contextmanager
+def _handled_by(handler: Any) -> Iterator[None]:
+    """The signals that are heeded have this handler within the block."""
+    before = {number: signal.signal(number, handler) for number in heeded_signals()}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, earlier in before.items():
+            signal.signal(number, earlier)

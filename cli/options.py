@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -161,6 +161,14 @@ def reading_config(
             f"--start {settings.start_s:g} --end {settings.end_s:g}: the end lies before the start"
         )
     return settings
+
+
+def check_output_file(path: Path, force: bool, inputs: Iterable[Path]) -> None:
+    """Raises ConfigError unless a file may be written: a new path, or with `force` one that is none of the `inputs`."""
+    from gridslam.core.files import check_file_free, refuse_to_replace
+
+    check_file_free(path, force)
+    refuse_to_replace(path, inputs)
 
 
 _Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors to stderr.")]

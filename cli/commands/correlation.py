@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from .. import console
-from ..options import AsJson
+from ..options import AsJson, check_output_file
 
 MapArgument = Annotated[
     Path, typer.Argument(metavar="MAP", readable=False, help="A map: a map_server YAML, or wean.dat(.gz).")
@@ -36,19 +36,15 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Fit the correlation of neighbouring cells, r0 of stereo-bayes, to a known map."""
-    from gridslam.core.errors import ConfigError
     from gridslam.core.files import write_atomic
     from gridslam.maps.load import load_any_map
     from gridslam.maps.occupancy_correlation import fit_correlation
 
-    if output is not None and output.exists() and not force:
-        raise ConfigError(f"{output}: exists; give another name, or --force to replace it")
-    fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
-    if output is not None:
-        from gridslam.report.figures.run_length_plot import correlation_picture
+    from ..interruption import finishing
 
-        output.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(output, correlation_picture(fit, map_path.name))
+    if output is not None:
+        check_output_file(output, force, [map_path])
+    fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
     document = {
         "map": str(map_path),
         "r0": fit.r0,
@@ -61,10 +57,15 @@ def run(
         "censored": fit.censored,
         "seed": seed,
     }
-    if as_json:
-        console.emit_json(document)
-        return
-    console.emit_table(("measure", "value"), [(key, _text(value)) for key, value in document.items()])
+    with finishing():
+        if output is not None:
+            from gridslam.report.figures.run_length_plot import correlation_picture
+
+            write_atomic(output, correlation_picture(fit, map_path.name))
+        if as_json:
+            console.emit_json(document)
+        else:
+            console.emit_table(("measure", "value"), [(key, _text(value)) for key, value in document.items()])
 
 
 def _text(value: object) -> str:

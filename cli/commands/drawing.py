@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .. import console
-from ..options import AsJson, common
+from ..options import AsJson, check_output_file, common
 
 app = typer.Typer(invoke_without_command=True, rich_markup_mode=None)
 
@@ -56,21 +56,23 @@ def show(
 
     The picture of -o has the drawing frame along its edges, in drawing units: read a start for method.start from it.
     """
-    from gridslam.core.errors import ConfigError
     from gridslam.maps.drawings.drawing import drawn_map, load_drawing
     from gridslam.report.drawing_reading import reading_document, write_reading
 
-    if output is not None and output.exists() and not force:
-        raise ConfigError(f"{output}: exists already; --force replaces it")
+    from ..interruption import finishing
+
+    if output is not None:
+        check_output_file(output, force, [picture])
     drawing = load_drawing(picture)
     drawn = drawn_map(drawing, walls_are.value, max_gap)
     document = reading_document(picture, drawing, drawn)
-    if output is not None:
-        write_reading(output, drawing, drawn)
-    if as_json:
-        console.emit_json(document)
-    else:
-        console.emit("\n".join(_lines(document)))
+    with finishing():
+        if output is not None:
+            write_reading(output, drawing, drawn)
+        if as_json:
+            console.emit_json(document)
+        else:
+            console.emit("\n".join(_lines(document)))
 
 
 def _lines(document: dict[str, Any]) -> list[str]:

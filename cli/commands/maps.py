@@ -11,7 +11,7 @@ import typer
 from gridslam.core.errors import ConfigError
 
 from .. import console
-from ..options import AsJson, common
+from ..options import AsJson, check_output_file, common
 
 if TYPE_CHECKING:
     import numpy as np
@@ -150,24 +150,28 @@ def compare(
     from gridslam.evaluation.map_comparison import compare_maps
     from gridslam.maps.load import load_any_map
 
+    from ..interruption import finishing
+
+    if picture is not None:
+        check_output_file(picture, force, (map_path, other))
     base, second = (load_any_map(path, MAX_COMPARED_CELLS) for path in (map_path, other))
     T_base_other, _ = _alignment(base, second, pose)
     found = compare_maps(base, second, T_base_other)
-    if picture is not None:
-        _check_free(picture, force)
-        encoded = io.BytesIO()
-        found.picture.save(encoded, format="PNG")
-        write_atomic(picture, encoded.getvalue())
     figures = {
         "map.accuracy.mean": float(np.mean(found.accuracy_m)) if len(found.accuracy_m) else None,
         "map.completeness.mean": float(np.mean(found.completeness_m)) if len(found.completeness_m) else None,
         "map.iou": found.iou if np.isfinite(found.iou) else None,
         "pose": [round(float(v), 5) for v in T_base_other],
     }
-    if as_json:
-        console.emit_json(figures)
-    else:
-        console.emit_table(("measure", "value"), [(name, str(value)) for name, value in figures.items()])
+    encoded = io.BytesIO()
+    found.picture.save(encoded, format="PNG")
+    with finishing():
+        if picture is not None:
+            write_atomic(picture, encoded.getvalue())
+        if as_json:
+            console.emit_json(figures)
+        else:
+            console.emit_table(("measure", "value"), [(name, str(value)) for name, value in figures.items()])
 
 
 ExportPath = Annotated[
@@ -195,6 +199,8 @@ def export(
     from gridslam.maps import drawings_out
     from gridslam.maps.load import load_any_map
 
+    from ..interruption import finishing
+
     kind = output.suffix.lower()
     if kind not in (".yaml", ".png", ".svg", ".dxf", ".tif", ".tiff"):
         raise ConfigError(f"{output}: expected a name that ends in .yaml, .png, .svg, .dxf or .tif")
@@ -204,7 +210,7 @@ def export(
     if kind in (".yaml", ".png"):
         _save(grid, output, mode, force)
         return
-    _check_free(output, force)
+    check_output_file(output, force, [map_path])
     if kind == ".svg":
         content = drawings_out.svg_text(grid).encode()
     elif kind == ".dxf":
@@ -212,8 +218,9 @@ def export(
     else:
         east, north = _numbers([str(geo_origin)], 2, "--geo-origin")[0].tolist()
         content = drawings_out.geotiff_bytes(grid, int(epsg or 0), (east, north))
-    write_atomic(output, content)
-    console.emit_table(("", ""), [("written", str(output))])
+    with finishing():
+        write_atomic(output, content)
+        console.emit_table(("", ""), [("written", str(output))])
 
 
 app.command("crop")(common(crop))
@@ -249,11 +256,6 @@ def _numbers(words: list[str], count: int, option: str) -> NDArray[np.float64]:
     return np.array([coordinates(option, word, (count,), form) for word in words], np.float64)
 
 
-def _check_free(path: Path, force: bool) -> None:
-    if path.exists() and not force:
-        raise ConfigError(f"{path}: exists; choose another name, or --force to replace it")
-
-
 def _save(
     grid: OccupancyGrid,
     output: Path,
@@ -261,17 +263,21 @@ def _save(
     force: bool,
     rows: list[tuple[str, str]] | None = None,
 ) -> None:
-    """Write a map_server YAML with its image, and print its size."""
+    """Write a map_server YAML with its image, and print its size; with `force` also in place of the map that was read."""
+    from gridslam.core.files import check_file_free
     from gridslam.maps.map_server import save_map
+
+    from ..interruption import finishing
 
     if output.suffix not in ("", ".yaml", ".pgm", ".png"):
         raise ConfigError(f"{output}: expected a name that ends in .yaml")
     base = output.with_suffix("")
     kind: Literal["png", "pgm"] = "png" if output.suffix == ".png" or mode == "scale" else "pgm"
     for path in (base.with_name(f"{base.name}.yaml"), base.with_name(f"{base.name}.{kind}")):
-        _check_free(path, force)
-    written = save_map(grid, base, mode, image_format=kind)
+        check_file_free(path, force)
     n_rows, n_cols = grid.probability.shape
     x, y = grid.geometry.origin_xy_m
     size = f"{n_cols} x {n_rows} cells of {100 * grid.geometry.resolution_m:g} cm, origin {x:.3f}, {y:.3f}"
-    console.emit_table(("", ""), [*(rows or []), ("map", size), ("written", str(written))])
+    with finishing():
+        written = save_map(grid, base, mode, image_format=kind)
+        console.emit_table(("", ""), [*(rows or []), ("map", size), ("written", str(written))])

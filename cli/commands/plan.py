@@ -130,7 +130,7 @@ def run(
         ),
     )
     start_pose, goal_pose = np.array([_pose("--start", start, False), _pose("--goal", goal, True)])
-    before = check_free(output, force) if output is not None else None
+    before = check_free(output, force, [map_path]) if output is not None else None
     occupancy = load_any_map(map_path)
     with announcing_compilation(_say_compiling):
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())

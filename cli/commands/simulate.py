@@ -9,7 +9,7 @@ import typer
 
 from .. import console
 from ..completion import complete_world
-from ..options import AsJson
+from ..options import AsJson, check_output_file
 
 if TYPE_CHECKING:
     from gridslam.simulation.record import Recorded
@@ -61,22 +61,32 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a robot in a world; write its log, with the ground truth beside it."""
-    from gridslam.core.files import check_file_free
     from gridslam.simulation.world_config import load_world
+
+    from ..interruption import finishing
 
     if output is None and preview is None:
         raise typer.BadParameter("nothing to do: add -o LOG or --preview PNG", param_hint="'-o'")
-    if preview is not None:
-        check_file_free(preview, force)
     place, path = load_world(world, override or (), seed)
-    document: dict[str, object] = {}
     if preview is not None:
-        from gridslam.report.world_picture import draw_world
+        check_output_file(preview, force, [path])
+    done = None if output is None else _record(place, path.parent, output, force)
+    with finishing():
+        if preview is not None:
+            from gridslam.report.world_picture import draw_world
 
-        draw_world(place, path.parent, preview)
-        document["preview"] = str(preview)
-    if output is not None:
-        done = _record(place, path.parent, output, force)
+            draw_world(place, path.parent, preview)
+        if as_json:
+            console.emit_json(_document(preview, output, done))
+        elif done is not None:
+            console.say(f"{done.duration_s:.0f} s, {done.distance_m:.0f} m; ground truth in {done.truth}")
+            console.emit_table(("message", "count"), list(done.messages.items()))
+
+
+def _document(preview: Path | None, output: Path | None, done: Recorded | None) -> dict[str, object]:
+    """What was written, as one JSON document."""
+    document: dict[str, object] = {} if preview is None else {"preview": str(preview)}
+    if done is not None:
         document |= {
             "output": str(output),
             "truth": str(done.truth),
@@ -84,11 +94,7 @@ def run(
             "distance_m": round(done.distance_m, 3),
             "messages": done.messages,
         }
-        if not as_json:
-            console.say(f"{done.duration_s:.0f} s, {done.distance_m:.0f} m; ground truth in {done.truth}")
-            console.emit_table(("message", "count"), list(done.messages.items()))
-    if as_json:
-        console.emit_json(document)
+    return document
 
 
 def _record(world: WorldConfig, folder: Path, output: Path, force: bool) -> Recorded:
@@ -105,7 +111,7 @@ def _record(world: WorldConfig, folder: Path, output: Path, force: bool) -> Reco
     with (
         console.progress_bar("simulate") as show,
         announcing_compilation(notify),
-        stop_on_signals("stopping; the incomplete log is deleted") as stop,
+        stop_on_signals("stopping; an incomplete log is deleted") as stop,
     ):
 
         def report(fraction: float) -> None:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -68,7 +68,7 @@ def run(
     from gridslam.sweep.local import run_locally
     from gridslam.sweep.sweep import run_sweep
 
-    from ..interruption import stop_on_signals
+    from ..interruption import finishing, stop_on_signals
 
     if jobs is not None and scheduler is not None:
         raise ConfigError(
@@ -77,16 +77,24 @@ def run(
     sweep = load_sweep(path)
     gates = [parse_sweep_gate(text) for text in require or ()]
     folder = real_path(path).parent
-    with stop_on_signals() as stop:
-        if scheduler is None:
-            work = partial(run_locally, processes=jobs or os.cpu_count() or 1, stop=stop)
+    try:
+        with stop_on_signals("stopping; finished runs are kept") as stop:
+            if scheduler is None:
+                work = partial(run_locally, processes=jobs or os.cpu_count() or 1, stop=stop)
+            else:
+                work = partial(run_on_cluster, address=scheduler, stop=stop)
+            result = run_sweep(
+                sweep, folder, output=output, run=work, report=console.say, stop=stop, gates=gates
+            )
+    except KeyboardInterrupt:
+        if not output.exists():
+            raise
+        _exit_interrupted(output)
+    with finishing():
+        if as_json:
+            console.emit_json(result.document)
         else:
-            work = partial(run_on_cluster, address=scheduler, stop=stop)
-        result = run_sweep(sweep, folder, output=output, run=work, report=console.say, stop=stop, gates=gates)
-    if as_json:
-        console.emit_json(result.document)
-    else:
-        _show(result.groups, sweep.show)
+            _show(result.groups, sweep.show)
     _exit_unless_complete(result, output)
 
 
@@ -113,6 +121,11 @@ def _text(measure: Measure | None) -> str:
     return f"{values['mean']:.4g} +- {values['mean_high'] - values['mean']:.2g}"
 
 
+def _exit_interrupted(output: Path) -> NoReturn:
+    console.complain(f"interrupted: {output} has the finished runs; the same command continues the sweep")
+    raise typer.Exit(INTERRUPTED)
+
+
 def _exit_unless_complete(result: SweepResult, output: Path) -> None:
     """Exit with 130 if interrupted, 4 if runs failed, 1 if gates failed; print them to stderr."""
     for row in result.failed[:MAX_LISTED]:
@@ -123,8 +136,7 @@ def _exit_unless_complete(result: SweepResult, output: Path) -> None:
         if count > MAX_LISTED:
             console.complain(f"error: {count} {what} failed; {output / 'summary.json'} lists all")
     if result.is_interrupted:
-        console.complain(f"interrupted: {output} has the finished runs; the same command continues the sweep")
-        raise typer.Exit(INTERRUPTED)
+        _exit_interrupted(output)
     if result.failed:
         raise typer.Exit(FAILED_RUNS)
     if result.failed_gates:

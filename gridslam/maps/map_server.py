@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gridslam.core.errors import ConfigError, MapError
-from gridslam.core.files import real_path, write_atomic
+from gridslam.core.files import partial_file, put_file, real_path
 from gridslam.maps.image_levels import MAX_PIXELS, ImageLevels, read_levels
 from gridslam.maps.map_yaml import MapYaml, Mode, read_map_yaml
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
@@ -218,8 +218,8 @@ def save_map(
 
     `image_format` is pgm or png; without it .pgm, or .png in scale mode. In trinary mode `occupied_thresh` and `free_thresh`
     (probabilities, default 0.65 and 0.196) classify the cells; the YAML has 0.65 and 0.196, which belong to the
-    three pixel values. In scale mode (default 1 and 0) the YAML has the given thresholds. Each file is written whole or not at
-    all.
+    three pixel values. In scale mode (default 1 and 0) the YAML has the given thresholds. Both files are there, or neither: an
+    older pair is replaced when the new one is complete.
 
     Raises ConfigError: thresholds out of order, an empty map, or unknown cells in a scale image without an alpha channel.
     """
@@ -235,12 +235,17 @@ def save_map(
     if not grid.probability.size:
         raise ConfigError("an empty map (no rows or no columns) cannot be saved")
     pixel_of_value = _pixel_of_value(mode, limits)
-    if mode != "scale" and kind == "pgm":
-        write_atomic(image_path, _pgm_pieces(grid, pixel_of_value))
-    else:
-        write_atomic(image_path, _image_bytes(cells_of_grid(grid)[::-1], pixel_of_value, mode, kind))
     written = Thresholds(*TRINARY_THRESHOLDS) if mode == "trinary" else limits
-    write_atomic(yaml_path, _yaml_text(image_path.name, mode, grid.geometry, written).encode())
+    with partial_file(image_path) as image, partial_file(yaml_path) as text:
+        if mode != "scale" and kind == "pgm":
+            image.writelines(_pgm_pieces(grid, pixel_of_value))
+        else:
+            image.write(_image_bytes(cells_of_grid(grid)[::-1], pixel_of_value, mode, kind))
+        text.write(_yaml_text(image_path.name, mode, grid.geometry, written).encode())
+        for stream in (image, text):
+            stream.flush()  # a full disk is noticed before anything is replaced
+        put_file(image, image_path)
+        put_file(text, yaml_path)
     return yaml_path
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from importlib.util import find_spec
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import numpy as np
 
+from gridslam.core.processes import shielded_from_terminal
 from gridslam.kernels.grids.free_space import Profiles, testimony_of_shifts
 from gridslam.kernels.machine_code_cache import MachineCodeCache
 from gridslam.lidar_slam.map_consistency.observations import SECTORS, TOLERANCES
@@ -70,10 +71,17 @@ def _distribute(parts: list[str], jobs: int, is_ready: Callable[[str], None]) ->
     """Warm up parts in several processes. Raises BrokenProcessPool: one of them was killed."""
     complaints: set[str] = set()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_be_quiet) as processes:
-        running = {processes.submit(_warm_up_part, part): part for part in parts}
-        for done in as_completed(running):
-            complaints.update(done.result())
-            is_ready(running[done])
+        try:
+            with shielded_from_terminal():
+                running = {processes.submit(_warm_up_part, part): part for part in parts}
+            for done in as_completed(running):
+                complaints.update(done.result())
+                is_ready(running[done])
+        except BaseException:
+            processes.shutdown(wait=False, cancel_futures=True)
+            for process in active_children():
+                process.terminate()
+            raise
     for complaint in sorted(complaints)[:1]:
         _logger.warning("%s", complaint)
 

@@ -14,6 +14,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import FrameType
 
+from gridslam.core.processes import shielded_from_terminal
 from gridslam.core.threads import threads_each
 from gridslam.sweep.job_result import JobResult
 from gridslam.sweep.work import Job, Stop, do
@@ -42,6 +43,8 @@ def run_locally(jobs: Sequence[Job], processes: int, stop: Stop) -> Iterator[tup
                 for place, worker in enumerate(workers):
                     if worker.pipe in ready and worker.job is not None:
                         job, result = worker.job, worker.result()
+                        if worker.is_lost and stop():  # a signal to all processes of the sweep has ended it
+                            return
                         yield job, result
                         if worker.is_lost:
                             worker.end()
@@ -65,7 +68,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         parent_end, child_end = context.Pipe()
         process = context.Process(target=_serve, args=(child_end, os.getpid()), daemon=True)
-        process.start()
+        with shielded_from_terminal():
+            process.start()
         child_end.close()  # so that the pipe ends when the process dies
         return _Worker(process, parent_end)
 
@@ -105,11 +109,7 @@ def _exit_reason(exit_code: int | None) -> str:
 
 
 def _serve(pipe: Connection, parent: int) -> None:
-    """The main function of a worker process: receives jobs and sends results until the pipe ends.
-
-    Ctrl-C reaches all processes of a terminal; only the parent handles it.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """The main function of a worker process: receives jobs and sends results until the pipe ends."""
     signal.signal(signal.SIGTERM, _exit)
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:

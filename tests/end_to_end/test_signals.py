@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from gridslam import cli
 from gridslam.cli.interruption import finishing, stop_on_signals
 from gridslam.logs import write_log
 from gridslam.report.directory import new_run_directory
@@ -41,12 +42,15 @@ def running_map(log: Path, config: Path, output: Path) -> Iterator[subprocess.Po
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_writes_what_is_known_and_marks_it(
-    small_log: Path, config_file: Path, tmp_path: Path, number: signal.Signals
+@pytest.mark.parametrize("number", cli.SIGNALS)
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_signal_writes_what_is_known_and_marks_it_also_if_it_is_sent_twice_at_once(
+    small_log: Path, config_file: Path, tmp_path: Path, number: signal.Signals, times: int
 ) -> None:
     with running_map(small_log, config_file, tmp_path / "out") as process:
-        process.send_signal(number)
+        for _ in range(times):
+            process.send_signal(number)
+            time.sleep(0.01)
         out, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "interrupted" in out
@@ -56,6 +60,40 @@ def test_a_signal_writes_what_is_known_and_marks_it(
     assert report["status"] == "interrupted"
     assert 1 <= report["trajectory"]["poses"] < 60
     assert (tmp_path / "out" / "map.pgm").exists()
+
+
+def test_a_second_signal_a_while_later_leaves_nothing(
+    small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    with running_map(small_log, config_file, tmp_path / "out") as process:
+        process.send_signal(signal.SIGSTOP)  # or it would be done before the second one
+        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGCONT)
+        time.sleep(0.05)
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(cli.AT_ONCE_S)
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGCONT)
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    assert err.splitlines()[-1] == "gridslam: error: interrupted; nothing was written"
+    assert [path.name for path in tmp_path.iterdir() if "out" in path.name] == []
+
+
+def test_a_hangup_that_the_parent_ignores_is_ignored(
+    small_log: Path, config_file: Path, tmp_path: Path
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # what nohup does; children inherit it
+    try:
+        with running_map(small_log, config_file, tmp_path / "out") as process:
+            process.send_signal(signal.SIGHUP)
+            time.sleep(cli.AT_ONCE_S)
+            process.send_signal(signal.SIGINT)  # would be the second one, and discard the result
+            process.communicate(timeout=30)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert process.returncode == 130
+    assert (tmp_path / "out" / "report.json").exists()
 
 
 def test_a_kill_leaves_no_run_directory(small_log: Path, config_file: Path, tmp_path: Path) -> None:
@@ -93,7 +131,7 @@ def writing(output: Path, *arguments: str | Path) -> Iterator[subprocess.Popen[s
             process.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", cli.SIGNALS)
 @pytest.mark.parametrize("name", ["out", "out.mcap"])
 def test_a_signal_ends_a_simulation_in_one_line_and_leaves_nothing(
     tmp_path: Path, name: str, number: signal.Signals
@@ -144,7 +182,7 @@ def test_ctrl_c_while_the_program_is_loaded_is_one_line() -> None:
     assert '\ngridslam = "gridslam.cli:run"\n' in (REPOSITORY / "pyproject.toml").read_text()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", cli.SIGNALS)
 def test_a_signal_after_the_work_is_done_changes_nothing(number: signal.Signals) -> None:
     code = (
         "import atexit, os, sys\n"
@@ -157,7 +195,7 @@ def test_a_signal_after_the_work_is_done_changes_nothing(number: signal.Signals)
     assert done.stdout.startswith("gridslam ")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", cli.SIGNALS)
 def test_signals_come_too_late_while_the_result_is_shown(number: signal.Signals) -> None:
     before = signal.getsignal(number)
     with finishing():
@@ -165,7 +203,10 @@ def test_signals_come_too_late_while_the_result_is_shown(number: signal.Signals)
     assert signal.getsignal(number) is before
 
 
-def test_a_signal_before_anything_was_asked_ends_at_once_and_later_ones_stop_first() -> None:
+def test_a_signal_before_anything_was_asked_ends_at_once_and_later_ones_stop_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cli, "AT_ONCE_S", 0.0)
     with stop_on_signals() as stop:
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGTERM)
@@ -174,3 +215,15 @@ def test_a_signal_before_anything_was_asked_ends_at_once_and_later_ones_stop_fir
         assert stop()
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_signal_that_is_repeated_at_once_does_not_disturb_what_the_first_one_has_begun(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cli, "_obeyed_s", -cli.AT_ONCE_S)
+    with pytest.raises(KeyboardInterrupt):
+        cli.interrupt(signal.SIGINT, None)
+    cli.interrupt(signal.SIGINT, None)
+    monkeypatch.setattr(cli, "AT_ONCE_S", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        cli.interrupt(signal.SIGINT, None)

@@ -153,17 +153,17 @@ def check(name: str, command: Command, folder: Path, kills: int, rng: random.Ran
 def _again(name: str, command: Command, place: Path, whole: Mapping[str, str], code: int) -> list[str]:
     """The next run, after what is whole has been put away."""
     if not command.continues and contents(place) == whole:
-        _clear(place)
+        clear(place)
     process = start(command, place)
     _, err = process.communicate()
     found = contents(place)
-    _clear(place)
+    clear(place)
     if process.returncode == code and found == whole:
         return []
     return [f"{name}: the next run ends with {process.returncode}, {len(found)} of {len(whole)} files: {err}"]
 
 
-def _clear(place: Path) -> None:
+def clear(place: Path) -> None:
     shutil.rmtree(place)
     place.mkdir()
 

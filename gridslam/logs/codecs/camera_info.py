@@ -14,7 +14,7 @@ from gridslam.logs.encoding.csv_fields import name_field, number_field
 from gridslam.logs.encoding.csv_pictures import PictureWriter
 from gridslam.logs.encoding.csv_row import Row
 from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
-from gridslam.logs.encoding.ros_fields import plain_name, valid_head
+from gridslam.logs.encoding.ros_fields import plain_name, valid_head, vector
 from gridslam.logs.skips import SkipReason
 
 MAX_SIDE_PX = 1 << 20
@@ -38,7 +38,7 @@ def from_ros(message: Any, topic: str) -> CameraInfo:
         height_px=int(message.height),
         K=readonly(np.asarray(message.k).reshape(3, 3), np.float64),
         P=readonly(np.asarray(message.p).reshape(3, 4), np.float64),
-        D=readonly(message.d, np.float64),
+        D=vector(message.d, np.float64),
         camera=camera_of(topic),
         R=readonly(np.asarray(message.r).reshape(3, 3), np.float64),
         distortion_model=plain_name(message.distortion_model),
@@ -54,10 +54,10 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> Camera
         height_px=int(message.height),
         K=readonly(np.reshape(message.K, (3, 3)), np.float64),
         P=readonly(np.reshape(message.P, (3, 4)), np.float64),
-        D=readonly(message.D, np.float64),
+        D=vector(message.D, np.float64),
         camera=camera_of(topic),
         R=readonly(np.reshape(message.R, (3, 3)) if getattr(message, "R", None) else np.eye(3), np.float64),
-        distortion_model=str(getattr(message, "distortion_model", "") or "plumb_bob"),
+        distortion_model=plain_name(getattr(message, "distortion_model", "")) or "plumb_bob",
     )
 
 

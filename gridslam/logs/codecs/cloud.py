@@ -61,7 +61,7 @@ def from_livox(message: Any, topic: str) -> PointCloud:
     stamp_ns, frame = valid_head(message)
     if len(message.points) > _MAX_POINTS:
         raise UnusableMessageError(SkipReason.TOO_MANY_POINTS)
-    points = np.array([(p.x, p.y, p.z) for p in message.points], np.float32).reshape(-1, 3)
+    points = readonly([(p.x, p.y, p.z) for p in message.points], np.float32).reshape(-1, 3)
     offsets_s = np.array([p.offset_time for p in message.points], np.float64) * 1e-9
     usable = np.isfinite(points).all(axis=1) & points.any(axis=1)
     return PointCloud(

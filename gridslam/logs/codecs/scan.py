@@ -13,7 +13,7 @@ from gridslam.logs.encoding.csv_fields import single_field
 from gridslam.logs.encoding.csv_pictures import PictureWriter
 from gridslam.logs.encoding.csv_row import Row
 from gridslam.logs.encoding.encoded import Encoded, single_message, with_header
-from gridslam.logs.encoding.ros_fields import valid_head
+from gridslam.logs.encoding.ros_fields import valid_head, vector
 from gridslam.logs.skips import SkipReason
 
 # Some lidars overlap their own sweep a little; none goes round twice
@@ -62,7 +62,7 @@ def _scan(message: Any, ranges: Any) -> LaserScan:
     """A scan with the angles and limits of a message and the given ranges (m)."""
     return LaserScan(
         *valid_head(message),
-        readonly(ranges, np.float32),
+        vector(ranges, np.float32),
         angle_min_rad=as_float32(message.angle_min),
         angle_increment_rad=as_float32(message.angle_increment),
         range_min_m=as_float32(message.range_min),
@@ -79,7 +79,7 @@ def from_foxglove(stamp_ns: int, frame: str, message: Any, topic: str) -> LaserS
     return LaserScan(
         stamp_ns,
         frame,
-        readonly(ranges, np.float32),
+        vector(ranges, np.float32),
         angle_min_rad=as_float32(message.start_angle),
         angle_increment_rad=as_float32(span / max(len(ranges) - 1, 1)),
         range_min_m=0.0,

@@ -4,19 +4,39 @@ from __future__ import annotations
 
 from typing import Any
 
+from numpy.typing import NDArray
+
+from gridslam.core.messages import Scalar, readonly
 from gridslam.core.stamps import join_stamp
 from gridslam.logs.rotations import heading_of
 from gridslam.logs.skips import SkipReason, UnusableMessageError
 
 
 def plain_name(value: object) -> str:
-    """A name of a message: a zero ends it, as in C, and no format can hold one."""
-    return str(value).partition("\0")[0]
+    """A name of a message: a zero ends it, as in C, and no format can hold one; empty where JSON has null.
+
+    Raises TypeError: it is neither a text nor an integer.
+    """
+    if isinstance(value, str):
+        return value.partition("\0")[0]
+    if value is None:
+        return ""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"a name of type {type(value).__name__}")
+    return str(value)
 
 
 def frame_name(value: object) -> str:
     """A frame's name without the leading slash of old tf."""
     return plain_name(value).lstrip("/")
+
+
+def vector(values: Any, dtype: type[Scalar]) -> NDArray[Scalar]:
+    """A list of numbers `(n,)` of a message. Raises ValueError: it is none, as JSON may have null or a list of lists."""
+    found = readonly(values, dtype)
+    if found.ndim != 1 or isinstance(values, str) or not hasattr(values, "__len__"):
+        raise ValueError("expected a list of numbers")
+    return found
 
 
 def head(message: Any) -> tuple[int | None, str]:
