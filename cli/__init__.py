@@ -18,6 +18,7 @@ _obeyed_s = -AT_ONCE_S  # when the last signal that was no repetition came
 
 def run() -> None:
     """The entry point of the program. Signals give one line from the start on."""
+    _occupy_closed_streams()
     for number in heeded_signals():
         signal.signal(number, interrupt)
     try:
@@ -31,6 +32,15 @@ def run() -> None:
             os.write(2, b"gridslam: error: interrupted\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _occupy_closed_streams() -> None:
+    """Where a standard stream is closed, the next file would get its number, and take in what is written there."""
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:

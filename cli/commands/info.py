@@ -21,6 +21,7 @@ LOSSY = 3
 PEEKED_EVENTS = 2000  # are looked at without --check: what is wrong from the start shows in them
 SERVES_AS = {"cloud": "scan", "image": "stereo"}  # what methods take streams of a kind as
 MAX_ROWS = 60
+MAX_PROBLEMS = 60
 Check = Annotated[
     bool,
     typer.Option(
@@ -130,7 +131,8 @@ def _add_remarks_of_a_run(document: dict[str, Any], log: Log, events: int | None
     except GridslamError as error:
         document["problems"] = [*document["problems"], f"a run would end with this: {error}"]
         return
-    new = [line for line in as_read.problems if line not in document["problems"]]
+    known = set(document["problems"])
+    new = [line for line in as_read.problems if line not in known]
     document["problems"] = [*document["problems"], *new]
     document["has_findings"] |= as_read.has_findings
 
@@ -233,10 +235,14 @@ def _show(document: dict[str, Any]) -> None:
         console.emit("")
         console.emit_table(
             ("sensor", "on", "x m", "y m", "z m", "yaw deg"),
-            [_extrinsics(m) for m in document["extrinsics"]],
+            [_extrinsics(m) for m in document["extrinsics"][:MAX_ROWS]],
         )
-    for problem in document["problems"]:
+    if len(document["extrinsics"]) > MAX_ROWS:
+        console.emit(f"and {len(document['extrinsics']) - MAX_ROWS} more; --json shows all")
+    for problem in document["problems"][:MAX_PROBLEMS]:
         console.say(f"note: {problem}")
+    if len(document["problems"]) > MAX_PROBLEMS:
+        console.say(f"note: and {len(document['problems']) - MAX_PROBLEMS} more; --json shows all")
 
 
 def _row(stream: dict[str, Any]) -> tuple[object, ...]:

@@ -78,10 +78,11 @@ def convert_log(
             raise ConfigError(
                 f"{log.path}: no message to write between --start and --end; {output} is not made"
             )
+    without_table = set() if topics else set(streams) - set(wanted)
     left_out = [
         f"{i.topic} ({i.type})"
         for i in log.streams
-        if i.count and i.kind != "truth" and (not i.used or (i in streams and i not in wanted and not topics))
+        if i.count and i.kind != "truth" and (not i.used or i in without_table)
     ]
     return Conversion(dict(sorted(written.items())), left_out)
 

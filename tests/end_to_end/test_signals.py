@@ -168,6 +168,18 @@ def test_what_a_killed_writer_leaves_is_removed_by_the_next(tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == [output]
 
 
+def test_no_file_takes_the_place_of_a_closed_stream() -> None:
+    code = (
+        "import atexit, os, sys\n"
+        "os.close(2)\n"
+        "atexit.register(lambda: print(os.readlink('/proc/self/fd/2')))\n"
+        "sys.argv = ['gridslam', '--version']\n"
+        "from gridslam.cli import run; run()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert done.stdout.splitlines()[1:] == ["/dev/null"]
+
+
 def test_ctrl_c_while_the_program_is_loaded_is_one_line() -> None:
     code = (
         "import sys\n"

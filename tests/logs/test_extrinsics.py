@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from gridslam.logs import rotations
 from gridslam.logs.config import ExtrinsicsConfig, LogConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.open import open_log
-from gridslam.logs.placement.extrinsics import sensor_transforms, usable
+from gridslam.logs.placement.extrinsics import refuse_several_places, sensor_transforms, usable
 from tests.logs.ros_samples import odometry, scan, tf, transform, write_mcap
 from tests.small_log import write_small_log
 
@@ -122,6 +123,25 @@ def test_a_cycle_of_frames_ends() -> None:
     edges = [edge("a", "b", (1, 0, 0), (0, 0, 0)), edge("b", "a", (1, 0, 0), (0, 0, 0))]
     (placed_sensors,) = sensor_transforms(["a"], edges, {}, "base", 0, MessageCounts())
     assert placed_sensors.child_frame_id == "a"
+
+
+def test_a_chain_deeper_than_any_robot_is_not_followed_to_its_end() -> None:
+    edges = [edge(f"f{i}", f"f{i + 1}", (0.1, 0.0, 0.0), (0.0, 0.0, 0.0)) for i in range(5000)]
+    message_counts = MessageCounts()
+    (placed,) = sensor_transforms(["f5000"], edges, {}, "f0", 0, message_counts, ["f5000"])
+    assert placed.translation_m == (0.0, 0.0, 0.0)
+    assert "no transform from f0 to f5000 (its tree ends at f4900)" in message_counts.problems[0]
+
+
+def test_thousands_of_transforms_and_lidars_are_checked_in_seconds() -> None:
+    frames = [f"f{i}" for i in range(20_000)]
+    edges = [edge("base", frame, (float(k), 0.0, 0.0), (0.0, 0.0, 0.0)) for frame in frames for k in (0, 0)]
+    started = time.process_time()
+    refuse_several_places(edges, frames, "base", ())
+    many_places = [edge("base", "laser", (float(k), 0.0, 0.0), (0.0, 0.0, 0.0)) for k in range(20_000)]
+    with pytest.raises(ConfigError, match=r"contradict each other: on base x 0 .* x 3 "):
+        refuse_several_places(many_places, ["laser"], "base", ())
+    assert time.process_time() - started < 5.0
 
 
 def test_extrinsics_of_a_frame_that_the_log_lacks_are_an_error(tmp_path: Path) -> None:

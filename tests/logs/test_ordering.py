@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import heapq
 import random
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -139,3 +140,13 @@ def test_one_stream_that_steps_back_alone_does_not_reorder_the_others() -> None:
 def test_out_of_order_stamps_of_two_streams_are_merged_too() -> None:
     _, schedule = ordering.merge_plan({0: [100, 98, 99, 101], 1: [100, 98, 99, 101]}, False)
     assert list(schedule) == [0, 1] * 4
+
+
+def test_streams_recorded_one_after_the_other_cost_no_search_for_each_event_that_waits() -> None:
+    count = 60_000
+    stamps = {stream: [2 * place + stream for place in range(count)] for stream in (0, 1)}
+    started = time.process_time()
+    items, late = played_back(stamps, [0] * count + [1] * count, False, count // 2)
+    assert time.process_time() - started < 3.0  # with a search each, a minute
+    assert len(items) == 2 * count
+    assert 0 < len(late) <= count // 2

@@ -41,7 +41,9 @@ def from_ros(message: Any, topic: str) -> Disparity:
         is_bigendian=bool(picture.is_bigendian),
     )
     with np.errstate(invalid="ignore"):
-        values = np.where(np.isfinite(values) & (values >= as_float32(message.min_disparity)), values, np.float32(np.nan))
+        values = np.where(
+            np.isfinite(values) & (values >= as_float32(message.min_disparity)), values, np.float32(np.nan)
+        )
     return Disparity(
         *valid_head(message),
         readonly(values, np.float32),

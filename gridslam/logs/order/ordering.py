@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from heapq import heappop, heappush
 from typing import TypeVar
 
 import numpy as np
@@ -124,6 +125,9 @@ def in_planned_order(
     """
     places = {stream: iter(rank) for stream, rank in ranks.items()}
     waiting: dict[int, tuple[int, T]] = {}
+    earliest: list[int] | None = (
+        None  # a heap of the places in `waiting`, and of some that were, once it is needed
+    )
     waiting_bytes = 0
     expected = 0
     for item in items:
@@ -140,8 +144,13 @@ def in_planned_order(
         else:
             waiting[place] = item
             waiting_bytes += size_of(item[1])
+            if earliest is not None:
+                heappush(earliest, place)
             if waiting_bytes > limit_bytes:
-                expected = min(waiting)
+                earliest = sorted(waiting) if earliest is None else earliest
+                while earliest[0] not in waiting:
+                    heappop(earliest)
+                expected = earliest[0]
         while expected in waiting:
             held = waiting.pop(expected)
             waiting_bytes -= size_of(held[1])

@@ -15,6 +15,11 @@ from gridslam.logs.rotations import Rigid
 
 # Of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
 MAX_TILT_COS = 0.5
+MAX_DEPTH = (
+    100  # largest number of frames from a sensor to the root of its tree; arms with tools have some 20
+)
+
+MAX_LISTED = 4  # of places that contradict each other, in a message
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child
 
@@ -54,23 +59,30 @@ def refuse_several_places(
     Those that the config places are left out.
     """
     tree = tree_of(edges)
+    edges_to: dict[str, list[Transform]] = {}
+    for edge in edges:
+        edges_to.setdefault(edge.child_frame_id, []).append(edge)
+    checked = {base_frame}
     for frame in (frame for frame in frames if frame not in config):
-        chain = list(ancestors(tree, frame))
-        chain = chain[: chain.index(base_frame)] if base_frame in chain else chain
-        for child in chain:
-            places = _distinct_places([edge for edge in edges if edge.child_frame_id == child])
+        for child in ancestors(tree, frame):
+            if child in checked:  # and so is all above it
+                break
+            checked.add(child)
+            places = _distinct_places(edges_to.get(child, ()), MAX_LISTED)
             if len(places) > 1:
-                listing = "; ".join(f"on {edge.frame_id} {_in_words(edge)}" for edge in places[:4])
+                listing = "; ".join(f"on {edge.frame_id} {_in_words(edge)}" for edge in places)
                 raise ConfigError(
                     f"log.extrinsics.{frame}: the transforms of {child} contradict each other: {listing}. Give the place of "
                     f"{frame}: log: {{extrinsics: {{{frame}: {{x: 0.0, y: 0.0, yaw: 0.0}}}}}}"
                 )
 
 
-def _distinct_places(edges: Iterable[Transform]) -> list[Transform]:
-    """The transforms to one child frame whose parent or pose differs from all earlier ones."""
+def _distinct_places(edges: Iterable[Transform], count: int) -> list[Transform]:
+    """The first `count` transforms to one child frame whose parent or pose differs from all earlier ones."""
     found: list[Transform] = []
     for edge in edges:
+        if len(found) == count:
+            break
         is_known = any(
             edge.frame_id == other.frame_id and rotations.is_same(_pose_of(edge), _pose_of(other))
             for other in found
@@ -90,10 +102,10 @@ def _in_words(edge: Transform) -> str:
 
 
 def ancestors(tree: Tree, frame: str) -> dict[str, Rigid]:
-    """Every ancestor of the frame, itself first, with T_ancestor_frame. A cycle ends at its second visit."""
+    """The ancestors of the frame, itself first, with T_ancestor_frame. A cycle ends at its second visit, all at MAX_DEPTH."""
     found = {frame: rotations.IDENTITY}
     above = rotations.IDENTITY
-    while frame in tree:
+    while frame in tree and len(found) <= MAX_DEPTH:
         frame, step = tree[frame]
         if frame in found:
             break

@@ -39,9 +39,11 @@ def refuse_unknown_places(
     """Raises ConfigError: of several lidars, one of the `frames` has no place on the robot by the `tree` of transforms."""
     base = selection.base_frame
     lidars = [streams[i] for i, kind in selection.kind_of.items() if kind == "scan"]
+    if len(lidars) < 2:
+        return
     on_robot = extrinsics.ancestors(tree, base).keys()
     lost = [f for f in frames if f != base and not on_robot & extrinsics.ancestors(tree, f).keys()]
-    if lost and len(lidars) > 1:
+    if lost:
         others = ", ".join(s.topic for s in lidars if lost[0] not in s.frames)
         raise ConfigError(
             f"log.extrinsics.{lost[0]}: the log has {len(lidars)} lidars and no transform from {base} to this one. Give it "

@@ -59,6 +59,7 @@ def full_name(name: str) -> str:
     return f"{parts[0]}/msg/{parts[-1]}" if len(parts) >= 2 else name
 
 
+@lru_cache(maxsize=256)
 def is_standard(schema: Schema) -> bool:
     """Whether the types of a ros2msg schema that `ros/fast_cdr.py` reads have exactly the standard fields in order."""
     if schema.encoding != "ros2msg" or len(schema.data) > MAX_SCHEMA_BYTES:
