@@ -35,12 +35,18 @@ def run() -> None:
 
 
 def _occupy_closed_streams() -> None:
-    """Where a standard stream is closed, the next file would get its number, and take in what is written there."""
+    """Open the null device for each closed standard stream: the next file would get its number, and what is written to it."""
     for number in (0, 1, 2):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)
+        if not _is_open(number):
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
 
 
 def interrupt(number: int, frame: FrameType | None) -> None:

@@ -84,7 +84,7 @@ def run(
 
 
 def _document(preview: Path | None, output: Path | None, done: Recorded | None) -> dict[str, object]:
-    """What was written, as one JSON document."""
+    """The JSON document of what was written."""
     document: dict[str, object] = {} if preview is None else {"preview": str(preview)}
     if done is not None:
         document |= {

@@ -112,7 +112,7 @@ def wrong(command: Command, place: Path, code: int, err: str, whole: Mapping[str
 
 def check(name: str, command: Command, folder: Path, count: int, rng: random.Random) -> list[str]:
     """Send signals to one command; returns the problems."""
-    place, scratch = folder / f"{name}-told", folder / f"{name}-scratch"
+    place, scratch = folder / f"{name}-signalled", folder / f"{name}-scratch"
     place.mkdir()
     scratch.mkdir()
     started = time.monotonic()
@@ -120,7 +120,7 @@ def check(name: str, command: Command, folder: Path, count: int, rng: random.Ran
     process.communicate()
     duration_s, right, whole = time.monotonic() - started, process.returncode, contents(place)
     problems: list[str] = []
-    outcomes = {130: 0, right: 0}
+    codes = {130: 0, right: 0}
     for _ in range(count):
         clear(place)
         first, second = rng.choice(SIGNALS), rng.choice(SIGNALS)
@@ -140,7 +140,7 @@ def check(name: str, command: Command, folder: Path, count: int, rng: random.Ran
             problems.append(f"{what}: hangs")
             continue
         code = process.returncode
-        outcomes[code] = outcomes.get(code, 0) + 1
+        codes[code] = codes.get(code, 0) + 1
         time.sleep(0.05)
         problem = wrong(command, place, code, err, whole, right)
         if left := alive_in(process.pid):
@@ -150,9 +150,9 @@ def check(name: str, command: Command, folder: Path, count: int, rng: random.Ran
             clear(scratch)
         if problem:
             problems.append(f"{what}: {problem}: {code} {err[-1500:]!r}")
-    others = sum(outcomes.values()) - outcomes[130] - outcomes[right]
+    others = sum(codes.values()) - codes[130] - codes[right]
     sys.stdout.write(
-        ROW.format(name, count, f"{duration_s:.1f}", outcomes[right], outcomes[130], others, len(problems))
+        ROW.format(name, count, f"{duration_s:.1f}", codes[right], codes[130], others, len(problems))
     )
     sys.stdout.flush()
     return problems
