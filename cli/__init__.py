@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
 import time
 from contextlib import suppress
 from types import FrameType
+from typing import NoReturn
 
 INTERRUPTED = 130
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # Ctrl-C, a request to end, a closed terminal
@@ -31,7 +33,19 @@ def run() -> None:
         with suppress(OSError):
             os.write(2, b"gridslam: error: interrupted\n")
         code = INTERRUPTED
-    sys.exit(code)
+    _leave(code)
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process, after the functions that were registered for its end, without taking its modules and arrays apart.
+
+    That takes a third of a second, as long as many a command, and frees nothing that the system does not free as well.
+    """
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):  # on a full disk, closed, or never there
+            stream.flush()
+    os._exit(code)
 
 
 def _occupy_closed_streams() -> None:

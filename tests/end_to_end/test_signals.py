@@ -239,3 +239,17 @@ def test_a_signal_that_is_repeated_at_once_does_not_disturb_what_the_first_one_h
     monkeypatch.setattr(cli, "AT_ONCE_S", 0.0)
     with pytest.raises(KeyboardInterrupt):
         cli.interrupt(signal.SIGINT, None)
+
+
+def test_the_process_ends_with_all_its_output_and_takes_nothing_apart() -> None:
+    code = (
+        "import sys\n"
+        "class Kept:\n"
+        "    def __del__(self): print('taken apart')\n"
+        "kept = Kept()\n"
+        "print('before', end='')\n"
+        "sys.argv = ['gridslam', 'no-such-command']\n"
+        "from gridslam.cli import run; run()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout) == (2, "before")
