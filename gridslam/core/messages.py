@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 Scalar = TypeVar("Scalar", bound=np.generic)
 _YAW_STEPS_PER_RAD = float(2**40)
 _LARGEST_YAW_STEPS = math.floor(math.pi * _YAW_STEPS_PER_RAD)
+_SURELY_FLOAT32 = 3.4e38  # a little less than the largest float32
 
 
 def canonical_yaw(yaw_rad: float) -> float:
@@ -34,7 +35,9 @@ def canonical_yaw(yaw_rad: float) -> float:
 
 def as_float32(value: float) -> float:
     """The value as ROS would store it in a float32 field; infinite where it is too large for one."""
-    with np.errstate(over="ignore"):
+    if abs(value) < _SURELY_FLOAT32:
+        return float(np.float32(value))
+    with np.errstate(over="ignore"):  # this takes as long as all the rest
         return float(np.float32(value))
 
 

@@ -1,7 +1,8 @@
-"""Reading scans, beside the mcap package's own reader, and point clouds; the memory of reading a log much larger than it."""
+"""Reading scans (beside the mcap package's own reader), text logs and clouds; the memory of reading a log much larger than it."""
 
 from __future__ import annotations
 
+import bz2
 import statistics
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from gridslam.core.messages import LaserScan, PointCloud, Transform
 from gridslam.logs import LogConfig, open_log
 from gridslam.logs.mcap.writer import McapWriter
 from tests.benchmarks.harness import BenchmarkRow
+from tests.benchmarks.real_places import data_dir
 
 ALONE = True
 
@@ -34,7 +36,7 @@ print(peak_memory_mb())
 
 
 def rows() -> Iterator[BenchmarkRow]:
-    """Opening and reading scans, by compression; clouds a second; peak memory with a log of 300 MB."""
+    """Opening and reading scans, by compression; text logs and clouds a second; peak memory with a log of 300 MB."""
     with tempfile.TemporaryDirectory() as folder:
         for compression in ("zstd", "lz4", "none"):
             path = Path(folder) / f"{compression}.mcap"
@@ -52,9 +54,25 @@ def rows() -> Iterator[BenchmarkRow]:
             "logs.mcap.clouds", max(clouds_per_s(clouds) for _ in range(RUNS)), "1/s", bound=60, at_least=True
         )
         write(Path(folder) / "large.mcap", "none", 10 * SCANS)
+        folder_of_data = data_dir()
+        if folder_of_data is not None:
+            text = Path(folder) / "killian.clf"
+            text.write_bytes(bz2.decompress((folder_of_data / "lidar" / "mit-killian.clf.bz2").read_bytes()))
+            yield carmen_row(text)
         size_mb = (Path(folder) / "large.mcap").stat().st_size / 1e6
         yield BenchmarkRow("logs.mcap.large", size_mb, "MB")
         yield BenchmarkRow("logs.mcap.large.memory", peak_mb(Path(folder) / "large.mcap"), "MB", bound=150)
+
+
+def carmen_row(path: Path) -> BenchmarkRow:
+    """Scans of a text log that are read in a second, opening it included."""
+    fastest_s, count = np.inf, 0
+    for _ in range(RUNS):
+        started = time.perf_counter()
+        with open_log(path, LogConfig()) as log:
+            count = sum(isinstance(event, LaserScan) for event in log.events())
+        fastest_s = min(fastest_s, time.perf_counter() - started)
+    return BenchmarkRow("logs.carmen.scans", count / fastest_s, "1/s", bound=15_000, at_least=True)
 
 
 def write(path: Path, compression: str, count: int) -> None:

@@ -110,7 +110,7 @@ class CarmenSource:
                 if odometry is not None and odometry in wanted:
                     yield odometry, odometry_in(laser)
                 if scan in wanted:
-                    yield scan, self._scan(word, laser, self._place(number))
+                    yield scan, self._scan(word, laser, number)
 
     def _place(self, number: int) -> str:
         return f"{self._lines.path.name} line {number}"
@@ -235,10 +235,10 @@ class CarmenSource:
             )
         )
 
-    def _scan(self, word: bytes, laser: LaserLine, where: str) -> Event | Skip:
+    def _scan(self, word: bytes, laser: LaserLine, number: int) -> Event | Skip:
         count = len(laser.ranges)
         if count == 0:
-            return Skip(SkipReason.NO_BEAMS, where)
+            return Skip(SkipReason.NO_BEAMS, self._place(number))
         if laser.geometry is not None:
             angle_min, increment, range_max = laser.geometry
             range_max = self._config.range_max_m or range_max

@@ -65,4 +65,4 @@ def _differ(ranges_m: NDArray[np.float32], others_m: NDArray[np.float32]) -> boo
         return True
     both = np.isfinite(ranges_m) & np.isfinite(others_m)
     changed = np.abs(ranges_m[both] - others_m[both]) > CHANGED_M
-    return bool(len(changed)) and float(changed.mean()) > MIN_CHANGED
+    return int(np.count_nonzero(changed)) > MIN_CHANGED * len(changed)
