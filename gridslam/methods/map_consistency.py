@@ -23,17 +23,23 @@ LABELS_APART_M = 8.0  # places this near to a more doubtful one have a circle wi
 
 
 def with_consistency(
-    result: RunResult, consistency: MapConsistency, motion_doubt: str | None = None
+    result: RunResult,
+    consistency: MapConsistency,
+    motion_doubt: str | None = None,
+    sensor_doubt: str | None = None,
 ) -> RunResult:
     """The result with its map's consistency; a doubtful map makes the run `inconsistent`.
 
-    So does a path that is doubted for its motion, where most of it was passed only once.
+    So do sensors that contradict each other (`sensor_doubt`, in words), and a path that is doubted for its motion
+    (`motion_doubt`), where most of it was passed only once.
     """
     assert result.occupancy is not None
     pictures = _pictures(result.occupancy, result.trajectory, consistency)
     doubt = result.doubt
     if consistency.is_doubtful:
         doubt = Doubt("inconsistent", consistency.summary)
+    elif sensor_doubt is not None and doubt is None:
+        doubt = Doubt("inconsistent", sensor_doubt)
     elif motion_doubt is not None and doubt is None and consistency.revisited < MIN_REVISITED:
         doubt = Doubt("inconsistent", motion_doubt)
     return replace(

@@ -92,11 +92,10 @@ def find_gyro_correction(events: Sequence[Event], track: Trajectory) -> GyroCorr
     upward = _upward(events, imus[0].frame_id)
     by_log = GyroCorrection(imus[0].frame_id, _triple(upward), _triple(upward), is_fault=False)
     fallback = None if abs(upward[2]) > PURE_AXIS else by_log
-    starts, ends = time_windows(track.stamps_ns, WINDOW_S)
-    turned = np.unwrap(track.poses[:, 2])
-    matched = turned[ends] - turned[starts]
-    if len(matched) < MIN_WINDOWS or np.abs(matched).sum() < MIN_ROTATION_RAD:
+    windows = _windows(track)
+    if windows is None:
         return fallback
+    starts, ends, matched = windows
     gyro = _Rotations(imus, track.stamps_ns[starts], track.stamps_ns[ends])
     error_by_log = _error(gyro.at(0.0) @ upward, 1.0, matched)
     candidates = [_best_axis(gyro.at(float(lag)), matched) for lag in LAGS_S]
@@ -109,6 +108,35 @@ def find_gyro_correction(events: Sequence[Event], track: Trajectory) -> GyroCorr
     if not is_clear or error > MAX_ERROR * float(np.abs(matched).mean()):
         return fallback
     return replace(by_log, factors=_triple(_in_usual_unit(factors)), lag_s=lag_s, is_fault=True)
+
+
+def points_down(events: Sequence[Event]) -> bool:
+    """Whether the accelerations of the only IMU point the other way than its extrinsics say: then so do its turn rates."""
+    imus = [e for e in events if isinstance(e, Imu)]
+    forces = np.array([imu.accel_mps2 for imu in imus if imu.accel_mps2 is not None])
+    return len(forces) > 0 and float(np.nanmedian(forces @ _upward(events, imus[0].frame_id))) < 0.0
+
+
+def is_gyro_with_scans(events: Sequence[Event], track: Trajectory) -> bool:
+    """Whether the yaw rates of the only IMU, with the extrinsics of the log, certainly are those of the path by matching."""
+    imus = [e for e in events if isinstance(e, Imu)]
+    windows = _windows(track)
+    if windows is None or len({imu.frame_id for imu in imus}) != 1 or len(imus) < MIN_WINDOWS:
+        return False
+    starts, ends, matched = windows
+    rotations = _Rotations(imus, track.stamps_ns[starts], track.stamps_ns[ends]).at(0.0)
+    error = _error(rotations @ _upward(events, imus[0].frame_id), 1.0, matched)
+    return error < MAX_ERROR * float(np.abs(matched).mean())
+
+
+def _windows(track: Trajectory) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats] | None:
+    """Rows `(n,)` where windows of the path begin and end, its rotations `(n,)` (rad) in them; None if it turns too little."""
+    starts, ends = time_windows(track.stamps_ns, WINDOW_S)
+    turned = np.unwrap(track.poses[:, 2])
+    matched = turned[ends] - turned[starts]
+    if len(matched) < MIN_WINDOWS or np.abs(matched).sum() < MIN_ROTATION_RAD:
+        return None
+    return starts, ends, matched
 
 
 class _Rotations:

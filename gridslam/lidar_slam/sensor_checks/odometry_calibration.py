@@ -38,7 +38,7 @@ class OdometryCorrection:
 
     `mirrors_y`: the path is mirrored as well as the yaw, as by exchanged wheels. `heading`: errors of its rotations, which
     deform the path. `distance_ratio`: distances by the lidar, relative to those by odometry, that differ by too little to be
-    corrected; 1 without evidence. `is_undecided`: more motion may show a lag.
+    corrected; 1 without evidence. `is_undecided`: more motion may show a lag. `is_imu_with_scans`: an IMU turns as the scans say.
     `possible_lags_s` are the smallest and largest lags that the motion does not rule out; None where the robot turned too little.
     """
 
@@ -49,6 +49,7 @@ class OdometryCorrection:
     heading: HeadingErrors = NO_ERRORS
     distance_ratio: float = 1.0
     is_undecided: bool = False
+    is_imu_with_scans: bool = False
     possible_lags_s: tuple[float, float] | None = None
 
     @property
@@ -70,9 +71,28 @@ class OdometryCorrection:
         """The mirrored parts in words: a lidar that hangs upside down mirrors the path as well as the yaw."""
         if not self.mirrors_y:
             return "its yaw has the wrong sign"
+        wheels = "its yaw and y have the wrong sign (exchanged wheels, or a turn rate of the wrong sign)"
+        if not self.may_be_lidar:
+            return f"{wheels}, by the IMU as well"
         return (
-            "its yaw and y have the wrong sign (exchanged wheels, or a turn rate of the wrong sign), or else the lidar's beams "
+            f"{wheels}, or else the lidar's beams "
             "are mirrored (it hangs upside down), and then so is the map: log.extrinsics with roll: 3.1416 mirrors them back"
+        )
+
+    @property
+    def may_be_lidar(self) -> bool:
+        """Whether the odometry is the mirror image of the scans, and no IMU says which of both is wrong."""
+        return self.mirrors_yaw and self.mirrors_y and not self.is_imu_with_scans
+
+    @property
+    def doubt(self) -> str | None:
+        """The reason, in words, to distrust the map; None without one."""
+        if not self.may_be_lidar:
+            return None
+        return (
+            "odometry and scans are mirror images of each other: if the map is a mirror image of the building, the lidar hangs "
+            "upside down (log.extrinsics with roll: 3.1416 turns it over); if not, the odometry is wrong "
+            "(log.topics: {odom: []} leaves it out)"
         )
 
     @property

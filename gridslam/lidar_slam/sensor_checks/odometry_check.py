@@ -16,7 +16,12 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 from gridslam.lidar_slam.sensor_checks.corrected_events import CorrectedEvents
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
-from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
+from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
+    GyroCorrection,
+    find_gyro_correction,
+    is_gyro_with_scans,
+    points_down,
+)
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, calibrate
@@ -130,6 +135,11 @@ class OdometryCheck:
         bodies = [body.note for body in self.repairs.own_bodies]
         return [*wrong, *self._place.notes, *self.repairs.notes, *self._stale_scans.notes, *bodies]
 
+    @property
+    def doubt(self) -> str | None:
+        """The reason, in words, to distrust the map for what the sensors say of each other; None without one."""
+        return self.correction.doubt
+
     def _check(self, is_last: bool = False) -> Iterator[Event]:
         """Decide on the odometry and pass on the held events, or wait for more motion if that may allow a better decision."""
         with self._stopwatch.stage("odometry_check"):
@@ -175,7 +185,8 @@ class OdometryCheck:
             return
         if self.repairs.sweep is not None and self.correction.lag_s:
             self._restart_path()  # it was that of scans with other times
-            self.correction = calibrate(self._path(held), _trajectory(odometry))
+            again = calibrate(self._path(held), _trajectory(odometry))
+            self.correction = replace(again, is_imu_with_scans=self.correction.is_imu_with_scans)
         applied = map(self.repairs.applied_to, scans)
         sweep_s = stated_sweep_s([scan for scan in applied if isinstance(scan, LaserScan)])
         if stamped_at_end(self.correction.lag_s, sweep_s):
@@ -202,11 +213,12 @@ class OdometryCheck:
 
     def _turned_over(self, held: list[Event], path: Trajectory, odometry: Trajectory) -> Trajectory:
         """The path; tracked anew with mirrored scans if odometry and IMU both show that the only lidar hangs upside down."""
-        lidars = {lidar_of(e) for e in held if isinstance(e, LaserScan)}
-        if len(lidars) != 1 or not (self.correction.mirrors_yaw and self.correction.mirrors_y):
+        if not self.correction.may_be_lidar or points_down(held):
             return path
+        lidars = {lidar_of(e) for e in held if isinstance(e, LaserScan)}
         gyro = find_gyro_correction(held, path)
-        if gyro is None or not gyro.is_reversed:
+        if len(lidars) != 1 or gyro is None or not gyro.is_reversed:
+            self.correction = replace(self.correction, is_imu_with_scans=is_gyro_with_scans(held, path))
             return path
         self.repairs.is_upside_down = True
         self._restart_path()

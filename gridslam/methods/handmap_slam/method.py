@@ -140,7 +140,8 @@ class HandmapSlam:
         )
         if laid is not None:
             result = laid.add_to(result)
-        return with_consistency(result, metric.consistency, self._scan_tracker.motion_doubt)
+        doubts = self._scan_tracker.motion_doubt, self._odometry_check.doubt
+        return with_consistency(result, metric.consistency, *doubts)
 
     def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:
         """The drawing laid over the finished map; the paper's form has none."""

@@ -137,7 +137,8 @@ class SlamSd:
         )
         return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
-            result = with_consistency(result, consistency, tracker.motion_doubt)
+            sensor_doubt = self._odometry_check.doubt
+            result = with_consistency(result, consistency, tracker.motion_doubt, sensor_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
         return_freed_memory()

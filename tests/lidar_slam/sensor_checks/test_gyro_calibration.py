@@ -9,7 +9,12 @@ import pytest
 
 from gridslam.core.messages import Event, Imu, Transform
 from gridslam.core.trajectory import Trajectory
-from gridslam.lidar_slam.sensor_checks.gyro_calibration import GyroCorrection, find_gyro_correction
+from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
+    GyroCorrection,
+    find_gyro_correction,
+    is_gyro_with_scans,
+    points_down,
+)
 
 NS = 10**9
 
@@ -58,6 +63,23 @@ def test_faults_are_named_and_undone(factors: tuple[float, float, float], lag_s:
 @pytest.mark.parametrize("bias", [0.0, 0.05, -0.3])
 def test_a_right_gyro_is_left_as_it_is(bias: float) -> None:
     assert find_gyro_correction(readings((0.0, 0.0, 1.0), bias=bias), track()) is None
+
+
+def test_only_a_right_gyro_confirms_the_scans() -> None:
+    assert is_gyro_with_scans(readings((0.0, 0.0, 1.0)), track())
+    for wrong in ((0.0, 0.0, -1.0), (0.0, 0.0, 0.5), (0.0, 0.0, 0.0)):
+        assert not is_gyro_with_scans(readings(wrong), track())
+    assert not is_gyro_with_scans([], track())
+
+
+def test_an_imu_whose_accelerations_point_down_hangs_upside_down() -> None:
+    up = [Imu(k, "imu", 0.0, accel_mps2=(0.1, 0.0, 9.8)) for k in range(3)]
+    down = [Imu(k, "imu", 0.0, accel_mps2=(0.1, 0.0, -9.8)) for k in range(3)]
+    placed = Transform(0, "base", "imu", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), is_static=True)
+    assert not points_down(up)
+    assert points_down(down)
+    assert not points_down([placed, *down])
+    assert not points_down([Imu(0, "imu", 0.0)])
 
 
 def test_a_gyro_of_noise_alone_is_not_corrected() -> None:

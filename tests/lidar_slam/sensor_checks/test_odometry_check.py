@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gridslam.core.messages import Event, LaserScan, Odometry
+from gridslam.core.messages import Event, Imu, LaserScan, Odometry
 from gridslam.core.stopwatch import Stopwatch
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
@@ -108,6 +108,28 @@ def test_odometry_of_exchanged_wheels_is_corrected_and_named() -> None:
     for event in given:
         if isinstance(event, Odometry):
             np.testing.assert_allclose(event.pose, right[event.stamp_ns].pose)
+
+
+@pytest.mark.parametrize(
+    ("imu_sign", "says", "is_doubted"),
+    [(1.0, "by the IMU as well", False), (-1.0, "", False), (None, "or else the lidar's beams", True)],
+)
+def test_a_map_that_may_be_mirrored_is_doubted_unless_an_imu_decides(
+    imu_sign: float | None, says: str, is_doubted: bool
+) -> None:
+    given = [
+        replace(e, y_m=-e.y_m, yaw_rad=-e.yaw_rad) if isinstance(e, Odometry) else e for e in hall.events(1)
+    ]
+    if imu_sign is not None:
+        right = [e for e in hall.events(1) if isinstance(e, Odometry)]
+        times = np.array([e.stamp_ns for e in right])
+        rates = imu_sign * np.gradient(np.unwrap([e.yaw_rad for e in right]), times * 1e-9)
+        given += [Imu(e.stamp_ns, "imu", wz) for e, wz in zip(right, rates.tolist(), strict=True)]
+        given.sort(key=lambda e: e.stamp_ns)
+    check, _ = checked(given)
+    assert check.repairs.is_upside_down == (imu_sign == -1.0)
+    assert (check.doubt is not None) == is_doubted
+    assert any(says in note for note in check.notes())
 
 
 def test_distances_that_differ_a_little_are_named_and_left_as_they_are() -> None:
