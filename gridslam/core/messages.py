@@ -68,7 +68,7 @@ class LaserScan:
     `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
     `angle_max_rad` is what the message says of its last beam; NaN where it says nothing. `has_uncertain_sense`: the message
     contradicts itself about the sense in which its beams turn. `other_increment_rad` is the increment that it states where
-    another one follows from its angles.
+    another one follows from its angles. `is_of_cloud`: its beams are points of a cloud at any height.
     """
 
     stamp_ns: int
@@ -82,6 +82,7 @@ class LaserScan:
     angle_max_rad: float = field(default=float("nan"), compare=False)
     has_uncertain_sense: bool = field(default=False, compare=False)
     other_increment_rad: float = field(default=float("nan"), compare=False)
+    is_of_cloud: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -15,6 +16,7 @@ from gridslam.core.errors import MethodError
 from gridslam.core.messages import Event, Imu, LaserScan, Odometry, Transform
 from gridslam.core.trajectory import Trajectory, stretches
 from gridslam.graph.pose_graph import Edges
+from gridslam.kernels.scan_matching.scan_points import LEVEL
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
@@ -23,6 +25,7 @@ from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
 from gridslam.lidar_slam.slips import slip_variances
+from gridslam.lidar_slam.sway import MIN_HEIGHT_M, Sway, SwayObserver, levelled
 from gridslam.lidar_slam.unmeasured_gaps import UnmeasuredGaps
 from gridslam.motion.scan_poses import PlacedScan, ScanPoses
 from gridslam.sensors.lidar_beams import LidarExtrinsics, extrinsics_of
@@ -65,8 +68,13 @@ class ScanTracker:
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans = PackedScans()
         self._lidar = ""  # of the last tracked scan
+        self._height_m = math.nan  # of that lidar above the base, if it is level and its scan planar
         self._lidars: list[str] = []  # of every scan
         self._last_key_of: dict[str, int] = {}  # row of each lidar's last key scan
+        self._sway_observer = SwayObserver()
+        self.sway: Sway | None = None  # of the whole path, after `remove_sway`
+        self._heights_m: dict[str, float] = {}  # of the lidars that are level, above the base
+        self._key_heights_m: list[float] = []  # NaN where unknown
 
     @property
     def counters(self) -> Counter[str]:
@@ -110,10 +118,11 @@ class ScanTracker:
     def motion_notes(self) -> list[str]:
         """Lines for people about sensors of motion that contradict the scans, and about scans without readings."""
         empty = self._counters["scan.empty"]
+        found = self._predictor.notes if self.sway is None else [*self._predictor.notes, self.sway.note]
         if not empty or empty < MANY_EMPTY * len(self.stamps_ns):
-            return self._predictor.notes
+            return found
         return [
-            *self._predictor.notes,
+            *found,
             f"{empty} of {len(self.stamps_ns)} scans have no reading within their limits: check range_min, range_max, unit",
         ]
 
@@ -145,6 +154,11 @@ class ScanTracker:
         return self._predictor.doubt or self._gaps.doubt
 
     @property
+    def sway_doubt(self) -> str | None:
+        """The reason, in words, to distrust the map of a robot that sways; None without one."""
+        return None if self.sway is None else self.sway.doubt
+
+    @property
     def inlier_ratios(self) -> Floats:
         """The fraction `(n,)` of each scan's points that lay on a surface of the local map."""
         return np.array([match.inlier_ratio for match in self._matches])
@@ -164,13 +178,17 @@ class ScanTracker:
     def process(self, event: Event) -> Iterator[PlacedScan]:
         """Take in odometry, yaw rates, a scan or extrinsics; yields the scans that need not wait for odometry any more."""
         if isinstance(event, Odometry):
+            self._sway_observer.add_odometry(event.stamp_ns)
             yield from self._scan_poses.add_odometry(event)
         elif isinstance(event, LaserScan):
             yield from self._scan_poses.add_scan(event)
         elif isinstance(event, Imu):
             self._predictor.add_imu(event, self._is_flipped(event.frame_id))
         elif isinstance(event, Transform) and event.is_static:
-            self.sensor_extrinsics[event.child_frame_id] = extrinsics_of(event)
+            extrinsics = extrinsics_of(event)
+            self.sensor_extrinsics[event.child_frame_id] = extrinsics
+            is_level = extrinsics.projection == LEVEL
+            self._heights_m[event.child_frame_id] = event.translation_m[2] if is_level else math.nan
 
     def flush(self) -> Iterator[PlacedScan]:
         """The scans that still wait for odometry at the end of the log."""
@@ -212,6 +230,10 @@ class ScanTracker:
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)
+        is_compared = match.is_matched and self._predictor.uses_odometry(placed)
+        self._sway_observer.add_scan(placed.odometry, placed.odometry_jumped, is_compared)
+        height_m = self._heights_m.get(placed.scan.frame_id, math.nan)
+        self._height_m = math.nan if placed.scan.is_of_cloud else height_m
         self._predictor.add_match(placed, match)
         return match
 
@@ -255,11 +277,27 @@ class ScanTracker:
         self.keys.append(len(self.track_poses) - 1)
         self._last_key_of[self._lidar] = self.keys[-1]
         self.key_scans.append(scan)
+        self._key_heights_m.append(self._height_m)
         return step
 
+    def remove_sway(self) -> None:
+        """Find the sway of the robot after the last scan; level the key scans by it where the heights of all lidars are known."""
+        self.sway = self._sway_observer.sway_of(
+            np.array(self.stamps_ns, np.int64), np.array(self.track_poses)
+        )
+        heights_m = np.array(self._key_heights_m)
+        if self.sway is None or not (heights_m >= MIN_HEIGHT_M).all():
+            return
+        self.sway = replace(self.sway, is_levelled=True)
+        swung, self.key_scans = self.key_scans, PackedScans()
+        for row, scan, height_m in zip(self.keys, swung, heights_m.tolist(), strict=True):
+            self.key_scans.append(levelled(scan, self.sway.shifts_m[row], height_m))
+
     def corrected(self, key_poses: Floats) -> Trajectory:
-        """The path over all scans, given the final poses `(k, 3)` of the key scans."""
+        """The path over all scans, given the final poses `(k, 3)` of the key scans; without the robot's sway."""
         poses = distribute_corrections(np.array(self.track_poses), np.array(self.keys, np.int64), key_poses)
+        if self.sway is not None:
+            poses = self.sway.removed_from(poses)
         return Trajectory(np.array(self.stamps_ns, np.int64), poses)
 
 

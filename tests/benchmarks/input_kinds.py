@@ -92,7 +92,7 @@ def drive(seed: int) -> InputDrive:
 
 
 @dataclass(frozen=True, slots=True)
-class Sway:
+class SimulatedSway:
     """A robot that rolls and pitches by `amplitude_deg` about the point of the floor below it, or about its lidar."""
 
     amplitude_deg: float = 0.0
@@ -109,7 +109,7 @@ class Sway:
         return Rotation.from_euler("xyz", np.column_stack([roll, pitch, np.zeros(len(roll))]))
 
 
-LEVEL = Sway()
+LEVEL = SimulatedSway()
 
 
 def returns(
@@ -118,7 +118,7 @@ def returns(
     sensor_extrinsics: Floats,
     rays: Floats,
     rng: np.random.Generator,
-    sway: Sway = LEVEL,
+    sway: SimulatedSway = LEVEL,
 ) -> tuple[Floats, Floats]:
     """Points `(n, 3)` in the sensor's frame, and their distances `(n,)`, of walls up to the ceiling, it, and the floor.
 
@@ -373,7 +373,7 @@ def swaying(
     is_about_lidar: bool = False,
 ) -> Path:
     """A robot that rolls and pitches, with an IMU that says so (`imu` as in `tilted_imu`) or with none (empty)."""
-    rng, sway = np.random.default_rng(9), Sway(amplitude_deg, is_about_lidar)
+    rng, sway = np.random.default_rng(9), SimulatedSway(amplitude_deg, is_about_lidar)
     sensor_extrinsics = np.array([FORWARD_M, 0.0, 0.0])
     phase = np.arange(360) / 360
     beams = np.column_stack([2 * np.pi * phase - np.pi, np.zeros(360), 0.0997 * phase])
@@ -398,7 +398,9 @@ def swaying(
     return recorded(drive, path, scans, frames, imu=made_imu)
 
 
-def tilted_imu(drive: InputDrive, sway: Sway, kind: str, rng: np.random.Generator) -> Callable[[Imu], Any]:
+def tilted_imu(
+    drive: InputDrive, sway: SimulatedSway, kind: str, rng: np.random.Generator
+) -> Callable[[Imu], Any]:
     """Messages of an IMU on a robot that sways: `orientation` with everything, `gravity` without its orientation.
 
     `ned` has axes that point forward, right and down; `misaligned` has y forward, and `late` stamps of 0.5 s ago.

@@ -85,6 +85,7 @@ class VirtualLidar:
             range_min_m=as_float32(MIN_RANGE_M),
             range_max_m=as_float32(MAX_RANGE_M),
             time_increment_s=as_float32(time_increment_s),
+            is_of_cloud=True,
         )
 
     def _levelled(self, points: Floats, cloud: PointCloud) -> Floats:

@@ -107,6 +107,7 @@ class HandmapSlam:
         for placed in self._scan_tracker.flush():
             self._add_scan(placed)
         self._scan_tracker.refuse_without_readings()
+        self._scan_tracker.remove_sway()
         key_scans = self._scan_tracker.key_scans
         if not key_scans:
             return RunResult(Trajectory.empty(), counters=self._counters())
@@ -140,8 +141,9 @@ class HandmapSlam:
         )
         if laid is not None:
             result = laid.add_to(result)
-        doubts = self._scan_tracker.motion_doubt, self._odometry_check.doubt
-        return with_consistency(result, metric.consistency, *doubts)
+        tracker = self._scan_tracker
+        sensor_doubt = self._odometry_check.doubt or tracker.sway_doubt
+        return with_consistency(result, metric.consistency, tracker.motion_doubt, sensor_doubt)
 
     def _lay_drawing_over(self, metric: MetricMap) -> LaidDrawing | None:
         """The drawing laid over the finished map; the paper's form has none."""

@@ -102,6 +102,7 @@ class SlamSd:
         for placed in self._tracker.flush():
             self._process_scan(placed)
         self._tracker.refuse_without_readings()
+        self._tracker.remove_sway()
         if not self._tracker.keys:
             return RunResult(Trajectory.empty(), counters=self._counters())
         self._objects.finish(self._filter.best_trajectory)
@@ -137,7 +138,7 @@ class SlamSd:
         )
         return_freed_memory()
         with self._stopwatch.stage("map_consistency"):
-            sensor_doubt = self._odometry_check.doubt
+            sensor_doubt = self._odometry_check.doubt or tracker.sway_doubt
             result = with_consistency(result, consistency, tracker.motion_doubt, sensor_doubt)
         if drive.continued is not None and drawn is not None:
             result = with_drives(result, drive.continued, drawn)
