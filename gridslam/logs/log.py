@@ -21,6 +21,7 @@ from gridslam.logs.order import ordering
 from gridslam.logs.order.clocks import check_overlap, restamp
 from gridslam.logs.order.disorder import note_disorder
 from gridslam.logs.order.repeats import COPIED, has_copies, is_looped, without_repeats
+from gridslam.logs.placement.levelling import without_floor
 from gridslam.logs.placement.sensor_placement import place_sensors
 from gridslam.logs.placement.several_sensors import note_choice
 from gridslam.logs.playback import Playback, file_states, true_pose_of
@@ -216,6 +217,8 @@ class Log:
             if isinstance(event, LaserScan) and (moving := self._sensors.moving.get(event.frame_id)):
                 transform, event = moving.placed(event)
                 yield "tf", "/tf", transform
+            elif isinstance(event, LaserScan) and (tilted := self._sensors.tilted.get(event.frame_id)):
+                event = without_floor(event, tilted)
             yield kind, topic, event
 
     def truth(self) -> Trajectory | None:

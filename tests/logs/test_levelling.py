@@ -17,7 +17,7 @@ from gridslam.logs import LogConfig, open_log
 from gridslam.logs.config import CloudConfig
 from gridslam.logs.imu.readings import ImuReadings, OdometryReference
 from gridslam.logs.imu.tilt import UntrustedImuError, Verticals, verticals_of
-from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan
+from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan, without_floor
 from gridslam.logs.placement.virtual_scan import virtual_lidar
 from gridslam.logs.rotations import from_euler
 from gridslam.logs.write import write_log
@@ -234,6 +234,20 @@ def test_beams_that_end_outside_the_band_are_left_out() -> None:
     pitched = ((0.0, 0.0, 0.6), from_euler(0.0, math.radians(4.0), 0.0))
     found = level_scan(scan, pitched, LevelBand.of_lidar(0.6)).ranges_m
     np.testing.assert_array_equal(found, [5.0, 5.0, np.inf, np.nan])
+
+
+def test_a_lidar_tilted_on_the_robot_does_not_see_the_floor() -> None:
+    # Pitched by 10 degrees, 0.6 m high: the floor is 3.46 m ahead; behind, the beam rises to 1.8 m at 6.91 m.
+    ranges = np.array([2.2, 3.46, 6.8, 7.0, np.inf], np.float32)
+    angles = {"angle_min_rad": 0.0, "angle_increment_rad": 0.0}
+    ahead = LaserScan(0, "laser", ranges, range_min_m=0.1, range_max_m=30.0, **angles)
+    pitched = from_euler(0.0, math.radians(10.0), 0.0)
+    found = without_floor(ahead, ((0.0, 0.0, 0.6), pitched)).ranges_m
+    np.testing.assert_array_equal(found, [ranges[0], np.nan, np.nan, np.nan, np.inf])
+    behind = without_floor(replace(ahead, angle_min_rad=math.pi), ((0.0, 0.0, 0.6), pitched)).ranges_m
+    np.testing.assert_array_equal(behind, [*ranges[:3], np.nan, np.inf])
+    assert without_floor(ahead, ((0.0, 0.0, 0.0), pitched)) is ahead
+    assert without_floor(ahead, ((0.0, 0.0, 0.6), from_euler(0.0, 0.01, 0.0))) is ahead
 
 
 @pytest.mark.parametrize("stamp_ns", [-10 * S, 3 * S, 10 * S])

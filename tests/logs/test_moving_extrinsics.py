@@ -56,6 +56,23 @@ def test_a_lidar_on_a_moving_joint_is_placed_at_the_stamp_of_each_scan(tmp_path:
         )
 
 
+@pytest.mark.parametrize("is_on_joint", [False, True])
+def test_a_lidar_tilted_by_tf_is_read_without_the_floor(tmp_path: Path, is_on_joint: bool) -> None:
+    w, x, y, z = from_euler(0.0, 0.3, 0.0)
+    laser = transform(0, "pan", lidar_frame(), (0.0, 0.0, 0.5), (w, x, y, z))
+    pan = [turned(i * S // 2, "base_link", "pan", 0.1 * i * is_on_joint) for i in range(12)]
+    path = drive(tmp_path / "a.mcap", *pan, static=(laser,))
+    with open_log(path, kinds=KINDS) as log:
+        scans = [e for e in log.events() if isinstance(e, LaserScan)]
+        assert any("mounted with a tilt of 17.2 deg" in line for line in log.problems) != is_on_joint
+    # Beams of 1, 2 and 3 m at -1, 0 and 1 rad (0.5 rad apart): they fall by 0.16, 0.59 and 0.48 m.
+    assert [r == r for r in scans[0].ranges_m.tolist()] == [True, False, False]
+    with open_log(path) as log:
+        assert all(
+            scan.ranges_m.tolist() == [1, 2, 3] for scan in log.events() if isinstance(scan, LaserScan)
+        )
+
+
 def test_noise_of_a_joint_is_no_motion(tmp_path: Path) -> None:
     joint = [turned(i * S, "base_link", lidar_frame(), 0.3 + 1e-9 * (i % 3)) for i in range(6)]
     with open_log(drive(tmp_path / "a.mcap", *joint), kinds=KINDS) as log:

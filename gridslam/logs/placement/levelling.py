@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +34,7 @@ PROBED_READINGS = 200  # an IMU that measured no orientation and no acceleration
 # Fractions of the scans that have a reading: below the first none is levelled, below the second a note says so.
 MIN_COVERED, FULLY_COVERED = 0.1, 0.95
 MIN_SPACING_NS = 5_000_000  # smallest time between readings that are kept: robots tilt slowly
+MIN_FIXED_TILT_RAD = math.radians(1.0)  # a lidar that is mounted with a smaller tilt counts as level
 MIN_KNOWN_HEIGHT_M = 0.1  # a lidar that is lower has no height, or its base is not on the floor
 # Beams that end below these heights have met the floor, those above the headroom a ceiling.
 GROUND_M, HALF_BAND_M, HEADROOM_M = 0.2, 0.3, 1.2
@@ -140,6 +142,20 @@ def level_scan(scan: LaserScan, T_level_sensor: Rigid, band: LevelBand) -> Laser
     if not is_outside.any():
         return scan
     return replace(scan, ranges_m=readonly(np.where(is_outside, np.nan, scan.ranges_m), np.float32))
+
+
+def fixed_tilt_rad(T_base_sensor: Rigid) -> float:
+    """Angle between a lidar's plane and that of a base that stays level; 0 where it is small, or the lidar's height unknown."""
+    _, _, (x, y, _) = rotation_matrix(T_base_sensor[1])
+    angle_rad = math.asin(min(math.hypot(x, y), 1.0))
+    return angle_rad if angle_rad >= MIN_FIXED_TILT_RAD and T_base_sensor[0][2] >= MIN_KNOWN_HEIGHT_M else 0.0
+
+
+def without_floor(scan: LaserScan, T_base_sensor: Rigid) -> LaserScan:
+    """The scan of a lidar on a level base, without what its fixed tilt has it see of floor and ceiling."""
+    if not fixed_tilt_rad(T_base_sensor):
+        return scan
+    return level_scan(scan, T_base_sensor, LevelBand.of_lidar(T_base_sensor[0][2]))
 
 
 def middle_ns(scan: LaserScan) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan, Transform
 from gridslam.logs import rotations
-from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan, middle_ns
+from gridslam.logs.placement.levelling import LevelBand, Tilt, level_scan, middle_ns, without_floor
 from gridslam.logs.rotations import Quaternion, Rigid
 from gridslam.logs.streams import RecordedStream, Source
 
@@ -60,6 +60,8 @@ class MovingExtrinsics:
             moved, turned = rotations.compose((rotations.IDENTITY[0], self.tilt.at(middle_ns(scan))), pose)
             pose = (moved, pose[1] if self.is_upright else turned)
             scan = scan if self.is_upright else level_scan(scan, pose, band)
+        elif not self.is_upright:
+            scan = without_floor(scan, pose)
         frame = f"{scan.frame_id}@{scan.stamp_ns}"
         transform = Transform(scan.stamp_ns, self.base_frame, frame, pose[0], pose[1], is_static=True)
         return transform, replace(scan, frame_id=frame)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.kinds import KINDS
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.placement import extrinsics
-from gridslam.logs.placement.levelling import Tilt, find_tilt
+from gridslam.logs.placement.levelling import LevelBand, Tilt, find_tilt, fixed_tilt_rad
 from gridslam.logs.placement.moving_extrinsics import MovingExtrinsics, moving_extrinsics
 from gridslam.logs.placement.several_sensors import refuse_unknown_places
 from gridslam.logs.placement.virtual_scan import VirtualLidar, virtual_lidar
@@ -24,11 +25,15 @@ WORLD_FRAMES = frozenset({"map", "odom", "world", "camera_init"})  # names of fr
 
 @dataclass(frozen=True, slots=True)
 class SensorPlacement:
-    """Extrinsics of the sensor frames in use, one each; by frame the sensors on joints, and the lidars made of clouds."""
+    """Extrinsics of the sensor frames in use, one each; by frame the sensors on joints, and the lidars made of clouds.
+
+    `tilted`: T_base_sensor of the planar lidars that are mounted with a tilt, and see floor or ceiling.
+    """
 
     fixed: Sequence[Transform]
     moving: Mapping[str, MovingExtrinsics]
     virtual_lidars: Mapping[str, VirtualLidar]
+    tilted: Mapping[str, Rigid]
 
 
 def place_sensors(
@@ -85,7 +90,26 @@ def place_sensors(
         )
     stamps = {place.child_frame_id: place.stamp_ns for place in fixed}
     added = [lidar.extrinsics(base, stamps[frame]) for frame, lidar in virtual.items()]
-    return SensorPlacement([*fixed, *added], moving, virtual)
+    on_base = [place for place in fixed if place.child_frame_id in lidar_frames and place.frame_id == base]
+    level_or_moving = {*virtual, *moving}
+    tilted = _tilted([p for p in on_base if p.child_frame_id not in level_or_moving], message_counts)
+    return SensorPlacement([*fixed, *added], moving, virtual, tilted)
+
+
+def _tilted(places: Sequence[Transform], message_counts: MessageCounts) -> dict[str, Rigid]:
+    """T_base_sensor of the planar lidars among the places that are mounted with a tilt, which is noted."""
+    found = {}
+    for place in places:
+        pose = _pose_of(place)
+        tilt_rad = fixed_tilt_rad(pose)
+        if tilt_rad:
+            found[place.child_frame_id] = pose
+            band = LevelBand.of_lidar(pose[0][2])
+            message_counts.note(
+                f"{place.child_frame_id} is mounted with a tilt of {math.degrees(tilt_rad):.1f} deg: beams that end below "
+                f"{band.min_m:.2f} or above {band.max_m:.2f} m in {place.frame_id} are left out"
+            )
+    return found
 
 
 def _levelled(
