@@ -16,6 +16,7 @@ import multiprocessing
 import os
 import sys
 import time
+import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
@@ -52,10 +53,14 @@ class BenchmarkRow:
 
 
 class Measured(NamedTuple):
-    """The rows of a benchmark, and how many times as long as the reference machine this one took for the same work."""
+    """The rows of a benchmark, and how many times as long as the reference machine this one took for the same work.
+
+    `failure` is what ended it before all rows were there, with the lines of code; empty if nothing did.
+    """
 
     rows: list[BenchmarkRow]
     slower: float
+    failure: str = ""
 
 
 Bounds = Mapping[str, Mapping[str, float]]  # of one benchmark, by the name of the row
@@ -132,12 +137,17 @@ def module_of(name: str) -> ModuleType:
 
 
 def rows_of(name: str) -> Measured:
-    """All rows of a benchmark; prints how long it took."""
+    """All rows of a benchmark, or those before it failed; prints how long it took."""
     started, slower = time.perf_counter(), slowness()
-    rows = list(module_of(name).rows())
+    rows: list[BenchmarkRow] = []
+    failure = ""
+    try:
+        rows.extend(module_of(name).rows())
+    except Exception:  # the others go on
+        failure = traceback.format_exc()
     slower = max(slower, slowness())
     say(f"{name}: {time.perf_counter() - started:.1f} s, on {slower:.2f} of the reference machine's time")
-    return Measured(rows, slower)
+    return Measured(rows, slower, failure)
 
 
 def say(line: str) -> None:
@@ -160,7 +170,7 @@ def table(rows: Iterable[BenchmarkRow]) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Measure, print each benchmark as it ends, and at last the broken bounds.
 
-    The exit code is 1 if a bound fails or belongs to no row.
+    The exit code is 1 if a benchmark or a bound fails, or a bound belongs to no row.
     """
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.harness")
     parser.add_argument("names", nargs="*", metavar="NAME", help="of a benchmark: absent, all")
@@ -169,7 +179,11 @@ def main(arguments: Sequence[str]) -> int:
     bounds = read_bounds(HERE / "bounds.yaml")
     violated: list[BenchmarkRow] = []
     found: dict[str, set[str]] = {}
+    failed: list[str] = []
     for benchmark, measured in measure(given.names, given.jobs):
+        if measured.failure:
+            say(measured.failure)
+            failed.append(benchmark)
         rows = [bounded(row, bounds.get(benchmark, {}), measured.slower) for row in measured.rows]
         print(table(rows) if rows else f"{benchmark}: no rows", end="\n\n", flush=True)  # noqa: T201
         violated += [row for row in rows if not row.holds]
@@ -177,9 +191,11 @@ def main(arguments: Sequence[str]) -> int:
     lost = without_row(bounds, found)
     for bound in lost:
         say(f"bounds.yaml: {bound}: no such row was measured; was it renamed?")
+    for benchmark in failed:
+        say(f"{benchmark}: failed")
     count = sum(map(len, found.values()))
     print(table(violated) if violated else f"all bounds of {count} rows hold")  # noqa: T201
-    return 1 if lost or violated else 0
+    return 1 if lost or violated or failed else 0
 
 
 if __name__ == "__main__":

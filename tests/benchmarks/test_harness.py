@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -131,3 +131,31 @@ def test_a_benchmark_that_measures_by_the_clock_runs_before_the_others_use_all_c
     found = [name for name, _ in harness.measure(["plan", "bench_cli", "wean_hall"], jobs)]
     assert found[: len(alone)] == alone
     assert sorted(found[len(alone) :]) == together  # in the order in which they end
+
+
+def test_a_benchmark_that_fails_is_named_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Failing:
+        ALONE = True
+
+        @staticmethod
+        def rows() -> Iterator[BenchmarkRow]:
+            yield BenchmarkRow("first", 1.0, "s")
+            raise RuntimeError("no more")
+
+    class Whole:
+        ALONE = True
+
+        @staticmethod
+        def rows() -> Iterator[BenchmarkRow]:
+            yield BenchmarkRow("second", 2.0, "s")
+
+    modules = {"plan": Failing, "wean_hall": Whole}
+    monkeypatch.setattr(harness, "module_of", modules.__getitem__)
+    monkeypatch.setattr(harness, "read_bounds", lambda path: {})
+    monkeypatch.setattr(harness, "slowness", lambda: 1.0)
+    assert harness.main(["plan", "wean_hall"]) == 1
+    shown = capsys.readouterr()
+    assert "first" in shown.out and "second" in shown.out
+    assert "RuntimeError: no more" in shown.err and "plan: failed" in shown.err
