@@ -10,7 +10,7 @@ import typer
 from .. import console
 from ..completion import complete_config
 from ..options import AsJson, EndTime, LogPath, StartTime, Strict, reading_config
-from .info import LOSSY, Layout
+from .info import LOSSY, MAX_ROWS, Layout
 
 MAX_PROBLEMS = 20
 Destination = Annotated[
@@ -87,7 +87,9 @@ def run(
             }
             console.emit_json({**document, "is_lossy": is_lossy})
         else:
-            console.emit_table(("topic", "messages"), list(done.written.items()))
+            console.emit_table(("topic", "messages"), list(done.written.items())[:MAX_ROWS])
+            if len(done.written) > MAX_ROWS:
+                console.emit(f"and {len(done.written) - MAX_ROWS} more; --json shows all")
     if strict and is_lossy:
         console.complain(
             f"error: {log}: not all of the log could be used, which --strict forbids; {target} has the rest"

@@ -32,6 +32,9 @@ Unit: TypeAlias = Literal[
 ]
 
 
+MAX_TABLES = 500  # of one folder: all are open at the same time, and many systems allow a program 1024 files
+
+
 class FrameExtrinsics(StrictModel):
     """Pose of a frame: x, y, z (m) and either roll, pitch, yaw (rad) or a quaternion w, x, y, z."""
 
@@ -114,7 +117,9 @@ class CsvLayout(StrictModel):
     base_frame: str | None = Field(
         None, description="Frame of the robot's base. Absent: the odometry's child frame, else base_link."
     )
-    streams: list[CsvStream] = Field(default_factory=list, description="The files with their kinds.")
+    streams: list[CsvStream] = Field(
+        default_factory=list, max_length=MAX_TABLES, description="The files with their kinds."
+    )
     extrinsics: dict[str, FrameExtrinsics] = Field(
         default_factory=dict, description="Poses of frames on the robot by frame."
     )

@@ -14,6 +14,7 @@ from gridslam.core.errors import ConfigError, LogError
 from gridslam.core.messages import Event, Image, Imu, LaserScan, Odometry, Range, TagInventory, Transform
 from gridslam.logs import open_log, open_writer, write_log
 from gridslam.logs.convert import convert_log
+from gridslam.logs.csv_layout import MAX_TABLES
 from tests.conftest import REPOSITORY
 from tests.logs.mutations import fingerprint
 
@@ -205,3 +206,22 @@ def test_inventories_that_follow_each_other_read_back_as_they_are(tmp_path: Path
     ]
     write_log(tmp_path / "out", events)
     assert list(map(fingerprint, read(tmp_path / "out"))) == list(map(fingerprint, events))
+
+
+def test_more_streams_than_a_folder_can_have_tables_are_refused_and_leave_nothing(tmp_path: Path) -> None:
+    with (
+        pytest.raises(LogError, match=r"more than 500 streams.*OUT\.mcap"),
+        open_writer(tmp_path / "out") as w,
+    ):
+        for n in range(MAX_TABLES + 1):
+            w.write(Odometry(n, "odom", 0.0, 0.0, 0.0), f"/odom{n}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_of_one_stamp_have_files_of_their_own(tmp_path: Path) -> None:
+    pixels = np.zeros((2, 2), np.uint8)
+    with open_writer(tmp_path / "out") as writer:
+        for stamp_ns in (5, 5, 5, 7, 5):
+            writer.write(Image(stamp_ns, "c", pixels, "cam"))
+    names = sorted(path.name for path in (tmp_path / "out" / "image_cam").iterdir())
+    assert [name.lstrip("0") for name in names] == ["5.png", "5_2.png", "5_3.png", "5_4.png", "7.png"]

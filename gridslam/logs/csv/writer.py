@@ -19,6 +19,7 @@ from gridslam.core.stamps import END_NS, format_stamp
 from gridslam.core.texts import is_storable
 from gridslam.logs.csv.source import LAYOUT_FILE
 from gridslam.logs.csv.written_folder import check_csv_free
+from gridslam.logs.csv_layout import MAX_TABLES
 from gridslam.logs.encoding.csv_fields import name_field
 from gridslam.logs.encoding.csv_pictures import PictureWriter
 from gridslam.logs.kind_lookup import kind_of_event
@@ -57,7 +58,7 @@ class CsvFolderWriter:
         self._folder = self._aside.enter_context(partial_folder(self._path))
         self._pictures = PictureWriter(self._folder)
         self._files: dict[tuple[str, ...], _TableFile] = {}
-        self._names: set[str] = set()
+        self._tables_of: dict[str, int] = {}  # number by kind
         self._extrinsics: dict[str, dict[str, object]] = {}
         self._base_frames: dict[str, str] = {}  # by the kind of stream that names the robot's frame
         self._closed = False
@@ -148,11 +149,13 @@ class CsvFolderWriter:
             file.writer.writerow(row)
 
     def _open(self, kind: str, event: Any, topic: str | None) -> _TableFile:
-        name, number = f"{kind}.csv", 1
-        while name in self._names:
-            number += 1
-            name = f"{kind}_{number}.csv"
-        self._names.add(name)
+        if len(self._files) >= MAX_TABLES:
+            raise LogError(
+                f"more than {MAX_TABLES} streams, as many as a CSV folder can have tables; name the output OUT.mcap, or choose "
+                "streams with --topics"
+            )
+        number = self._tables_of[kind] = self._tables_of.get(kind, 0) + 1
+        name = f"{kind}.csv" if number == 1 else f"{kind}_{number}.csv"
         frames = _frames(kind, event)
         table = CSV_KINDS[kind]
         if "child_frame" in table.optional and not self._base_frames.get(kind):

@@ -61,6 +61,7 @@ class PictureWriter:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._last: dict[tuple[str, str], tuple[int, int]] = {}  # stamp and number, by subfolder and ending
 
     def write_pixels(self, kind: str, event: Any, pixels: NDArray[np.uint8]) -> str:
         """Write pixels, `(rows, cols)` grey or `(rows, cols, 3)` RGB, as a PNG; returns its name inside the log's folder."""
@@ -80,9 +81,14 @@ class PictureWriter:
         camera = "".join(c if c.isalnum() or c in "-_" else "_" for c in event.camera) or "camera"
         folder = self._folder / f"{kind}_{camera[:_MAX_FOLDER_NAME]}"
         folder.mkdir(exist_ok=True)
-        name, number = f"{event.stamp_ns:019d}{suffix}", 1
-        while (folder / name).exists():
+        stamp_ns, number = self._last.get((folder.name, suffix), (-1, 0))
+        number = number + 1 if stamp_ns == event.stamp_ns else 1
+        while (folder / (name := _name(event.stamp_ns, number, suffix))).exists():
             number += 1
-            name = f"{event.stamp_ns:019d}_{number}{suffix}"
+        self._last[folder.name, suffix] = event.stamp_ns, number
         write_atomic(folder / name, data)
         return f"{folder.name}/{name}"
+
+
+def _name(stamp_ns: int, number: int, suffix: str) -> str:
+    return f"{stamp_ns:019d}{suffix}" if number == 1 else f"{stamp_ns:019d}_{number}{suffix}"

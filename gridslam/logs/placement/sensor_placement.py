@@ -71,7 +71,7 @@ def place_sensors(
         base_frame=base,
         stamp_ns=_first_stamp_ns(streams, selection),
         message_counts=message_counts,
-        on_robot=lidar_frames,
+        on_robot=frozenset(lidar_frames),
     )
     refuse_unknown_places(streams, selection, [f for f in in_place if f not in moving], tree)
     planar = _planar_lidars(streams, lidar_frames, config)
@@ -79,9 +79,8 @@ def place_sensors(
     tilt = find_tilt(source, selection, config, tree, message_counts) if lidar_frames else None
     virtual = _virtual_lidars(streams, selection, fixed, config, tilt)
     if tilt is not None:
-        on_base = [
-            place for place in fixed if place.child_frame_id in lidar_frames and place.frame_id == base
-        ]
+        of_lidars = frozenset(lidar_frames)
+        on_base = [place for place in fixed if place.child_frame_id in of_lidars and place.frame_id == base]
         moving = _levelled(moving, on_base, virtual, tilt)
     for lidar_frame, lidar in virtual.items():
         message_counts.note(

@@ -121,7 +121,7 @@ class RosSource:
 
     def _note_unused_servos(self) -> None:
         """Note rangers that nothing turns, where the log has servos that turn no ranger."""
-        rangers = sorted({frame for s in self.streams if s.kind == "range" for frame in s.frames})
+        rangers = dict.fromkeys(sorted({f for s in self.streams if s.kind == "range" for f in s.frames}))
         servos = sorted({n for d in self._decoders.values() if d.kind == "joints" for n in d.joint_names})
         fixed = [frame for frame in rangers if frame not in self._servos]
         unused = [name for name in servos if name not in rangers]
