@@ -13,7 +13,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar
@@ -47,6 +47,7 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
         self._bytecode = hashlib.sha256(code.co_code).hexdigest()
         self._base = f"{function.__qualname__}-{code.co_firstlineno}.{sys.implementation.cache_tag}"
         self._folders = folders_of(Path(code.co_filename))
+        self._owners = trusted_owners(Path(code.co_filename))
 
     @property
     def cache_path(self) -> str:
@@ -71,7 +72,7 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
         key = self._key(sig, target_context.codegen())
         for folder in self._folders:
             with suppress(Exception):  # no file, a damaged one, or one of another version of numba
-                return _rebuild(target_context, *_read(folder / self._name(key), key))
+                return _rebuild(target_context, *_read(folder / self._name(key), key, self._owners))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -95,11 +96,18 @@ class MachineCodeCache(_Cache):  # type: ignore[misc]
         return f"{self._base}.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.code"
 
 
-def _read(file: Path, key: tuple[str, ...]) -> Any:
-    """The machine code in a file. Raises OSError; ValueError: it is damaged, another kernel's, or a device or a pipe."""
+def _read(file: Path, key: tuple[str, ...], owners: Collection[int] | None) -> Any:
+    """The machine code in a file.
+
+    Raises OSError; ValueError: it is damaged, another kernel's, of a user that is none of the `owners`, or a device or a pipe.
+    """
     if not file.is_file():
         raise ValueError(f"{file}: no file")
-    content = file.read_bytes()
+    with file.open("rb") as stream:
+        owner = os.fstat(stream.fileno()).st_uid
+        if owners is not None and owner not in owners:
+            raise ValueError(f"{file}: of the user {owner}")
+        content = stream.read()
     body = memoryview(content)[DIGEST_BYTES:]
     if content[:DIGEST_BYTES] != _digest(body):
         raise ValueError(f"{file}: damaged")
@@ -135,6 +143,14 @@ def folders_of(module: Path) -> tuple[Path, ...]:
     """
     own = cache_directory(module)
     return (own,) if _given_folder() else tuple(dict.fromkeys((own, _beside(module) / own.name)))
+
+
+def trusted_owners(module: Path) -> frozenset[int] | None:
+    """The users whose machine code of a module may be run: this one, root, and that of the sources.
+
+    Machine code is kept as pickles, which can do anything. None: everybody's, in the folder that the user gives.
+    """
+    return None if _given_folder() else frozenset((os.getuid(), 0, module.stat().st_uid))
 
 
 @functools.cache
@@ -195,16 +211,17 @@ def _given_folder() -> Path | None:
 def _user_cache() -> Path | None:
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        return base if base.is_absolute() else Path.home() / ".cache"
+        base = base if base.is_absolute() else Path.home() / ".cache"
     except RuntimeError:  # no home directory
         return None
+    return base if base.is_absolute() else None
 
 
 @functools.cache
 def _private_temporary_folder() -> Path:
     """A folder of this user in the machine's temporary folder; a new one where somebody else could write into it.
 
-    Raises OSError: there is none. Machine code is kept as pickles, so files that another user may have put there are never read.
+    Raises OSError: there is none.
     """
     folder = Path(tempfile.gettempdir()) / f"gridslam-kernels-{os.getuid()}"
     with suppress(OSError):

@@ -23,6 +23,7 @@ from gridslam.kernels.machine_code_cache import (
     cache_directory,
     folders_of,
     sources_of,
+    trusted_owners,
 )
 from tests.conftest import REPOSITORY
 
@@ -156,6 +157,27 @@ def test_a_pipe_or_a_device_in_the_place_of_machine_code_is_not_read(kept: Path)
     kept.unlink()
     kept.symlink_to("/dev/zero")
     assert load() is None
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may give files away")
+def test_machine_code_of_another_user_is_not_run(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert load() is not None
+    os.chown(kept, 1234, -1)
+    assert load() is None
+    source = Path(start.__file__)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert trusted_owners(source) == {0, os.getuid(), source.stat().st_uid}
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/somewhere")
+    assert trusted_owners(source) is None
+
+
+def test_a_home_that_is_no_absolute_path_leads_to_no_folder_below_the_present_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", "relative")
+    assert machine_code_cache._user_cache() is None
 
 
 def test_a_file_that_cannot_be_written_is_said_once(kept: Path, caplog: pytest.LogCaptureFixture) -> None:
