@@ -29,8 +29,11 @@ class LogWriter(Protocol):
     def write_truth(self, pose: Odometry) -> None:
         """Append the true pose, which no method is shown."""
 
+    def complete(self) -> None:
+        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+
     def close(self) -> None:
-        """Complete the log."""
+        """Complete the log, and give it its name."""
 
     def abandon(self) -> None:
         """Remove what was written."""

@@ -107,6 +107,7 @@ def record_world(
             else:
                 writer.write(event)
                 counts[type(event).__name__] += 1
+        writer.complete()  # a full disk is noticed before anything is replaced
         with partial_folder(truth) as folder_of_truth:
             write_truth(folder_of_truth, world, simulator.scene, path, grid)
             (folder_of_truth / UNFINISHED).touch()

@@ -58,6 +58,30 @@ def test_an_old_run_survives_a_full_disk(
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
+@pytest.mark.parametrize("name", ["out.mcap", "out"])
+def test_an_old_simulation_survives_a_disk_that_is_full_at_the_last_byte(
+    process: Program, tmp_path: Path, name: str
+) -> None:
+    world = tmp_path / "world.yaml"
+    world.write_text(
+        "walls: [{rectangle: [0, 0, 4, 3]}]\nrobot: {start: [1, 1, 0], route: [[2, 1]]}\nsensors: {lidar: {}}\n"
+    )
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ("simulate", world, "-o", folder / name, "-q")
+    assert process(*command).returncode == 0
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    largest = max(before, key=lambda path: len(before[path]))
+    assert name in str(largest)
+    limit = len(before[largest]) - 1
+    done = process(
+        *command, "--force", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    )
+    assert done.returncode == 2
+    assert done.stderr == f"gridslam: error: {folder / name}: File too large\n"
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_a_full_standard_output_is_reported(process: Program, small_log: Path) -> None:
     with Path("/dev/full").open("w") as full:

@@ -96,25 +96,27 @@ class CsvFolderWriter:
         """Append the true pose, to truth.csv."""
         self.write(pose, TRUTH_TOPIC)
 
+    def complete(self) -> None:
+        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        for file in self._files.values():
+            file.stream.close()
+        layout: dict[str, object] = {"version": 1}
+        by_kind = sorted(self._base_frames, key=PRECEDENCE.__getitem__)
+        if base_frame := next(filter(None, map(self._base_frames.get, by_kind)), None):
+            layout["base_frame"] = base_frame
+        layout["streams"] = [file.layout for file in self._files.values()]
+        if self._extrinsics:
+            layout["extrinsics"] = self._extrinsics
+        text = yaml.safe_dump(layout, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+        (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
+
     def close(self) -> None:
         """Complete the folder and give it its name."""
         if self._closed:
             return
         self._closed = True
         with self._aside:
-            for file in self._files.values():
-                file.stream.close()
-            layout: dict[str, object] = {"version": 1}
-            by_kind = sorted(self._base_frames, key=PRECEDENCE.__getitem__)
-            if base_frame := next(filter(None, map(self._base_frames.get, by_kind)), None):
-                layout["base_frame"] = base_frame
-            layout["streams"] = [file.layout for file in self._files.values()]
-            if self._extrinsics:
-                layout["extrinsics"] = self._extrinsics
-            text = yaml.safe_dump(
-                layout, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-            )
-            (self._folder / LAYOUT_FILE).write_text(text, encoding="utf-8")
+            self.complete()
             check_csv_free(self._path, self._force)
             put_folder(self._folder, self._path, self._before)
 

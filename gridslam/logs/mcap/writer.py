@@ -46,6 +46,7 @@ class McapWriter:
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._counts: dict[int, int] = {}
+        self._is_complete = False
 
     def __enter__(self) -> McapWriter:
         return self
@@ -82,13 +83,20 @@ class McapWriter:
         stamp = message.stamp_ns
         self._writer.add_message(channel, stamp, message.data, stamp, sequence & 0xFFFFFFFF)
 
+    def complete(self) -> None:
+        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        if not self._is_complete:
+            self._is_complete = True
+            finish: Callable[[], None] = self._writer.finish
+            finish()
+            self._stream.flush()
+
     def close(self) -> None:
         """Complete the file and give it its name."""
         if self._stream.closed:
             return
         with self._aside:
-            finish: Callable[[], None] = self._writer.finish
-            finish()
+            self.complete()
             put_file(self._stream, self._path, self._before)
 
     def abandon(self) -> None:

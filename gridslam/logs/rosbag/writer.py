@@ -71,11 +71,15 @@ class Rosbag2Writer:
         """Append the true pose, on the topic that no method is shown."""
         self.write(pose, TRUTH_TOPIC)
 
+    def complete(self) -> None:
+        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        self._writer.close()
+        write_atomic(self._folder / METADATA, self._metadata().encode())
+
     def close(self) -> None:
         """Complete the folder and give it its name."""
         with self._aside:
-            self._writer.close()
-            write_atomic(self._folder / METADATA, self._metadata().encode())
+            self.complete()
             put_folder(self._folder, self._path, self._before)
 
     def abandon(self) -> None:
