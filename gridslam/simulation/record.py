@@ -115,6 +115,11 @@ def record_world(
                 refuse_if_made_since(output, log_before)
                 remove(output)
             put_folder(folder_of_truth, truth, truth_before)
+        try:
+            writer.close()
+        except BaseException:  # another process has put a log there
+            remove(truth)
+            raise
     (truth / UNFINISHED).unlink(missing_ok=True)  # the log has its name now
     return Recorded(dict(sorted(counts.items())), simulator.time_s, simulator.robot.distance_m, truth)
 
