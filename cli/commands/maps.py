@@ -269,7 +269,8 @@ def _save(
 
     from ..interruption import finishing
 
-    if output.suffix not in ("", ".yaml", ".pgm", ".png"):
+    stem = output.name.removesuffix(output.suffix)
+    if output.suffix not in ("", ".yaml", ".pgm", ".png") or stem in ("", ".", ".."):
         raise ConfigError(f"{output}: expected a name that ends in .yaml")
     base = output.with_suffix("")
     kind: Literal["png", "pgm"] = "png" if output.suffix == ".png" or mode == "scale" else "pgm"

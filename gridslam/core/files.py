@@ -157,6 +157,12 @@ def check_name(path: Path) -> None:
         raise ConfigError(f"{path}: the name is longer than {_MAX_NAME_BYTES} bytes; choose a shorter one")
 
 
+def check_has_name(path: Path) -> None:
+    """Raise ConfigError for a path without a name of its own beside which others could be made: `.`, `..` or `/`."""
+    if path.name in ("", ".", ".."):
+        raise ConfigError(f"{path}: is no name for an output; choose another")
+
+
 def check_file_free(path: Path, force: bool) -> None:
     """Raise ConfigError unless a file may be written here: a new path, or with `force` an existing file.
 

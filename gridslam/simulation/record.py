@@ -14,6 +14,7 @@ import yaml
 
 from gridslam.core.errors import ConfigError
 from gridslam.core.files import (
+    check_has_name,
     identity_of,
     partial_folder,
     put_folder,
@@ -89,6 +90,7 @@ def record_world(
     fraction of the route that has been driven. Raises ConfigError: one of them is there already, and `force` is not given or
     it is something else; or the drive is too much work.
     """
+    check_has_name(output)
     refuse_long(world)
     truth = truth_folder(output)
     log_before, truth_before = identity_of(output), identity_of(truth)

@@ -78,3 +78,29 @@ def test_an_odd_path_ends_with_a_line(
         assert all(line.startswith("gridslam: ") and line.isprintable() for line in err.splitlines()), err
         assert err.splitlines()[-1].startswith("gridslam: error: ")
         assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [".", "..", "/", "", "..yaml", "folder/..yaml"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("maps", "crop", TRUE_MAP, "--polygon", "0,0 1,0 1,1", "-o", "OUT"),
+        ("simulate", "sd-corridor-short", "-o", "OUT"),
+        ("simulate", "sd-corridor-short", "--preview", "OUT"),
+    ],
+)
+def test_an_output_without_a_name_of_its_own_ends_with_a_line(
+    command: tuple[str, ...],
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if command[0] == "simulate" and name.endswith("yaml"):
+        pytest.skip("a name for a log and a picture")
+    (tmp_path / "here" / "folder").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    assert main([name if word == "OUT" else word for word in command]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("gridslam: error: ")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
