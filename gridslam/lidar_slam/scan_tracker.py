@@ -20,7 +20,7 @@ from gridslam.kernels.scan_matching.scan_points import LEVEL
 from gridslam.lidar_slam.config import OdometryConfig, ScanConfig
 from gridslam.lidar_slam.front_end import ScanMatch, Tracking
 from gridslam.lidar_slam.key_scans import KeyScanSpacing, distribute_corrections
-from gridslam.lidar_slam.motion_prediction import MIN_TWIST_S, MotionPredictor
+from gridslam.lidar_slam.motion_prediction import FIRM_STD_M, MIN_TWIST_S, MotionPredictor
 from gridslam.lidar_slam.odometry_noise import odometry_limits
 from gridslam.lidar_slam.packed_scans import PackedScans
 from gridslam.lidar_slam.scans import PreparedScan, prepare_scan
@@ -230,7 +230,8 @@ class ScanTracker:
         self.stamps_ns.append(scan.stamp_ns)
         self.track_poses.append(self._front_end.pose.copy())
         self._matches.append(match)
-        is_compared = match.is_matched and self._predictor.uses_odometry(placed)
+        is_certain = match.is_matched and match.position_std_m < FIRM_STD_M
+        is_compared = is_certain and self._predictor.uses_odometry(placed)
         self._sway_observer.add_scan(placed.odometry, placed.odometry_jumped, is_compared)
         height_m = self._heights_m.get(placed.scan.frame_id, math.nan)
         self._height_m = math.nan if placed.scan.is_of_cloud else height_m

@@ -26,6 +26,9 @@ HALF_BAND_M = 0.3  # half height of the band about a sensor whose height is not 
 LINEAR_FRACTION = 0.1
 # About the median time of a cloud that no sweep has taken: a turning robot moves by 0.3 degrees
 MIN_HALF_WINDOW_S = 0.005
+# Depth (m) within which points of a beam are one surface with its nearest one: a minimum, plus a part that grows with the square
+# of the range, as the noise of depth cameras does, and a maximum
+NOISE_M, NOISE_PER_M, MAX_NOISE_M = 0.05, 0.008, 0.3
 SECTOR_BEAMS, MIN_COVERED = 20, 0.9  # size of a sector, and how many of those with a return must be seen
 
 
@@ -71,10 +74,9 @@ class VirtualLidar:
             if not time_increment_s:
                 around = _around_median(times, beams)
                 start_s = float(np.median(times[around]))
-                nearest, beam_of = _nearest_of_each(beams[around], ranges[around])
-                nearest = around[nearest]
-        values = np.full(BEAMS, np.nan)
-        values[beam_of] = ranges[nearest]
+                beams, ranges = beams[around], ranges[around]
+                nearest, beam_of = _nearest_of_each(beams, ranges)
+        values = _surface_ranges(beams, ranges, ranges[nearest], beam_of)
         order = (first + step * np.arange(BEAMS)) % BEAMS
         return LaserScan(
             cloud.stamp_ns + round(start_s * 1e9),
@@ -127,6 +129,21 @@ def _nearest_of_each(beams: NDArray[np.int64], ranges: Floats) -> tuple[NDArray[
     candidates = np.flatnonzero(ranges == smallest[beams])
     beam_of, first = np.unique(beams[candidates], return_index=True)  # of equal ranges the first
     return candidates[first], beam_of
+
+
+def _surface_ranges(
+    beams: NDArray[np.int64], ranges: Floats, nearest_m: Floats, beam_of: NDArray[np.int64]
+) -> Floats:
+    """Range `(BEAMS,)` of the nearest surface: the mean of the points close behind the nearest, which noise has put too near.
+
+    `nearest_m` are the smallest ranges of the beams `beam_of`; beams without points are NaN.
+    """
+    limits = np.full(BEAMS, np.nan)
+    limits[beam_of] = nearest_m + np.minimum(NOISE_M + NOISE_PER_M * nearest_m**2, MAX_NOISE_M)
+    close = ranges <= limits[beams]
+    counts = np.bincount(beams[close], minlength=BEAMS)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.bincount(beams[close], ranges[close], BEAMS) / counts)
 
 
 def _around_median(times: Floats, beams: NDArray[np.int64]) -> NDArray[np.int64]:
