@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from gridslam.lidar_slam.key_scans import KeyScanSpacing
 from gridslam.lidar_slam.scan_tracker import ScanTracker
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sway import Sway, SwayObserver, find_sway, levelled
+from gridslam.logs import open_log
 
 S = 10**9
 TIMES_S = np.arange(0.0, 60.0, 0.1)
 WHOLE = np.zeros(len(TIMES_S), np.int64)
 HEIGHT_M = 0.5
+SAMPLE = Path(__file__).parents[2] / "sample_logs" / "ispace-mcl.mcap"
 
 
 def winding(times_s: np.ndarray = TIMES_S) -> np.ndarray:
@@ -153,3 +156,13 @@ def test_the_trajectory_is_that_of_the_robot_and_not_of_its_lidar(z_m: float) ->
     errors_m = (se2.between(found[0], found) - se2.between(robot[0], robot))[:, :2]
     assert np.hypot(*(errors_m - np.median(errors_m, axis=0)).T).mean() < 0.008
     assert np.hypot(*(np.array(tracker.track_poses) - found)[:, :2].T).max() > 0.03
+
+
+def test_matching_that_slides_along_a_corridor_is_no_sway() -> None:
+    odometry = OdometryConfig()
+    tracker = ScanTracker(FrontEnd(odometry, 500.0), ScanConfig(), odometry, KeyScanSpacing(0.3, 0.3))
+    with open_log(SAMPLE, kinds=["scan", "odom"]) as log:
+        tracker.track_all(log.events())
+    tracker.remove_sway()
+    assert len(tracker.stamps_ns) > 300
+    assert tracker.sway is None
