@@ -16,6 +16,7 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.scan_tracker import ScanTracker, lidar_of
 from gridslam.lidar_slam.sensor_checks.corrected_events import CorrectedEvents
 from gridslam.lidar_slam.sensor_checks.extrinsics_calibration import ExtrinsicsCheck, find_extrinsics
+from gridslam.lidar_slam.sensor_checks.floor_line import find_floor_lines
 from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
     GyroCorrection,
     find_gyro_correction,
@@ -25,7 +26,7 @@ from gridslam.lidar_slam.sensor_checks.gyro_calibration import (
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import find_lidar_faults
 from gridslam.lidar_slam.sensor_checks.odometry_calibration import OdometryCorrection, calibrate
-from gridslam.lidar_slam.sensor_checks.own_body import OwnBody, find_own_bodies, later_bodies_among
+from gridslam.lidar_slam.sensor_checks.own_body import find_own_bodies, later_bodies_among
 from gridslam.lidar_slam.sensor_checks.scan_angles import find_wrong_angles
 from gridslam.lidar_slam.sensor_checks.scan_repairs import ScanRepairs
 from gridslam.lidar_slam.sensor_checks.stale_scans import StaleScans
@@ -249,14 +250,22 @@ class OdometryCheck:
             self._restart_path()
 
     def _find_own_bodies(self, held: list[Event]) -> None:
-        """Look for the robot's body in the scans of a robot that turns: beside a straight drive a wall looks like one."""
-        bodies: list[OwnBody] = find_own_bodies(e for e in held if isinstance(e, LaserScan))
-        self.repairs.own_bodies = bodies
-        if bodies and self._turned_rad < MIN_ROTATION_RAD:
-            yaw = np.unwrap(self._path(held).poses[:, 2])
-            if np.abs(np.diff(yaw)).sum() < MIN_ROTATION_RAD:
-                self.repairs.own_bodies = []
+        """Look for what moves with a robot that turns, its body and lines of the floor: beside a straight drive a wall does."""
+        scans = [e for e in held if isinstance(e, LaserScan)]
+        bodies, lines = find_own_bodies(scans), find_floor_lines(scans)
+        if (bodies or lines) and not self._has_turned(held):
+            bodies, lines = [], []
+        if lines != self.repairs.floor_lines:
+            self._restart_path()
+        self.repairs.own_bodies, self.repairs.floor_lines = bodies, lines
         self.repairs.own_bodies += later_bodies_among(held, self.repairs.own_bodies)
+
+    def _has_turned(self, held: list[Event]) -> bool:
+        """Whether the robot has turned so far that only what moves with it stays in its view."""
+        if self._turned_rad >= MIN_ROTATION_RAD:
+            return True
+        yaw = np.unwrap(self._path(held).poses[:, 2])
+        return bool(np.abs(np.diff(yaw)).sum() >= MIN_ROTATION_RAD)
 
     def _restart_path(self) -> None:
         """Forget the path: it must be tracked anew with other scans."""

@@ -50,7 +50,7 @@ class OwnBody:
 
     def removed_from(self, scan: LaserScan) -> LaserScan:
         """The scan with readings of the body as NaN; a scan with other beams is left as it is."""
-        beams, order = _beams_of(scan)
+        beams, order = beams_of(scan)
         if beams != self.beams:
             return scan
         is_body = scan.ranges_m <= self.limits_m[order]
@@ -80,21 +80,24 @@ def find_own_bodies(scans: Iterable[LaserScan]) -> list[OwnBody]:
     """The body of the robot in the view of each lidar, given scans of a robot that drives and turns; those that see none are
     left out.
     """
+    limits = {beams: _body_limits(views) for beams, views in different_views_of(scans).items()}
+    return [OwnBody(beams, limits_m) for beams, limits_m in limits.items() if limits_m.any()]
+
+
+def different_views_of(scans: Iterable[LaserScan]) -> dict[BeamLayout, Floats]:
+    """Ranges (m) `(views, n)` by beam of the scans of each lidar that differ from the one chosen before; 0 is no return."""
     by_beams: dict[BeamLayout, list[NDArray[np.float32]]] = defaultdict(list)
     for scan in scans:
         if not len(scan.ranges_m):
             continue
-        beams, order = _beams_of(scan)
+        beams, order = beams_of(scan)
         sorted_ranges = np.empty_like(scan.ranges_m)
         sorted_ranges[order] = scan.ranges_m
         by_beams[beams].append(sorted_ranges)
-    bodies = []
-    for beams, ranges in by_beams.items():
-        taken = np.array(ranges, np.float64)
-        limits_m = _body_limits(_different_views(np.where(np.isfinite(taken), taken, 0.0)))
-        if limits_m.any():
-            bodies.append(OwnBody(beams, limits_m))
-    return bodies
+    taken = {beams: np.array(ranges, np.float64) for beams, ranges in by_beams.items()}
+    return {
+        beams: _different_views(np.where(np.isfinite(ranges), ranges, 0.0)) for beams, ranges in taken.items()
+    }
 
 
 class LaterBodies:
@@ -111,7 +114,7 @@ class LaterBodies:
         """
         if not len(scan.ranges_m):
             return None
-        beams, order = _beams_of(scan)
+        beams, order = beams_of(scan)
         ranges = np.empty_like(scan.ranges_m)
         ranges[order] = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, 0.0)
         views = self._views[beams]
@@ -140,7 +143,7 @@ def _views_of_rotation(
     return [view for _, view in views[-max(len(turning), MIN_VIEWS) :]]
 
 
-def _beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
+def beams_of(scan: LaserScan) -> tuple[BeamLayout, NDArray[np.int64]]:
     """The beams of a scan, and the place `(n,)` of each of its readings among them."""
     frame, count = scan.frame_id.partition("@")[0], len(scan.ranges_m)
     return _layout(frame, count, scan.angle_min_rad, scan.angle_increment_rad)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gridslam.core.messages import Event, LaserScan, Transform, as_float32
 from gridslam.core.stamps import earlier_stamp
+from gridslam.lidar_slam.sensor_checks.floor_line import FloorLine
 from gridslam.lidar_slam.sensor_checks.level_check import LevelledScans
 from gridslam.lidar_slam.sensor_checks.lidar_agreement import LidarFault, mirrored
 from gridslam.lidar_slam.sensor_checks.own_body import OwnBody
@@ -25,6 +26,7 @@ class ScanRepairs:
 
     levels: LevelledScans = field(default_factory=lambda: LevelledScans({}))
     own_bodies: list[OwnBody] = field(default_factory=list)
+    floor_lines: list[FloorLine] = field(default_factory=list)
     angles: list[ScanAngles] = field(default_factory=list)
     lidars: Sequence[LidarFault] = ()
     reverses_scans: bool = False
@@ -36,12 +38,16 @@ class ScanRepairs:
         """The repaired scan or lidar transform; other events unchanged."""
         event = self.levels.applied_to(event)
         if isinstance(event, Transform):
+            for line in self.floor_lines:
+                event = line.applied_to_transform(event)
             for fault in self.lidars:
                 event = fault.applied_to_transform(event)
         if not isinstance(event, LaserScan):
             return event
         for body in self.own_bodies:
             event = body.removed_from(event)
+        for line in self.floor_lines:
+            event = line.removed_from(event)
         for angles in self.angles:
             event = angles.applied_to(event)
         for fault in self.lidars:
@@ -58,6 +64,7 @@ class ScanRepairs:
     def notes(self) -> list[str]:
         """One line for each kind of repair but for bodies."""
         found = [] if self.levels.note is None else [self.levels.note]
+        found += [line.note for line in self.floor_lines]
         found += [angles.note for angles in self.angles]
         found += [fault.note for fault in self.lidars]
         if self.reverses_scans:

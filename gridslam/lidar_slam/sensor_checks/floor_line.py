@@ -1,0 +1,123 @@
+"""Finds where a lidar that is tilted, against its extrinsics, meets the floor: a straight line that moves with the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gridslam.core.messages import LaserScan, Transform, readonly
+from gridslam.lidar_slam.sensor_checks.own_body import BeamLayout, beams_of, different_views_of
+
+Floats = NDArray[np.float64]
+
+MIN_VIEWS = 30  # smallest number of views that differ
+# A beam meets the floor where it is never longer than this percentile of its readings, but for a few, and is often that long
+FARTHEST_PERCENTILE, MAX_FARTHER, MIN_AT_FARTHEST = 96.0, 0.03, 0.15
+TOLERANCE = 0.04  # relative: noise and an uneven floor
+MIN_RANGE_M, MAX_RANGE_M = 1.2, 15.0  # nearer lines are the robot itself, and farther ones are met too rarely
+MIN_HALF_ANGLE_RAD = 0.4  # half the angle that the line must fill
+MIN_FILLED = 0.7  # smallest fraction of the beams in that angle that meet it
+MAX_ANGLE_RAD = 1.3  # farther from the tilt's direction beams meet the floor too far away
+MIN_SINE, MAX_SINE = 0.01, 0.5  # sines of tilts that correct the extrinsics
+KEPT = 0.8  # of the distance to the line: what is farther may be the floor of a robot that pitches a little
+ITERATIONS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class FloorLine:
+    """The line on which one lidar meets the floor: `distance_m` from it at the bearing `bearing_rad` in its frame."""
+
+    beams: BeamLayout
+    distance_m: float
+    bearing_rad: float
+
+    def removed_from(self, scan: LaserScan) -> LaserScan:
+        """The scan with readings near the line and beyond it as NaN; a scan with other beams is left as it is."""
+        beams, order = beams_of(scan)
+        if beams != self.beams:
+            return scan
+        limits_m = KEPT * line_ranges(_bearings(beams), self.distance_m, self.bearing_rad)[order]
+        is_floor = scan.ranges_m > limits_m
+        if not is_floor.any():
+            return scan
+        return replace(scan, ranges_m=readonly(np.where(is_floor, np.nan, scan.ranges_m), np.float32))
+
+    def applied_to_transform(self, transform: Transform) -> Transform:
+        """The lidar's extrinsics with the tilt that its height gives, if they have one; other transforms as they are."""
+        sine = transform.translation_m[2] / self.distance_m
+        if transform.child_frame_id != self.beams.frame_id or not MIN_SINE < sine < MAX_SINE:
+            return transform
+        w, x, y, z = transform.quat_wxyz
+        is_upside_down = 1.0 - 2.0 * (x * x + y * y) < 0.0
+        half_rad = 0.5 * math.asin(sine) * (-1.0 if is_upside_down else 1.0)
+        cos = math.cos(half_rad)
+        a, b = (
+            -math.sin(half_rad) * math.sin(self.bearing_rad),
+            math.sin(half_rad) * math.cos(self.bearing_rad),
+        )
+        tilted = (
+            w * cos - x * a - y * b,
+            w * a + x * cos - z * b,
+            w * b + y * cos + z * a,
+            z * cos + x * b - y * a,
+        )
+        return replace(transform, quat_wxyz=tilted)
+
+    @property
+    def note(self) -> str:
+        """One line for people."""
+        return (
+            f"{self.beams.frame_id} is tilted against its extrinsics: it meets the floor, or a ceiling, on a line "
+            f"{self.distance_m:.1f} m away at {math.degrees(self.bearing_rad):.0f} deg that moves with the robot; returns from "
+            f"there on are left out; set log.extrinsics.{self.beams.frame_id} with z, roll and pitch"
+        )
+
+
+def find_floor_lines(scans: Iterable[LaserScan]) -> list[FloorLine]:
+    """The lines on which the lidars meet the floor, given scans of a robot that drives and turns; mostly none."""
+    found = []
+    for beams, views in different_views_of(scans).items():
+        line = _line(_bearings(beams), views) if len(views) >= MIN_VIEWS else None
+        if line is not None:
+            found.append(FloorLine(beams, *line))
+    return found
+
+
+def line_ranges(bearings: Floats, distance_m: float, bearing_rad: float) -> Floats:
+    """Range (m) `(n,)` of a line at the bearings `(n,)`; infinite where they are far from its direction."""
+    apart = np.abs(np.remainder(bearings - bearing_rad + np.pi, 2.0 * np.pi) - np.pi)
+    return np.where(apart < MAX_ANGLE_RAD, distance_m / np.cos(np.minimum(apart, MAX_ANGLE_RAD)), np.inf)
+
+
+def _bearings(beams: BeamLayout) -> Floats:
+    return np.asarray(beams.first_rad + beams.step_rad * np.arange(beams.number))
+
+
+def _line(bearings: Floats, views: Floats) -> tuple[float, float] | None:
+    """Distance (m) and bearing of the line that no reading of the views `(v, n)`, 0 for none, goes beyond; None without one."""
+    readings = np.where(views > 0.0, views, np.nan)
+    is_read = np.isfinite(readings).sum(axis=0) > 0.5 * len(views)
+    farthest = np.full(len(bearings), np.inf)
+    farthest[is_read] = np.nanpercentile(readings[:, is_read], FARTHEST_PERCENTILE, axis=0)
+    at_farthest = (np.abs(views - farthest) < TOLERANCE * farthest).mean(axis=0)
+    candidates = is_read & (at_farthest >= MIN_AT_FARTHEST) & (farthest > MIN_RANGE_M)
+    axes = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    chosen = candidates
+    for _ in range(ITERATIONS):
+        if chosen.sum() < 3:
+            return None
+        # The inverse range of a line is linear in the beam's direction.
+        normal, *_ = np.linalg.lstsq(axes[chosen], 1.0 / farthest[chosen], rcond=None)
+        chosen = candidates & (np.abs(farthest * (axes @ normal) - 1.0) < TOLERANCE)
+    distance_m, bearing_rad = 1.0 / math.hypot(*normal.tolist()), math.atan2(normal[1], normal[0])
+    expected = line_ranges(bearings, distance_m, bearing_rad)
+    is_inside = expected * math.cos(MIN_HALF_ANGLE_RAD) < distance_m
+    if not MIN_RANGE_M < distance_m < MAX_RANGE_M or not is_inside.any():
+        return None
+    is_filled = chosen[is_inside].mean() >= MIN_FILLED
+    farther = (views[:, is_inside] > (1.0 + TOLERANCE) * expected[is_inside]).mean()
+    return (distance_m, bearing_rad) if is_filled and farther <= MAX_FARTHER else None
