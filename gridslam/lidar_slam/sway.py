@@ -34,7 +34,7 @@ MIN_CORRELATION = 0.75
 UNEVEN_S = 0.5  # time over which changes of motion are compared
 # By how much the lidar's path must be less even than that of the wheels, relative to their difference: bad odometry is less
 # even itself
-MIN_UNEVENNESS = 0.6
+MIN_UNEVENNESS = 0.75
 MAX_SWING_M = 0.3  # odometry that departs by more has slipped
 MIN_HEIGHT_M = 0.1  # a lidar that is lower has no known height, or its base is not on the floor
 FLOOR_M = 0.2  # beams that end below this height, or half the lidar's, have met the floor
