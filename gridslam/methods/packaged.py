@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from numbers import Integral
 from pathlib import Path
 
@@ -21,11 +22,13 @@ from gridslam.methods.base import Estimate, Method, RunResult
 def naming(package: str, passed: tuple[type[Exception], ...] = ()) -> Iterator[None]:
     """Turn an error of a method's code into a MethodError that names its `package`; no text: the program's own method.
 
+    What a package prints goes to stderr: stdout has only the result.
     A GridslamError that was raised on purpose, which is one of its children, keeps its message and its kind; so do lack of
     memory, Ctrl-C, and the kinds in `passed`.
     """
     try:
-        yield
+        with redirect_stdout(sys.stderr) if package else nullcontext():
+            yield
     except passed:
         raise
     except BaseException as error:  # also those that no `except Exception` stops

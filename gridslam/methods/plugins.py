@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stdout
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -66,7 +68,8 @@ class PluginRegistry(Mapping[str, Entry], Generic[Entry]):
 
     def _load(self, point: EntryPoint) -> Entry:
         try:
-            entry = point.load()
+            with redirect_stdout(sys.stderr):
+                entry = point.load()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # what its modules raise when they are imported

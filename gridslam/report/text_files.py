@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +15,25 @@ from gridslam.core.stamps import format_stamp
 from gridslam.core.trajectory import Trajectory
 from gridslam.methods.base import Table
 
+ROWS_PER_BLOCK = 10_000  # written at once, so that a long file is never in memory
+
 
 def write_tum(path: Path, trajectory: Trajectory) -> None:
     """Write lines `t x y z qx qy qz qw` in the order of the trajectory."""
-    quaternions = quaternion_of_yaw(trajectory.poses[:, 2])
-    lines = [
+    starts = range(0, len(trajectory), ROWS_PER_BLOCK)
+    write_atomic(
+        path, (_tum_lines(trajectory, slice(start, start + ROWS_PER_BLOCK)).encode() for start in starts)
+    )
+
+
+def _tum_lines(trajectory: Trajectory, part: slice) -> str:
+    """The lines of a part of the poses."""
+    stamps, poses = trajectory.stamps_ns[part], trajectory.poses[part]
+    quaternions = quaternion_of_yaw(poses[:, 2])
+    return "".join(
         f"{format_stamp(int(stamp))} {x:.9f} {y:.9f} 0 0 0 {qz:.12f} {qw:.12f}\n"
-        for stamp, (x, y, _), (qw, _, _, qz) in zip(
-            trajectory.stamps_ns, trajectory.poses.tolist(), quaternions.tolist(), strict=True
-        )
-    ]
-    write_atomic(path, "".join(lines).encode())
+        for stamp, (x, y, _), (qw, _, _, qz) in zip(stamps, poses.tolist(), quaternions.tolist(), strict=True)
+    )
 
 
 def write_table(path: Path, table: Table) -> None:
@@ -32,20 +41,29 @@ def write_table(path: Path, table: Table) -> None:
 
     A column `stamp_ns` of integers is written as `stamp`, in seconds with nine decimals.
     """
+    write_atomic(path, _csv_blocks(table))
+
+
+def _csv_blocks(table: Table) -> Iterator[bytes]:
+    """The file of a table in blocks of rows."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     stamps = [column == "stamp_ns" for column in table.columns]
     writer.writerow(
         ["stamp" if is_stamp else column for column, is_stamp in zip(table.columns, stamps, strict=True)]
     )
-    for row in table.rows:
+    for number, row in enumerate(table.rows, start=1):
         writer.writerow(
             [
                 value if type(value) is float else _cell(value, is_stamp)  # a float is written as its repr
                 for value, is_stamp in zip(row, stamps, strict=True)
             ]
         )
-    write_atomic(path, buffer.getvalue().encode())
+        if not number % ROWS_PER_BLOCK:
+            yield buffer.getvalue().encode()
+            buffer.seek(0)
+            buffer.truncate()
+    yield buffer.getvalue().encode()
 
 
 def _cell(value: object, is_stamp: bool) -> str:

@@ -13,16 +13,19 @@ from gridslam.core.trajectory import Trajectory
 from gridslam.maps.image_levels import MAX_PIXELS
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.methods.base import Doubt, PlacedObject, RunResult, Series, Table
+from gridslam.runs.packaged_sizes import excesses
 
 _RUN_FILES = (
     "map.png", "map.pgm", "map.yaml", "layers.npz", "trajectory.tum",
     "run.yaml", "report.json", "report.html", "result.mcap",
 )  # fmt: skip
+_PLAIN = frozenset((str, float, int, bool, type(None)))
 _DOUBTS = ("lost", "inconsistent", "apart")
 
 
 def packaged_problems(result: RunResult) -> Iterator[str]:
     """Faults in the parts of a plug-in's result, in words that follow "the result"; they rely on the checks of all results."""
+    yield from excesses(result)
     for trajectory in (result.trajectory, *result.trajectories.values()):
         yield from _disorder(trajectory)
     for grid in (result.occupancy, *result.maps.values()):
@@ -90,6 +93,9 @@ def _problems_of_table(name: str, table: Table) -> Iterator[str]:
         yield f"has a table {name!r} whose rows are no sequence"
         return
     for number, row in enumerate(table.rows):
+        is_plain = type(row) in (list, tuple) and len(row) == len(table.columns)
+        if is_plain and _PLAIN.issuperset(map(type, row)):
+            continue  # as nearly all are; the checks below take longer
         if not isinstance(row, (Sequence, np.ndarray)) or len(row) != len(table.columns):
             yield f"has a table {name!r} whose row {number} has not one value for each of its {len(table.columns)} columns"
         elif not all(cell is None or isinstance(cell, (str, Real, np.generic)) for cell in row):

@@ -248,6 +248,19 @@ def test_whatever_a_method_of_a_package_raises_names_the_package(
         ("notes=['\\ud800']", "notes that are no sequence of texts"),
         ("loops_ns=np.zeros(3)", "loops_ns that are no integers"),
         ("untrusted_ns=None", "untrusted_ns that are no integers"),
+        ("measures=(lambda m: m.update(m=m) or m)({})", "more than 100000 mappings, lists and values"),
+        ("measures={'a': np.zeros(10**6)}", "more than 100000 mappings, lists and values"),
+        ("notes=['a'] * 10**6", "1000000 notes; the limit is 10000"),
+        ("notes=['a' * 10**7]", "10000000 characters in its notes"),
+        ("counters={str(i): i for i in range(20000)}", "20000 counters; the limit"),
+        ("objects=[PlacedObject('a', np.zeros(3))] * 10**6", "1000000 objects; the limit"),
+        ("loops_ns=np.ones((10**6, 2), np.int64)", "1000000 loops; the limit"),
+        ("files={f'f{i}': b'' for i in range(2000)}", "2000 files; the limit is 1000"),
+        ("tables={'t': Table(('a', 'b'), range(10**7))}", "20000000 cells in its tables"),
+        (
+            "layers={f'l{i}': GridLayer(np.ones((1, 1)), GridGeometry(0.1, (0.0, 0.0))) for i in range(2000)}",
+            "2000 layers; the limit",
+        ),
         ("doubt=5", "a doubt that is no Doubt"),
         ("doubt=Doubt('bad', 'so')", "a doubt that is no Doubt"),
         ("maps=type('M', (dict,), {'values': lambda self: 1 / 0})()", "ZeroDivisionError"),
@@ -272,7 +285,7 @@ def test_a_wrong_result_of_a_package_is_refused(
     [
         ("tables={'t': Table(('a',), [('\\ud800',)])}", "UnicodeEncodeError"),
         ("tables={'t': Table(('a',), [(10**5000,)])}", "ValueError"),
-        ("measures=(lambda m: m.update(m=m) or m)({})", "RecursionError"),
+        ("measures=__import__('functools').reduce(lambda m, _: {'m': m}, range(5000), {})", "RecursionError"),
     ],
 )
 def test_what_cannot_be_written_names_the_package(
@@ -329,3 +342,14 @@ def test_ctrl_c_in_a_method_of_a_package_is_ctrl_c(
 ) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_added(small_log, packages, "process", "KeyboardInterrupt", monkeypatch)
+
+
+def test_what_a_method_of_a_package_prints_is_not_on_stdout(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = RAISING.replace("def fail(stage):", "print('imported')\n\ndef fail(stage):\n    print(stage)")
+    monkeypatch.setattr(sys.modules[__name__], "RAISING", code)
+    run_added(small_log, packages, "nothing", "AssertionError", monkeypatch)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert {"imported", "config", "build", "process", "result"} <= set(shown.err.split())

@@ -1,0 +1,68 @@
+"""Bounds of what a method of another package may hand over: writing it takes time and memory by its size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence, Sized
+
+import numpy as np
+
+from gridslam.methods.base import RunResult, Table
+
+MAX_PARTS = 1000  # of one kind that are written to files, layers or plots of their own
+MAX_FACTS = 10_000  # counters, times and notes
+MAX_MARKS = 100_000  # objects, loops and untrusted parts, which are drawn
+MAX_VALUES = 10_000_000  # cells of all tables, poses of all trajectories, values of all series
+MAX_MEASURES = 100_000  # mappings, lists and values in the measures
+MAX_CHARACTERS = 1_000_000  # of all notes
+MAX_BYTES = 1 << 30  # of all files
+
+_PARTS = ("maps", "layers", "tables", "series", "pictures", "trajectories", "files")
+_FACTS = ("counters", "timings_s", "notes")
+_MARKS = ("objects", "loops_ns", "untrusted_ns")
+
+
+def excesses(result: RunResult) -> Iterator[str]:
+    """What a result has more of than can be written in seconds, in words that follow "the result"."""
+    for kinds, limit in ((_PARTS, MAX_PARTS), (_FACTS, MAX_FACTS), (_MARKS, MAX_MARKS)):
+        for kind in kinds:
+            parts = getattr(result, kind)
+            if isinstance(parts, Sized) and len(parts) > limit:
+                yield f"has {len(parts)} {kind.removesuffix('_ns').removesuffix('_s')}; the limit is {limit}"
+    sizes = {
+        "cells in its tables": (sum(map(_cells_of, result.tables.values())), MAX_VALUES),
+        "poses": (sum(map(len, (result.trajectory, *result.trajectories.values()))), MAX_VALUES),
+        "values in its series": (sum(np.size(one.values) for one in result.series.values()), MAX_VALUES),
+        "bytes in its files": (sum(map(len, result.files.values())), MAX_BYTES),
+        "characters in its notes": (_characters_of(result.notes), MAX_CHARACTERS),
+    }
+    for what, (size, limit) in sizes.items():
+        if size > limit:
+            yield f"has {size} {what}; the limit is {limit}"
+    if _has_more_than(MAX_MEASURES, result.measures):
+        yield f"has more than {MAX_MEASURES} mappings, lists and values in its measures"
+
+
+def _cells_of(table: Table) -> int:
+    """Cells of a table as its columns say; 0 where rows or columns cannot be counted, which is another fault."""
+    if not isinstance(table.rows, Sized) or not isinstance(table.columns, Sized):
+        return 0
+    return len(table.rows) * len(table.columns)
+
+
+def _characters_of(notes: object) -> int:
+    return sum(len(note) for note in notes if isinstance(note, str)) if isinstance(notes, Sequence) else 0
+
+
+def _has_more_than(limit: int, measures: object) -> bool:
+    """Whether there is more in the measures; one that holds itself is endless."""
+    left, waiting = limit, [measures]
+    while waiting and left >= 0:
+        left -= 1
+        one = waiting.pop()
+        if isinstance(one, np.ndarray):
+            left -= one.size
+        elif isinstance(one, Mapping):
+            waiting += one.values()
+        elif isinstance(one, Sequence) and not isinstance(one, (str, bytes)):
+            waiting += one
+    return left < 0
