@@ -17,7 +17,7 @@ from gridslam.maps.preview import render_map
 from gridslam.methods.packaged import naming
 from gridslam.methods.registry import package_of
 from gridslam.report.directory import REPORT_NAME, new_run_directory
-from gridslam.report.document import json_bytes, report_document
+from gridslam.report.document import json_bytes, plain, report_document
 from gridslam.report.html import write_html
 from gridslam.report.layers import write_layers
 from gridslam.report.marks import marks_of
@@ -64,7 +64,7 @@ def _write_run(
             write_viewer_log(folder / "result.mcap", run, log_path)
         if run.config.output.html:
             write_html(folder / "report.html", run, report_document(run, time.perf_counter() - started))
-        document = report_document(run, time.perf_counter() - started)
+        document: dict[str, object] = plain(report_document(run, time.perf_counter() - started))
         write_atomic(folder / REPORT_NAME, json_bytes(document))
         for path in further:
             shutil.move(path, folder / path.name)

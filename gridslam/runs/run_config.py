@@ -115,6 +115,11 @@ def validate_run_config(
 def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
     """The config model of a registered method."""
     config = registry.load(registry.METHODS[method].config)
+    if not isinstance(config, type) or not issubclass(config, BaseModel) or "name" not in config.model_fields:
+        raise ConfigError(
+            f"{registry.package_of(method) or method}: its config {registry.METHODS[method].config} is no model of pydantic "
+            "with a field `name`"
+        )
     return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from gridslam.core.errors import ConfigError, GridslamError, LogError, MethodErr
 from gridslam.methods import registry
 from gridslam.methods.plugins import PluginRegistry, plugin_sources
 from gridslam.methods.registry import BUILT_IN, MethodEntry
+from gridslam.report.write import write_run
 
 
 def install(folder: Path, *entries: str, code: str = "") -> None:
@@ -342,6 +344,25 @@ def test_ctrl_c_in_a_method_of_a_package_is_ctrl_c(
 ) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_added(small_log, packages, "process", "KeyboardInterrupt", monkeypatch)
+
+
+def test_a_config_that_is_no_model_names_the_package(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = RAISING.replace("class Mapper:", "AddedConfig = dict\n\nclass Mapper:")
+    monkeypatch.setattr(sys.modules[__name__], "RAISING", code)
+    with pytest.raises(ConfigError, match=r"added-method 1\.2: its config .* is no model of pydantic"):
+        run_added(small_log, packages, "nothing", "AssertionError", monkeypatch)
+
+
+def test_numbers_of_a_result_that_json_lacks_are_written_and_returned(
+    packages: Path, small_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = "counters={'a': np.int64(3)}, timings_s={'b': np.nan}"
+    document = write_run(
+        run_added(small_log, packages, stage, "AssertionError", monkeypatch).run, packages / "out"
+    )
+    assert json.loads(json.dumps(document, allow_nan=False))["counters"] == {"a": 3}
 
 
 def test_what_a_method_of_a_package_prints_is_not_on_stdout(
