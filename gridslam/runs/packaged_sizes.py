@@ -22,7 +22,7 @@ _MARKS = ("objects", "loops_ns", "untrusted_ns")
 
 
 def excesses(result: RunResult) -> Iterator[str]:
-    """What a result has more of than can be written in seconds, in words that follow "the result"."""
+    """Parts of a result that are more, or larger, than can be written in seconds, in words that follow "the result"."""
     for kinds, limit in ((_PARTS, MAX_PARTS), (_FACTS, MAX_FACTS), (_MARKS, MAX_MARKS)):
         for kind in kinds:
             parts = getattr(result, kind)
