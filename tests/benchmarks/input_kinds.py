@@ -436,6 +436,87 @@ def tilted_imu(
     return message
 
 
+def rays_along(towards: Floats, times_s: Floats) -> Floats:
+    """Rays of `returns` along directions `(n, 3)`, at times after the stamp `(n,)` (s)."""
+    flat = np.hypot(towards[:, 0], towards[:, 1])
+    return np.column_stack(
+        [np.arctan2(towards[:, 1], towards[:, 0]), np.arctan2(towards[:, 2], flat), times_s]
+    )
+
+
+def placed_at(frame: str, R_base_sensor: Rotation) -> Any:
+    """base_link -> frame, the sensor turned."""
+    x, y, z, w = R_base_sensor.as_quat().tolist()
+    return transform(0, "base_link", frame, (FORWARD_M, 0.0, HEIGHT_M), (w, x, y, z))
+
+
+def tilted(
+    drive: InputDrive,
+    path: Path,
+    roll_deg: float = 0.0,
+    pitch_deg: float = 0.0,
+    is_stated: bool = True,
+    **changes: Any,
+) -> Path:
+    """A planar lidar that is tilted on the robot, as its transform says or not."""
+    rng, R_base_laser = (
+        np.random.default_rng(9),
+        Rotation.from_euler("xyz", np.radians([roll_deg, pitch_deg, 0.0])),
+    )
+    phase = np.arange(360) / 360
+    bearings = 2.0 * np.pi * phase - np.pi
+    beams = np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros(360)])
+    rays = rays_along(R_base_laser.apply(beams), 0.0997 * phase)
+
+    def scans(scan: LaserScan) -> Messages:
+        _, distances = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
+        one = replace(
+            scan, ranges_m=np.where(distances < scan.range_max_m, distances, np.inf).astype(np.float32),
+            angle_min_rad=-math.pi, angle_increment_rad=2 * math.pi / 360, time_increment_s=0.0997 / 360,
+        )  # fmt: skip
+        yield "/scan", scan_message(one)
+
+    stated = R_base_laser if is_stated else Rotation.identity()
+    return recorded(drive, path, scans, (placed_at("laser", stated),), **changes)
+
+
+def depth_camera(drive: InputDrive, path: Path, pitch_deg: float = 0.0, **changes: Any) -> Path:
+    """The points of a depth camera in its optical frame: 87 x 58 degrees, up to 6 m, noise that grows with the square."""
+    rng = np.random.default_rng(5)
+    columns, rows = np.meshgrid(
+        np.linspace(-1.0, 1.0, 160) * math.tan(math.radians(43.5)),
+        np.linspace(-1.0, 1.0, 120) * math.tan(math.radians(29.0)),
+    )
+    pixels = np.column_stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    lengths = np.linalg.norm(pixels, axis=1)
+    optical = Rotation.from_euler("xyz", [-math.pi / 2.0, 0.0, -math.pi / 2.0])
+    R_base_camera = Rotation.from_euler("y", math.radians(pitch_deg)) * optical
+    times_s = np.zeros(len(pixels))
+    rays = rays_along(R_base_camera.apply(pixels), times_s)
+
+    def scans(scan: LaserScan) -> Messages:
+        _, distances = returns(drive, scan.stamp_ns, np.array([FORWARD_M, 0.0, 0.0]), rays, rng)
+        depths = distances / lengths
+        depths = depths + rng.normal(0.0, 1.0, len(depths)) * 0.0015 * np.nan_to_num(depths) ** 2
+        depths[depths > 6.0] = np.nan
+        yield "/camera/depth/points", cloud_message(scan.stamp_ns, pixels * depths[:, None], times_s)
+
+    return recorded(drive, path, scans, (placed_at("lidar", R_base_camera),), **changes)
+
+
+def scanning(first_s: float, last_s: float, **changes: Any) -> Callable[[InputDrive, Path], Path]:
+    """The ordinary recording of a lidar that scans within a span of time (s): it starts late, or dies."""
+
+    def make_log(drive: InputDrive, path: Path) -> Path:
+        def scans(scan: LaserScan) -> Messages:
+            if first_s <= (scan.stamp_ns - drive.start_ns) * 1e-9 < last_s:
+                yield "/scan", scan_message(scan)
+
+        return plain(drive, path, scans=scans, **changes)
+
+    return make_log
+
+
 def narrow(drive: InputDrive, path: Path) -> Path:
     """The ordinary lidar with the field of view of a solid-state one: 120 degrees."""
 
@@ -556,6 +637,23 @@ KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "swaying_8": (lambda d, p: swaying(d, p, 8.0), "ordinary"),
     "swaying_cloud_4": (lambda d, p: swaying(d, p, is_cloud=True), "ordinary"),
     "swaying_gravity": (lambda d, p: swaying(d, p, imu="gravity"), "ordinary"),
+    "swaying_ned": (lambda d, p: swaying(d, p, imu="ned"), "ordinary"),
+    "swaying_late": (lambda d, p: swaying(d, p, imu="late"), "ordinary"),
+    "swaying_2_unknown": (lambda d, p: swaying(d, p, 2.0, imu=""), "ordinary"),
+    "swaying_4_unknown": (lambda d, p: swaying(d, p, 4.0, imu=""), "ordinary"),
+    "swaying_8_unknown": (lambda d, p: swaying(d, p, 8.0, imu=""), "ordinary"),
+    "swaying_misaligned": (lambda d, p: swaying(d, p, imu="misaligned"), "ordinary"),
+    "scans_twice": (twice, "ordinary"),
+    "lidar_hangs_1s": (hanging(((8, 9), (16, 17), (27, 28), (38, 39))), "ordinary"),
+    "lidar_hangs_10s": (hanging(((15, 25),)), "ordinary"),
+    "lidar_dies": (scanning(0.0, 25.0), "ordinary"),
+    "lidar_starts_late": (scanning(8.0, math.inf), "ordinary"),
+    "tilted_lidar": (lambda d, p: tilted(d, p, pitch_deg=10.0), "ordinary"),
+    "tilted_lidar_unknown": (lambda d, p: tilted(d, p, pitch_deg=10.0, is_stated=False), "ordinary"),
+    "upside_down_imu": (
+        lambda d, p: tilted(d, p, roll_deg=180.0, is_stated=False, with_imu=True),
+        "ordinary",
+    ),
 }
 MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
     "rotation_0.9": (rotated(0.9), "ordinary"),
@@ -577,14 +675,22 @@ MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
         lambda d, p: clouds(d, p, half_field_deg=60.0, odometry=lambda o: None, with_imu=True),
         "ordinary_narrow",
     ),
-    "swaying_unknown": (lambda d, p: swaying(d, p, imu=""), "ordinary"),
+    "depth_camera": (depth_camera, "ordinary_narrow"),
+    "depth_camera_pitched": (lambda d, p: depth_camera(d, p, pitch_deg=15.0), "ordinary_narrow"),
+    "tilted_lidar_up": (lambda d, p: tilted(d, p, pitch_deg=-10.0), "ordinary"),
+    "tilted_lidar_aside": (lambda d, p: tilted(d, p, roll_deg=10.0), "ordinary"),
+    "tilted_lidar_aside_unknown": (lambda d, p: tilted(d, p, roll_deg=10.0, is_stated=False), "ordinary"),
+    "upside_down": (lambda d, p: tilted(d, p, roll_deg=180.0, is_stated=False), "ordinary"),
+    "wheels_exchanged": (odometry(lambda o: replace(o, y_m=-o.y_m, yaw_rad=-o.yaw_rad)), "ordinary"),
+    "wheels_exchanged_imu": (
+        odometry(lambda o: replace(o, y_m=-o.y_m, yaw_rad=-o.yaw_rad), with_imu=True),
+        "ordinary",
+    ),
+    "lidar_dies_no_odometry": (scanning(0.0, 25.0, odometry=lambda o: None), "ordinary"),
     "swaying_about_lidar": (lambda d, p: swaying(d, p, is_about_lidar=True), "ordinary"),
     "swaying_about_lidar_8": (lambda d, p: swaying(d, p, 8.0, is_about_lidar=True), "ordinary"),
     "swaying_lidar_8_unknown": (lambda d, p: swaying(d, p, 8.0, imu="", is_about_lidar=True), "ordinary"),
     "swaying_cloud_about_lidar": (lambda d, p: swaying(d, p, is_cloud=True, is_about_lidar=True), "ordinary"),
-    "swaying_misaligned": (lambda d, p: swaying(d, p, imu="misaligned"), "ordinary"),
-    "swaying_late": (lambda d, p: swaying(d, p, imu="late"), "ordinary"),
-    "swaying_ned": (lambda d, p: swaying(d, p, imu="ned"), "ordinary"),
     "swaying_cloud_gravity": (lambda d, p: swaying(d, p, is_cloud=True, imu="gravity"), "ordinary"),
     **{
         f"swaying{'_cloud' * is_cloud}_{angle}{'' if imu else '_unknown'}": (
@@ -594,10 +700,8 @@ MORE_KINDS: dict[str, tuple[Callable[[InputDrive, Path], Path], str]] = {
         for angle in (2, 4, 8)
         for is_cloud in (False, True)
         for imu in ("orientation", "")
+        if is_cloud or imu
     },
-    "scans_twice": (twice, "ordinary"),
     "scans_twice_no_odometry": (lambda d, p: twice(d, p, odometry=lambda o: None), "ordinary"),
-    "lidar_hangs_1s": (hanging(((8, 9), (16, 17), (27, 28), (38, 39))), "ordinary"),
-    "lidar_hangs_10s": (hanging(((15, 25),)), "ordinary"),
     "two_lidars_no_odometry": (lambda d, p: two_lidars(d, p, odometry=lambda o: None), "ordinary"),
 }
