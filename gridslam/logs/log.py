@@ -18,7 +18,7 @@ from gridslam.logs.config import LogConfig
 from gridslam.logs.kind_lookup import unusable_reason
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.order import ordering
-from gridslam.logs.order.clocks import check_overlap, restamp
+from gridslam.logs.order.clocks import check_overlap, find_silent_lidars, restamp
 from gridslam.logs.order.disorder import note_disorder
 from gridslam.logs.order.repeats import COPIED, has_copies, is_looped, without_repeats
 from gridslam.logs.placement.levelling import without_floor
@@ -52,6 +52,7 @@ class Log:
         if self._for_a_method:
             self._restamped = restamp(source.streams, self._selection.kind_of, self._opening)
             check_overlap(source.streams, self._selection.kind_of, self._opening)
+            find_silent_lidars(source.streams, self._selection.kind_of, self._opening)
         self._sensors = place_sensors(source, self._selection, config, self._for_a_method, self._opening)
         self._file_states = file_states(source.files)
         note_disorder(source.streams, self._selection, self._is_sorted, self._opening)

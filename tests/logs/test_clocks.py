@@ -9,7 +9,7 @@ import pytest
 
 from gridslam.core.errors import LogError
 from gridslam.logs.message_counts import MessageCounts
-from gridslam.logs.order.clocks import check_overlap, restamp
+from gridslam.logs.order.clocks import check_overlap, find_silent_lidars, restamp
 from gridslam.logs.streams import RecordedStream
 
 S = 10**9
@@ -79,6 +79,23 @@ def overlap(scans: np.ndarray, odometry: np.ndarray) -> list[str]:
 def test_scans_without_odometry_at_their_time_are_an_error_with_both_spans() -> None:
     with pytest.raises(LogError, match=r"1699999900\.000 to 1699999909\.900 s.*1700000000\.000 to"):
         overlap(ARRIVALS - 100 * S, ARRIVALS)
+
+
+@pytest.mark.parametrize(
+    ("scans", "says"),
+    [
+        (ARRIVALS, None),
+        (ARRIVALS[: len(ARRIVALS) // 3], "no scans in the last 7 s of the 10 s"),
+        (ARRIVALS[2 * len(ARRIVALS) // 3 :], "no scans in the first 7 s of the 10 s"),
+        (np.append(ARRIVALS, ARRIVALS[-1] + 60 * S), None),
+    ],
+)
+def test_a_lidar_that_dies_or_starts_late_is_reported(scans: np.ndarray, says: str | None) -> None:
+    counts = MessageCounts()
+    streams = [stream("scan", scans), stream("odom", ARRIVALS)]
+    find_silent_lidars(streams, {0: "scan", 1: "odom"}, counts)
+    assert len(counts.problems) == (says is not None)
+    assert says is None or says in counts.problems[0]
 
 
 def test_a_partial_overlap_is_noted_and_a_full_one_is_not() -> None:

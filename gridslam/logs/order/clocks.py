@@ -23,6 +23,9 @@ from gridslam.logs.streams import RecordedStream
 MAX_OFFSET_NS = 5 * NS_PER_S
 # Largest drift of the recorder's clock against the stamps: beyond it these are no clock, but counts, or copies
 MAX_DRIFT = 0.05
+# A lidar is silent where it has no scans for so long, in seconds and relative to the drive, at its start or end
+MIN_SILENT_S, MIN_SILENT_FRACTION = 5.0, 0.1
+OUTER_STAMPS = 2  # at each end of a stream that may be outliers
 MIN_OVERLAP, FULL_OVERLAP = 0.1, 0.5  # fraction of the scans that odometry covers: below, an error and a note
 TIMED_KINDS = ("scan", "cloud", "odom", "imu")  # whose stamps place the robot
 MIN_STAMPS = 20  # fewer show no regularity
@@ -168,6 +171,34 @@ def check_overlap(
                 "leave the odometry out: log: {topics: {odom: []}}"
             )
         message_counts.find(f"odometry covers {fraction:.0%} of the scans: {spans}")
+
+
+def find_silent_lidars(
+    streams: Sequence[RecordedStream], kind_of: Mapping[int, str], message_counts: MessageCounts
+) -> None:
+    """Report lidars without scans in the first or the last part of a drive, as where a driver died."""
+    spans = {
+        i: _main_span_s(streams[i])
+        for i, kind in kind_of.items()
+        if kind in ("scan", "odom") and len(streams[i].stamps_ns)
+    }
+    for index, (first_s, last_s) in spans.items():
+        if kind_of[index] != "scan":
+            continue
+        start_s, end_s = (f(s[k] for s in spans.values()) for k, f in enumerate((min, max)))
+        for silent_s, part in ((first_s - start_s, "first"), (end_s - last_s, "last")):
+            if silent_s > max(MIN_SILENT_S, MIN_SILENT_FRACTION * (end_s - start_s)):
+                message_counts.find(
+                    f"{streams[index].label}: no scans in the {part} {silent_s:.0f} s of the {end_s - start_s:.0f} s that "
+                    "odometry and scans cover (the lidar was off, or its driver died)"
+                )
+
+
+def _main_span_s(stream: RecordedStream) -> tuple[float, float]:
+    """First and last stamp (s) of a stream without its outermost stamps, which may be outliers."""
+    stamps = np.sort(_stamps(stream))
+    outer = min(OUTER_STAMPS, (len(stamps) - 1) // 2)
+    return float(stamps[outer] * 1e-9), float(stamps[len(stamps) - 1 - outer] * 1e-9)
 
 
 def _is_clock(arrivals_ns: array[int], count: int) -> bool:
