@@ -11,9 +11,9 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from gridslam.core.texts import shortened
 
@@ -139,6 +139,38 @@ def _aligned(line: Sequence[str], widths: Sequence[int], right: Sequence[bool]) 
     return "  ".join(cells).rstrip()
 
 
+class _Terminal(io.TextIOBase):
+    """stderr for a progress bar, which ends with the terminal, and the command does not."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """That of the terminal, which decides on the characters of the bar."""
+        return self._stream.encoding
+
+    def isatty(self) -> bool:
+        """Always."""
+        return True
+
+    def fileno(self) -> int:
+        """Number of the open file, by which the width of the terminal is asked for."""
+        return self._stream.fileno()
+
+    def write(self, text: str) -> int:
+        """Write text, as long as the terminal is there."""
+        with suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Show what was written, as long as the terminal is there."""
+        with suppress(OSError):
+            self._stream.flush()
+
+
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
     """A function that shows the progress of a run if stderr is a terminal."""
@@ -155,7 +187,7 @@ def progress_bar(what: str) -> Iterator[Callable[[Progress], None]]:
         TextColumn("{task.percentage:3.0f} %  {task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(file=cast("TextIO", _Terminal(sys.stderr))), transient=True) as bar:
         task = bar.add_task(what, total=None, rate="")
         started, shown = None, 0.0
 

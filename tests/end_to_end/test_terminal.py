@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pty
 import re
@@ -60,3 +61,19 @@ def test_no_color_holds(small_log: Path, config_file: Path, tmp_path: Path) -> N
     shown, _ = stderr_on_a_terminal("map", small_log, "-c", config_file, "-o", tmp_path / "out", NO_COLOR="1")
     assert "scans/s" in shown
     assert not re.search(r"\x1b\[[0-9;]*[3-9][0-7]m", shown)
+
+
+def test_the_result_so_far_is_written_when_the_terminal_is_closed(small_log: Path, tmp_path: Path) -> None:
+    config = tmp_path / "slow.yaml"
+    config.write_text("method: {name: dead-reckoning, sleep_s: 0.2, announce: true}\n")
+    command = program_command("map", small_log, "-c", config, "-o", tmp_path / "out")
+    process, terminal = pty.fork()
+    if not process:
+        os.execv(command[0], command)
+    shown = b""
+    while b"first scan" not in shown:
+        shown += os.read(terminal, 65536)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]) == 130
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["status"] == "interrupted"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "slow.yaml"]
