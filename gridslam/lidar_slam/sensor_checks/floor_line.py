@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gridslam.core.messages import LaserScan, Transform, readonly
+from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sensor_checks.own_body import BeamLayout, beams_of, different_views_of
 
 Floats = NDArray[np.float64]
 
+YAW_STEP_RAD, MIN_TURNING_SCANS = 0.15, 20  # a rotation of 3 rad
 MIN_VIEWS = 30  # smallest number of views that differ
 # A beam meets the floor where it is never longer than this percentile of its readings, but for a few, and is often that long
 FARTHEST_PERCENTILE, MAX_FARTHER, MIN_AT_FARTHEST = 96.0, 0.03, 0.15
@@ -77,14 +79,44 @@ class FloorLine:
         )
 
 
-def find_floor_lines(scans: Iterable[LaserScan]) -> list[FloorLine]:
-    """The lines on which the lidars meet the floor, given scans of a robot that drives and turns; mostly none."""
+def find_floor_lines(scans: Sequence[LaserScan], path: Callable[[], Trajectory]) -> list[FloorLine]:
+    """The lines on which the lidars meet the floor, given scans of a robot that drives and turns; mostly none.
+
+    `path` gives the robot's path over the scans, and is asked only if there may be such a line.
+    """
     found = []
     for beams, views in different_views_of(scans).items():
         line = _line(_bearings(beams), views) if len(views) >= MIN_VIEWS else None
         if line is not None:
             found.append(FloorLine(beams, *line))
-    return found
+    if not found:
+        return []
+    turning = _turning_scans(scans, path())
+    return [line for line in found if _is_met_in(line, turning)]
+
+
+def _turning_scans(scans: Sequence[LaserScan], path: Trajectory) -> list[LaserScan]:
+    """The first scan after each YAW_STEP_RAD of rotation, back and forth."""
+    if len(path) < 2:
+        return []
+    poses, _ = path.sorted().at(np.array([scan.stamp_ns for scan in scans], np.int64))
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.unwrap(poses[:, 2]))))])
+    _, first = np.unique(turned // YAW_STEP_RAD, return_index=True)
+    return [scans[row] for row in first.tolist()]
+
+
+def _is_met_in(line: FloorLine, turning: Sequence[LaserScan]) -> bool:
+    """Whether hardly a reading of scans of a turning robot goes beyond a line: beyond a wall that it drives along they do."""
+    expected = line_ranges(_bearings(line.beams), line.distance_m, line.bearing_rad)
+    is_inside = expected * math.cos(MIN_HALF_ANGLE_RAD) < line.distance_m
+    farther = []
+    for scan in turning:
+        beams, order = beams_of(scan)
+        if beams == line.beams:
+            inside = is_inside[order]
+            limits_m = (1.0 + TOLERANCE) * expected[order][inside]
+            farther.append(np.mean(np.nan_to_num(scan.ranges_m[inside], posinf=0.0) > limits_m))
+    return len(farther) >= MIN_TURNING_SCANS and float(np.mean(farther)) <= MAX_FARTHER
 
 
 def line_ranges(bearings: Floats, distance_m: float, bearing_rad: float) -> Floats:

@@ -252,9 +252,10 @@ class OdometryCheck:
     def _find_own_bodies(self, held: list[Event]) -> None:
         """Look for what moves with a robot that turns, its body and lines of the floor: beside a straight drive a wall does."""
         scans = [e for e in held if isinstance(e, LaserScan)]
-        bodies, lines = find_own_bodies(scans), find_floor_lines(scans)
-        if (bodies or lines) and not self._has_turned(held):
-            bodies, lines = [], []
+        bodies = find_own_bodies(scans)
+        if bodies and not self._has_turned(held):
+            bodies = []
+        lines = find_floor_lines(scans, lambda: self._path_anew(held))
         if lines != self.repairs.floor_lines:
             self._restart_path()
         self.repairs.own_bodies, self.repairs.floor_lines = bodies, lines
@@ -266,6 +267,11 @@ class OdometryCheck:
             return True
         yaw = np.unwrap(self._path(held).poses[:, 2])
         return bool(np.abs(np.diff(yaw)).sum() >= MIN_ROTATION_RAD)
+
+    def _path_anew(self, held: list[Event]) -> Trajectory:
+        """The path over the held scans by a tracker of its own."""
+        events = (self.repairs.applied_to(e) for e in held if not isinstance(e, Odometry))
+        return self._build_tracker().track_all(events)
 
     def _restart_path(self) -> None:
         """Forget the path: it must be tracked anew with other scans."""
