@@ -25,16 +25,11 @@ from gridslam.methods.ispace_mcl.cameras.environment import (
     DetectionWeight,
     all_moving,
 )
-from gridslam.methods.ispace_mcl.confidence import (
-    BLOCKED_TOLERANCE_M,
-    GRAZING_SLACK_M,
-    ConfidenceMonitor,
-    FilterUpdate,
-    InlierLimits,
-)
+from gridslam.methods.ispace_mcl.confidence import ConfidenceMonitor, FilterUpdate, InlierLimits
 from gridslam.methods.ispace_mcl.config import IspaceMclConfig
 from gridslam.methods.ispace_mcl.continuity import DISCONTINUOUS_OVERLAP
 from gridslam.methods.ispace_mcl.lasting_walls import lasting_walls
+from gridslam.methods.ispace_mcl.scan_agreement import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
 from gridslam.methods.ispace_mcl.search.initial_particles import initial_particles
 from gridslam.methods.ispace_mcl.search.relocalization import SEARCH, Relocalizer, TrackedPose
 from gridslam.methods.ispace_mcl.search.search_schedule import SearchSchedule
@@ -140,19 +135,19 @@ class Localizer:
             self._weigh_by_cameras(observations)
         with self.stopwatch.stage("assess"):
             belief = self._cluster()
-            assessment = self._monitor.assess(belief, beams)
+            assessment = self._monitor.assess(belief, beams, step)
         self._window.track(belief.mean)
         self._schedule.assessed(assessment.status, assessment.inlier_ratio, travel_m)
         if self._relocalizer is not None and self._schedule.is_due(assessment.status):
             with self.stopwatch.stage("search"):
                 if self._search_map(belief):
                     belief = self._cluster()
-                    assessment = self._monitor.assess(belief, beams)
+                    assessment = self._monitor.assess(belief, beams, np.zeros(3))
         count, all_particles = len(self.particles), moments(self.particles)
         with self.stopwatch.stage("resample"):
             self._resample(belief.mass)
-        is_trusted = self._relocalizer is None or self._schedule.is_trusted
-        if not is_trusted or assessment.is_contradicted:
+        is_best = self._schedule.is_trusted or (self._schedule.is_best and assessment.is_consistent)
+        if not (is_best or self._relocalizer is None) or assessment.is_contradicted:
             assessment = assessment.without_trust()
         estimate = all_particles if self._config.estimate == "mean" else belief
         return FilterUpdate(estimate, assessment, count, all_particles.std_m)
@@ -238,7 +233,7 @@ class Localizer:
         )
         if comparison is None:
             return False
-        self._schedule.confirm(comparison.is_confirmed)
+        self._schedule.confirm(comparison.is_confirmed, comparison.is_best)
         if comparison.particles is None:
             return False
         self.particles = comparison.particles

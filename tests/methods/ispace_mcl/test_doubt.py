@@ -11,14 +11,13 @@ import pytest
 from gridslam.filters.particles import Belief
 from gridslam.maps.occupancy import GridGeometry, OccupancyGrid
 from gridslam.methods.ispace_mcl.confidence import (
-    BLOCKED_TOLERANCE_M,
-    GRAZING_SLACK_M,
     MAX_BESIDE_RATIO,
-    MAX_DISPLACED_MEAN,
+    MAX_LATE_RATIO,
     ConfidenceMonitor,
     InlierLimits,
 )
 from gridslam.methods.ispace_mcl.doubt import doubt_of
+from gridslam.methods.ispace_mcl.scan_agreement import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
 from gridslam.methods.ispace_mcl.travel_ratio import jumps_m
 from gridslam.sensors.lidar_beams import Beams
 from gridslam.sensors.likelihood_field import distance_field, occupied_cells
@@ -149,12 +148,13 @@ def test_only_a_wall_that_stands_farther_off_displaces_beams(
     )
     monitor = ConfidenceMonitor(InlierLimits(0.55, 0.8), visibility)
     belief = Belief(np.array([3.0, 2.0, 0.0]), 1e-4 * np.eye(3), 1.0)
-    assert monitor.assess(belief, beams).displaced_ratio == pytest.approx(expected, abs=0.035)
-    assert monitor.assess(belief, beams).beside_ratio < 0.1
-    assert monitor.assess(belief, beams).is_contradicted == (expected > MAX_DISPLACED_MEAN)
+    step = np.array([0.3, 0.0, 0.0])
+    assert monitor.assess(belief, beams, step).displaced_ratio == pytest.approx(expected, abs=0.035)
+    assert monitor.assess(belief, beams, step).beside_ratio < 0.1
+    assert monitor.assess(belief, beams, step).is_contradicted == (expected > MAX_LATE_RATIO)
     aside = Belief(np.array([2.82, 1.82, 0.0]), 1e-4 * np.eye(3), 1.0)
     for _ in range(20):
-        found = monitor.assess(aside, beams)
+        found = monitor.assess(aside, beams, step)
     assert found.beside_ratio > MAX_BESIDE_RATIO
 
 

@@ -67,7 +67,7 @@ def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():
     schedule.assessed("localized", 0.9, 5.0)
     assert (schedule.is_trusted, schedule.prior_log_odds) == (False, 0.0)
     schedule.travel(5.0)
-    schedule.confirm(True)
+    schedule.confirm(is_confirmed=True, is_best=True)
     schedule.searched()
     schedule.assessed("localized", 0.9, 5.0)
     assert (schedule.is_trusted, schedule.prior_log_odds) == (True, 5.0)
@@ -79,10 +79,11 @@ def test_only_travel_of_a_confirmed_pose_counts_in_its_favour():
     schedule.assessed("uncertain", 0.7, 0.2)  # soon compared again, although it agrees with the map again
     schedule.travel(1.0)
     assert schedule.is_due("localized")
-    schedule.confirm(False)
-    assert (schedule.is_trusted, schedule.prior_log_odds) == (False, pytest.approx(2.6))
+    schedule.confirm(is_confirmed=False, is_best=True)
+    assert (schedule.is_trusted, schedule.is_best) == (False, True)
+    assert schedule.prior_log_odds == pytest.approx(2.6)
     schedule.doubt()
-    assert (schedule.is_trusted, schedule.prior_log_odds) == (False, 0.0)
+    assert (schedule.is_trusted, schedule.is_best, schedule.prior_log_odds) == (False, False, 0.0)
 
 
 def test_what_the_filter_knows_of_a_hypothesis_counts_as_much_as_the_scans_of_the_window():

@@ -77,6 +77,8 @@ MEAN_SCORE = -0.7
 DOUBT_LOG_ODDS = 3.0
 # ... and by the scans of the window alone: the filter counts alike scans for too much
 CONFIRM_BY_SCANS_LOG_ODDS = 1.0
+# Lead of the tracked pose from which it is the best one: enough where nothing in its scans contradicts the map
+BEST_LOG_ODDS = 1.0
 DECIDED_MASS = 0.99  # weight of the main cluster from which no other hypothesis is added to it
 CONCENTRATED_MASS = 0.9  # weight of the main cluster from which the map is tested for being mirrored
 BESIDE_M = 1.5  # the path drifts as much over the window: its older scans do not distinguish two poses that are as near
@@ -102,12 +104,14 @@ class TrackedPose:
 class Comparison:
     """Result of a comparison of the tracked pose with the hypotheses.
 
-    `particles`: new particles; None if the tracked ones are kept. `is_confirmed`: the tracked pose leads all hypotheses.
-    `is_switch`: a hypothesis replaces the tracked pose. `scans`: number of latest scans that it explains; None: all.
+    `particles`: new particles; None if the tracked ones are kept. `is_best`: the tracked pose leads all hypotheses.
+    `is_confirmed`: and it leads by enough for what its scans leave unexplained. `is_switch`: a hypothesis replaces the tracked
+    pose. `scans`: number of latest scans that it explains; None: all.
     """
 
     particles: Particles | None
     is_confirmed: bool = False
+    is_best: bool = False
     is_switch: bool = False
     scans: int | None = None
 
@@ -205,14 +209,13 @@ class Relocalizer:
             return Comparison(particles, is_switch=True, scans=scans if scans < len(past) else None)
         leads = lead > CONFIRM_LOG_ODDS
         unexplained = max(MEAN_SCORE * len(past) - float(scores[:, 0].sum()), 0.0)
-        is_enough = lead > CONFIRM_LOG_ODDS + CONFIRM_UNEXPLAINED * unexplained
-        is_confirmed = is_enough and _is_clear(scores, own_score - by_scans)
+        is_best = lead > BEST_LOG_ODDS and _is_clear(scores, own_score - by_scans)
+        is_confirmed = is_best and lead > CONFIRM_LOG_ODDS + CONFIRM_UNEXPLAINED * unexplained
         if leads and tracked.belief.mass > DECIDED_MASS:
-            return Comparison(None, is_confirmed)
+            return Comparison(None, is_confirmed, is_best)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
-        return Comparison(
-            with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng), is_confirmed
-        )
+        particles = with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng)
+        return Comparison(particles, is_confirmed, is_best)
 
 
 def _is_clear(scores: Floats, leads: Floats) -> bool:

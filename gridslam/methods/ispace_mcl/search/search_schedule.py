@@ -24,7 +24,8 @@ MAX_LOG_ODDS = 10.0  # largest log-odds of a pose before a comparison
 class SearchSchedule:
     """Travel since the last search of the map, whether that confirmed the tracked pose, and the prior log-odds of the pose.
 
-    `is_trusted`: the pose is the start pose that the user gave, or was confirmed by the last comparison.
+    `is_trusted`: the pose is the start pose that the user gave, or was confirmed by the last comparison. `is_best`: it led all
+    other places in that comparison, although it may not have been confirmed.
     """
 
     def __init__(self, has_start: bool) -> None:
@@ -37,6 +38,7 @@ class SearchSchedule:
         self._mean_inlier_ratio = 0.0
         self._matches_worse = False  # with the map than over the last metres
         self.is_trusted = has_start
+        self.is_best = False
         self.prior_log_odds = START_LOG_ODDS if has_start else 0.0
 
     def travel(self, distance_m: float) -> None:
@@ -75,9 +77,9 @@ class SearchSchedule:
         """Restart the travel after a search."""
         self._since_search_m = 0.0
 
-    def confirm(self, is_confirmed: bool) -> None:
-        """Store whether the last comparison confirmed the tracked pose; if not, half of its prior log-odds are withdrawn."""
-        self.is_trusted = is_confirmed
+    def confirm(self, is_confirmed: bool, is_best: bool) -> None:
+        """Store the result of the last comparison for the tracked pose; unless confirmed, it loses half of its prior log-odds."""
+        self.is_trusted, self.is_best = is_confirmed, is_best
         if not is_confirmed:
             self.prior_log_odds *= 0.5
         was_confirmed, self._is_confirmed = self._is_confirmed, is_confirmed and self._travel_m >= CHECK_M
@@ -91,6 +93,6 @@ class SearchSchedule:
 
     def switched(self) -> None:
         """Withdraw all trust, as other particles have taken over."""
-        self.is_trusted = self._is_confirmed = False
+        self.is_trusted = self.is_best = self._is_confirmed = False
         self._travel_m = 0.0
         self.prior_log_odds = 0.0
