@@ -214,8 +214,8 @@ class Relocalizer:
         if leads and tracked.belief.mass > DECIDED_MASS:
             return Comparison(None, is_confirmed, is_best)
         overlooked = PoseHypotheses(others[mass == 0.0], found.scores[mass == 0.0])
-        particles = with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng)
-        return Comparison(particles, is_confirmed, is_best)
+        joined = with_overlooked(tracked.particles, own_score, tracked.belief.mass, overlooked, rng)
+        return Comparison(joined, is_confirmed, is_best)
 
 
 def _is_clear(scores: Floats, leads: Floats) -> bool:
