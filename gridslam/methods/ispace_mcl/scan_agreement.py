@@ -1,4 +1,4 @@
-"""How the beams of a scan agree with the map at a pose, and what the scans of the last metres say about it together.
+"""Agreement of the beams of a scan with the map at a pose, and of the scans of the last metres together.
 
 People and new things end beams early, so a beam that ends in free space says little about the place. A beam that passes a wall
 contradicts the map: on another place's map, or at a wrong pose, some wall of the map stands in the way before long.
