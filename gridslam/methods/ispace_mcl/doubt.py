@@ -32,6 +32,8 @@ MIN_LOCALIZED_SCANS = 10  # number of localized scans from which a mean over the
 # Median inlier ratio of the scans that were not localized, from which the map fits and only the place is undecided: 1.0 in a
 # corridor that looks alike all along, about 0.7 on a map of another place.
 FITTING_RATIO = 0.9
+# Ratio of these scans whose beams end beside or behind the walls, from which the map does not fit although they end near them
+MAX_CONTRADICTED = 0.5
 # Between places where the robot was localized: one when it is carried, or found after a first error
 MAX_JUMPS = 1
 
@@ -46,6 +48,10 @@ class History(Protocol):
     @property
     def inlier_ratios(self) -> Sequence[float]:
         """Fraction of the beams of every scan that agree with the map."""
+
+    @property
+    def contradicted(self) -> Sequence[bool]:
+        """Whether more beams end beside or behind walls, at every scan, than on a right map."""
 
     @property
     def displaced_ratios(self) -> Sequence[float]:
@@ -82,7 +88,12 @@ def doubt_of(
             or _doubt_of_jumps(history.jumps_m())
         )
     inliers = np.asarray(history.inlier_ratios, np.float64)[~localized]
-    is_fitting = len(inliers) > 0 and float(np.median(inliers)) >= FITTING_RATIO
+    contradicted = np.asarray(history.contradicted, np.bool_)[~localized]
+    is_fitting = (
+        len(inliers) > 0
+        and float(np.median(inliers)) >= FITTING_RATIO
+        and contradicted.mean() < MAX_CONTRADICTED
+    )
     cause = ALIKE if is_fitting else _question(occupancy, occupied_threshold)
     return Doubt(
         "lost",

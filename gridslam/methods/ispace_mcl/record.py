@@ -86,6 +86,11 @@ class LocalizationHistory:
         return [update.assessment.inlier_ratio for update in self._updates]
 
     @property
+    def contradicted(self) -> list[bool]:
+        """Whether at each scan more of the last beams ended beside or behind walls than on a right map."""
+        return [update.assessment.is_contradicted for update in self._updates]
+
+    @property
     def displaced_ratios(self) -> list[float]:
         """The ratio of displaced beams at each scan."""
         return [update.assessment.displaced_ratio for update in self._updates]

@@ -37,6 +37,7 @@ class FakeHistory:
     inlier_ratio: float = 0.7
     jumps: Sequence[float] = ()
     travel_m: float = 30.0
+    is_contradicted: bool = False
 
     def localized_m(self) -> float:
         return self.travel_m
@@ -44,6 +45,10 @@ class FakeHistory:
     @property
     def inlier_ratios(self) -> Sequence[float]:
         return [self.inlier_ratio] * len(self.statuses)
+
+    @property
+    def contradicted(self) -> Sequence[bool]:
+        return [self.is_contradicted] * len(self.statuses)
 
     def travel_ratio(self) -> float:
         return self.ratio
@@ -105,6 +110,13 @@ def test_scans_that_fit_in_several_places_do_not_question_the_map() -> None:
     assert doubt.status == "lost"
     assert "more than one place" in doubt.reason
     assert "belong" not in doubt.reason
+
+
+def test_scans_that_end_beside_or_behind_the_walls_question_the_map_although_they_end_near_them() -> None:
+    history = FakeHistory(["uncertain"] * 100, [0.0] * 100, inlier_ratio=0.95, is_contradicted=True)
+    doubt = doubt_of(history, room(), WALLS)
+    assert doubt is not None
+    assert "does this map belong to this place" in doubt.reason
 
 
 def test_a_map_of_walls_is_suspected_to_be_negated() -> None:
