@@ -157,6 +157,22 @@ def test_a_right_checksum_of_the_summary_is_needed_to_believe_it(tmp_path: Path)
     assert not message_counts.is_lossy
 
 
+def test_an_index_that_leads_beyond_the_file_is_not_followed(tmp_path: Path) -> None:
+    whole = bytearray(mcap(tmp_path / "a.mcap", chunk_size=700).read_bytes())
+    chunks = [i for i in range(len(whole)) if whole[i] == CHUNK and _is_chunk(whole, i)]
+    places = [i for chunk in chunks if (i := whole.rfind(struct.pack("<Q", chunk))) > chunks[-1]]
+    assert len(places) == len(chunks) > 3
+    for place in places[2:]:
+        struct.pack_into("<Q", whole, place, 2**64 - 1)
+    struct.pack_into("<I", whole, len(whole) - 12, 0)  # no checksum of the summary
+    struct.pack_into("<Q", whole, chunks[2] + 1, 1 << 60)
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(whole)
+    file, message_counts = open_mcap(path)
+    assert len(list(file.messages())) > 20
+    assert message_counts.counters["lost.damaged_part"] == 1
+
+
 def test_other_bytes_are_no_mcap(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(b"something else")

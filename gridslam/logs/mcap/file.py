@@ -285,7 +285,7 @@ class McapFile:
                     self.span_ns = int.from_bytes(first, "little"), int.from_bytes(last, "little")
             elif opcode == CHUNK_INDEX and len(body) >= 24:
                 self._chunk_offsets.append(int.from_bytes(body[16:24], "little"))
-        self._chunk_offsets.sort()
+        self._chunk_offsets = sorted(offset for offset in self._chunk_offsets if offset < self._size)
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
         """The place to continue after bytes at `at` that are no record, the same on every pass.
