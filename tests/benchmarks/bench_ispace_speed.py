@@ -25,8 +25,8 @@ from gridslam.methods.ispace_mcl.cameras.environment import (
     DetectionWeight,
     moving_cells,
 )
-from gridslam.methods.ispace_mcl.confidence import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
 from gridslam.methods.ispace_mcl.config import LidarWeightName
+from gridslam.methods.ispace_mcl.scan_agreement import BLOCKED_TOLERANCE_M, GRAZING_SLACK_M
 from gridslam.methods.ispace_mcl.search.relocalization import MAX_BEAMS, SEARCH, Relocalizer
 from gridslam.methods.ispace_mcl.weighing import log_weight_of
 from gridslam.motion.odometry_model import OdometryNoise, sample_motion
