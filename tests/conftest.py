@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +19,11 @@ from tests.dead_reckoning import register
 from tests.small_log import write_small_log
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+# A shell ignores SIGINT for what runs in the background, and `nohup` SIGHUP: the programs that tests start would inherit that.
+for _number in (signal.SIGINT, signal.SIGHUP):
+    if signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, signal.default_int_handler if _number is signal.SIGINT else signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")

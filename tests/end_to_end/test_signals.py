@@ -66,11 +66,10 @@ def test_a_second_signal_a_while_later_leaves_nothing(
     small_log: Path, config_file: Path, tmp_path: Path
 ) -> None:
     with running_map(small_log, config_file, tmp_path / "out") as process:
-        process.send_signal(signal.SIGSTOP)  # or it would be done before the second one
         process.send_signal(signal.SIGINT)
-        process.send_signal(signal.SIGCONT)
-        time.sleep(0.05)
-        process.send_signal(signal.SIGSTOP)
+        assert process.stderr is not None
+        assert "stopping" in process.stderr.readline()
+        process.send_signal(signal.SIGSTOP)  # or it would be done before the second one
         time.sleep(cli.AT_ONCE_S)
         process.send_signal(signal.SIGTERM)
         process.send_signal(signal.SIGCONT)
