@@ -68,13 +68,14 @@ class ScanTracker:
         self.keys: list[int] = []  # rows of the key scans among all scans
         self.key_scans = PackedScans()
         self._lidar = ""  # of the last tracked scan
-        self._height_m = math.nan  # of that lidar above the base, if it is level and its scan planar
         self._lidars: list[str] = []  # of every scan
         self._last_key_of: dict[str, int] = {}  # row of each lidar's last key scan
         self._sway_observer = SwayObserver()
         self.sway: Sway | None = None  # of the whole path, after `remove_sway`
-        self._heights_m: dict[str, float] = {}  # of the lidars that are level, above the base
-        self._key_heights_m: list[float] = []  # NaN where unknown
+        self._level_heights_m: dict[str, float] = {}  # of lidars above the base, NaN for tilted ones
+        self._heights_m: list[
+            float
+        ] = []  # of every scan's lidar, if it is level and its scan planar, else NaN
 
     @property
     def counters(self) -> Counter[str]:
@@ -188,7 +189,7 @@ class ScanTracker:
             extrinsics = extrinsics_of(event)
             self.sensor_extrinsics[event.child_frame_id] = extrinsics
             is_level = extrinsics.projection == LEVEL
-            self._heights_m[event.child_frame_id] = event.translation_m[2] if is_level else math.nan
+            self._level_heights_m[event.child_frame_id] = event.translation_m[2] if is_level else math.nan
 
     def flush(self) -> Iterator[PlacedScan]:
         """The scans that still wait for odometry at the end of the log."""
@@ -233,8 +234,8 @@ class ScanTracker:
         is_certain = match.is_matched and match.position_std_m < FIRM_STD_M
         is_compared = is_certain and self._predictor.uses_odometry(placed)
         self._sway_observer.add_scan(placed.odometry, placed.odometry_jumped, is_compared)
-        height_m = self._heights_m.get(placed.scan.frame_id, math.nan)
-        self._height_m = math.nan if placed.scan.is_of_cloud else height_m
+        height_m = self._level_heights_m.get(placed.scan.frame_id, math.nan)
+        self._heights_m.append(math.nan if placed.scan.is_of_cloud else height_m)
         self._predictor.add_match(placed, match)
         return match
 
@@ -278,7 +279,6 @@ class ScanTracker:
         self.keys.append(len(self.track_poses) - 1)
         self._last_key_of[self._lidar] = self.keys[-1]
         self.key_scans.append(scan)
-        self._key_heights_m.append(self._height_m)
         return step
 
     def remove_sway(self) -> None:
@@ -286,7 +286,7 @@ class ScanTracker:
         self.sway = self._sway_observer.sway_of(
             np.array(self.stamps_ns, np.int64), np.array(self.track_poses)
         )
-        heights_m = np.array(self._key_heights_m)
+        heights_m = np.array(self._heights_m)[self.keys]
         if self.sway is None or not (heights_m >= MIN_HEIGHT_M).all():
             return
         self.sway = replace(self.sway, is_levelled=True)

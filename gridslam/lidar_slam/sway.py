@@ -78,9 +78,8 @@ class SwayObserver:
     def __init__(self) -> None:
         self._odometry_ns = array("q")
         self._odometry = array("d")  # of each scan: x, y and yaw
-        self._parts = array(
-            "q"
-        )  # of each scan: the number of jumps of the odometry before; UNUSED where it says nothing
+        # Of each scan: the number of jumps of the odometry before; UNUSED where it says nothing
+        self._parts = array("q")
         self._jumps = 0
 
     def add_odometry(self, stamp_ns: int) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from gridslam.kernels.grids.visibility import pass_beams
 from gridslam.kernels.planning import clearance
 from gridslam.kernels.planning.circles import travel_time
-from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.fast_marching import arrival_costs
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.kernels.planning.shortest_tour import exact_tour
@@ -18,6 +17,7 @@ from gridslam.planning.art_gallery import gallery_of
 from gridslam.planning.space import distance_field
 from tests.benchmarks.harness import BenchmarkRow
 from tests.benchmarks.kernel_pairs import Pair, rows_of_pairs
+from tests.kernels.planning.limits import LIMITS
 from tests.reference import planning as reference
 from tests.reference import planning_grid as grid_reference
 from tests.reference import visibility as visibility_reference
@@ -25,14 +25,6 @@ from tests.reference import visibility as visibility_reference
 ALONE = True
 
 SHAPE, RESOLUTION_M, RADIUS_M = (60, 80), 0.1, 0.2
-LIMITS = DriveLimits(
-    top_speed=1.0,
-    lateral_acceleration=0.5,
-    yaw_rate=1.5,
-    acceleration=0.5,
-    deceleration=0.5,
-    yaw_acceleration=2.0,
-)
 
 
 def rows() -> Iterator[BenchmarkRow]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gridslam.core.cameras import quaternion_of_matrix, rotation_matrix
 from gridslam.core.messages import LaserScan, Transform, readonly
 from gridslam.core.trajectory import Trajectory
 from gridslam.lidar_slam.sensor_checks.own_body import BeamLayout, beams_of, different_views_of
@@ -53,21 +54,13 @@ class FloorLine:
         sine = transform.translation_m[2] / self.distance_m
         if transform.child_frame_id != self.beams.frame_id or not MIN_SINE < sine < MAX_SINE:
             return transform
-        w, x, y, z = transform.quat_wxyz
+        _, x, y, _ = transform.quat_wxyz
         is_upside_down = 1.0 - 2.0 * (x * x + y * y) < 0.0
         half_rad = 0.5 * math.asin(sine) * (-1.0 if is_upside_down else 1.0)
-        cos = math.cos(half_rad)
-        a, b = (
-            -math.sin(half_rad) * math.sin(self.bearing_rad),
-            math.sin(half_rad) * math.cos(self.bearing_rad),
-        )
-        tilted = (
-            w * cos - x * a - y * b,
-            w * a + x * cos - z * b,
-            w * b + y * cos + z * a,
-            z * cos + x * b - y * a,
-        )
-        return replace(transform, quat_wxyz=tilted)
+        cos, sin = math.cos(half_rad), math.sin(half_rad)
+        tilt = (cos, -sin * math.sin(self.bearing_rad), sin * math.cos(self.bearing_rad), 0.0)
+        tilted = rotation_matrix(transform.quat_wxyz) @ rotation_matrix(tilt)
+        return replace(transform, quat_wxyz=quaternion_of_matrix(tilted))
 
     @property
     def note(self) -> str:

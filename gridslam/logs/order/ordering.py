@@ -125,9 +125,8 @@ def in_planned_order(
     """
     places = {stream: iter(rank) for stream, rank in ranks.items()}
     waiting: dict[int, tuple[int, T]] = {}
-    earliest: list[int] | None = (
-        None  # a heap of the places in `waiting`, and of some that were, once it is needed
-    )
+    # A heap of the places in `waiting`, and of some that were, once it is needed
+    earliest: list[int] | None = None
     waiting_bytes = 0
     expected = 0
     for item in items:

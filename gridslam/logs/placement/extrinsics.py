@@ -15,10 +15,8 @@ from gridslam.logs.rotations import Rigid
 
 # Of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
 MAX_TILT_COS = 0.5
-MAX_DEPTH = (
-    100  # largest number of frames from a sensor to the root of its tree; arms with tools have some 20
-)
-
+# Largest number of frames from a sensor to the root of its tree; arms with tools have some 20
+MAX_DEPTH = 100
 MAX_LISTED = 4  # of places that contradict each other, in a message
 
 Tree = Mapping[str, tuple[str, Rigid]]  # child -> parent, T_parent_child

@@ -64,6 +64,7 @@ def place_sensors(
         _refuse_registered(streams, selection, config)
         _refuse_unknown_base(streams, tree, config)
     needed = _frames_in_use(streams, selection, tree, config)
+    of_lidars = frozenset(lidar_frames)
     fixed = extrinsics.sensor_transforms(
         [frame for frame in dict.fromkeys(needed) if frame not in moving],
         edges,
@@ -71,16 +72,15 @@ def place_sensors(
         base_frame=base,
         stamp_ns=_first_stamp_ns(streams, selection),
         message_counts=message_counts,
-        on_robot=frozenset(lidar_frames),
+        on_robot=of_lidars,
     )
     refuse_unknown_places(streams, selection, [f for f in in_place if f not in moving], tree)
     planar = _planar_lidars(streams, lidar_frames, config)
     extrinsics.refuse_upright([place for place in fixed if place.child_frame_id in planar])
     tilt = find_tilt(source, selection, config, tree, message_counts) if lidar_frames else None
     virtual = _virtual_lidars(streams, selection, fixed, config, tilt)
+    on_base = [place for place in fixed if place.child_frame_id in of_lidars and place.frame_id == base]
     if tilt is not None:
-        of_lidars = frozenset(lidar_frames)
-        on_base = [place for place in fixed if place.child_frame_id in of_lidars and place.frame_id == base]
         moving = _levelled(moving, on_base, virtual, tilt)
     for lidar_frame, lidar in virtual.items():
         message_counts.note(
@@ -89,7 +89,6 @@ def place_sensors(
         )
     stamps = {place.child_frame_id: place.stamp_ns for place in fixed}
     added = [lidar.extrinsics(base, stamps[frame]) for frame, lidar in virtual.items()]
-    on_base = [place for place in fixed if place.child_frame_id in lidar_frames and place.frame_id == base]
     level_or_moving = {*virtual, *moving}
     tilted = _tilted([p for p in on_base if p.child_frame_id not in level_or_moving], message_counts)
     return SensorPlacement([*fixed, *added], moving, virtual, tilted)

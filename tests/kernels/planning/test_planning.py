@@ -8,22 +8,14 @@ from numpy.typing import NDArray
 
 from gridslam.kernels.planning.circles import chain_parts, travel_time
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free, wall_distance
-from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.dubins import WORDS, dubins_words
 from gridslam.kernels.planning.grid import cost_to_go
 from gridslam.planning.space import distance_field
+from tests.kernels.planning.limits import LIMITS
 from tests.reference import planning_grid as reference
 
 Floats = NDArray[np.float64]
 RESOLUTION = 0.1
-LIMITS = DriveLimits(
-    top_speed=1.0,
-    lateral_acceleration=0.5,
-    yaw_rate=1.5,
-    acceleration=0.5,
-    deceleration=0.5,
-    yaw_acceleration=2.0,
-)
 
 
 def world(seed: int, occupied_fraction: float = 0.03, radius: float = 0.2) -> CollisionWorld:

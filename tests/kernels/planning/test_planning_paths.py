@@ -7,22 +7,15 @@ import pytest
 
 from gridslam.kernels.planning.circles import chain_parts, minimise_travel_time, parts_are_free, travel_time
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
-from gridslam.kernels.planning.drive_limits import DriveLimits, speed_on
+from gridslam.kernels.planning.drive_limits import speed_on
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.shortcut import JOINT_COST_S, shortcut
 from gridslam.kernels.planning.shortest_tour import improved_tour
 from gridslam.planning.space import distance_field
+from tests.kernels.planning.limits import LIMITS
 from tests.reference import planning_paths as reference
 
 RESOLUTION, RADIUS, MARGIN = 0.1, 0.1, 0.005
-LIMITS = DriveLimits(
-    top_speed=1.0,
-    lateral_acceleration=0.5,
-    yaw_rate=1.5,
-    acceleration=0.5,
-    deceleration=0.5,
-    yaw_acceleration=2.0,
-)
 
 
 def world(seed: int, occupied_fraction: float = 0.01) -> CollisionWorld:

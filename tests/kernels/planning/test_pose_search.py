@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gridslam.kernels.planning.clearance import CollisionWorld, advance, is_free
-from gridslam.kernels.planning.drive_limits import DriveLimits
 from gridslam.kernels.planning.grid import cost_to_go, descend, pull_string
 from gridslam.kernels.planning.search import (
     EXHAUSTED,
@@ -19,17 +18,10 @@ from gridslam.kernels.planning.search import (
 from gridslam.kernels.planning.search_states import COUNT, Query, start_search
 from gridslam.planning.guide_path import poses_along_polyline
 from gridslam.planning.space import distance_field
+from tests.kernels.planning.limits import LIMITS
 from tests.reference.pose_search import ReferencePoseSearch
 
 RESOLUTION, RADIUS, MARGIN = 0.1, 0.15, 0.005
-LIMITS = DriveLimits(
-    top_speed=1.0,
-    lateral_acceleration=0.5,
-    yaw_rate=1.5,
-    acceleration=0.5,
-    deceleration=0.5,
-    yaw_acceleration=2.0,
-)
 
 
 def world_with_wall(gap_cells: int = 8) -> CollisionWorld:
