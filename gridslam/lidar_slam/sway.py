@@ -69,7 +69,7 @@ class Sway:
 
     def removed_from(self, poses: Floats) -> Floats:
         """The poses `(n, 3)` of all scans without the sway."""
-        return np.asarray(se2.compose(poses, np.pad(-self.shifts_m, ((0, 0), (0, 1)))))
+        return without_swing(poses, self.shifts_m)
 
 
 class SwayObserver:
@@ -120,6 +120,11 @@ def find_sway(times_s: Floats, track: Floats, odometry: Floats, parts: Ints) -> 
     size_m = np.sqrt(square_m2)
     shifts *= np.minimum(1.0, MAX_SWING_M / np.maximum(size_m, MAX_SWING_M))[:, None]
     return Sway(shifts, math.sqrt(float(square_m2[is_known].mean())))
+
+
+def without_swing(poses: Floats, shifts_m: Floats) -> Floats:
+    """The poses `(n, 3)` of a robot whose lidar has swung from these by `shifts_m` `(n, 2)`, in the robot's frame."""
+    return np.asarray(se2.compose(poses, np.pad(-shifts_m, ((0, 0), (0, 1)))))
 
 
 def levelled(scan: PreparedScan, shift_m: Floats, height_m: float) -> PreparedScan:

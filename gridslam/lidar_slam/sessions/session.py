@@ -15,6 +15,7 @@ from gridslam.lidar_slam.key_scans import distribute_corrections
 from gridslam.lidar_slam.scans import PreparedScan
 from gridslam.lidar_slam.sessions.drawn_state import DrawnState
 from gridslam.lidar_slam.sessions.object_records import ObjectRecords
+from gridslam.lidar_slam.sway import without_swing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,7 +25,8 @@ Ints = NDArray[np.int64]
 class Drive:
     """One recorded drive: the name of its log, stamps `(n,)` and front end's poses `(n, 3)` of all its scans.
 
-    `keys` `(k,)` are the rows of the key scans `scans`. `range_m` is how far the lidar saw, but for a few beams.
+    `keys` `(k,)` are the rows of the key scans `scans`. `range_m` is how far the lidar saw, but for a few beams. `swing_m`
+    `(n, 2)` are the shifts of the lidar of a robot that sways, in the robot's frame at each scan; None where it does not.
     """
 
     log: str
@@ -33,6 +35,7 @@ class Drive:
     keys: Ints
     scans: Sequence[PreparedScan]
     range_m: float = 0.0
+    swing_m: Floats | None = None
 
     @property
     def key_track(self) -> Floats:
@@ -40,8 +43,11 @@ class Drive:
         return np.asarray(self.track[self.keys])
 
     def corrected(self, key_poses: Floats) -> Trajectory:
-        """The path over all scans, given the final poses `(k, 3)` of the key scans."""
-        return Trajectory(self.stamps_ns, distribute_corrections(self.track, self.keys, key_poses))
+        """The path over all scans, given the final poses `(k, 3)` of the key scans; without the robot's sway."""
+        poses = distribute_corrections(self.track, self.keys, key_poses)
+        return Trajectory(
+            self.stamps_ns, poses if self.swing_m is None else without_swing(poses, self.swing_m)
+        )
 
 
 @dataclass(frozen=True, slots=True)

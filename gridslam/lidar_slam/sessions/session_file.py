@@ -34,6 +34,7 @@ from gridslam.lidar_slam.sessions.stored_scans import (
     SURFACE_BYTES,
     StoredScans,
 )
+from gridslam.lidar_slam.sway import MAX_SWING_M
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -54,6 +55,7 @@ RANGES: dict[str, tuple[float, float]] = {  # lowest and highest value
     "key.pose": _POSES,
     "scan.track": _POSES,
     "scan.stamp_ns": _STAMPS,
+    "scan.swing": (-MAX_SWING_M, MAX_SWING_M),
     "key.viewpoint": (-MAX_POINT_M, MAX_POINT_M),
     "drive.range_m": (0.0, MAX_POSE_M),
     "drive.part": (0, MAX_KEY_SCANS),
@@ -68,6 +70,7 @@ RANGES: dict[str, tuple[float, float]] = {  # lowest and highest value
     "drawn.pose": _POSES,
     "change.stamps_ns": _STAMPS,
 }
+SWAY_SCHEMA = {"scan.swing": ("<f8", 2)}  # only where a robot sways
 EDGES = ("loops", "visits", "landmarks")
 SCHEMA = {  # of all arrays but those of edges: type, columns
     "drive.scans": ("<i8", 0),
@@ -135,6 +138,9 @@ def _arrays(session: Session) -> Iterator[tuple[str, NDArray[np.generic]]]:
     yield "drive.range_m", np.array([drive.range_m for drive in drives])
     yield "scan.stamp_ns", np.concatenate([drive.stamps_ns for drive in drives])
     yield "scan.track", np.concatenate([drive.track for drive in drives])
+    if any(drive.swing_m is not None for drive in drives):
+        swings = [np.zeros((len(d.stamps_ns), 2)) if d.swing_m is None else d.swing_m for d in drives]
+        yield "scan.swing", np.concatenate(swings)
     yield "key.scan", np.concatenate([drive.keys for drive in drives])
     yield "key.pose", session.poses
     yield "key.viewpoint", np.concatenate([stored.viewpoints for stored in scans])
@@ -164,7 +170,11 @@ def read_session(content: bytes, name: str) -> Session:
         arrays = read_npz(io.BytesIO(content), MAX_UNPACKED_BYTES)
         head = _head(arrays.get("head"))
         _check_digest(arrays)
-        _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **(DRAWN_SCHEMA if head["drawn"] else {})})
+        optional = {
+            **(DRAWN_SCHEMA if head["drawn"] else {}),
+            **(SWAY_SCHEMA if "scan.swing" in arrays else {}),
+        }
+        _check(arrays, {**SCHEMA, **OBJECT_SCHEMA, **optional})
         if MIN_KEY_BYTES * len(arrays["key.pose"]) > len(content):
             raise ValueError(f"it claims to hold {len(arrays['key.pose'])} key scans in {len(content)} bytes")
         if len(head["logs"]) != len(arrays["drive.keys"]):
@@ -246,6 +256,7 @@ def _check_sizes(arrays: Arrays, rows: dict[str, int]) -> None:
         (rows["drive.range_m"], rows["drive.scans"]),
         (sums["drive.scans"], rows["scan.stamp_ns"]),
         (rows["scan.track"], rows["scan.stamp_ns"]),
+        (rows.get("scan.swing", rows["scan.track"]), rows["scan.track"]),
         (sums["drive.keys"], keys),
         *((rows[name], keys) for name in ("key.scan", "key.viewpoint", "key.returns", "key.surface")),
         (int((-(-arrays["drive.keys"] // CHUNK_SCANS)).sum()), rows["chunk.bytes"]),
@@ -293,8 +304,19 @@ def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
             (a["key.returns"][keys], a["key.surface"][keys]),
             chunks[first_chunk[d] : first_chunk[d + 1]],
         )
-        track = a["scan.track"][first_scan[d] : first_scan[d + 1]]
-        drives.append(Drive(log, stamps, track, keys=own, scans=scans, range_m=float(a["drive.range_m"][d])))
+        rows = slice(first_scan[d], first_scan[d + 1])
+        swing = a["scan.swing"][rows] if "scan.swing" in a else np.zeros((0, 2))
+        drives.append(
+            Drive(
+                log,
+                stamps,
+                a["scan.track"][rows],
+                keys=own,
+                scans=scans,
+                range_m=float(a["drive.range_m"][d]),
+                swing_m=swing if swing.any() else None,
+            )
+        )
     n_keys = int(first_key[-1])
     return Session(
         tuple(drives),

@@ -45,6 +45,7 @@ def drive_of(log: str, tracker: ScanTracker, scans: Sequence[PreparedScan]) -> D
         keys=np.array(tracker.keys, np.int64),
         scans=scans,
         range_m=range_m_of(scans),
+        swing_m=None if tracker.sway is None else tracker.sway.shifts_m,
     )
 
 

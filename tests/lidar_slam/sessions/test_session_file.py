@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gridslam.core import poses as se2
 from gridslam.core.errors import InputError
 from gridslam.core.numpy_files import npz_bytes, read_npz
 from gridslam.graph.relative_covariance import packed
@@ -118,6 +119,28 @@ def test_estimates_of_objects_are_read_back(session: Session) -> None:
         read_session(changed(with_objects, object__pose=np.full((2, 3), 1e300)), "session.npz")
     with pytest.raises(InputError, match="objects do not fit"):
         read_session(changed(with_objects, object__reads=np.array([3])), "session.npz")
+
+
+def test_a_robot_that_sways_has_a_path_without_its_sway_also_after_reading(session: Session) -> None:
+    (drive,) = session.drives
+    swing = np.column_stack([0.05 * np.sin(np.arange(len(drive.track))), np.zeros(len(drive.track))])
+    level = replace(drive, log="thursday.mcap")
+    both = replace(
+        session,
+        drives=(replace(drive, swing_m=swing), level),
+        poses=np.concatenate([session.poses] * 2),
+        parts=np.zeros(2, np.int64),
+    )
+    content = session_bytes(both)
+    read = read_session(content, "session.npz")
+    assert session_bytes(read) == content
+    robot = read.trajectory(0).poses
+    np.testing.assert_allclose(se2.compose(robot, np.pad(swing, ((0, 0), (0, 1)))), session.poses, atol=1e-9)
+    np.testing.assert_allclose(read.trajectory(1).poses, session.poses, atol=1e-9)
+    with pytest.raises(InputError, match=r"scan\.swing is out of range"):
+        read_session(changed(both, scan__swing=np.full((2 * len(swing), 2), 5.0)), "session.npz")
+    with pytest.raises(InputError, match="do not fit"):
+        read_session(changed(both, scan__swing=swing), "session.npz")
 
 
 def changed(session: Session, **arrays: object) -> bytes:
