@@ -88,7 +88,10 @@ def run_evaluation(request: Request) -> None:
     if request.output is not None:
         from gridslam.report.evaluation_page import check_evaluation_free
 
-        check_evaluation_free(request.output, request.force)
+        truth = request.truth
+        given = (truth.path, truth.map_path, truth.relations, truth.objects)
+        read = [*request.paths, *(path for path in given if path is not None)]
+        check_evaluation_free(request.output, request.force, read)
     evaluated = [_evaluated(request, path, name) for path, name in _named(request.paths)]
     for one in evaluated:
         check_keys(gates, one.document, measures.NEEDS)

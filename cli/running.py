@@ -15,9 +15,11 @@ from gridslam.core.errors import ConfigError
 from gridslam.core.nested import flatten
 from gridslam.core.threads import limit_threads
 from gridslam.core.trajectory import Trajectory
+from gridslam.maps.load import map_files
 from gridslam.methods.registry import BUILT_IN
 from gridslam.report.directory import check_free
 from gridslam.report.environment import made_with
+from gridslam.report.run_yaml import FILE_NAME as RUN_YAML
 from gridslam.report.sensor_trust import sensor_summary
 from gridslam.report.write import write_run
 from gridslam.runs.feed import Stop
@@ -53,13 +55,7 @@ class RunOptions:
 
 def run_command(command: Command, options: RunOptions, map_path: Path | None = None) -> None:
     """Run, write the directory, print the summary. Exits with 130 if interrupted; with --strict 5 if doubtful, 3 if lossy."""
-    read = [
-        *options.earlier,
-        options.log,
-        *options.inputs.values(),
-        *(p for p in (map_path, options.truth) if p),
-    ]
-    before = check_free(options.output, options.force, read)
+    before = check_free(options.output, options.force, _files_read(options, map_path))
     config = load_config(options.config, options.overrides, options.seed)
     _warn_of_other_versions(config)
     if options.jobs is not None:
@@ -79,6 +75,19 @@ def run_command(command: Command, options: RunOptions, map_path: Path | None = N
         else:
             console.emit_table(("", ""), summary(run, document, options.output))
     _exit_unless_complete(run, options)
+
+
+def _files_read(options: RunOptions, map_path: Path | None) -> list[Path]:
+    """The inputs of a run, which its output may not replace.
+
+    Its config is one as well, but the run.yaml of an earlier run may be replaced together with that run.
+    """
+    config = Path(options.config)
+    files = [options.log, *options.earlier, *options.inputs.values()]
+    files += [path for path in (map_path, options.truth) if path is not None]
+    if map_path is not None and map_path.is_file():
+        files += map_files(map_path)
+    return [*files, config] if config.is_file() and config.name != RUN_YAML else files
 
 
 def _read_truth(options: RunOptions) -> Trajectory | None:

@@ -37,13 +37,13 @@ def run(
 ) -> None:
     """Fit the correlation of neighbouring cells, r0 of stereo-bayes, to a known map."""
     from gridslam.core.files import write_atomic
-    from gridslam.maps.load import load_any_map
+    from gridslam.maps.load import load_any_map, map_files
     from gridslam.maps.occupancy_correlation import fit_correlation
 
     from ..interruption import finishing
 
     if output is not None:
-        check_output_file(output, force, [map_path])
+        check_output_file(output, force, map_files(map_path))
     fit = fit_correlation(load_any_map(map_path), seed, samples, occupied_from)
     document = {
         "map": str(map_path),

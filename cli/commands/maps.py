@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -82,7 +83,7 @@ def crop(
         grid = crop_to_polygon(grid, corners)
     else:
         grid = crop_to_reachable(grid, _numbers([str(reachable)], 2, "--reachable")[0])
-    _save(grid, output, mode, force)
+    _save(grid, output, [map_path], mode=mode, force=force)
 
 
 Yaw = Annotated[
@@ -107,9 +108,10 @@ def rotate(
     _save(
         moved(grid, np.array([0.0, 0.0, float(rotation)])),
         output,
-        mode,
-        force,
-        [("turned", f"{np.degrees(rotation):.3f} deg")],
+        [map_path],
+        mode=mode,
+        force=force,
+        rows=[("turned", f"{np.degrees(rotation):.3f} deg")],
     )
 
 
@@ -127,7 +129,7 @@ def merge(
 
     base, second = (load_any_map(path, MAX_CELLS) for path in (map_path, other))
     T_base_other, rows = _alignment(base, second, pose)
-    _save(merged(base, second, T_base_other), output, mode, force, rows)
+    _save(merged(base, second, T_base_other), output, [map_path, other], mode=mode, force=force, rows=rows)
 
 
 Picture = Annotated[
@@ -148,12 +150,12 @@ def compare(
 
     from gridslam.core.files import write_atomic
     from gridslam.evaluation.map_comparison import compare_maps
-    from gridslam.maps.load import load_any_map
+    from gridslam.maps.load import load_any_map, map_files
 
     from ..interruption import finishing
 
     if picture is not None:
-        check_output_file(picture, force, (map_path, other))
+        check_output_file(picture, force, [*map_files(map_path), *map_files(other)])
     base, second = (load_any_map(path, MAX_COMPARED_CELLS) for path in (map_path, other))
     T_base_other, _ = _alignment(base, second, pose)
     found = compare_maps(base, second, T_base_other)
@@ -197,7 +199,7 @@ def export(
     """Write a map for other programs: map_server YAML (.yaml with PGM, .png), outlines (.svg, .dxf), GeoTIFF (.tif)."""
     from gridslam.core.files import write_atomic
     from gridslam.maps import drawings_out
-    from gridslam.maps.load import load_any_map
+    from gridslam.maps.load import load_any_map, map_files
 
     from ..interruption import finishing
 
@@ -208,9 +210,9 @@ def export(
         raise ConfigError(f"{output}: a GeoTIFF needs --epsg and --geo-origin EAST,NORTH")
     grid = load_any_map(map_path)
     if kind in (".yaml", ".png"):
-        _save(grid, output, mode, force)
+        _save(grid, output, [map_path], mode=mode, force=force)
         return
-    check_output_file(output, force, [map_path])
+    check_output_file(output, force, map_files(map_path))
     if kind == ".svg":
         content = drawings_out.svg_text(grid).encode()
     elif kind == ".dxf":
@@ -259,12 +261,18 @@ def _numbers(words: list[str], count: int, option: str) -> NDArray[np.float64]:
 def _save(
     grid: OccupancyGrid,
     output: Path,
+    inputs: Sequence[Path],
+    *,
     mode: Literal["trinary", "scale", "raw"],
     force: bool,
-    rows: list[tuple[str, str]] | None = None,
+    rows: Sequence[tuple[str, str]] = (),
 ) -> None:
-    """Write a map_server YAML with its image, and print its size; with `force` also in place of the map that was read."""
-    from gridslam.core.files import check_file_free
+    """Write a map_server YAML with its image, and print its size; with `force` also in place of one of the `inputs`.
+
+    An input is never replaced in part: its image alone.
+    """
+    from gridslam.core.files import check_file_free, real_path, refuse_to_replace
+    from gridslam.maps.load import map_files
     from gridslam.maps.map_server import save_map
 
     from ..interruption import finishing
@@ -274,11 +282,14 @@ def _save(
         raise ConfigError(f"{output}: expected a name that ends in .yaml")
     base = output.with_suffix("")
     kind: Literal["png", "pgm"] = "png" if output.suffix == ".png" or mode == "scale" else "pgm"
-    for path in (base.with_name(f"{base.name}.yaml"), base.with_name(f"{base.name}.{kind}")):
+    yaml_path, image_path = (base.with_name(f"{base.name}.{suffix}") for suffix in ("yaml", kind))
+    others = [path for path in inputs if real_path(path) != real_path(yaml_path)]
+    for path in (yaml_path, image_path):
         check_file_free(path, force)
+        refuse_to_replace(path, [file for other in others for file in map_files(other)])
     n_rows, n_cols = grid.probability.shape
     x, y = grid.geometry.origin_xy_m
     size = f"{n_cols} x {n_rows} cells of {100 * grid.geometry.resolution_m:g} cm, origin {x:.3f}, {y:.3f}"
     with finishing():
         written = save_map(grid, base, mode, image_format=kind)
-        console.emit_table(("", ""), [*(rows or []), ("map", size), ("written", str(written))])
+        console.emit_table(("", ""), [*rows, ("map", size), ("written", str(written))])

@@ -105,7 +105,7 @@ def run(
     import numpy as np
 
     from gridslam.kernels.compiling import announcing_compilation
-    from gridslam.maps.load import load_any_map
+    from gridslam.maps.load import load_any_map, map_files
     from gridslam.planning.arcs_and_lines import plan_path
     from gridslam.planning.options import PlanOptions
     from gridslam.planning.travel_time import SpeedLimits
@@ -130,7 +130,7 @@ def run(
         ),
     )
     start_pose, goal_pose = np.array([_pose("--start", start, False), _pose("--goal", goal, True)])
-    before = check_free(output, force, [map_path]) if output is not None else None
+    before = check_free(output, force, map_files(map_path)) if output is not None else None
     occupancy = load_any_map(map_path)
     with announcing_compilation(_say_compiling):
         plan = plan_path(occupancy, start_pose, goal_pose, options, report=_SearchNotice())

@@ -69,7 +69,7 @@ def run(
         raise typer.BadParameter("nothing to do: add -o LOG or --preview PNG", param_hint="'-o'")
     place, path = load_world(world, override or (), seed)
     if preview is not None:
-        check_output_file(preview, force, [path])
+        check_output_file(preview, force, [path, *_plan_files(place, path.parent)])
     done = None if output is None else _record(place, path.parent, output, force)
     with finishing():
         if preview is not None:
@@ -81,6 +81,15 @@ def run(
         elif done is not None:
             console.say(f"{done.duration_s:.0f} s, {done.distance_m:.0f} m; ground truth in {done.truth}")
             console.emit_table(("message", "count"), list(done.messages.items()))
+
+
+def _plan_files(world: WorldConfig, folder: Path) -> list[Path]:
+    """The files of the world's floor plan, if it has one; its name is relative to the folder of the world file."""
+    if world.plan is None:
+        return []
+    from gridslam.maps.load import map_files
+
+    return map_files(folder / world.plan.file)
 
 
 def _document(preview: Path | None, output: Path | None, done: Recorded | None) -> dict[str, object]:

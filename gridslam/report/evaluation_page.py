@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,15 @@ import jinja2
 from markupsafe import Markup
 
 from gridslam.core.errors import ConfigError
-from gridslam.core.files import check_name, making, partial_folder, put_folder, real_path, write_atomic
+from gridslam.core.files import (
+    check_name,
+    making,
+    partial_folder,
+    put_folder,
+    real_path,
+    refuse_to_replace,
+    write_atomic,
+)
 from gridslam.core.texts import visible
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.gates import measures_of
@@ -29,8 +37,11 @@ TEMPLATE = "evaluation.html.j2"
 DOCUMENT_NAME, PAGE_NAME = "evaluation.json", "evaluation.html"
 
 
-def check_evaluation_free(directory: Path, force: bool) -> None:
-    """Raise ConfigError unless an evaluation may be written here: a new path, an empty folder, or with `force` an earlier one."""
+def check_evaluation_free(directory: Path, force: bool, inputs: Iterable[Path] = ()) -> None:
+    """Raise ConfigError unless an evaluation may be written here: a new path, an empty folder, or with `force` an earlier one.
+
+    An earlier one that contains one of the `inputs` is never replaced.
+    """
     check_name(directory)
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
         return
@@ -40,6 +51,7 @@ def check_evaluation_free(directory: Path, force: bool) -> None:
         raise ConfigError(
             f"{directory}: exists; choose another output folder, or --force to replace the evaluation in it"
         )
+    refuse_to_replace(directory, inputs)
 
 
 def write_evaluation(

@@ -15,6 +15,7 @@ from gridslam.report.environment import made_with
 from gridslam.runs.run import Run
 from gridslam.runs.run_config import RunConfig
 
+FILE_NAME = "run.yaml"
 HEADER = """\
 # {command}
 # reproduces {what} byte for byte, with the versions below.
@@ -35,7 +36,7 @@ def command_again(run: Run) -> str:
     """The command that reproduces the result of a run; for an exploration the command that maps its log."""
     command = "map" if run.command == "explore" else run.command
     logs = [path.name for path in (*run.earlier_logs, run.log_path)]
-    words = ["gridslam", command, *logs, "-c", "run.yaml"]
+    words = ["gridslam", command, *logs, "-c", FILE_NAME]
     for name, file in run.given.items():
         words += option_words(name, file)
     return " ".join(shlex.quote(" ".join(word.split())) for word in [*words, "-o", "DIR"])

@@ -21,6 +21,7 @@ from gridslam.report.document import json_bytes, plain, report_document
 from gridslam.report.html import write_html
 from gridslam.report.layers import write_layers
 from gridslam.report.marks import marks_of
+from gridslam.report.run_yaml import FILE_NAME as RUN_YAML
 from gridslam.report.run_yaml import write_run_yaml
 from gridslam.report.text_files import write_table, write_tum
 from gridslam.report.viewer_log import write_viewer_log
@@ -59,7 +60,7 @@ def _write_run(
             write_atomic(folder / name, content)
         for name, table in sorted(run.result.tables.items()):
             write_table(folder / f"{name}.csv", table)
-        write_run_yaml(folder / "run.yaml", run)
+        write_run_yaml(folder / RUN_YAML, run)
         if run.config.output.viewer:
             write_viewer_log(folder / "result.mcap", run, log_path)
         if run.config.output.html:
