@@ -292,7 +292,7 @@ def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
     ends = offsets_of(a["chunk.bytes"].tolist())
     content = memoryview(a["points"].tobytes())
     chunks = [content[start:end] for start, end in pairwise(ends.tolist())]
-    drives = []
+    drives, no_swing = [], np.zeros((0, 2))
     for d, log in enumerate(logs):
         keys = slice(first_key[d], first_key[d + 1])
         own, stamps = a["key.scan"][keys], a["scan.stamp_ns"][first_scan[d] : first_scan[d + 1]]
@@ -305,7 +305,7 @@ def _session(arrays: Arrays, head: dict[str, Any]) -> Session:
             chunks[first_chunk[d] : first_chunk[d + 1]],
         )
         rows = slice(first_scan[d], first_scan[d + 1])
-        swing = a["scan.swing"][rows] if "scan.swing" in a else np.zeros((0, 2))
+        swing = a.get("scan.swing", no_swing)[rows]
         drives.append(
             Drive(
                 log,
