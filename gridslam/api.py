@@ -1,4 +1,4 @@
-"""The Python face: a log in, map, trajectory, errors and pictures out as objects. `import gridslam` offers it by name."""
+"""The Python interface: maps, trajectories, errors and pictures from logs, as objects. `import gridslam` exports its names."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class FinishedRun:
-    """A finished run as objects; `save` writes its run directory. `run` is what the commands report; its form may change."""
+    """A finished run as objects; `save` writes its run directory. `run` is internal: its attributes may change."""
 
     run: Run
 
@@ -54,14 +54,14 @@ class FinishedRun:
     def status(self) -> str:
         """The status of report.json.
 
-        `complete`; `lossy`: not all of the log could be used; `interrupted`: stopped before its end. Where the method doubts
-        its own result: `lost`, `inconsistent` or `apart`, with the reason in `doubt`.
+        `complete`; `lossy`: not all of the log could be used; `interrupted`: stopped before its end. A method that doubts its
+        own result sets `lost`, `inconsistent` or `apart`, and gives the reason in `doubt`.
         """
         return self.run.status
 
     @property
     def doubt(self) -> Doubt | None:
-        """The method's reason not to trust its result; None where it has none."""
+        """The method's reason not to trust its result; None if it has none."""
         return self.run.result.doubt
 
     @property
@@ -71,17 +71,17 @@ class FinishedRun:
 
     @property
     def map(self) -> OccupancyGrid | None:
-        """The map made or, after `localize`, the map given; None where there is none."""
+        """The map that was built or, after `localize`, the given map; None if there is none."""
         return self.run.occupancy
 
     @property
     def trajectory(self) -> Trajectory:
-        """T_map_base over time; empty where no pose was found."""
+        """T_map_base over time; empty if no pose was found."""
         return self.run.result.trajectory
 
     @property
     def layers(self) -> Mapping[str, NDArray[np.generic]]:
-        """The method's further layers by name, each `(rows, cols)` from the lower left corner."""
+        """The method's additional layers by name, each `(rows, cols)` from the lower left corner."""
         return {name: layer.values for name, layer in self.run.result.layers.items()}
 
     @property
@@ -125,13 +125,20 @@ def map_log(
     stop: Stop | None = None,
     **keywords: object,
 ) -> FinishedRun:
-    """Map a log, or several logs of one place as one map: what `gridslam map` does, without writing anything.
+    """Map a log, or several logs of one place into one map: `gridslam map` without writing any file.
 
-    A `Log` is read anew with the settings that it was opened with, so that its own counts stay those of its own reading.
-    `config` and `settings` are those of `load_config`; further keywords are settings as well, as long as their names are not
-    those of arguments: `particles=50`. `drawing` (handmap-slam) and `tags` (slam-sd) are files, `session` a run directory or
-    its session.npz to continue, `inputs` files for further inputs of a plug-in method, by name. `progress` is called with a
-    `Progress` now and then; when `stop` returns True, the run ends with what it has.
+    log: Paths of logs, or opened ones. An opened `Log` is read again from its path with the same settings; its counters and
+        its playback are left as they are.
+    config, settings: As for `load_config`.
+    keywords: More settings, `particles=50`, unless a parameter has that name.
+    drawing: Picture of the hand-drawn map (handmap-slam).
+    tags: Tag database (slam-sd).
+    session: Run directory or session.npz whose map is continued.
+    inputs: Files for the inputs that a plug-in method declares, by name.
+    seed: Replaces the seed of the configuration.
+    progress: Called with a `Progress` after each batch of messages, which takes 10 to 40 ms.
+    stop: Polled during the run; once it returns True, the run ends with the result so far.
+
     Raises ConfigError, LogError (unreadable, or a stream is missing), MethodError.
     """
     logs = [log] if isinstance(log, str | PathLike | Log) else list(log)
@@ -156,10 +163,12 @@ def localize(
     stop: Stop | None = None,
     **keywords: object,
 ) -> FinishedRun:
-    """Localize along a log on a map (a map_server YAML or wean.dat): what `gridslam localize` does, without writing.
+    """Localize along a log on a map: `gridslam localize` without writing any file.
 
-    Where `map_path` is a run directory with a session, or its session.npz, the layer, table and picture `disagreement` show where
-    the place differs from it. Arguments and errors as for `map_log`. Raises MapError: the map is unreadable.
+    `map_path` is a map_server YAML, wean.dat, or a run directory with a session (or its session.npz). With a session, the layer,
+    table and picture `disagreement` show where the place has changed since. All other parameters are those of `map_log`.
+
+    Raises MapError (the map is unreadable), and the errors of `map_log`.
     """
     loaded = _with_log_settings(load_config(config, (), seed, _joined(settings, keywords)), [log])
     given_map = None if map_path is None else Path(map_path)
@@ -183,7 +192,7 @@ def localize(
 
 
 def _joined(settings: Mapping[str, object], keywords: Mapping[str, object]) -> Mapping[str, object]:
-    """The settings and those given by keyword. Raises ConfigError: one is given in both."""
+    """The settings together with those given by keyword. Raises ConfigError: a key is in both."""
     for key in settings.keys() & keywords.keys():
         raise ConfigError(f"method.{key}: is given in `settings` and as a keyword")
     return {**settings, **keywords}
@@ -194,7 +203,7 @@ def _path_of(log: AnyLog) -> Path:
 
 
 def _with_log_settings(config: RunConfig[BaseModel], logs: Sequence[AnyLog]) -> RunConfig[BaseModel]:
-    """The configuration with the settings that the opened ones of the logs were opened with.
+    """The configuration, with the settings for logs replaced by those with which the `Log` objects were opened.
 
     Raises ConfigError: the configuration has other settings for logs, or the logs were opened with different ones.
     """
@@ -207,7 +216,7 @@ def _with_log_settings(config: RunConfig[BaseModel], logs: Sequence[AnyLog]) -> 
 
 
 def _session_and_map(path: Path) -> tuple[Session, Path]:
-    """The session of a run directory, or in its file, and the map beside it. Raises InputError: there is no session."""
+    """The session of a run directory or of its session.npz, and the path of the map beside it. Raises InputError: no session."""
     from gridslam.lidar_slam.sessions.session_file import FILE_NAME, load_session
 
     file = path / FILE_NAME if path.is_dir() else path
@@ -215,9 +224,11 @@ def _session_and_map(path: Path) -> tuple[Session, Path]:
 
 
 def simulate(world: AnyPath, log: AnyPath, *, overrides: Sequence[str] = (), force: bool = False) -> Path:
-    """Record a simulated drive through a built-in world or a world file; its truth goes beside it. Returns the log's path.
+    """Record a simulated drive through a built-in world or a world file. Returns the path of the log.
 
-    Raises ConfigError: the world is wrong, or the log is there already (`force` replaces it).
+    The ground truth is written beside the log. `overrides` are strings `KEY=VALUE` for keys of the world file.
+
+    Raises ConfigError: the world is wrong, or the log exists already (`force` replaces it).
     """
     from gridslam.simulation.record import record_world
     from gridslam.simulation.world_config import load_world
@@ -238,9 +249,10 @@ def evaluate(
 ) -> dict[str, Any]:
     """Measure a result against the truth: the document of `gridslam evaluate --json`, with NaN where JSON has null.
 
-    `result` is a finished run, a run directory or a trajectory file. Files of the truth are those of the command. Without
-    `options`, a result that was mapped is aligned to the truth (`se2`), and any other is taken as it is.
-    Raises InputError: a file is unreadable, or nothing of the result has a truth.
+    `result` is a finished run, a run directory or a trajectory file. The truth files have the formats that the command reads.
+    Without `options`, the result of a mapping run is aligned to the truth (`se2`), and any other is compared as it is.
+
+    Raises InputError: a file is unreadable, or there is no truth for any part of the result.
     """
     true = load_truth(*(None if p is None else Path(p) for p in (truth, truth_map, relations, truth_objects)))
     if isinstance(result, FinishedRun):
@@ -260,7 +272,7 @@ def load_map(path: AnyPath) -> OccupancyGrid:
 
 
 def save_map(grid: OccupancyGrid, path: AnyPath) -> None:
-    """Write PATH.pgm and PATH.yaml for map_server; a suffix .yaml or .pgm of the path is left out."""
+    """Write PATH.pgm and PATH.yaml for map_server; a suffix .yaml or .pgm of `path` is removed first."""
     given = Path(path)
     save_map_files(grid, given.with_suffix("") if given.suffix in (".yaml", ".pgm") else given)
 
@@ -271,6 +283,7 @@ def load_trajectory(path: AnyPath) -> Trajectory:
 
 
 def _given(paths: Mapping[str, AnyPath | None]) -> dict[str, Path]:
+    """The paths that are not None."""
     return {name: Path(path) for name, path in paths.items() if path is not None}
 
 

@@ -19,7 +19,7 @@ import zlib
 
 from gridslam.core.texts import shortened
 
-# What decoders of damaged pictures raise; a size in a damaged file can ask for any memory.
+# What decoders raise for damaged pictures; MemoryError since a damaged header can state any size.
 PICTURE_DAMAGE = (
     OSError,
     ValueError,
@@ -38,12 +38,12 @@ class GridslamError(Exception):
     exit_code = 70
 
     def __str__(self) -> str:
-        """The message, without its middle where names from a file make it longer than a screen."""
+        """The message; its middle is cut out if names from a file make it longer than a screen."""
         return shortened(super().__str__())
 
 
 def message_of(error: BaseException) -> str:
-    """The message of an error, whose class may be of another package; no text where it has none that can be made."""
+    """The message of an error; empty if `str(error)` fails, as it can for classes of other packages."""
     try:
         return str(error)
     except Exception:
@@ -51,7 +51,7 @@ def message_of(error: BaseException) -> str:
 
 
 def was_interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C caused an error: interrupted compiled code raises an error of its own."""
+    """Whether Ctrl-C caused an error, directly or as the cause of the error that interrupted compiled code raises."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None

@@ -1,8 +1,8 @@
 """Messages of sensors, independent of the file that they were read from.
 
-Every message carries `stamp_ns` (integer nanoseconds, never rounded) and `frame_id`. Arrays are read-only. The values
-of a message do not depend on the container it was read from: what ROS stores as float32 is kept to float32 precision
-in every format, and yaw angles are kept to 2^-40 rad, so that a log and its conversion give the same run.
+Every message carries `stamp_ns` (integer nanoseconds, never rounded) and `frame_id`. Arrays are read-only. A message has the
+same values in every file format: what ROS stores as float32 is rounded to float32, and yaw angles are rounded to 2^-40 rad. So a
+log and its conversion give the same run.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 Scalar = TypeVar("Scalar", bound=np.generic)
 _YAW_STEPS_PER_RAD = float(2**40)
 _LARGEST_YAW_STEPS = math.floor(math.pi * _YAW_STEPS_PER_RAD)
-_SURELY_FLOAT32 = 3.4e38  # a little less than the largest float32
+_SAFE_FLOAT32 = 3.4e38  # a little less than the largest float32
 
 
 def canonical_yaw(yaw_rad: float) -> float:
-    """Yaw rounded to 2^-40 rad (1e-12): a detour through a quaternion gives the same number back.
+    """Yaw rounded to 2^-40 rad (1e-12), so that conversion to a quaternion and back gives the same number.
 
-    Rounding never leads out of [-pi, pi], where the quaternion would come back from the other side.
+    A yaw in [-pi, pi] stays in it: beyond, the quaternion would give back the yaw less one revolution.
     """
     if not math.isfinite(yaw_rad):
         return yaw_rad
@@ -34,10 +34,10 @@ def canonical_yaw(yaw_rad: float) -> float:
 
 
 def as_float32(value: float) -> float:
-    """The value as ROS would store it in a float32 field; infinite where it is too large for one."""
-    if abs(value) < _SURELY_FLOAT32:
+    """The value as ROS would store it in a float32 field; infinite if it is too large for one."""
+    if abs(value) < _SAFE_FLOAT32:  # saves errstate, which doubles the time of a call
         return float(np.float32(value))
-    with np.errstate(over="ignore"):  # this takes as long as all the rest
+    with np.errstate(over="ignore"):
         return float(np.float32(value))
 
 
@@ -51,7 +51,7 @@ def readonly(values: ArrayLike, dtype: type[Scalar]) -> NDArray[Scalar]:
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """T_parent_child: the pose of the child frame in the parent frame (static ones give a sensor's extrinsics)."""
+    """T_parent_child: the pose of the child frame in the parent frame. The extrinsics of a sensor are a static transform."""
 
     stamp_ns: int
     frame_id: str  # parent
@@ -65,10 +65,12 @@ class Transform:
 class LaserScan:
     """One sweep of a planar lidar: beam i points to angle_min_rad + i * angle_increment_rad in the sensor's frame.
 
-    `ranges_m` is float32 `(n,)` as recorded: values outside [range_min_m, range_max_m], NaN and infinities are still there.
-    `angle_max_rad` is what the message says of its last beam; NaN where it says nothing. `has_uncertain_sense`: the message
-    contradicts itself about the sense in which its beams turn. `other_increment_rad` is the increment that it states where
-    another one follows from its angles. `is_of_cloud`: its beams are points of a cloud at any height.
+    `ranges_m` is float32 `(n,)` as recorded, including values outside [range_min_m, range_max_m], NaN and infinities.
+
+    These fields serve checks of the log. `angle_max_rad` is the angle that the message states for its last beam, NaN if it states
+    none. `other_increment_rad` is the stated increment if it was replaced by one computed from the stated angles, else NaN.
+    `has_uncertain_sense`: those two increments have opposite signs, so the beams go either clockwise or counter-clockwise.
+    `is_of_cloud`: the scan was made from a point cloud, whose points can have any height.
     """
 
     stamp_ns: int
@@ -100,7 +102,7 @@ class PointCloud:
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """T_odom_base with, where the log has them, velocities in the robot's frame (NaN where it has not)."""
+    """T_odom_base, and velocities in the robot's frame (NaN if the log has none)."""
 
     stamp_ns: int
     frame_id: str
@@ -118,16 +120,16 @@ class Odometry:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the pose is a pose: no number of it is NaN or infinite."""
+        """Whether x, y and yaw are all finite."""
         return math.isfinite(self.x_m) and math.isfinite(self.y_m) and math.isfinite(self.yaw_rad)
 
 
 @dataclass(frozen=True, slots=True)
 class Imu:
-    """Turn rates about the sensor's axes (`wz_radps`: the yaw rate of a level one), and what it knows of the vertical.
+    """Turn rates about the sensor's axes and, where measured, its orientation and acceleration.
 
-    `quat_wxyz` is its orientation in a level frame, `accel_mps2` its specific force, upward 9.8 m/s^2 at rest; None where not
-    measured.
+    `wz_radps` is the yaw rate if the sensor is level. `quat_wxyz` is the orientation in a frame with z upward. `accel_mps2` is
+    the specific force in the sensor's axes: at rest 9.8 m/s^2, pointing upward. Both are None if not measured.
     """
 
     stamp_ns: int
@@ -141,7 +143,7 @@ class Imu:
 
 @dataclass(frozen=True, slots=True)
 class WheelTicks:
-    """Accumulated angles of the left and right wheel."""
+    """Accumulated angles of the left and right wheel; positive forwards."""
 
     stamp_ns: int
     frame_id: str
@@ -151,7 +153,7 @@ class WheelTicks:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """One reading of a single-beam ranger at a servo bearing (0 = the sensor's extrinsics direction)."""
+    """One reading of a single-beam ranger on a servo; at `bearing_rad` = 0 it points along the x axis of its frame."""
 
     stamp_ns: int
     frame_id: str  # also the sensor's name
@@ -163,7 +165,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class AbsolutePose:
-    """An absolute pose in the map frame from outside, with its covariance `(3, 3)` over x, y, yaw."""
+    """An absolute pose `(3,)` in the map frame, as external trackers measure it, and its covariance `(3, 3)` over x, y, yaw."""
 
     stamp_ns: int
     frame_id: str
@@ -173,7 +175,7 @@ class AbsolutePose:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """Pixels `(rows, cols)` grey or `(rows, cols, 3)` RGB, uint8; `is_raw`: as the camera took them, not rectified."""
+    """Pixels `(rows, cols)` grey or `(rows, cols, 3)` RGB, uint8; rectified unless `is_raw`."""
 
     stamp_ns: int
     frame_id: str
@@ -184,7 +186,7 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class StereoPair:
-    """Grey images of one moment, left and right, `(rows, cols)` uint8; rectified unless `is_raw`."""
+    """Left and right grey image taken at the same time, `(rows, cols)` uint8; rectified unless `is_raw`."""
 
     stamp_ns: int
     frame_id: str
@@ -236,7 +238,7 @@ class CameraInfo:
 
 @dataclass(frozen=True, slots=True)
 class TagInventory:
-    """All tags that one antenna read in one round; an empty round is information as well."""
+    """All tags that one antenna read in one inventory round. Empty rounds are messages too: they show that no tag answered."""
 
     stamp_ns: int
     frame_id: str

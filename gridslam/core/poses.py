@@ -33,7 +33,7 @@ def _wrap_one(angle: float) -> float:
 
 
 def _compose_one(a: Sequence[float], b: Sequence[float]) -> Array:
-    """`compose` of two single poses: plain floats are ten times as fast as arrays of three."""
+    """`compose` of two single poses, ten times as fast with floats as with arrays."""
     (ax, ay, a_yaw), (bx, by, b_yaw) = a, b
     cos, sin = math.cos(a_yaw), math.sin(a_yaw)
     yaw = a_yaw + b_yaw
@@ -125,9 +125,9 @@ def quaternion_of_yaw(yaw_rad: ArrayLike) -> Array:
 
 
 def turning_jacobian(displacement: ArrayLike) -> Array:
-    """Derivative `(..., 3, 3)` of a pose with respect to an earlier one on the same rigid path, in the axes of the map.
+    """Derivative `(..., 3, 3)` of a pose with respect to an earlier pose, both in the map frame, for a fixed motion between them.
 
-    `displacement` `(..., 2)` (x, y) leads from the earlier pose to the later one: an error of the earlier yaw turns it.
+    `displacement` `(..., 2)` (x, y) is the later position minus the earlier one; an error of the earlier yaw rotates it.
     """
     moved = np.asarray(displacement, dtype=np.float64)
     jacobian = np.zeros((*moved.shape[:-1], 3, 3))

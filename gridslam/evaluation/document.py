@@ -83,7 +83,9 @@ class EvaluationOptions:
     max_gap_ns: int = DEFAULT_MAX_GAP_NS  # between the poses that `interpolate` takes
     time_offset_ns: int = 0  # added to the stamps of the estimate
     delta: Delta = field(default_factory=Delta)
-    completeness_radius_m: float | None = None
+    completeness_radius_m: float | None = (
+        None  # true walls farther from every known cell do not count; None: all count
+    )
     max_position_m: float = 0.5  # bound for a successful localization and a correct object
     max_heading_deg: float = 10.0
 

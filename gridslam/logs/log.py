@@ -41,7 +41,7 @@ class Log:
         self._source = source
         self._config = config
         self._selection = select_streams(source.streams, config, kinds, source.base_frame)
-        # What is wrong with streams that nobody asked for is no loss; tf matters to all.
+        # Faults of streams that the method does not read are not losses; tf concerns every method.
         self._concerned = None if kinds is None else {*kinds, "tf", "unknown"}
         self._for_a_method = kinds is not None  # a conversion keeps what was recorded
         self._playback = MessageCounts()
@@ -60,9 +60,9 @@ class Log:
             note_choice(source.streams, self._selection.kind_of, config, self._opening)
 
     def as_read_for(self, kinds: Collection[str]) -> Log:
-        """The same open log as a method reads it that takes these kinds; raises as `open_log` does.
+        """This log, opened for a method that takes these kinds: with its checks and repairs. Raises the errors of `open_log`.
 
-        Where that replaces stamps, those of this log's streams change as well.
+        Both share their streams: if stamps are replaced for the method, they change in this log as well.
         """
         return Log(self.path, self._source, self._config, kinds)
 
@@ -75,7 +75,7 @@ class Log:
         self.close()
 
     def close(self) -> None:
-        """Close open files, and free what is kept of their messages."""
+        """Close open files, and free the messages kept in memory."""
         self._source.close()
 
     @property
@@ -85,11 +85,11 @@ class Log:
 
     @property
     def streams(self) -> list[StreamInfo]:
-        """All streams of the log, by kind, then by topic; messages that `events()` has found unusable are not counted."""
+        """All streams of the log, sorted by kind, then topic. Messages that `events()` has found unusable are not counted."""
         return [self._info(index) for index in self._selection.listed]
 
     def streams_in_span(self) -> list[StreamInfo]:
-        """The streams with what lies between `start_s` and `end_s` of the config; those that no method reads are left out."""
+        """The streams that a method can read, with the counts and stamps between `start_s` and `end_s` of the config."""
         first, last = self._span_ns()
         return [
             self._info(index, first, last)
@@ -120,11 +120,11 @@ class Log:
 
     @property
     def has_span(self) -> bool:
-        """Whether the config asks for a part of the log."""
+        """Whether the config selects a part of the log."""
         return self._config.start_s is not None or self._config.end_s is not None
 
     def _span_ns(self) -> tuple[int, int]:
-        """The stamps of the part that is used. Raises ConfigError: the log ends before it."""
+        """First and last stamp (ns) of the part that the config selects. Raises ConfigError: the log ends before it."""
         start_s, end_s = self._config.start_s, self._config.end_s
         if not self.has_span:
             return 0, END_NS
@@ -145,14 +145,14 @@ class Log:
 
     @property
     def counters(self) -> dict[str, int]:
-        """`read.<kind>`, `skipped.<kind>.<reason>`, `lost.<what>`, `out_of_order.<kind>`, `equal_stamps.<kind>`,
-        `unused.<kind>`. What concerns events is that of the present or last pass of `events()`.
+        """Message counts by key: `read.<kind>`, `skipped.<kind>.<reason>`, `lost.<what>`, `out_of_order.<kind>`,
+        `equal_stamps.<kind>` and `unused.<kind>`. Counts of events are those of the current or last pass of `events()`.
         """
         return dict(sorted(self._account().counters.items()))
 
     @property
     def problems(self) -> list[str]:
-        """Lines for people: what was lost, where it was lost first, and what was assumed."""
+        """Lines for the user: what was lost, where it was lost first, and what was assumed."""
         return self._account().problems
 
     @property
@@ -175,7 +175,7 @@ class Log:
         return dict(sorted(hashes.items()))
 
     def events(self) -> Iterator[Event]:
-        """Static transforms, then all used streams merged by stamp; each call starts at the beginning."""
+        """The static transforms, then the messages of all used streams, merged by stamp; each call starts at the beginning."""
         for _, event in self.events_by_topic():
             yield event
 
@@ -187,7 +187,7 @@ class Log:
     def events_by_stream(self, with_truth: bool = False) -> Iterator[tuple[str, str, Event]]:
         """All triples (kind, topic, event), in the order of `events`; static transforms have `tf` and `/tf_static`.
 
-        `with_truth` adds the true poses, of kind `truth`, for writing the log anew.
+        `with_truth` adds the true poses, of kind `truth`; a conversion of the log needs them.
         """
         self._playback = message_counts = MessageCounts()
         for transform in self._sensors.fixed:
@@ -260,7 +260,7 @@ class Log:
         return (self._config.order or self._source.order) == "stamp"
 
     def _info(self, index: int, first_ns: int | None = None, last_ns: int = END_NS) -> StreamInfo:
-        """A stream as shown to people; with `first_ns`, only its messages from there to `last_ns`."""
+        """A stream as shown to the user; with `first_ns`, only its messages from `first_ns` to `last_ns`."""
         stream = self._source.streams[index]
         all_stamps: Sequence[int] = stream.stamps_ns
         if first_ns is not None:
@@ -289,7 +289,7 @@ class Log:
 
 
 def _unusable_truth(event: Event | Skip, pose: Odometry | None) -> SkipReason | None:
-    """The reason why a message is no true pose; None where it is one."""
+    """The reason why a message is not a true pose; None if it is one."""
     if pose is None:
         return event.reason if isinstance(event, Skip) else SkipReason.UNDECODABLE
     is_far = max(abs(pose.x_m), abs(pose.y_m)) > MAX_COORDINATE_M

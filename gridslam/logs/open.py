@@ -19,11 +19,12 @@ MAX_NAMED = 5  # largest number of logs of a folder that an error names
 
 
 def open_log(path: str | Path, config: LogConfig | None = None, kinds: Collection[str] | None = None) -> Log:
-    """Open a log and index it: afterwards its streams, their counts and most damage are known.
+    """Open a log and index it. Indexing finds its streams, counts their messages, and notices most damage.
 
-    `kinds` names the streams that will be used (`scan`, `odom`, ...); each of those that must be unique is
-    then chosen, by `config.topics` or because there is only one. Without `kinds` all streams are played back. Raises
-    LogError for a file that is no readable log, ConfigError for a choice that the config must make.
+    `kinds` are the kinds of streams that will be read (`scan`, `odom`, ...). If a method takes one stream of a kind and the log
+    has several, `config.topics` must name one. Without `kinds`, all streams are played back.
+
+    Raises LogError: the file is not a readable log. Raises ConfigError: the config must name a topic.
     """
     config = config or LogConfig()
     path = Path(path)

@@ -37,14 +37,15 @@ class RecordedStream:
 
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
-    """One stream as shown to people.
+    """One stream as shown to the user.
 
-    `out_of_order` is the number of stamps below the one before, `used` whether `events()` has the stream.
+    `detail` of a tf stream is parent->child. `out_of_order` is the number of stamps that are smaller than the previous one.
+    `used`: `Log.events` includes the stream.
     """
 
     kind: str
     topic: str
-    detail: str  # of a tf stream: parent->child
+    detail: str
     type: str
     count: int
     first_stamp_ns: int | None

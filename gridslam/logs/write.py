@@ -15,7 +15,7 @@ _READ_ONLY_FORMATS = (".bag", ".db3", ".clf", ".gz", ".bz2")
 
 
 class LogWriter(Protocol):
-    """A writer of logs. The log gets its name when `close` succeeds; after an exception in `with` nothing remains."""
+    """A writer of logs. The log appears under its name when `close` succeeds; after an exception in `with` nothing remains."""
 
     def __enter__(self) -> LogWriter: ...
 
@@ -27,23 +27,23 @@ class LogWriter(Protocol):
         """Append one event."""
 
     def write_truth(self, pose: Odometry) -> None:
-        """Append the true pose, which no method is shown."""
+        """Append a true pose, which methods do not read."""
 
     def complete(self) -> None:
-        """Write what is left, so that only the name is missing; nothing may be appended from here on."""
+        """Write the rest of the log under its temporary name. Nothing may be appended afterwards."""
 
     def close(self) -> None:
-        """Complete the log, and give it its name."""
+        """Complete the log, and give it its final name."""
 
     def abandon(self) -> None:
         """Remove what was written."""
 
 
 def open_writer(path: str | Path, force: bool = False, as_rosbag2: bool = False) -> LogWriter:
-    """The writer for a path; `as_rosbag2`: a rosbag2 folder, whatever the name.
+    """A writer of an MCAP file if the path ends in .mcap, else of a CSV folder; with `as_rosbag2`, of a rosbag2 folder.
 
-    Raises ConfigError where something is there already, unless it is a log of this format and `force` replaces it, and for
-    the ending of a format that is only read.
+    Raises ConfigError: the path exists (`force` replaces a log of the same format), or has the suffix of a format that is only
+    read.
     """
     path = Path(path)
     if as_rosbag2:
@@ -65,7 +65,7 @@ def open_writer(path: str | Path, force: bool = False, as_rosbag2: bool = False)
 
 
 def write_log(path: str | Path, events: Iterable[Event], force: bool = False) -> None:
-    """Write events, in the order given."""
+    """Write a log with the given events, in their order. `path` and `force` as for `open_writer`, whose errors are raised."""
     with open_writer(path, force) as writer:
         for event in events:
             writer.write(event)

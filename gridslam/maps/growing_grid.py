@@ -14,10 +14,12 @@ _MARGIN_CELLS = 64
 
 
 class GrowingGrid:
-    """Values float64 (rows, cols, ...), initially zero. The corner of lattice cell (0, 0) is at x = y = 0.
+    """Values float64 `(rows, cols, ...)`, initially zero, on a grid that grows to cover the points added.
 
-    Raises MethodError: the grid would need more than `memory_limit_mb`, or a point is not finite. So a wrong pose cannot exhaust
-    the memory of the machine.
+    The lattice is the infinite grid of which `values` is a part; the lower left corner of its cell (0, 0) is at x = y = 0 in the
+    map frame. `channels` is the shape of the value of one cell.
+
+    Raises MethodError: the grid would need more than `memory_limit_mb`, as after a wrong pose, or a point is not finite.
     """
 
     def __init__(self, resolution_m: float, memory_limit_mb: float, channels: tuple[int, ...] = ()) -> None:

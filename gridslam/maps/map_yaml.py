@@ -15,7 +15,7 @@ from gridslam.core.texts import parse_number
 Mode = Literal["trinary", "scale", "raw"]
 
 MODES: dict[str, Mode] = {"trinary": "trinary", "scale": "scale", "raw": "raw"}
-MAX_ORIGIN = 1e9  # m or rad; beyond it float64 has no centimetres
+MAX_ORIGIN = 1e9  # m, m, rad; with larger coordinates float64 arithmetic is not accurate to a centimetre
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,13 +81,20 @@ def render_map(
     with_grid: bool = False,
     whole: bool = False,
 ) -> Image.Image:
-    """An RGB picture of the known part of the map, or all of it if `whole`, in the grid's axes (x to the right, y up).
+    """An RGB picture of a map, in the grid's axes (x to the right, y up).
 
-    Drawn on top: the trajectory with its start (green) and end (red) and its `marks`, `points` `(n, 2)` in the map frame (red
-    dots), `particles` `(n, 2)` or `(n, 3)` (orange dots), and `footprints` with their names below them. Under all that, cells
-    that are no walls have the colours of `tints`, the last on top. `title` is written above, and `with_grid` draws lines at the
-    ticks. A long map is divided into pieces, from left to right or from bottom to top. The longer side has about 600 to 2300
-    pixels. The same input gives the same picture.
+    The longer side has about 600 to 2300 pixels. A long map is divided into pieces, from left to right or from bottom to top.
+    The same input gives the same picture.
+
+    trajectory: Drawn as a line, with its start (green) and end (red).
+    points: Red dots `(n, 2)` in the map frame.
+    particles: Orange dots `(n, 2)` or `(n, 3)` in the map frame.
+    title: Written above the map.
+    footprints: Drawn with their names below them.
+    tints: Colours of cells other than walls; the last one covers the others.
+    marks: Untrusted poses, standard deviations and loop closures of the trajectory.
+    with_grid: Draw lines at the ticks of the axes.
+    whole: Draw unknown margins as well, not only the known part.
     """
     path = _Path.of(trajectory, marks)
     windows = choose_windows(grid, path.xy, whole)

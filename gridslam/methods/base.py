@@ -1,4 +1,4 @@
-"""Interface of a method to the rest of the program: events in, one result out."""
+"""Interface between a method and the rest of the program: events in, one result out."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class PlacedObject:
-    """An object in the map: its pose `(3,)` in the map frame, its state in a word (or none), and whether it was moved."""
+    """An object in the map: its pose `(3,)` in the map frame, its state in one word ("" for none), and whether it was moved."""
 
     name: str
     pose: NDArray[np.float64]
@@ -45,7 +45,7 @@ class Series:
 class Picture:
     """A picture that only the method can make; written as PNG beside the map and shown in the report.
 
-    `rgb` is uint8 `(height, width, 3)`, top row first; `note` says in a sentence what is to be seen.
+    `rgb` is uint8 `(height, width, 3)`, top row first; `note` is a sentence that explains the picture.
     """
 
     rgb: NDArray[np.uint8]
@@ -64,11 +64,11 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """The reason why a finished result is not to be trusted.
+    """The reason why a finished result should not be trusted.
 
-    `status` replaces `complete` as the status of the run: `lost` for poses that the method itself does not believe,
-    `inconsistent` for results whose parts contradict each other, `apart` for drives that were not found to
-    overlap. `reason` is one line for the user that says what was observed and what to check.
+    `status` replaces `complete` as the status of the run: `lost` if the method does not trust its poses, `inconsistent` if parts
+    of the result contradict each other, `apart` if no overlap was found between drives. `reason` is one line for the user that
+    says what was observed and what to check.
     """
 
     status: Literal["lost", "inconsistent", "apart"]
@@ -82,13 +82,15 @@ def no_stamps() -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """All that a run found. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or rejected.
+    """The result of a run.
 
-    `occupancy` becomes map.pgm, and each of `maps` NAME.pgm beside it; `pictures` become NAME.png. `loops_ns` `(k, 2)` are the
-    stamps of the poses that loop closures join, `untrusted_ns` `(k, 2)` the first and last stamps of parts of the trajectory that
-    the method does not believe; `position_std` (m) belongs to the trajectory. These three are drawn in map.png.
+    `occupancy` is written as map.pgm, each of `maps` as NAME.pgm, of `pictures` as NAME.png, of `trajectories` as NAME.tum;
+    `files` are written unchanged under their names. `counters` counts what was used, skipped (`skipped.<stream>.<reason>`) or
+    rejected.
 
-    `trajectories` become NAME.tum, and `files` are written as they are, under their names.
+    These are drawn in map.png: `loops_ns` `(k, 2)`, the stamps of the two poses that each loop closure joins; `untrusted_ns`
+    `(k, 2)`, the first and last stamp of each part of the trajectory that the method does not trust; `position_std`, the standard
+    deviation (m) of positions on the trajectory.
     """
 
     trajectory: Trajectory
@@ -103,24 +105,24 @@ class RunResult:
     files: Mapping[str, bytes] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)
     timings_s: Mapping[str, float] = field(default_factory=dict)
-    measures: Mapping[str, object] = field(default_factory=dict)  # JSON-able facts of its own for report.json
-    # Repairs and doubts about the log, one line each, reported like the log's own problems
+    measures: Mapping[str, object] = field(default_factory=dict)  # the method's own entries for report.json
+    # Repairs and doubts about the log, one line each, listed with the log's own problems
     notes: Sequence[str] = ()
     loops_ns: NDArray[np.int64] = field(default_factory=no_stamps)
     untrusted_ns: NDArray[np.int64] = field(default_factory=no_stamps)
     position_std: Series | None = None
-    doubt: Doubt | None = None  # None: the method has no reason to distrust its result
+    doubt: Doubt | None = None
 
 
 class Method(Protocol):
-    """Processes the events of one log in order; `result` may be asked at any time and then ends the run."""
+    """Processes the events of one log in order; `result` may be called at any time and ends the run."""
 
     @property
     def estimate(self) -> Estimate | None:
-        """The present belief, for progress and plots; None before the first pose."""
+        """The current estimate, for progress and plots; None before the first pose."""
 
     def process(self, event: Event) -> None:
-        """Take in one event; events of kinds that the method does not use are ignored."""
+        """Process one event; events of kinds that the method does not use are ignored."""
 
     def result(self) -> RunResult:
-        """Finish (offline stages run here) and hand over what was found."""
+        """Run the offline stages and return the result."""

@@ -14,11 +14,12 @@ from gridslam.methods.plugins import PluginRegistry
 
 @dataclass(frozen=True, slots=True)
 class InputKind:
-    """A file that a run may be given besides the log; the method's constructor gets its content as keyword argument `name`.
+    """A file that a run can take besides the log; the method's constructor gets its content as keyword argument `name`.
 
-    `reader` and `example` are "module:function". The reader takes the file's path and returns the content; it raises a
-    GridslamError for a file that it cannot use. `example` takes nothing and returns a content with which kernels are compiled
-    ahead. A run must be given an input that `is_needed`. Where the file is named `in_run`, a run directory may be given for it.
+    `reader` is "module:function": the function takes the path and returns the content, or raises a GridslamError.
+    `is_needed`: the run is refused without the file. `example` is "module:function": the function takes no argument and returns
+    content with which the method's kernels are compiled in advance. `in_run` is the file's name in run directories; if it is set,
+    a run directory may be given instead of the file.
     """
 
     name: str
@@ -48,27 +49,30 @@ OPTIONS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class MethodEntry:
-    """`config`, `mapper` and `localizer` are "module:Name"; an empty text means that the method has no such command."""
+    """The parts of a method, and the streams and files that they read.
+
+    `config`, `mapper`, `localizer` and `explorer` are "module:Name". An empty string means that the method cannot do that. The
+    explorer drives the robot in `gridslam explore`; it is built from the mapper, its config, the drive and a seed.
+    """
 
     config: str
     mapper: str = ""
     localizer: str = ""
-    needs: tuple[str, ...] = ()  # streams that a log must have; "scan|depth": one of them
-    uses: tuple[str, ...] = ()  # streams that are read as well where a log has them
-    inputs: tuple[InputKind, ...] = ()  # what a run may be given besides the log
-    localizes_without_map: bool = False  # its poses come from outside, so `localize` needs no map
-    is_continued: bool = False  # its mapper takes a session and the log's name, and leaves session.npz
-    # Drives the robot in `gridslam explore`; built from the mapper, its config, the drive and a seed
+    needs: tuple[str, ...] = ()  # kinds of streams that a log must have; "scan|depth": one of them
+    uses: tuple[str, ...] = ()  # kinds of streams that are also read if a log has them
+    inputs: tuple[InputKind, ...] = ()  # files that a run can take besides the log
+    localizes_without_map: bool = False  # its poses come from an external source, so `localize` needs no map
+    is_continued: bool = False  # its mapper takes a session and the log's name, and writes session.npz
     explorer: str = ""
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs that a run may be given."""
+        """Names of the files that a run can take besides the log."""
         return tuple(kind.name for kind in self.inputs)
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """All kinds of streams that the method takes, needed or not."""
+        """All kinds of streams that the method reads, needed or not."""
         needed = [kind for need in self.needs for kind in need.split("|")]
         return tuple(dict.fromkeys([*needed, *self.uses]))
 

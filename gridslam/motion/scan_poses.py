@@ -28,7 +28,7 @@ MAX_WAITING_SCANS = 1000  # bounds memory when the odometry ends before the scan
 class PlacedScan:
     """A scan with T_odom_base `(3,)` at its stamp; `odometry_jumped` if the odometry has jumped since the previous scan.
 
-    Where the log has no odometry at the stamp, `has_odometry` is False and the pose says nothing.
+    If the log has no odometry at the stamp, `has_odometry` is False and the pose is meaningless.
     """
 
     scan: LaserScan
@@ -48,11 +48,11 @@ def twist_between(previous: PlacedScan | None, placed: PlacedScan) -> Floats:
 
 
 class ScanPoses:
-    """Joins scans and odometry in the order in which they arrive.
+    """Gives each scan the odometry pose at its stamp. Scans and odometry are added in the order in which they arrive.
 
-    Odometry that jumps beyond the limits has restarted its frame: the jump is removed from the motion, and the next scan is
-    marked with `odometry_jumped`. A scan that has waited for `max_wait_s` (s, by the stamps of later scans) is placed without
-    odometry.
+    A step of the odometry beyond `limits` is a restart of its frame: the jump is removed from the motion, and the next scan is
+    marked with `odometry_jumped`. A scan waits for odometry at its stamp until a later scan is `max_wait_s` newer, and is then
+    returned without odometry; with an infinite `max_wait_s`, the default, it is never returned without odometry.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ScanPoses:
         self.counters: Counter[str] = Counter()
 
     def add_scan(self, scan: LaserScan) -> Iterator[PlacedScan]:
-        """Take in a scan; yields it at once if odometry has reached its stamp, and scans that have waited too long."""
+        """Add a scan; yields it at once if odometry has reached its stamp, and scans that have waited too long."""
         self._waiting.append(scan)
         if len(self._waiting) > self._max_waiting_scans:
             oldest = self._waiting.popleft()
@@ -85,13 +85,13 @@ class ScanPoses:
             yield self._without_odometry(self._waiting.popleft())
 
     def add_odometry(self, odometry: Odometry) -> Iterator[PlacedScan]:
-        """Take in odometry; yields the waiting scans up to its stamp."""
+        """Add odometry; yields the waiting scans up to its stamp."""
         if not odometry.is_finite:
             self.counters["skipped.odom.not_finite"] += 1
             return
         pose, stamp = odometry.pose, odometry.stamp_ns
         if self._last is not None and stamp < self._last[0] - MIN_CLOCK_JUMP_NS:
-            yield from self.flush()  # scans of the time before would wait until the new clock has caught up
+            yield from self.flush()  # the clock was set back: these scans would wait until it has caught up
         if self._last is None:
             self._continuous = pose
         else:
@@ -100,20 +100,20 @@ class ScanPoses:
         yield from self._ready()
 
     def flush(self) -> Iterator[PlacedScan]:
-        """Yields the scans after the last odometry: with its pose, or without odometry where scans do not wait for ever."""
-        waits_for_ever = math.isinf(self._max_wait_s)
+        """Yields the scans after the last odometry: with its pose or, if that is too old and `max_wait_s` finite, without."""
+        needs_odometry = math.isinf(self._max_wait_s)
         while self._waiting:
             scan = self._waiting.popleft()
-            if self._last is not None and (waits_for_ever or self._is_just_after_odometry(scan)):
+            if self._last is not None and (needs_odometry or self._is_just_after_odometry(scan)):
                 self.counters["scan.after_last_odometry"] += 1
                 yield self._placed(scan, self._continuous)
-            elif waits_for_ever:
+            elif needs_odometry:
                 self.counters["skipped.scan.no_odometry"] += 1
             else:
                 yield self._without_odometry(scan)
 
     def _add_step(self, step: Floats, elapsed_s: float, since_ns: int) -> None:
-        """Move on by one odometry step, or leave it out if it is a jump."""
+        """Add one odometry step to the continuous pose, unless it is a jump."""
         self._previous = (since_ns, self._continuous)
         if elapsed_s > MAX_ODOMETRY_GAP_S:
             self.counters["odometry.gaps"] += 1

@@ -1,16 +1,22 @@
 """The path of straight lines and circular arcs with the shortest travel time (stereo-bayes, paper section 2.5).
 
-1. Guide paths over the cells, from the shortest one to ones that keep farther from walls, each pulled taut.
-2. Each guides a search over poses to a first path of arcs and lines that meets both headings (`motion_search.py`).
-3. Dynamic programming over that path's poses removes detours (`kernels/planning/shortcut.py`).
-4. A local search over the path as a chain of circles joined by tangents shortens its travel time (`kernels/planning/circles.py`).
+1. Guide paths are found over the cells and pulled taut: the shortest one, and others that keep farther from walls.
+2. Along each of them, a search over poses finds a path of arcs and lines that starts and ends with the required headings
+   (`motion_search.py`).
+3. Dynamic programming over the poses of that path removes detours (`kernels/planning/shortcut.py`).
+4. The path becomes a chain of circles joined by tangents; a local search over them shortens the travel time
+   (`kernels/planning/circles.py`).
 5. The candidate with the shortest travel time is the plan.
+
+A path is computed as an array of parts `(n, 6)`: lines, arcs, and turns on the spot. `kernels/planning/drive_limits.py` names the
+columns: pose (m, m, rad) at the start of the part, length (m, negative backwards), curvature (1/m), and angle of a turn (rad).
 """
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +40,19 @@ Floats = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-OBSTACLE_WEIGHTS = (0.0, 1.5, 6.0)  # extra cost of a metre right beside an obstacle, one guide path each
+OBSTACLE_WEIGHTS = (
+    0.0,
+    1.5,
+    6.0,
+)  # extra cost of a metre right beside an obstacle; each gives one guide path
 SAME_GUIDE_PATH_M = 1e-3
 SAME_PLACE_M = 1e-6
-# Length of a guide path with one candidate only, improved once in short pieces, which bounds the time of a plan
+# These bound the time of a plan: a longer guide path gets one candidate only, with one pass of improvement, or none
 LONG_PATH_M = 500.0
-VERY_LONG_PATH_M = 1000.0  # not improved
-LONG_PATH_MOTIONS = 40  # improved at once: a third of the time of 120, and a path that takes 2 % longer
-GOAL_YAWS = 8  # tried at a goal whose yaw is free
+VERY_LONG_PATH_M = 1000.0
+# Motions of a long path improved together. Compared with 120, planning takes a third of the time, driving the path 2 % longer
+LONG_PATH_MOTIONS = 40
+GOAL_YAWS = 8  # headings tried at a goal whose yaw is free
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +66,7 @@ class PathCandidate:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPath:
-    """The path with the shortest travel time, and the candidates it was chosen from."""
+    """The path with the shortest travel time, the candidates it was chosen from, and the name of the chosen one."""
 
     path: ArcLinePath
     candidates: tuple[PathCandidate, ...]
@@ -69,49 +80,37 @@ def plan_path(
     options: PlanOptions | None = None,
     report: Report = no_report,
 ) -> PlannedPath:
-    """The fastest path of lines and arcs found from `start` to `goal` (x, y, yaw; m, rad; map frame).
+    """The fastest path of lines and arcs found between two poses `(3,)` (x, y, yaw; m, rad; map frame).
 
-    A goal yaw of NaN is free. `report` is called with the number of poses searched, several times a second. A map with more than
-    `large_maps.MAX_CELLS` cells is planned over in the window around start and goal, or, without a path there, in coarser cells.
+    A goal yaw of NaN is free. `report` is called several times a second with the number of poses that the current search has
+    found. In a map with more than `large_maps.MAX_CELLS` cells, the path is planned in a window around start and goal and,
+    if there is none, in the whole map with larger cells.
 
-    Raises MethodError, which names the cause: a pose is blocked or off the map, obstacles separate the two, or a heading
-    cannot be met.
+    Raises MethodError, which names the cause: a pose is blocked or off the map, obstacles separate the two, or the robot cannot
+    reach a heading.
     """
     options = options or PlanOptions()
     start, goal = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    plan_in = partial(_plan_in, start=start, goal=goal, options=options, report=report)
     if occupancy.probability.size <= MAX_CELLS:
-        return _plan_over(occupancy, start, goal, options, report)
+        return plan_in(occupancy)
     window = window_around(occupancy, start, goal)
     if window is not None:
         try:
-            return _plan_over(
-                occupancy=window,
-                start=start,
-                goal=goal,
-                options=options,
-                report=report,
-                max_states=LARGE_MAP_STATES,
-            )
+            return plan_in(window, max_states=LARGE_MAP_STATES)
         except MethodError as error:
             logger.info("no path in the window around start and goal: %s", error)
     coarse = coarsened(occupancy, options.occupied_from)
     try:
-        return _plan_over(
-            occupancy=coarse,
-            start=start,
-            goal=goal,
-            options=options,
-            report=report,
-            max_states=LARGE_MAP_STATES,
-        )
+        return plan_in(coarse, max_states=LARGE_MAP_STATES)
     except MethodError as error:
         raise MethodError(
             f"{error} (planned in cells of {coarse.geometry.resolution_m:g} m, because the map has more than {MAX_CELLS} cells; "
-            "crop the map to plan over its own)"
+            "crop the map to plan in its own cells)"
         ) from None
 
 
-def _plan_over(
+def _plan_in(
     occupancy: OccupancyGrid,
     start: Floats,
     goal: Floats,
@@ -119,7 +118,7 @@ def _plan_over(
     report: Report,
     max_states: float = np.inf,
 ) -> PlannedPath:
-    """The path over all cells of a map, searched for among at most `max_states` poses."""
+    """`plan_path` in a map of any size, with at most `max_states` poses in all searches together."""
     space = make_space(
         occupancy, options.discs, options.margin_m, options.occupied_from, options.unknown_blocks
     )
@@ -145,7 +144,7 @@ def _is_pose_free(space: Space, pose: Floats) -> bool:
 
 
 class _PathPlanner:
-    """Collects the candidates of every guide path between two poses."""
+    """Collects the candidates along every guide path between two poses `(3,)` in the frame of `space`."""
 
     def __init__(
         self, search: MotionSearch, space: Space, options: PlanOptions, start: Floats, goal: Floats
@@ -157,7 +156,7 @@ class _PathPlanner:
         self.found: list[tuple[PathCandidate, Floats]] = []
 
     def plan(self) -> PlannedPath:
-        """The fastest of all candidates. Raises MethodError if there is none."""
+        """The fastest of all candidates. Raises MethodError: there is none."""
         difference = self.goal - self.start
         if self.options.turn_on_spot and np.hypot(*difference[:2]) < SAME_PLACE_M:
             turn_on_spot_alone = np.array([[*self.start, 0.0, 0.0, wrap_angle(difference[2])]])
@@ -199,7 +198,10 @@ class _PathPlanner:
             self.found.append((candidate, parts))
 
     def _path(self, cost: Costs, guide_path: Floats, turns_on_spot: bool, is_first: bool) -> Floats | None:
-        """The refined path `(n, 6)` along a guide path; None if there is none, unless it is the first: then MethodError."""
+        """The refined path `(n, 6)` along a guide path, with or without turns on the spot at its ends; None if there is none.
+
+        Raises MethodError instead: `is_first`, and the robot may not turn on the spot, so that the cause is worth reporting.
+        """
         start, goal = self.start.copy(), self.goal.copy()
         if turns_on_spot:
             start[2], goal[2] = guide_path[0, 2], guide_path[-1, 2]
@@ -219,7 +221,7 @@ class _PathPlanner:
 
 
 def _is_long(guide_path: Floats) -> bool:
-    """Whether a guide path `(n, 3)` is too long to try and improve several candidates."""
+    """Whether a guide path `(n, 3)` is so long that it gets one candidate only."""
     return _length_m(guide_path) > LONG_PATH_M
 
 

@@ -19,7 +19,7 @@ LONG_BATCH_S = 0.04
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Progress of a run: events processed so far, their largest possible number, and the scans among them.
+    """Progress of a run: events processed so far, an upper bound of their total, and the scans among those processed.
 
     `is_finishing`: all events are processed, and the method computes its result.
     """

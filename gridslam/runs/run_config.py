@@ -77,10 +77,13 @@ def load_config(
 ) -> RunConfig[BaseModel]:
     """A checked configuration.
 
-    `config` is a built-in name (`slam-sd`, `paper/slam-sd`), the path of a YAML file, a mapping of the same form, or a
-    configuration that is loaded already. `overrides` are texts as for `--set`: `"log.topics.scan=/front"`. `settings` are
-    values by key path below `method`: `{"particles": 50, "localization.scale": 2.0}`; a mapping replaces its section. Arrays
-    and numpy's numbers are converted, and paths become texts.
+    config: A built-in name (`slam-sd`, `paper/slam-sd`), the path of a YAML file, a mapping with the same keys, or a loaded
+        configuration.
+    overrides: Strings as for `--set`: `"log.topics.scan=/front"`.
+    seed: Replaces the seed of the configuration.
+    settings: Values by key path below `method`: `{"particles": 50, "localization.scale": 2.0}`. A mapping replaces its whole
+        section. Numpy numbers and arrays become Python numbers and lists, and paths become strings.
+
     Raises ConfigError, which names the source, the key path, what is wrong there and the nearest valid key.
     """
     overrides = list(overrides)

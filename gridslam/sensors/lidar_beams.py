@@ -22,7 +22,7 @@ LEVEL_TOLERANCE = 2e-5  # tolerance of the projection: a lidar tilted by 0.3 deg
 class LidarExtrinsics:
     """The lidar's pose on the robot: `pose` is T_base_laser `(3,)`; `flipped` is True for a lidar mounted upside down.
 
-    `projection` takes points of the sensor's plane, with y reversed where it is flipped, to the horizontal plane.
+    `projection` maps points of the sensor's plane (with y reversed if it is flipped) to the horizontal plane.
     """
 
     pose: Floats

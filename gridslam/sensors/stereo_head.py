@@ -1,4 +1,4 @@
-"""Measurements of a rectified stereo head: disparities, and one of them for each bin of columns."""
+"""Disparity images of a rectified stereo head, and the nearest (or most frequent) obstacle in each bin of their columns."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from gridslam.kernels.stereo.stereo_columns import (
 Floats = NDArray[np.float64]
 Disparities = NDArray[np.float32]
 
-
 __all__ = [
     "MATCHED",
     "NONE",
@@ -34,22 +33,26 @@ __all__ = [
     "measured_columns",
 ]
 
-MIN_EXTENT_ROWS = 2.0  # smallest extent of any obstacle
+MIN_EXTENT_ROWS = 2.0  # smallest height of an obstacle in the image
 BLOCK_PX = 5  # side of the matched block
 UNIQUENESS_PERCENT = 10  # margin over the second best match
-SPECKLE_PX, SPECKLE_RANGE = 100, 2  # smaller islands of disparity are removed; disparities within one
-MAX_LEFT_RIGHT_PX = 1  # difference between the disparities of the left and the right image
+SPECKLE_PX = 100  # regions of similar disparity with fewer pixels are removed
+SPECKLE_RANGE = 2  # largest difference between neighbouring pixels of such a region, in OpenCV's units
+MAX_LEFT_RIGHT_PX = 1  # largest difference between the disparities of the left and the right image
 P1_FACTOR, P2_FACTOR = 8, 32  # smoothness penalties of SGBM, as OpenCV recommends
 DISPARITY_STEPS = 16.0  # steps per pixel in OpenCV's disparity images
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnSettings:
-    """Selection of a disparity in each bin of columns.
+    """Settings for finding the obstacle in each bin of columns.
 
-    `bin_px` columns are one bin. Points between `low_m` and `high_m` (m) above the floor that cover at least `min_height_m` are
-    obstacles. Bins with a smaller fraction of matched pixels than `min_matched_ratio` stay unknown. `take_nearest`: the nearest
-    obstacle counts, else the most frequent disparity. `max_px` is the largest disparity.
+    bin_px: Number of columns in a bin.
+    low_m, high_m: Heights above the floor between which points can belong to an obstacle.
+    min_height_m: Smallest height of an obstacle.
+    min_matched_ratio: Fraction of matched pixels below which a bin is UNKNOWN.
+    take_nearest: Whether the nearest obstacle is taken, or else that with the most pixels.
+    max_disparity_px: Largest disparity.
     """
 
     bin_px: int
@@ -58,12 +61,16 @@ class ColumnSettings:
     min_height_m: float
     min_matched_ratio: float
     take_nearest: bool
-    max_px: float
+    max_disparity_px: float
 
 
 @dataclass(frozen=True, slots=True)
 class StereoColumns:
-    """One measurement per bin: bearing in the robot's frame `(m,)` (rad), disparity `(m,)` (px), and status `(m,)`."""
+    """One measurement per bin.
+
+    `bearings` `(m,)` (rad) are those of the bins' middles in the robot's frame, `disparities_px` `(m,)` those of the obstacles,
+    NaN without one. `status` `(m,)` is MATCHED, NONE (no obstacle) or UNKNOWN.
+    """
 
     bearings: Floats
     disparities_px: Floats
@@ -71,11 +78,11 @@ class StereoColumns:
 
 
 def measured_columns(disparity: Disparities, head: StereoHead, settings: ColumnSettings) -> StereoColumns:
-    """The obstacle of every bin of columns in a disparity image `(rows, cols)` (px)."""
+    """The obstacle in every bin of columns of a disparity image `(rows, cols)` (px)."""
     rows, cols = disparity.shape
-    steps = int(settings.max_px * STEPS_PER_PX) + 1
-    d = np.arange(steps) / STEPS_PER_PX
-    extent = np.maximum(settings.min_height_m * d / head.baseline_m, MIN_EXTENT_ROWS) * settings.bin_px
+    steps = int(settings.max_disparity_px * STEPS_PER_PX) + 1
+    step_px = np.arange(steps) / STEPS_PER_PX
+    min_rows = np.maximum(settings.min_height_m * step_px / head.baseline_m, MIN_EXTENT_ROWS)
     band = HeightBand(
         slope=head.slope(rows, cols),
         focal_baseline=head.focal_px * head.baseline_m,
@@ -85,18 +92,21 @@ def measured_columns(disparity: Disparities, head: StereoHead, settings: ColumnS
     )
     criteria = BinCriteria(
         bin_px=settings.bin_px,
-        max_px=settings.max_px,
-        min_extent_px=extent,
+        max_px=settings.max_disparity_px,
+        min_extent_px=min_rows * settings.bin_px,
         min_matched_ratio=settings.min_matched_ratio,
         take_nearest=settings.take_nearest,
     )
     found, status = measure_columns(readonly(disparity, np.float32), band, criteria)
-    middles: Floats = (np.arange(len(found), dtype=np.float64) + 0.5) * settings.bin_px - 0.5
-    return StereoColumns(head.bearings(middles), found, status)
+    middle_columns: Floats = (np.arange(len(found), dtype=np.float64) + 0.5) * settings.bin_px - 0.5
+    return StereoColumns(head.bearings(middle_columns), found, status)
 
 
 class StereoMatcher:
-    """Disparities by OpenCV: semi-global matching ("sgbm") or block matching ("bm"), up to `disparities` pixels."""
+    """OpenCV's semi-global matching (`kind` "sgbm") or block matching ("bm") for disparities below `disparities` px.
+
+    OpenCV requires `disparities` to be a multiple of 16.
+    """
 
     def __init__(self, kind: str, disparities: int) -> None:
         if kind == "bm":
@@ -120,6 +130,6 @@ class StereoMatcher:
             )
 
     def disparity(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Disparities:
-        """Disparities `(rows, cols)` (px) of the left image, NaN without a match."""
+        """Disparities `(rows, cols)` (px) of the left image, NaN without a match; both images are grey and rectified."""
         fixed = self._matcher.compute(np.ascontiguousarray(left), np.ascontiguousarray(right))
         return np.where(fixed > 0, fixed.astype(np.float32) / DISPARITY_STEPS, np.float32(np.nan))

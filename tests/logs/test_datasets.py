@@ -271,7 +271,7 @@ def test_a_calibration_that_no_camera_has_is_named(euroc: Path, given: str, othe
 
 def test_two_cameras_in_one_place_are_no_pair(euroc: Path) -> None:
     shutil.copy(euroc / "mav0" / "cam0" / "sensor.yaml", euroc / "mav0" / "cam1" / "sensor.yaml")
-    with pytest.raises(LogError, match="no pair"):
+    with pytest.raises(LogError, match="not a stereo pair"):
         open_log(euroc)
 
 

@@ -30,7 +30,7 @@ COLUMNS = ColumnSettings(
     min_height_m=0.12,
     min_matched_ratio=0.25,
     take_nearest=True,
-    max_px=64.0,
+    max_disparity_px=64.0,
 )
 
 

@@ -22,7 +22,7 @@ from gridslam.core.turned_pairs import TurnedPairs
 from gridslam.logs import rotations
 from gridslam.logs.carmen.lines import (
     LASERS,
-    OTHERS,
+    OTHER_MESSAGES,
     LaserLine,
     beam_angles,
     laser_line,
@@ -137,7 +137,7 @@ class CarmenSource:
                     odom_lines = []
             elif word == b"PARAM" and b"frontlaser_offset" in line:
                 front_offset = _number(line.split()[2]) if len(line.split()) > 2 else 0.0
-            elif word and word not in OTHERS:
+            elif word and word not in OTHER_MESSAGES:
                 self.message_counts.count("unused.other")
         self._note_odom(odom_lines, odom)
         self._lines.shorten(self._parsed, _WORD_BYTES)

@@ -1,4 +1,4 @@
-"""Transforms: checks, tf2_msgs/TFMessage, foxglove.FrameTransform(s), rows of CSV."""
+"""Conversion of transforms from and to tf2_msgs/TFMessage and rows of CSV, and the check of their values."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from gridslam.logs.encoding.encoded import Encoded, single_message
 from gridslam.logs.encoding.ros_fields import frame_name, head
 from gridslam.logs.skips import SkipReason
 
-FARTHEST_M = 1e9  # largest distance from frame to frame: chains of such steps still have finite numbers
+FARTHEST_M = 1e9  # largest distance from parent to child: positions along any chain of transforms stay finite
 _SMALLEST_QUATERNION_NORM = 1e-6
 INVALID_STAMP_NS = -1
 
 
 def unusable_reason(transform: Transform) -> SkipReason | None:
-    """The reason why the transform is no rigid motion of a robot's size; None where it is one."""
+    """The reason why the transform is not a usable rigid motion; None if it is one."""
     if not all(map(math.isfinite, transform.translation_m)):
         return SkipReason.NOT_FINITE
     if max(map(abs, transform.translation_m)) > FARTHEST_M:
@@ -50,17 +50,17 @@ def from_ros(message: Any, is_static: bool) -> list[Transform]:
 
 
 def to_ros(transform: Transform, topic: str | None) -> list[Encoded]:
-    """tf2_msgs/TFMessage of one transform."""
+    """A tf2_msgs/TFMessage with one transform; without `topic`, for /tf or /tf_static."""
     w, x, y, z = transform.quat_wxyz
     count = 1
     body = CdrWriter().uint32(count).header(transform.stamp_ns, transform.frame_id)
     body.text(transform.child_frame_id).float64(*transform.translation_m, x, y, z, w)
-    usual = "/tf_static" if transform.is_static else "/tf"
-    return single_message(topic or usual, "tf2_msgs/msg/TFMessage", transform, body)
+    default_topic = "/tf_static" if transform.is_static else "/tf"
+    return single_message(topic or default_topic, "tf2_msgs/msg/TFMessage", transform, body)
 
 
 def from_csv(rows: list[Row]) -> Transform:
-    """The transform of one row."""
+    """The transform in one row; not static. Raises ValueError: a field is not a number."""
     (row,) = rows
     return Transform(
         row.stamp_ns,
@@ -71,7 +71,7 @@ def from_csv(rows: list[Row]) -> Transform:
     )
 
 
-def to_csv(t: Transform, pictures: PictureWriter) -> list[list[str]]:
-    """One row."""
-    frames = (name_field(t.frame_id), name_field(t.child_frame_id))
-    return [[*frames, *(number_field(v) for v in (*t.translation_m, *t.quat_wxyz))]]
+def to_csv(transform: Transform, pictures: PictureWriter) -> list[list[str]]:
+    """The transform as one row; it has no pictures."""
+    frames = (name_field(transform.frame_id), name_field(transform.child_frame_id))
+    return [[*frames, *(number_field(v) for v in (*transform.translation_m, *transform.quat_wxyz))]]

@@ -56,7 +56,7 @@ class RayReader:
             min_height_m=advanced.min_height_m,
             min_matched_ratio=MIN_MATCHED_RATIO,
             take_nearest=advanced.pick == "nearest",
-            max_px=float(config.disparity.disparities),
+            max_disparity_px=float(config.disparity.disparities),
         )
         self._edges_m = range_edges(config)
         self._height_m = 0.5 * (max(observation.low_m, 0.0) + min(observation.high_m, MAX_HEIGHT_M))

@@ -27,7 +27,7 @@ class AbsolutePoseSource:
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
         """The absolute poses that arrive at this step."""
         if self._schedule.is_due(now_ns):
-            self._schedule.take()
+            self._schedule.advance()
             self._measure(now_ns, robot)
         arrived: list[Event] = []
         while self._waiting and self._waiting[0][0] <= now_ns:

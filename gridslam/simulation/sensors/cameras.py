@@ -76,7 +76,7 @@ class CameraSensor:
         """The images taken at this step."""
         if not self._schedule.is_due(now_ns):
             return []
-        self._schedule.take()
+        self._schedule.advance()
         stamp = self._schedule.stamp_ns(now_ns)
         if stamp is None:
             return []

@@ -1,4 +1,4 @@
-"""Wheel odometry: wheel angles in whole ticks, and the pose integrated from them with the nominal radius and base."""
+"""Wheel odometry: wheel angles in whole ticks, and the pose integrated from them with the nominal radius and wheel base."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Encoders:
         self._last_s = 0.0
 
     def poll(self, now_ns: int, robot: DrivenRobot, scene: Scene) -> list[Event]:
-        """The messages of this step."""
+        """The messages of this step: none if no measurement is due, or if they are lost."""
         if not self._schedule.is_due(now_ns):
             return []
-        self._schedule.take()
+        self._schedule.advance()
         wheels = (self._quantised(robot.left_rad), self._quantised(robot.right_rad))
         v, w = self._advance(wheels, robot)
         stamp = self._schedule.stamp_ns(now_ns)
@@ -55,11 +55,12 @@ class Encoders:
         return events
 
     def _quantised(self, angle_rad: float) -> float:
+        """A wheel's angle rounded down to whole ticks; unchanged if the encoders have no ticks (0 per revolution)."""
         ticks = self._config.ticks_per_revolution
         return math.floor(angle_rad * ticks / math.tau) * math.tau / ticks if ticks else angle_rad
 
     def _advance(self, wheels: tuple[float, float], robot: DrivenRobot) -> tuple[float, float]:
-        """Integrate the arc that the wheel angles describe; returns forward speed (m/s) and yaw rate (rad/s)."""
+        """Move the pose along the arc between the last wheel angles (rad) and these; returns speed (m/s) and yaw rate (rad/s)."""
         radius, base = robot.wheels.radius_m, robot.wheels.base_m
         left, right = ((new - old) * radius for new, old in zip(wheels, self._last_wheels, strict=True))
         forward, rotation = 0.5 * (left + right), (right - left) / base

@@ -27,7 +27,7 @@ class GyroSensor:
         """The messages of this step."""
         if not self._schedule.is_due(now_ns):
             return []
-        self._schedule.take()
+        self._schedule.advance()
         span_s = robot.time_s - self._last_s
         rotation = robot.yaw - self._last_yaw if math.isfinite(self._last_yaw) else 0.0
         self._last_s, self._last_yaw = robot.time_s, robot.yaw

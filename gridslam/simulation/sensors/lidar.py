@@ -38,7 +38,7 @@ class LidarSensor:
         start_ns_of_sweep = self._schedule.next_ns
         if start_ns_of_sweep + round(1e9 * self.config.sweep_s) > now_ns:
             return []
-        self._schedule.take()
+        self._schedule.advance()
         ranges = self.sweep(start_ns_of_sweep * 1e-9, robot, scene)
         stamp = self._schedule.stamp_ns(start_ns_of_sweep)
         return [] if stamp is None else [self._message(stamp, ranges)]

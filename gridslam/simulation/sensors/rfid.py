@@ -32,7 +32,7 @@ class RfidReader:
         """The rounds of this step."""
         if not self._schedule.is_due(now_ns):
             return []
-        self._schedule.take()
+        self._schedule.advance()
         ids, powers = self._round(robot.pose, scene, now_ns * 1e-9)
         stamp = self._schedule.stamp_ns(now_ns)
         if stamp is None:

@@ -28,8 +28,8 @@ class Schedule:
         """Whether the next measurement is due."""
         return self.next_ns <= now_ns
 
-    def take(self) -> None:
-        """Go on to the next measurement."""
+    def advance(self) -> None:
+        """Count the measurement that is due, so that the next one is scheduled."""
         self._count += 1
 
     def stamp_ns(self, taken_ns: float) -> int | None:

@@ -11,7 +11,7 @@ from gridslam.core.errors import InputError
 from gridslam.core.trajectory import Trajectory
 from gridslam.evaluation.readers.files import read_relations, read_trajectory
 from gridslam.evaluation.readers.object_files import read_objects
-from gridslam.evaluation.readers.run_files import read_probability, read_truth, truth_paths
+from gridslam.evaluation.readers.run_files import read_probability, read_truth_series, truth_paths
 from gridslam.maps.occupancy import GridGeometry, GridLayer
 from gridslam.report.layers import write_layers
 from gridslam.report.text_files import write_tum
@@ -76,9 +76,9 @@ def test_a_relation_of_seven_numbers_is_named(tmp_path: Path) -> None:
 
 
 def test_the_truth_is_found_in_a_log_in_a_text_and_in_a_folder(tmp_path: Path, small_log: Path) -> None:
-    assert len(read_truth(small_log)) == 60
+    assert len(read_truth_series(small_log)) == 60
     text = write(tmp_path / "trajectory.tum", "1 0 0 0\n")
-    assert len(read_truth(text)) == 1
+    assert len(read_truth_series(text)) == 1
     assert truth_paths(tmp_path).trajectory == text
     assert truth_paths(small_log).trajectory == small_log
 
@@ -86,7 +86,7 @@ def test_the_truth_is_found_in_a_log_in_a_text_and_in_a_folder(tmp_path: Path, s
 @pytest.mark.real_data
 def test_a_log_without_truth_says_so(data_dir: Path) -> None:
     with pytest.raises(InputError, match="no true poses"):
-        read_truth(data_dir / "wean_hall/robotdata1.log.gz")
+        read_truth_series(data_dir / "wean_hall/robotdata1.log.gz")
 
 
 def test_of_an_object_over_time_the_last_row_counts(tmp_path: Path) -> None:
@@ -127,7 +127,9 @@ def test_the_probability_layer_reads_back_and_damage_is_an_input_error(tmp_path:
 
 def test_a_byte_order_mark_is_no_part_of_the_first_number(tmp_path: Path) -> None:
     bom = "\ufeff"
-    assert read_truth(write(tmp_path / "t.path", f"{bom}1 2 3 0\n2 3 3 0\n")).poses[0].tolist() == [2, 3, 0]
+    assert read_truth_series(write(tmp_path / "t.path", f"{bom}1 2 3 0\n2 3 3 0\n")).trajectory.poses[
+        0
+    ].tolist() == [2, 3, 0]
     assert len(read_relations(write(tmp_path / "r", f"{bom}1 2 0.1 0 0 0 0 0\n"))) == 1
     assert set(read_objects(write(tmp_path / "o.csv", f"{bom}id,x,y,yaw\na,1,2,3\n"))) == {"a"}
 

@@ -1,4 +1,4 @@
-"""Episodes of an object: its poses over time, relative to key scans, so that they follow the key scans' corrections."""
+"""The poses of an object over time. They are relative to key scans, so that corrections of the key scans move them as well."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ObjectEpisode:
-    """An object at one place: the pivot's pose (3,) and covariance `(3, 3)` in the robot's frame at key scan `anchor`.
+    """An object at one place, over a time in which it did not move.
 
-    `closed_yaw` is the heading of the closed leaf in that frame (doors only). Stamps are those of the first and last read
-    here. `gone_ns` is the stamp at which the object was found to be gone, if it was. `gain` is the log likelihood ratio of
-    the scans with and without the object.
+    `pose` `(3,)` (m, m, rad) and `covariance` `(3, 3)` are those of the object's pivot in the robot's frame at key scan `anchor`.
+    `reads` is the number of tag reads at this place, `first_ns` and `last_ns` are the stamps of the first and the last. `gain` is
+    the log likelihood ratio of the scans with and without the object. `closed_yaw` (rad) is the heading of the leaf when the door
+    is closed, in the frame of `pose`; None if the object is not a door or its wall is unknown. `gone_ns` is the stamp at which
+    the object was found to be gone; None if it was not.
     """
 
     anchor: int
@@ -33,11 +35,11 @@ class ObjectEpisode:
     gone_ns: int | None = None
 
     def pose_in_map(self, path: Floats) -> Floats:
-        """The pivot's pose (3,) in the map frame, for poses `(k, 3)` of the key scans."""
+        """The pivot's pose `(3,)` in the map frame; `path` `(k, 3)` are the poses of the key scans."""
         return se2.compose(path[self.anchor], self.pose)
 
     def covariance_in_map(self, path: Floats) -> Floats:
-        """The covariance `(3, 3)` in the map frame."""
+        """The covariance `(3, 3)` in the map frame; `path` `(k, 3)` are the poses of the key scans."""
         return se2.rotate_covariance(self.covariance, float(path[self.anchor, 2]))
 
     @property
@@ -50,9 +52,10 @@ class ObjectEpisode:
 
 @dataclass(slots=True)
 class ObjectHistory:
-    """An object with its episodes, the present one last, and its estimates, one per visit.
+    """An object, its estimates (one per visit of the robot), and the episodes into which they are merged (one per place).
 
-    `log_silence` is the log probability of the silent rounds since the last read if the object still stood there.
+    The last episode is the present one. `log_silence` is the log probability that no tag of the object was read in all rounds
+    since its last read, given that it is still there.
     """
 
     model: ObjectModel
@@ -62,7 +65,7 @@ class ObjectHistory:
 
     @property
     def has_moved(self) -> bool:
-        """Whether it was found at another place, or found to be gone."""
+        """Whether the object was found at another place, or found to be gone."""
         return len(self.episodes) > 1 or any(episode.gone_ns is not None for episode in self.episodes)
 
     @property
@@ -71,7 +74,7 @@ class ObjectHistory:
         return self.episodes[-1] if self.episodes and self.episodes[-1].gone_ns is None else None
 
     def at(self, stamp_ns: int) -> list[ObjectEpisode]:
-        """The episodes that are possible at a stamp: two for the time during which it was moved unseen."""
+        """The episodes that are possible at a stamp: two between the last read at one place and the first at the next."""
         possible = []
         for i, episode in enumerate(self.episodes):
             since = self.episodes[i - 1].last_ns if i else None
