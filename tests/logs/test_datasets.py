@@ -255,9 +255,9 @@ def test_raw_pictures_and_their_calibration_survive_a_conversion(
         (f"[{FOCAL}, {FOCAL}, 29.5, 19.5]", "[.nan, 1, 2, 3]", "focal lengths"),
         ("[-0.1, 0.02, 0.0, 0.0]", "[-0.1, 0.02, 0.0]", "distortion_coefficients"),
         ("[-0.1, 0.02, 0.0, 0.0]", "[1.e+300, 0, 0, 0]", "distortion_coefficients"),
-        ("data: [0.0, ", "data: [7.0, ", "T_BS is no pose"),
-        ("data: [0.0, ", "data: [.nan, ", "T_BS is no pose"),
-        ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 0.0]", "T_BS is no pose"),
+        ("data: [0.0, ", "data: [7.0, ", "T_BS is not the pose"),
+        ("data: [0.0, ", "data: [.nan, ", "T_BS is not the pose"),
+        ("0.0, 0.0, 0.0, 1.0]", "0.0, 0.0, 0.0, 0.0]", "T_BS is not the pose"),
     ],
 )
 def test_a_calibration_that_no_camera_has_is_named(euroc: Path, given: str, other: str, says: str) -> None:
