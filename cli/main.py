@@ -91,7 +91,7 @@ def main(arguments: Sequence[str]) -> int:
     console.settings.has_spoken = False
     console.start()
     for variable in drop_wrong_counts():
-        console.say(f"warning: {variable} is no number of threads, and is ignored")
+        console.say(f"warning: {variable} is not a number of threads, and is ignored")
     try:
         code = app(args=list(arguments), prog_name="gridslam", standalone_mode=False)
         if code == INTERRUPTED and not console.settings.has_spoken:  # raised by typer while parsing

@@ -160,7 +160,7 @@ def check_name(path: Path) -> None:
 def check_has_name(path: Path) -> None:
     """Raise ConfigError for a path without a name of its own beside which others could be made: `.`, `..` or `/`."""
     if path.name in ("", ".", ".."):
-        raise ConfigError(f"{path}: is no name for an output; choose another")
+        raise ConfigError(f"{path}: is not a name for an output; choose another")
 
 
 def check_file_free(path: Path, force: bool) -> None:

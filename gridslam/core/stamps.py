@@ -14,7 +14,7 @@ _UNIT_EXPONENT = {"s": 9, "ms": 6, "us": 3, "ns": 0}
 
 
 def parse_stamp(text: str, unit: str = "s") -> int | None:
-    """Nanoseconds of a decimal number of seconds (or ms, us, ns); None where it is no valid stamp."""
+    """Nanoseconds of a decimal number of seconds (or ms, us, ns); None if it is not a valid stamp."""
     whole, dot, fraction = text.partition(".")
     if (
         unit == "s"
@@ -41,7 +41,7 @@ def parse_stamp(text: str, unit: str = "s") -> int | None:
 
 
 def join_stamp(seconds: int, nanoseconds: int) -> int | None:
-    """Nanoseconds of ROS's two numbers; None where they are no valid stamp."""
+    """Nanoseconds of ROS's two numbers; None if they are not a valid stamp."""
     if not (0 <= seconds < 1 << 31 and 0 <= nanoseconds < NS_PER_S):
         return None
     return seconds * NS_PER_S + nanoseconds

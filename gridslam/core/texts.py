@@ -28,7 +28,7 @@ def parse_number(word: str | bytes) -> float:
     if isinstance(word, bytes):
         word = word.decode("ascii")
     if "_" in word or not word.isascii():
-        raise ValueError(f"{word!r} is no number")
+        raise ValueError(f"{word!r} is not a number")
     return float(word)
 
 
@@ -36,7 +36,7 @@ def parse_numbers(words: Sequence[str] | Sequence[bytes]) -> list[float]:
     """The numbers that many words are, as `parse_number` reads each. Raises ValueError: one is none."""
     joined = b"".join(words) if words and isinstance(words[0], bytes) else "".join(words)  # type: ignore[arg-type]
     if (b"_" if isinstance(joined, bytes) else "_") in joined or not joined.isascii():  # type: ignore[operator]
-        raise ValueError("a word is no number")
+        raise ValueError("a word is not a number")
     return list(map(float, words))
 
 

@@ -11,7 +11,7 @@ MAX_DIGITS = 4  # of a number of threads: no machine has more cores
 
 
 def drop_wrong_counts() -> list[str]:
-    """The variables `NAME=value` whose value is no number of threads; they are removed, or libraries would end the program.
+    """The variables `NAME=value` whose value is not a number of threads; they are removed, or libraries would end the program.
 
     OpenMP takes a list as well: a number for each level of nesting.
     """

@@ -39,7 +39,7 @@ def convert_log(
 
     Where `topics` are given, only their streams are written. `start_s` and `end_s` count from the log's first stamp, both
     included. Extrinsics are always written. Raises ConfigError for a topic that the log lacks, for a span that holds no
-    message, and where the output exists; with `force` where it is no log of its format, or the log that is read.
+    message, and where the output exists; with `force` where it is not a log of its format, or the log that is read.
     """
     refuse_to_replace(output, [log.path])
     for option, seconds in (("--start", start_s), ("--end", end_s)):
@@ -98,7 +98,7 @@ def topic_of(event: Event, topic: str | None) -> str | None:
 def _names(streams: list[StreamInfo]) -> dict[tuple[str, str], str | None]:
     """The topic under which each stream, given by kind and topic, is written; None for the usual one of its kind.
 
-    Names that are no ROS topics give way to the usual one, unless two streams of a kind would meet there.
+    Names that are not ROS topics are replaced by the usual one, unless two streams of a kind would meet there.
     """
     keys = {(info.kind, info.topic) for info in streams}
     counts = Counter(kind for kind, _ in keys)

@@ -20,7 +20,7 @@ LOG_FILES = ("metadata.yaml", "log.yaml")  # a folder with one of these is a log
 def find_logs(path: str | Path) -> list[Path]:
     """The logs that a path means, sorted by name; a pattern has `*`, `?` or `[`.
 
-    A folder that is no log itself stands for the logs in it; without any, for itself, so that opening it says what is wrong.
+    A folder that is not a log itself stands for the logs in it; without any, for itself, so that opening it says what is wrong.
     Raises LogError: a pattern matches nothing, or the name is one that no file can have.
     """
     path = Path(path)

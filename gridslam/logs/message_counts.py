@@ -20,7 +20,7 @@ class MessageCounts:
         self._findings: set[str] = set()
 
     def count(self, key: str, number: int = 1) -> None:
-        """Count something that is no fault."""
+        """Count something that is not a fault."""
         self.counters[key] += number
 
     def skip(self, stream: str, reason: str, where: str, number: int = 1) -> None:

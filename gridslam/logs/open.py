@@ -78,7 +78,7 @@ def _source(path: Path, config: LogConfig) -> Source:
 
 
 def _refuse_folder_of_logs(folder: Path) -> None:
-    """Raise LogError: the folder is no log itself, but holds some."""
+    """Raise LogError: the folder is not a log itself, but holds some."""
     from gridslam.logs.find import logs_inside
 
     inside = logs_inside(folder)

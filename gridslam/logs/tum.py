@@ -86,10 +86,10 @@ def _words_of(stream: BinaryIO, path: Path, expected: str) -> Iterator[tuple[str
 
 
 def stamp_in(place: str, word: str) -> int:
-    """Stamp (ns) from a field in seconds. Raises InputError, which begins with `place` (file and line): it is no valid stamp."""
+    """Stamp (ns) from a field in seconds. Raises InputError, which begins with `place` (file and line): it is not valid."""
     stamp = parse_stamp(word)
     if stamp is None:
-        raise InputError(f"{place}: {word[:40]!r} is no stamp; expected seconds between 0 and 2^31")
+        raise InputError(f"{place}: {word[:40]!r} is not a stamp; expected seconds between 0 and 2^31")
     return stamp
 
 
@@ -103,7 +103,7 @@ def numbers_in(place: str, words: list[str]) -> list[float]:
         pass
     wrong = next(word for word in words if not _is_coordinate(word))
     raise InputError(
-        f"{place}: {wrong[:40]!r} is no number up to {MAX_COORDINATE_M:g}; correct the line or leave it out"
+        f"{place}: {wrong[:40]!r} is not a number up to {MAX_COORDINATE_M:g}; correct the line or leave it out"
     )
 
 

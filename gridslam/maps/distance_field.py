@@ -15,7 +15,7 @@ def distance_to_occupied(
 ) -> GridLayer:
     """Exact Euclidean distances (m), float32 `(rows, cols)`, from each cell's centre to that of the nearest wall cell.
 
-    A wall cell has a probability above `occupied_above`; unknown cells are no walls. Distances are at most `max_distance_m`. On
+    A wall cell has a probability above `occupied_above`; unknown cells are not walls. Distances are at most `max_distance_m`. On
     a map without walls they are infinite, or `max_distance_m`. Source: Felzenszwalb and Huttenlocher 2012.
     """
     distance_m = distances_to(grid.probability > occupied_above) * np.float32(grid.geometry.resolution_m)

@@ -261,7 +261,7 @@ def _colours_of(cells: NDArray[np.float32]) -> Canvas:
 
 
 def _apply_tint(canvas: Canvas, tint: Tint, grid: OccupancyGrid, window: MapWindow) -> None:
-    """Blend a tint over the cells that are no walls."""
+    """Blend a tint over the cells that are not walls."""
     shown = np.concatenate(list(_blocks(grid, window, tint)))[::-1]
     cells = np.clip(shown, 0.0, 1.0)
     opacity = (

@@ -74,7 +74,7 @@ class PackagedMethod:
         with naming(self._package):
             estimate = self._method.estimate
             if estimate is not None and not _is_usable(estimate):
-                raise TypeError("the estimate has no stamp, or poses that are no finite numbers (n, 3)")
+                raise TypeError("the estimate has no stamp, or poses that are not finite numbers (n, 3)")
             return estimate
 
     def process(self, event: Event) -> None:

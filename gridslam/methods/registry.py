@@ -125,16 +125,16 @@ def problem_of(entry: MethodEntry) -> str:
     texts = {name: getattr(entry, name) for name in ("config", "mapper", "localizer", "explorer")}
     for name, text in texts.items():
         if not isinstance(text, str):
-            return f"its {name} is no text"
+            return f"its {name} is not a string"
     for name in ("needs", "uses"):
         kinds = getattr(entry, name)
         if not isinstance(kinds, (tuple, list)) or not all(isinstance(kind, str) for kind in kinds):
-            return f"its {name} are no tuple of texts"
+            return f"its {name} are not a tuple of strings"
     inputs = entry.inputs
     if not isinstance(inputs, (tuple, list)) or not all(isinstance(kind, InputKind) for kind in inputs):
-        return "its inputs are no tuple of InputKind"
+        return "its inputs are not a tuple of InputKind"
     if not all(isinstance(text, str) for kind in inputs for text in (kind.name, kind.reader, kind.in_run)):
-        return "an input has a name or a reader that is no text"
+        return "an input has a name or a reader that is not a string"
     return ""
 
 

@@ -34,7 +34,7 @@ def sample_motion(poses: Floats, step: Floats, noise: OdometryNoise, rng: np.ran
     distance = float(np.hypot(step[0], step[1]))
     rotation_1 = float(np.arctan2(step[1], step[0])) if distance >= _STANDING_M else 0.0
     rotation_2 = float(se2.wrap_angle(step[2] - rotation_1))
-    # Driving backwards is no turn of half a circle there and back.
+    # Driving backwards is not a turn of half a circle there and back.
     noisy_1, noisy_2 = _smallest_yaw_change(rotation_1), _smallest_yaw_change(rotation_2)
     deviations = np.sqrt(
         [

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 WALL, DOOR, TAG, ROUTE, PERSON, CAMERA = "#1c2028", "#1e6ec8", "#d9661f", "#2f9e44", "#cd2d2d", "#7048e8"
 WIDTH_PX, HEIGHTS_PX = 1120, (200, 1120)
 CIRCLE_POINTS = 33
-# More are no drawing any more; each takes some 10 us
+# A picture with more lines would be black; each takes some 10 us to draw
 MAX_SEGMENTS, MAX_NUMBERS = 100_000, 1000
 HEADING_RATIO = 0.015  # length of a line that shows a heading, to the longer side of the world
 

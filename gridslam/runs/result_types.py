@@ -52,7 +52,7 @@ def _problems(result: object, is_packaged: bool) -> Iterator[str]:
     for kind, part_type in (_NAMED | _KEYED).items():
         parts = getattr(result, kind)
         if not isinstance(parts, Mapping) or not all(isinstance(part, part_type) for part in parts.values()):
-            yield f"has {kind} that are no mapping of names to {part_type.__name__}"
+            yield f"has {kind} that are not a mapping of names to {part_type.__name__}"
         for name in parts if kind in _NAMED else ():
             if not isinstance(name, str) or not _FILE_NAME.fullmatch(name) or name == _TAKEN.get(kind):
                 yield (
@@ -78,7 +78,7 @@ def _problems_of_trajectory(trajectory: object) -> Iterator[str]:
         return
     stamps, poses = np.asarray(trajectory.stamps_ns), np.asarray(trajectory.poses)
     if poses.dtype.kind not in "fiu" or (stamps.size and stamps.dtype.kind not in "iu"):
-        yield "has poses that are no numbers, or stamps that are no integers"
+        yield "has poses that are not numbers, or stamps that are not integers"
     elif not np.isfinite(poses).all():
         yield "has poses that are not finite"
     elif np.abs(poses.astype(np.float64)).max(initial=0.0) > MAX_COORDINATE_M:
@@ -95,13 +95,13 @@ def _problems_of_map(grid: object) -> Iterator[str]:
         return
     values = grid.probability
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind != "f":
-        yield "has a map that is no array of floats (rows, cols)"
+        yield "has a map that is not an array of floats (rows, cols)"
     elif values.size > MAX_PIXELS:
         yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit is {MAX_PIXELS}"
     elif max(values.shape) > _MAX_SIDE:
         yield f"has a map of {values.shape[0]} x {values.shape[1]} cells; the limit of a side is {_MAX_SIDE}"
     elif not _is_usable(grid.geometry):
-        yield "has a map whose geometry is no GridGeometry of finite numbers"
+        yield "has a map whose geometry is not a GridGeometry of finite numbers"
     elif values.size and not (np.fmin.reduce(values, axis=None) >= 0.0 or np.isnan(values).all()):
         yield "has a map with probabilities below 0"
     elif values.size and np.fmax.reduce(values, axis=None) > 1.0:

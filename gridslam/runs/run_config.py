@@ -120,7 +120,7 @@ def run_config_model(method: str) -> type[RunConfig[BaseModel]]:
     config = registry.load(registry.METHODS[method].config)
     if not isinstance(config, type) or not issubclass(config, BaseModel) or "name" not in config.model_fields:
         raise ConfigError(
-            f"{registry.package_of(method) or method}: its config {registry.METHODS[method].config} is no model of pydantic "
+            f"{registry.package_of(method) or method}: its config {registry.METHODS[method].config} is not a pydantic model "
             "with a field `name`"
         )
     return cast("type[RunConfig[BaseModel]]", RunConfig.__class_getitem__(config))

@@ -70,7 +70,7 @@ def check_truth_free(log: Path, force: bool) -> None:
         return
     if not folder.is_dir() or not {entry.name for entry in folder.iterdir()} <= TRUTH_FILES:
         raise ConfigError(
-            f"{folder}: exists and is no ground truth, so it is never replaced; choose another name"
+            f"{folder}: exists and is not ground truth, so it is never replaced; choose another name"
         )
     is_left_over = (folder / UNFINISHED).exists() and not log.exists()
     if not force and not is_left_over:

@@ -79,7 +79,7 @@ def config_of(matching: Literal["none", "shift", "search"], drawing: str = "surf
     """Settings for a ranger of 8 m with steps of 1.8 degrees and known heading; stations are not adjusted."""
     advanced: dict[str, dict[str, object]] = {
         "none": {},
-        # A disturbed station is no evidence against a larger shift: only equal sums tie.
+        # A disturbed station is not evidence against a larger shift: only equal sums tie.
         "shift": {"tie_sigmas": 0.0},
         "search": {"rotation_rad": 0.03, "max_position_std_m": 0.1},
     }

@@ -100,7 +100,7 @@ def events_of(path: Path) -> tuple[list[bytes], dict[str, int]]:
 
 
 def is_extrinsic(event: Event) -> bool:
-    """Extrinsics are no messages: a sensor without any stands at the robot's centre."""
+    """Extrinsics are not messages: a sensor without any is at the robot's centre."""
     return isinstance(event, Transform) and event.is_static
 
 

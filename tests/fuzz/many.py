@@ -33,7 +33,7 @@ def run(target: str, inputs: int, seed: int) -> int:
     from tests.fuzz.structures import STRUCTURES
 
     act = STRUCTURES[target]
-    logging.getLogger("gridslam").addHandler(logging.NullHandler())  # the program's own remarks are no noise
+    logging.getLogger("gridslam").addHandler(logging.NullHandler())  # the program's own remarks are not noise
     out = os.fdopen(os.dup(1), "w", buffering=1)
     counts: Counter[str] = Counter()
     bugs: Counter[str] = Counter()

@@ -17,7 +17,7 @@ from gridslam.logs.write import write_log
 
 @pytest.fixture
 def folder(small_log: Path, tmp_path: Path) -> Path:
-    """Two MCAP files of different names, a CSV folder, and files that are no logs."""
+    """Two MCAP files of different names, a CSV folder, and files that are not logs."""
     with open_log(small_log) as log:
         events = list(log.events())
     for name in ("monday.mcap", "tuesday.mcap"):

@@ -1,4 +1,4 @@
-"""Files that are no logs are named, with what to do."""
+"""Files that are not logs are named, with what to do."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def test_metadata_that_leads_out_of_the_folder_is_refused(tmp_path: Path) -> Non
     metadata = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(metadata.replace(path.name, f"../{path.name}"))
     shutil.move(path, tmp_path / path.name)
-    with pytest.raises(LogError, match="is no file in this folder"):
+    with pytest.raises(LogError, match="is not a file in this folder"):
         open_log(folder)
 
 

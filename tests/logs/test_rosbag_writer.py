@@ -54,7 +54,7 @@ def test_only_a_rosbag2_folder_is_replaced(bag: Path, tmp_path: Path) -> None:
     assert (bag / "metadata.yaml").is_file()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("mine")
-    with pytest.raises(ConfigError, match="no rosbag2 folder"):
+    with pytest.raises(ConfigError, match="not a rosbag2 folder"):
         Rosbag2Writer(tmp_path / "mine", force=True)
     with pytest.raises(ConfigError, match="is not a folder"):
         Rosbag2Writer(tmp_path / "nowhere" / "bag")

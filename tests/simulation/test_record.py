@@ -197,7 +197,7 @@ def test_a_log_and_its_truth_are_replaced_together_and_only_with_force(tmp_path:
 def test_a_folder_that_is_no_truth_is_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "log.truth").mkdir()
     (tmp_path / "log.truth" / "notes.txt").touch()
-    with pytest.raises(ConfigError, match="is no ground truth, so it is never replaced"):
+    with pytest.raises(ConfigError, match="is not ground truth, so it is never replaced"):
         recorded(tmp_path, force=True)
     assert not (tmp_path / "log.mcap").exists()
 

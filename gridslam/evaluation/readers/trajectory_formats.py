@@ -179,7 +179,7 @@ def _stamp(place: str, word: str, unit: str) -> int:
     stamp = parse_stamp(word, unit)
     if stamp is None:
         raise InputError(
-            f"{place}: {word[:40]!r} is no stamp; expected {unit}, by the number of digits of the first stamp"
+            f"{place}: {word[:40]!r} is not a stamp; expected {unit}, by the number of digits of the first stamp"
         )
     return stamp
 

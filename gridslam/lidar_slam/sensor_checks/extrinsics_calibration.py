@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 # Smallest yaw and offset of a lidar that is placed: less is left to the matching, since drift and slipping wheels look alike
 MIN_YAW_RAD, MIN_OFFSET_M = 0.15, 0.25
 EXACT_M, EXACT_RAD = 0.05, 0.05  # errors of an offset and a yaw that are found by motion
-MAX_DISTANCE_M = 2.0  # largest distance from the robot's centre: farther is no place on a robot
+MAX_DISTANCE_M = 2.0  # largest distance from the robot's centre: farther is not on a robot
 # Largest deviation of (cos, sin) from length 1, which they have if both motions are of one body
 MAX_SCALE_ERROR = 0.3
 MAX_ERROR_RATIO = 0.5  # largest ratio of the motions' difference with the place found to that without it

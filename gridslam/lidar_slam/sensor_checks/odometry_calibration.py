@@ -20,7 +20,7 @@ FAR_LAGS_S: Floats = np.concatenate([np.arange(-600, -150, 5), np.arange(155, 60
 LAGS_S: Floats = np.arange(-150, 151, dtype=np.float64) * 0.01
 # Smallest lag that is a fault, beside the odometry's period: between its poses motion is not known
 MIN_LAG_S = 0.05
-YAW_NOISE_RAD = 0.01  # noise of the rotation in a window: smaller differences are no evidence
+YAW_NOISE_RAD = 0.01  # noise of the rotation in a window: smaller differences are not evidence
 # Largest ratio of the costs with and without a correction: above it the difference may be chance ...
 MAX_COST_RATIO = 0.6
 MIN_Z_SCORE = 3.0  # ... unless it is as large as this, in standard deviations of its mean

@@ -16,7 +16,7 @@ from gridslam.core.messages import Event, LaserScan, Odometry, readonly
 
 Floats = NDArray[np.float64]
 
-MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is no farther from its lidar
+MAX_BODY_M = 1.2  # a robot's mast, handle or wheel is not farther from its lidar
 TOLERANCE_M = 0.03  # noise of near returns
 # Fraction of the views that show a body: people and doors are in view for a part of them
 MIN_CONSTANT_FRACTION = 0.9

@@ -26,7 +26,7 @@ def parse_decimals(text: bytes) -> Floats:
     spaces = np.flatnonzero(characters == _SPACE)
     starts = np.concatenate([[0], spaces + 1])
     ends = np.concatenate([spaces, [len(characters)]])
-    digits = characters - np.uint8(_ZERO)  # what is no digit wraps round to more than 9
+    digits = characters - np.uint8(_ZERO)  # what is not a digit wraps round to more than 9
     is_digit = digits < 10
     digits_before = np.zeros(len(characters) + 1, np.int32)
     np.cumsum(is_digit, out=digits_before[1:], dtype=np.int32)

@@ -44,7 +44,7 @@ MIN_BEAMS = 60  # fewer are left of thinned scans, of whatever laser
 USUAL_WIDTHS_DEG, USUAL_STEPS_DEG = (180.0, 190.0, 240.0, 270.0), (0.25, 0.5, 1.0)
 MIN_WIDTH_DEG = 90.0
 _SAME_OFFSET = 1e-3  # m and rad: a laser whose place differs by more has been moved by a corrected pose
-# A largest reading that makes up this fraction of all readings is no distance but means "no return".
+# If the largest reading makes up this fraction of all readings, it is not a distance but means "no return".
 _MIN_PILED_FRACTION = 0.001
 _WORD_BYTES = 12  # ROBOTLASER1 and the space behind it
 _BATCH_LINES = 256

@@ -14,7 +14,7 @@ from gridslam.logs.message_counts import MessageCounts
 MAX_SWEEP_RAD = 2.0 * math.pi * 1.05  # largest angle of a sweep: a circle and 5 %
 MIN_SWEEP_RAD = 0.1  # a lidar that says degrees sees more than this
 MAX_RANGE_M = 1000.0  # no planar lidar sees as far
-MAX_MEDIAN_M = 100.0  # largest median of readings: beyond it, and beyond any limit, they are no metres
+MAX_MEDIAN_M = 100.0  # largest median of readings: beyond it, and beyond any limit, they are not metres
 NEAR_M, FAR_M = 0.6, 100.0  # medians of readings in rooms and halls
 MIN_POINTS = 100  # smallest number of points of a cloud that shows its unit
 UNITS = (("mm", 1000.0), ("cm", 100.0))

@@ -97,7 +97,7 @@ def from_csv(rows: list[Row]) -> CameraInfo:
 def whole(value: float) -> int:
     """The number as an integer. Raises ValueError: it is none."""
     if not value.is_integer():
-        raise ValueError(f"{value} is no whole number")
+        raise ValueError(f"{value} is not a whole number")
     return int(value)
 
 

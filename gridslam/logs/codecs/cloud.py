@@ -57,7 +57,7 @@ def from_ros(message: Any, topic: str) -> PointCloud:
 
 
 def from_livox(message: Any, topic: str) -> PointCloud:
-    """The cloud of a decoded livox_ros_driver(2)/CustomMsg; points at the origin are no returns."""
+    """The cloud of a decoded livox_ros_driver(2)/CustomMsg; points at the origin are not returns."""
     stamp_ns, frame = valid_head(message)
     if len(message.points) > _MAX_POINTS:
         raise UnusableMessageError(SkipReason.TOO_MANY_POINTS)

@@ -26,7 +26,7 @@ def measured(values: Values, covariance: float = 0.0) -> Values | None:
 
 
 def rate_or_zero(value: float) -> float:
-    """The turn rate (rad/s), 0 where it is no number."""
+    """The turn rate (rad/s), 0 if it is not a number."""
     return value if math.isfinite(value) else 0.0
 
 

@@ -19,7 +19,7 @@ from gridslam.core.errors import LogError
 from gridslam.logs.csv_layout import CsvStream
 from gridslam.logs.kinds import CSV_KINDS
 
-MAX_DATASETS = 1000  # largest number of datasets of a file: more are no log of a robot
+MAX_DATASETS = 1000  # largest number of datasets of a file: more are not the log of a robot
 # Unpacked bytes of the table for each byte of the file, and those that are read of any file. Constant columns pack best; a table
 # of ranges reaches 10.
 MAX_EXPANSION, ALWAYS_UNPACKED = 100, 4 << 20
@@ -81,7 +81,7 @@ def columns_of(path: Path) -> Columns:
     found: Columns = {}
 
     def visit(name: str | bytes, item: Any) -> bool | None:
-        if not isinstance(name, str) or not isinstance(item, h5py.Dataset):  # a name in bytes is no text
+        if not isinstance(name, str) or not isinstance(item, h5py.Dataset):  # a name in bytes is not a string
             return None
         if item.shape and not (item.is_virtual or item.external):
             found.update(_fields(name, item))  # virtual and external ones lead out of the file
@@ -90,7 +90,9 @@ def columns_of(path: Path) -> Columns:
     with opened(path) as file:
         file.visititems(visit)
     if len(found) > MAX_DATASETS:
-        raise LogError(f"{path}: HDF5 with more than {MAX_DATASETS} data sets, which is no log of a robot")
+        raise LogError(
+            f"{path}: HDF5 with more than {MAX_DATASETS} data sets, which is not the log of a robot"
+        )
     return found
 
 
@@ -183,7 +185,7 @@ class Hdf5Rows:
 def streams_of(path: Path, columns: Columns) -> list[CsvStream]:
     """The streams of a file without a layout: its groups that are named like kinds, with scalar attributes as constants.
 
-    Raises LogError: it has none, or an attribute is no number where one is needed.
+    Raises LogError: it has none, or an attribute that must be a number is not.
     """
     kinds = [kind for kind in CSV_KINDS if any(name.startswith(f"{kind}/") for name in columns)]
     if not kinds:

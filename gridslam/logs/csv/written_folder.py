@@ -22,7 +22,7 @@ def check_csv_free(path: Path, force: bool) -> None:
         raise ConfigError(f"{path}: exists already; choose another name or give --force")
     if not path.is_dir() or not _is_written(path):
         raise ConfigError(
-            f"{path}: exists and is no folder of {LAYOUT_FILE} and CSV files that gridslam wrote, so it is never "
+            f"{path}: exists and is not a folder of {LAYOUT_FILE} and CSV files that gridslam wrote, so it is never "
             "replaced; choose another name"
         )
 

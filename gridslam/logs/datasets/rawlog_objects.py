@@ -30,7 +30,7 @@ BY_ODOMETRY = 0  # an action's estimate: the wheels' increment, not a distributi
 
 
 class ObjectFields:
-    """Reads the fields of objects in order. Raises ValueError or struct.error: the bytes are no such object."""
+    """Reads the fields of objects in order. Raises ValueError or struct.error: the bytes are not such an object."""
 
     def __init__(self, data: bytes, at: int) -> None:
         self.data, self.at = data, at

@@ -24,7 +24,7 @@ MAX_BYTES = 1 << 28
 
 
 def rows_of(path: Path, delimiter: str | None = None) -> list[list[str]]:
-    """The fields of every line that is no comment. Raises LogError: the file is too large or no text."""
+    """The fields of every line that is not a comment. Raises LogError: the file is too large, or is not text."""
     if path.stat().st_size > MAX_BYTES:
         raise LogError(f"{path}: larger than any table of a dataset")
     try:
@@ -51,12 +51,12 @@ def numbers_of(path: Path, rows: Sequence[Sequence[str]], count: int) -> Floats:
 
 
 def stamps_of(path: Path, texts: Sequence[str], unit: str) -> list[int]:
-    """Stamps in nanoseconds. Raises LogError: one is no stamp."""
+    """Stamps in nanoseconds. Raises LogError: one is not a stamp."""
     stamps = []
     for place, text in enumerate(texts, start=1):
         stamp = parse_stamp(text, unit)
         if stamp is None:
-            raise LogError(f"{path}: entry {place}: {text[:40]!r} is no stamp")
+            raise LogError(f"{path}: entry {place}: {text[:40]!r} is not a stamp")
         stamps.append(stamp)
     return stamps
 

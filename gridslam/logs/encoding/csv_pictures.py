@@ -50,7 +50,7 @@ def read_floats(path: Path) -> NDArray[np.float32]:
 
 
 def _bytes_of(path: Path) -> bytes:
-    """The content of a file. Raises ValueError: it is no plain file (a pipe may never end), or too large."""
+    """The content of a file. Raises ValueError: it is not a plain file (a pipe may never end), or too large."""
     if not path.is_file() or path.stat().st_size > _MAX_BYTES:
         raise ValueError("no file, or too large")
     return path.read_bytes()

@@ -89,7 +89,7 @@ class Row:
     def number(self, name: str, default: float | None = None) -> float:
         """A numeric column in our units; NaN for an empty field, unless there is a `default`.
 
-        Raises ValueError: the field is no number, or there is neither a column nor a constant nor a default.
+        Raises ValueError: the field is not a number, or there is neither a column nor a constant nor a default.
         """
         place = self._columns.places.get(name)
         if place is None:

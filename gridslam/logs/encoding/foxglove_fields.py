@@ -10,7 +10,7 @@ from gridslam.core.stamps import join_stamp
 
 
 def stamp_ns_of(stamp: Any) -> int | None:
-    """Nanoseconds of a JSON time in ROS's or Foxglove's field names; None where it is no valid stamp."""
+    """Nanoseconds of a JSON time in ROS's or Foxglove's field names; None if it is not a valid stamp."""
     seconds = getattr(stamp, "sec", getattr(stamp, "secs", None))
     nanoseconds = getattr(stamp, "nsec", getattr(stamp, "nanosec", getattr(stamp, "nsecs", 0)))
     if not isinstance(seconds, int) or not isinstance(nanoseconds, int):

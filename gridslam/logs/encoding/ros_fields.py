@@ -54,7 +54,7 @@ def valid_head(message: Any) -> tuple[int, str]:
 
 
 def yaw_of_orientation(orientation: Any) -> float:
-    """Canonical yaw (rad) of a geometry_msgs/Quaternion; NaN where it is no rotation, as zeros that were never set."""
+    """Canonical yaw (rad) of a geometry_msgs/Quaternion; NaN if it is not a rotation, such as zeros that were never set."""
     return heading_of(
         (float(orientation.w), float(orientation.x), float(orientation.y), float(orientation.z))
     )

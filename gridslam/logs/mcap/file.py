@@ -1,6 +1,6 @@
 """An MCAP file, read so that damage costs as few messages as possible.
 
-Records lie in chunks, or bare. A chunk is used if it can be unpacked and its checksum is right. After bytes that are no
+Records lie in chunks, or bare. A chunk is used if it can be unpacked and its checksum is right. After bytes that are not a
 record, reading continues at the next chunk, which the index names or a search finds.
 """
 
@@ -288,7 +288,7 @@ class McapFile:
         self._chunk_offsets = sorted(offset for offset in self._chunk_offsets if offset < self._size)
 
     def _resume(self, stream: IO[bytes], at: int) -> int:
-        """The place to continue after bytes at `at` that are no record, the same on every pass.
+        """The place to continue after bytes at `at` that are not a record, the same on every pass.
 
         It is the next chunk of the index, else the next place that looks like a record.
         """

@@ -7,7 +7,7 @@ from typing import IO
 from gridslam.logs.mcap.records import CHUNK, DATA_END, FOOTER, KNOWN_OPCODES, RECORD, is_chunk_body
 
 _FIRST_BLOCK, _MAX_BLOCK = 1 << 12, 1 << 20
-_RECORDS_IN_A_ROW = 3  # that look like some are no chance
+_RECORDS_IN_A_ROW = 3  # this many places in a row that look like records are not there by chance
 
 
 def next_record(stream: IO[bytes], start: int, size: int, opcodes: tuple[int, ...]) -> int | None:

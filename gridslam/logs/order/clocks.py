@@ -21,7 +21,7 @@ from gridslam.logs.streams import RecordedStream
 
 # Smallest offset that shows two clocks: drivers and networks delay messages by less
 MAX_OFFSET_NS = 5 * NS_PER_S
-# Largest drift of the recorder's clock against the stamps: beyond it these are no clock, but counts, or copies
+# Largest drift of the recorder's clock against the stamps: beyond it the stamps are not times, but counts, or copies
 MAX_DRIFT = 0.05
 # A lidar is silent where it has no scans for so long, in seconds and relative to the drive, at its start or end
 MIN_SILENT_S, MIN_SILENT_FRACTION = 5.0, 0.1

@@ -13,7 +13,7 @@ from gridslam.logs.config import ExtrinsicsConfig
 from gridslam.logs.message_counts import MessageCounts
 from gridslam.logs.rotations import Rigid
 
-# Of the axis of a planar lidar: beyond 60 degrees its scans are no sections of a floor plan
+# Of the axis of a planar lidar: beyond 60 degrees its scans are not sections of a floor plan
 MAX_TILT_COS = 0.5
 # Largest number of frames from a sensor to the root of its tree; arms with tools have some 20
 MAX_DEPTH = 100

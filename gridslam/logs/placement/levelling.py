@@ -124,7 +124,7 @@ class LevelBand:
 
     @classmethod
     def of_lidar(cls, height_m: float) -> LevelBand:
-        """The band for a lidar so high above the base, which stands on the floor unless the lidar is no higher."""
+        """The band for a lidar so high above the base, which stands on the floor unless the lidar is not higher."""
         if height_m < MIN_KNOWN_HEIGHT_M:
             return cls(height_m - HALF_BAND_M, height_m + HEADROOM_M)
         return cls(min(0.5 * height_m, GROUND_M), height_m + HEADROOM_M)

@@ -30,14 +30,14 @@ Types = dict[str, tuple[list[Any], list[tuple[str, Description]]]]
 
 
 class BadDefinitionError(ValueError):
-    """A message definition that is no valid one."""
+    """A message definition that is not valid."""
 
 
 def checked_types(types: Mapping[str, Any]) -> dict[str, Any]:
     """The types of a parsed definition without their constants, which messages do not hold.
 
     `types` are `{type name: (constants, [(field name, description)])}` as the type library parses them. Raises
-    BadDefinitionError: a name is no identifier of ROS, a field is there twice, or a size is beyond reason.
+    BadDefinitionError: a name is not a ROS identifier, a field is there twice, or a size is beyond reason.
     """
     if len(types) > _MAX_TYPES:
         raise BadDefinitionError(f"{len(types)} types in one definition")
@@ -126,14 +126,14 @@ def is_type_name(name: str) -> bool:
 
 def _checked_fields(name: str, fields: Any) -> list[Any]:
     if not is_type_name(name):
-        raise BadDefinitionError(f"{name!r} is no name of a type")
+        raise BadDefinitionError(f"{name!r} is not the name of a type")
     if len(fields) > _MAX_FIELDS:
         raise BadDefinitionError(f"{name}: {len(fields)} fields")
     seen = set()
     for field, description in fields:
         plain = f"{field}_" if keyword.iskeyword(field) else field  # as the library names it
         if not _FIELD_NAME.fullmatch(field):
-            raise BadDefinitionError(f"{name}: {field!r} is no name of a field")
+            raise BadDefinitionError(f"{name}: {field!r} is not the name of a field")
         if plain in seen:
             raise BadDefinitionError(f"{name}: the field {field!r} is there twice")
         seen.add(plain)
@@ -154,9 +154,9 @@ def _check_description(name: str, description: Any) -> None:
     elif kind == BASE:
         base, limit = value
         if not _BASE_TYPE.fullmatch(base) or not isinstance(limit, int):
-            raise BadDefinitionError(f"{name}: {base!r} is no type")
+            raise BadDefinitionError(f"{name}: {base!r} is not a type")
     elif kind == NAME:
         if not is_type_name(value):
-            raise BadDefinitionError(f"{name}: {value!r} is no type")
+            raise BadDefinitionError(f"{name}: {value!r} is not a type")
     else:
         raise BadDefinitionError(f"{name}: an unknown kind of field")

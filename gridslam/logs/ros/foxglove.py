@@ -73,7 +73,7 @@ def event(converter: FromFoxglove | None, message: Any, topic: str) -> Event:
 
 
 def _object(fields: dict[str, Any]) -> SimpleNamespace:
-    """The fields as attributes. Raises ValueError (UnicodeEncodeError): a text that is no Unicode, such as half a character."""
+    """The fields as attributes. Raises ValueError (UnicodeEncodeError): a string is not valid Unicode, as half a character."""
     for value in fields.values():
         if isinstance(value, str) and not value.isascii():
             value.encode()

@@ -155,7 +155,7 @@ class _Reader:
             words.append(self.words.take())
         if words:
             if " ".join(words) not in _BASES:
-                raise BadDefinitionError(f"{' '.join(words)!r} is no type")
+                raise BadDefinitionError(f"{' '.join(words)!r} is not a type")
             return _Type(_BASES[" ".join(words)], True)
         return _Type(self.words.scoped_name(), False)
 
@@ -167,7 +167,7 @@ class _Reader:
         for place in _places(name, scope):
             if place in self.constants:
                 return self.constants[place]
-        raise BadDefinitionError(f"{name!r} is no size")
+        raise BadDefinitionError(f"{name!r} is not a size")
 
     def _constant(self, scope: tuple[str, ...]) -> None:
         self._type(scope)

@@ -62,7 +62,7 @@ class Servos:
 
 
 def wheel_places(names: Sequence[str], config: WheelsConfig) -> tuple[int, int] | None:
-    """Places of the left and right wheel among the joints; None where the joints are no wheels.
+    """Places of the left and right wheel among the joints; None if the joints are not wheels.
 
     Without a name in the config, a side's wheel is the first joint whose name contains `wheel` and the side.
     """

@@ -14,7 +14,7 @@ from gridslam.logs.ros.definitions import BadDefinitionError, is_valid, refuse_u
 from gridslam.logs.ros.types import MAX_DEFINITIONS, MAX_SCHEMA_BYTES, full_name, ros2_types
 
 ENCODING = "ros1"  # of messages, as MCAP names it
-_UNREADABLE = (("", (0, "")),)  # fields that are no valid ones
+_UNREADABLE = (("", (0, "")),)  # fields that are not valid
 _DAMAGE = (ValueError, KeyError, IndexError, AssertionError, struct.error, RuntimeError, EOFError)
 _PRESENT_NAMES = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}  # of types with the same fields
 

@@ -93,7 +93,7 @@ def _fields(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def decoder_of(schema: Schema | None, name: str) -> Callable[[bytes], Any]:
-    """The decoder of a type: from CDR bytes to a message object; it raises ValueError for bytes that are no such message.
+    """The decoder of a type: from CDR bytes to a message object; it raises ValueError for bytes that are not such a message.
 
     Raises ValueError: the schema cannot be understood, or has names that no ROS definition has.
     """

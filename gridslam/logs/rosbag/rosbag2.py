@@ -173,7 +173,7 @@ def _files_of(folder: Path, metadata: dict[str, Any], message_counts: MessageCou
             path = path_inside(folder, Path(name).name)
         if path is None or not path.is_file():
             raise LogError(
-                f"{folder / _METADATA}: {short(name)} is no file in this folder: put it there, or take it "
+                f"{folder / _METADATA}: {short(name)} is not a file in this folder: put it there, or take it "
                 "out of relative_file_paths to do without it"
             )
         found[path] = None

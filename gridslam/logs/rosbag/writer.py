@@ -133,7 +133,7 @@ def check_rosbag2_free(path: Path, force: bool) -> None:
         return
     if not (path / METADATA).is_file():
         raise ConfigError(
-            f"{path}: exists and is no rosbag2 folder, so it is never replaced; choose another name"
+            f"{path}: exists and is not a rosbag2 folder, so it is never replaced; choose another name"
         )
     if not force:
         raise ConfigError(f"{path}: exists; choose another name or use --force")

@@ -107,5 +107,5 @@ def search_maps(
     if best.inlier_ratio.any():
         gain = recent.mean_log_likelihood(grids, best.poses) - recent.mean_log_likelihood(grids, predicted)
         best.inlier_ratio[gain <= MIN_GAIN] = 0.0
-    # the submap has more points than a scan, but their errors are no more independent
+    # the submap has more points than a scan, but their errors are not more independent
     return best._replace(information=best.information * (len(last.points) / max(len(submap.points), 1)))

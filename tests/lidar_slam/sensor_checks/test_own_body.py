@@ -77,7 +77,7 @@ def test_a_log_is_given_on_without_the_handle_in_view_which_is_named() -> None:
 
 
 def test_a_robot_that_stands_for_long_before_it_drives_off_is_known_by_its_drive() -> None:
-    """The same handle beside the same walls, of which the walls are no body although they stay for 700 scans."""
+    """The same handle beside the same walls, of which the walls are not part of the robot although they stay for 700 scans."""
     first, *drive = [with_handle(e) for e in hall.events(1)]
     scan = drive[0]
     standing = [replace(e, stamp_ns=k * 10**8) for k in range(-700, 0) for e in (first, scan)]

@@ -21,7 +21,7 @@ from gridslam.methods.slam_sd.objects.tag_visits import TagVisit
 Floats = NDArray[np.float64]
 
 REVISIT_STD = np.array([0.08, 0.08, 0.03])  # x, y (m), yaw (rad): error of the map between two visits
-MIN_MOVE_M = 0.15  # smaller changes are no move
+MIN_MOVE_M = 0.15  # smaller changes are not a move
 MIN_MOVE_RAD = 0.2
 
 
