@@ -206,7 +206,7 @@ def describe(log: Log) -> dict[str, Any]:
 
 
 def _show(document: dict[str, Any]) -> None:
-    """The document for people."""
+    """The document as text."""
     facts = [
         ("log", document["path"]),
         ("format", f"{document['format']}, compression {document['compression']}"),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 _INVISIBLE = re.compile(
     "[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u061c\\u200b-\\u200f\\u2028-\\u202e\\u2060-\\u206f\\ufeff]"
 )
-MAX_LINE = 2000  # characters of a message for people
+MAX_LINE = 2000  # characters of a message to the user
 
 
 def is_storable(text: str) -> bool:

@@ -48,7 +48,7 @@ def unit_of(key: str) -> str:
 
 
 def text_of(value: object, digits: int = 6) -> str:
-    """A value for people: numbers with `digits` significant digits, `-` without a value."""
+    """A value as text: numbers with `digits` significant digits, `-` without a value."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

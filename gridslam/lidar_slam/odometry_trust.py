@@ -59,7 +59,7 @@ class OdometryTrust:
 
     @property
     def note(self) -> str | None:
-        """One line for people; None for good odometry."""
+        """One line for the user; None for good odometry."""
         if not self.left_aside:
             return None
         return (

@@ -117,7 +117,7 @@ class ScanTracker:
 
     @property
     def motion_notes(self) -> list[str]:
-        """Lines for people about sensors of motion that contradict the scans, and about scans without readings."""
+        """Lines for the user about sensors of motion that contradict the scans, and about scans without readings."""
         empty = self._counters["scan.empty"]
         found = self._predictor.notes if self.sway is None else [*self._predictor.notes, self.sway.note]
         if not empty or empty < MANY_EMPTY * len(self.stamps_ns):

@@ -51,7 +51,7 @@ class Sway:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         levelled = (
             ", and its scans are levelled by that"
             if self.is_levelled

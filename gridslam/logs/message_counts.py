@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 
 class MessageCounts:
-    """Counters for the report and, for people, one line for each kind of fault with its first place.
+    """Counters for the report and, for the user, one line for each kind of fault with its first place.
 
     `unusable` are the messages of each stream, by its index in the source, that were looked at and left out.
     """
@@ -47,7 +47,7 @@ class MessageCounts:
 
     @property
     def problems(self) -> list[str]:
-        """Lines for people: notes, then each kind of loss with its count and first place."""
+        """Lines for the user: notes, then each kind of loss with its count and first place."""
         lines = list(self._notes)
         for key, where in self._first.items():
             verb, _, what = key.partition(".")

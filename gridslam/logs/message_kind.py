@@ -75,7 +75,7 @@ class MessageKind:
     `shared_foxglove` are conversions of schemas of another kind, whose streams are of this kind if it `claims` their first
     message (decoded message, topic). `definitions` are those of schemas that ROS does not have. `to_ros` encodes an
     event for a topic, None for the usual one. `unusable_reason` says why no method can use an event; `repair` is made for each
-    stream that a method reads, from the stream's name for people.
+    stream that a method reads, from the stream's name in messages to the user.
 
     `several` says which of several streams of the kind a method gets: all, one that the config names, the densest, or all if
     each has a frame of its own. `csv_parts` divides an event without a table into events that have one, with their topics.

@@ -31,7 +31,7 @@ class RecordedStream:
 
     @property
     def label(self) -> str:
-        """The name in messages to people."""
+        """The name in messages to the user."""
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 
@@ -56,7 +56,7 @@ class StreamInfo:
 
     @property
     def label(self) -> str:
-        """The name in messages to people."""
+        """The name in messages to the user."""
         return f"{self.topic} ({self.detail})" if self.detail else self.topic
 
 

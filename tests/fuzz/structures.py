@@ -126,7 +126,7 @@ def read_tree(rng: random.Random, folder: Path) -> str:
 
 
 def drain(log: Log) -> None:
-    """Read all events; the lines for people are few and printable."""
+    """Read all events; the lines for the user are few and printable."""
     for _ in log.events():
         pass
     log.truth()

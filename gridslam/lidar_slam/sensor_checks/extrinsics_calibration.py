@@ -140,7 +140,7 @@ def with_extrinsics(transform: Transform, pose: Floats, frame_id: str) -> Transf
 
 
 def extrinsics_note(transform: Transform, is_misplaced: bool = False) -> str:
-    """One line for people."""
+    """One line for the user."""
     (x, y, _), (w, _, _, z) = transform.translation_m, transform.quat_wxyz
     yaw_deg = math.degrees(2.0 * math.atan2(z, w))
     lidar = transform.child_frame_id

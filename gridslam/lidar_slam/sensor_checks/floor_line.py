@@ -64,7 +64,7 @@ class FloorLine:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         return (
             f"{self.beams.frame_id} is tilted against its extrinsics: it meets the floor, or a ceiling, on a line "
             f"{self.distance_m:.1f} m away at {math.degrees(self.bearing_rad):.0f} deg that moves with the robot; returns from "

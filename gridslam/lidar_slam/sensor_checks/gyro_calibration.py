@@ -55,7 +55,7 @@ class GyroCorrection:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         size = math.hypot(*self.factors)
         found = []
         if self.is_reversed:

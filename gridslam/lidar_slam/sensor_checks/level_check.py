@@ -48,7 +48,7 @@ class LevelledScans:
 
     @property
     def note(self) -> str | None:
-        """One line for people; None where the scans are levelled as the IMU says."""
+        """One line for the user; None where the scans are levelled as the IMU says."""
         return NOTES.get(self.by)
 
     def applied_to(self, event: Event) -> Event:

@@ -37,7 +37,7 @@ class LidarFault:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         found = []
         if self.is_mirrored:
             found.append(

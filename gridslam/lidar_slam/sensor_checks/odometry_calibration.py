@@ -97,7 +97,7 @@ class OdometryCorrection:
 
     @property
     def notes(self) -> list[str]:
-        """Lines for people: the faults, which are corrected, and distances that differ; none for good odometry."""
+        """Lines for the user: the faults, which are corrected, and distances that differ; none for good odometry."""
         found = (
             [f"odometry contradicts the scans: {', '.join(self.faults)}; used corrected"]
             if self.faults

@@ -71,7 +71,7 @@ class OwnBody:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         parts = [f"{first:.0f} to {last:.0f} deg ({range_m:.2f} m)" for first, last, range_m in self.sectors]
         return f"{self.beams.frame_id} sees the robot itself at bearings {', '.join(parts)}; these returns are left out"
 

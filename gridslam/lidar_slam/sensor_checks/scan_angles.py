@@ -36,7 +36,7 @@ class ScanAngles:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         stated, step = math.degrees(self.stated_rad), math.degrees(self.step_rad)
         return (
             f"by the robot's turns the beams of {self.lidar} are {step:.4g} deg apart, not {stated:.4g}: used"

@@ -108,7 +108,7 @@ class StaleScans:
 
     @property
     def notes(self) -> list[str]:
-        """One line for people about each lidar with stale scans."""
+        """One line for the user about each lidar with stale scans."""
         left_out = [
             f"{len(stamps)} scans of {lidar} are the one before to the bit, although the robot moves or with its stamp, from "
             f"{self._since_first_s(stamps[0]):.1f} s after the first scan on: left out (its driver hangs, or scans "

@@ -43,7 +43,7 @@ class SweepTime:
 
     @property
     def note(self) -> str:
-        """One line for people."""
+        """One line for the user."""
         order = "" if self.sweep_s > 0.0 else ", the last beam first"
         states = f"state {self.stated_s:.3f} s" if self.stated_s else "say nothing of the time of their beams"
         return (

@@ -1,4 +1,4 @@
-"""Wheel angles that a driver starts anew at each turn are made continuous."""
+"""Wheel angles that restart from zero at each revolution are made continuous."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOLERANCE_RAD = 0.1  # excess of an angle over one revolution that is tolerated
 class WheelRevolutions:
     """Adds the turns that the angles of one stream lack. Angles that have left one turn are continuous already.
 
-    `label` is the stream's name for people.
+    `label` is the stream's name in messages to the user.
     """
 
     def __init__(self, label: str, message_counts: MessageCounts) -> None:

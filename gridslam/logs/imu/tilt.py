@@ -36,7 +36,7 @@ UPSIDE_DOWN = "it is upside down, and no transform to the base says so"
 
 @dataclass(frozen=True, slots=True)
 class Verticals:
-    """The unit vector upward `(n, 3)` in the robot's frame at `stamps_ns` `(n,)`, and how it was found, for people."""
+    """The unit vector upward `(n, 3)` in the robot's frame at `stamps_ns` `(n,)`, and how it was found, in words."""
 
     stamps_ns: Stamps
     up: Floats

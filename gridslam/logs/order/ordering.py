@@ -3,7 +3,7 @@
 All stamps are known before the first event (8 bytes each), so the place of every event in the merged order is
 computed beforehand, and reading needs no look-ahead. The key of an event is the largest stamp that its stream has had
 so far: within a stream the recorded order wins over out-of-order stamps. Where the clock itself jumps back, so that
-several streams do, the merge starts anew (`gridslam.logs.order.clock_steps`).
+several streams do, the merge starts again (`gridslam.logs.order.clock_steps`).
 """
 
 from __future__ import annotations

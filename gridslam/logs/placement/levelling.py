@@ -235,7 +235,7 @@ def _extrinsics_of(frame: str, tree: extrinsics.Tree, config: LogConfig, base: s
 
 
 def _used(label: str, found: Verticals, unplaced: str | None) -> str:
-    """One line for people."""
+    """One line for the user."""
     how = "its accelerations and turn rates" if found.by_gravity else "its orientation"
     line = (
         f"{label}: scans are levelled by {how}: the robot tilts by up to {np.degrees(found.sway_rad):.1f} deg"

@@ -26,7 +26,7 @@ class Channel:
 
 
 class Container(Protocol):
-    """A file of ROS messages: channels, their schemas, and raw messages in recorded order, on each pass anew."""
+    """A file of ROS messages: channels, their schemas, and raw messages in recorded order, read again on each pass."""
 
     @property
     def channels(self) -> Mapping[int, Channel]:

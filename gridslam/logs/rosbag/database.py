@@ -161,7 +161,7 @@ class DatabaseFile:
 
 
 def _frames_of(log: Path) -> int:
-    """Pages that a write-ahead log has recorded since it was last begun anew, a cut one too; at least 1, for damaged ones.
+    """Number of pages in a write-ahead log since it was last restarted, including a cut one; at least 1, for a damaged log.
 
     Format: https://www.sqlite.org/fileformat2.html, section 4.1.
     """
